@@ -1,0 +1,40 @@
+# Every target makes the environment it needs; nothing but Python 3.11+, git and make is assumed.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: env demo test test-slow check format bench clean
+
+env: $(STAMP)
+
+$(STAMP): requirements.lock pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	touch $@
+
+demo: env
+	$(BIN)/mjfish demo
+
+test: env
+	$(BIN)/python -m pytest -n 2
+
+test-slow: env
+	$(BIN)/python -m pytest -n 2 -m slow
+
+check: env
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: env
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+bench: env
+	$(BIN)/python tools/bench.py
+
+clean:
+	rm -rf $(VENV) out build dist

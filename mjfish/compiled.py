@@ -1,0 +1,66 @@
+"""Compilation by numba, cached on disk so that a later process starts at once.
+
+numba's own cache looks at the file of a function only: after an edit in another file that the function calls, it
+would return stale machine code. Here the cache folder carries a hash of every compiled source and of the
+versions below it, so that a stale entry cannot be found.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+#: Where functions are compiled; sources elsewhere do not end up in machine code.
+_COMPILED_FOLDERS = ("drive", "hydro", "ode", "sim", "effects")
+
+
+@functools.cache
+def cache_folder() -> Path:
+    """Return the folder of compiled code for exactly these sources and these libraries."""
+    digest = hashlib.sha256()
+    for library in ("numba", "llvmlite", "numpy", "mujoco"):
+        digest.update(f"{library} {version(library)}\n".encode())
+    package = Path(__file__).parent
+    for folder in _COMPILED_FOLDERS:
+        for source in sorted((package / folder).rglob("*.py")):
+            digest.update(source.read_bytes())
+    root = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(root) / "mjfish" / digest.hexdigest()[:16]
+
+
+def compiled(function: F) -> F:
+    """Compile `function` for the CPU, without the GIL; IEEE division; cached on disk."""
+    with _CacheDir():
+        dispatcher: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    return dispatcher
+
+
+def c_callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function to a C callback of the numba `signature`; cached on disk like `compiled`."""
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        with _CacheDir():
+            return numba.cfunc(signature, cache=True, error_model="numpy")(function)
+
+    return decorate
+
+
+class _CacheDir:
+    """Sets numba's cache folder while a function is decorated: numba reads it then and only then."""
+
+    def __enter__(self) -> None:
+        self._before = numba.config.CACHE_DIR
+        if not self._before:
+            numba.config.CACHE_DIR = str(cache_folder())
+
+    def __exit__(self, *_: object) -> None:
+        numba.config.CACHE_DIR = self._before

@@ -1,0 +1,29 @@
+"""Errors: one root, leaves that are also the builtin a caller expects.
+
+Wrong input raises one of these. A bad outcome (a rollout that diverges, a fit that does not converge) is
+never an exception: it is a ``status`` on the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class MjfishError(Exception):
+    """Root of all errors of mjfish; the message says what was found, what was expected and what to do."""
+
+
+class InputError(MjfishError, ValueError):
+    """A file, key, row or argument is not what it must be."""
+
+
+class UnknownNameError(MjfishError, LookupError):
+    """A name that is not among the known ones; the message lists those."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str], remedy: str = "") -> None:
+        listed = ", ".join(sorted(known)) or "none"
+        super().__init__(f"unknown {kind} '{name}'; known: {listed}{'; ' + remedy if remedy else ''}")
+
+
+class ParameterError(MjfishError, ValueError):
+    """A parameter outside its bounds, or given a value that is no number."""

@@ -1,0 +1,287 @@
+"""The fish: links, masses, outline, hydrodynamic coefficients. Read from TOML; unknown keys are refused.
+
+Shipped fish live in `mjfish/fishes/*.toml`; a user's own file works the same.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from mjfish import tomlfile
+from mjfish.errors import InputError, ParameterError, UnknownNameError
+from mjfish.parameter import Parameter
+from mjfish.tomlfile import Table
+
+Group = Literal["head", "body", "tail"]
+GROUPS: tuple[Group, ...] = ("head", "body", "tail")
+KINDS = {"c_m": "inertia (added mass)", "c_d": "drag across the body", "c_f": "skin friction along the body"}
+#: The nine coefficients of [Yu2016], Table III, in its order.
+COEFFICIENTS: tuple[str, ...] = tuple(f"{kind}.{group}" for kind in KINDS for group in GROUPS)
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+
+
+def _not_negative_pair(pair: tuple[float, float]) -> tuple[float, float]:
+    if min(pair) < 0.0 or max(pair) <= 0.0:
+        raise ValueError("both ends must be at least 0 and one above 0 m")
+    return pair
+
+
+Ends = Annotated[tuple[float, float], AfterValidator(_not_negative_pair)]
+
+
+class Section(Table):
+    """A piece of the outline between two stations [m from the nose]; its sections are ellipses.
+
+    ``linear``: a + (b - a) s; ``elliptic``: a + (b - a) sqrt(1 - (1 - s)^2), with s from 0 to 1 over the piece and
+    (a, b) the ends given in `height` and `width` [m].
+    """
+
+    start: NotNegative = Field(alias="from")
+    end: Positive = Field(alias="to")
+    profile: Literal["linear", "elliptic"] = "linear"
+    height: Ends
+    width: Ends
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Section:
+        if self.end <= self.start:
+            raise ValueError(f"a section must end ('to' = {self.end:g}) behind its start ('from' = {self.start:g})")
+        return self
+
+
+class Link(Table):
+    """A rigid body of the chain; its frame sits at its front joint (the head's at the nose).
+
+    Attributes:
+        name: also the name of its MuJoCo body.
+        group: whose coefficients it shares.
+        length: to the next joint, or to the tip [m].
+        mass: [kg].
+        com: distance of the centre of mass from the frame's origin, towards the tail [m].
+        inertia: about the vertical axis through the centre of mass [kg m2].
+    """
+
+    name: str = Field(min_length=1)
+    group: Group
+    length: Positive
+    mass: Positive
+    com: float
+    inertia: Positive
+
+
+class Cpg(Table):
+    """Constants of the Hopf-oscillator CPG, [Yu2016] eq. (20) and Table II.
+
+    Attributes:
+        amplitude: A_i, one a joint.
+        h1: coupling from the joint in front.
+        h2: coupling from the joint behind.
+        beta: magnification, theta_i = beta * unit * psi_i.
+        unit: size of one unit of beta * psi [rad].
+        phase: phi, the same for every joint [rad].
+    """
+
+    amplitude: tuple[Positive, ...]
+    h1: float
+    h2: float
+    beta: Positive
+    unit: Positive
+    phase: float
+
+
+class Servo(Table):
+    """Position servo of every joint in MuJoCo: torque = kp (command - angle) - kv rate.
+
+    Attributes:
+        kp: stiffness [N m/rad].
+        kv: damping [N m s/rad].
+    """
+
+    kp: Positive
+    kv: NotNegative
+
+
+class Coefficient(Table):
+    """Value, start and bounds of one dimensionless hydrodynamic coefficient, [Yu2016] Table III."""
+
+    value: NotNegative
+    start: NotNegative
+    low: NotNegative
+    high: Positive
+
+
+class CoefficientGroup(Table):
+    """One kind of coefficient for the three groups of links."""
+
+    head: Coefficient
+    body: Coefficient
+    tail: Coefficient
+
+
+class Coefficients(Table):
+    """The nine coefficients: inertia, drag and friction of head, body and tail."""
+
+    c_m: CoefficientGroup
+    c_d: CoefficientGroup
+    c_f: CoefficientGroup
+
+
+class Fish(Table):
+    """A planar swimmer: a chain of links, nose first.
+
+    Attributes:
+        name: of the fish.
+        about: where the numbers come from.
+        density: of the water [kg/m3].
+        munk_moment: share kappa of the Munk moment u p_y; 0 is a Morison slice, 1 Kirchhoff's.
+        tail_compliance: elastic deflection of the last link about its joint [rad/(N m)]; 0 is rigid.
+        tail_damping: damping of that deflection [N m s/rad].
+        links: nose first.
+        sections: the outline, nose to tip, without gaps.
+        coefficients: the nine hydrodynamic coefficients.
+        cpg: the oscillator that drives the joints; absent where joint angles are always measured.
+        servo: of the joints, in MuJoCo only.
+    """
+
+    schema_: Literal[1] = Field(alias="schema")
+    name: str = Field(min_length=1)
+    about: str = ""
+    density: Positive = 1000.0
+    munk_moment: float = Field(default=0.0, ge=-2.0, le=3.0)
+    tail_compliance: NotNegative = 0.0
+    tail_damping: NotNegative = 0.02
+    links: tuple[Link, ...] = Field(min_length=2)
+    sections: tuple[Section, ...] = Field(min_length=1)
+    coefficients: Coefficients
+    cpg: Cpg | None = None
+    servo: Servo | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Fish:
+        if len({link.name for link in self.links}) < len(self.links):
+            raise ValueError("two links share a name; give each its own")
+        if self.links[0].group != "head":
+            raise ValueError("the first link must be of group 'head'")
+        missing = [group for group in GROUPS if group not in {link.group for link in self.links}]
+        if missing:
+            raise ValueError(f"no link of group '{missing[0]}'; each of head, body and tail needs at least one")
+        if self.cpg is not None and len(self.cpg.amplitude) != self.joints:
+            raise ValueError(f"cpg.amplitude has {len(self.cpg.amplitude)} numbers, the fish has {self.joints} joints")
+        self._check_outline()
+        for parameter in self.parameters:  # raises where bounds, start and value contradict each other
+            parameter.check(parameter.default)
+        return self
+
+    def _check_outline(self) -> None:
+        if self.sections[0].start != 0.0:
+            raise ValueError(f"sections must begin at the nose (from = 0), not at {self.sections[0].start:g} m")
+        for before, after in zip(self.sections, self.sections[1:], strict=False):
+            if abs(after.start - before.end) > 1e-9:
+                raise ValueError(f"sections leave a gap or overlap between {before.end:g} and {after.start:g} m")
+        if abs(self.sections[-1].end - self.length) > 1e-9:
+            raise ValueError(f"sections end at {self.sections[-1].end:g} m, the links at {self.length:g} m")
+
+    @property
+    def joints(self) -> int:
+        """Number of joints, one less than links."""
+        return len(self.links) - 1
+
+    @property
+    def length(self) -> float:
+        """Length from nose to tip [m]."""
+        return sum(link.length for link in self.links)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The nine coefficients as declared parameters, in the order of `COEFFICIENTS`."""
+        return tuple(self._parameter(name) for name in COEFFICIENTS)
+
+    def _parameter(self, name: str) -> Parameter:
+        entry = self._coefficient(name)
+        try:
+            return Parameter(
+                name=name,
+                unit="-",
+                default=entry.value,
+                low=entry.low,
+                high=entry.high,
+                start=entry.start,
+                scale=max(0.1 * entry.start, 1e-3 * (entry.high - entry.low)),
+                about=f"{KINDS[name.partition('.')[0]]}, {name.partition('.')[2]}",
+            )
+        except ParameterError as error:
+            raise ValueError(f"coefficients.{error}") from None
+
+    def _coefficient(self, name: str) -> Coefficient:
+        kind, _, group = name.partition(".")
+        entry: Coefficient = getattr(getattr(self.coefficients, kind), group)
+        return entry
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The nine coefficients by name."""
+        return {name: self._coefficient(name).value for name in COEFFICIENTS}
+
+    def with_coefficients(self, parameters: Mapping[str, Parameter]) -> Fish:
+        """Return the fish with other declarations (value, start, bounds) for the named coefficients."""
+        kinds: dict[str, dict[str, Coefficient]] = {
+            kind: {group: self._coefficient(f"{kind}.{group}") for group in GROUPS} for kind in KINDS
+        }
+        for name, new in parameters.items():
+            if name not in COEFFICIENTS:
+                raise UnknownNameError("coefficient", name, COEFFICIENTS)
+            kind, _, group = name.partition(".")
+            kinds[kind][group] = Coefficient(value=new.default, start=new.start, low=new.low, high=new.high)
+        groups = {kind: CoefficientGroup(**entries) for kind, entries in kinds.items()}
+        return self.model_copy(update={"coefficients": Coefficients(**groups)})
+
+    def with_values(self, values: Mapping[str, float]) -> Fish:
+        """Return the fish with other values of the named coefficients, each checked against its bounds."""
+        declared = {parameter.name: parameter for parameter in self.parameters}
+        changed = {}
+        for name, value in values.items():
+            if name not in declared:
+                raise UnknownNameError("coefficient", name, COEFFICIENTS)
+            changed[name] = replace(declared[name], default=declared[name].check(float(value)))
+        return self.with_coefficients(changed)
+
+
+def shipped() -> dict[str, Path]:
+    """Return the fish that come with the package, by name."""
+    return {path.stem: path for path in sorted((Path(__file__).parent / "fishes").glob("*.toml"))}
+
+
+@functools.lru_cache(maxsize=32)
+def _read(path: Path, _stamp: int) -> Fish:
+    return tomlfile.read(path, Fish)
+
+
+def load(name_or_path: str | Path, relative_to: Path | None = None) -> Fish:
+    """Load a shipped fish by name, or a fish TOML by path.
+
+    Args:
+        name_or_path: e.g. ``pike``, or ``my_fish.toml``.
+        relative_to: folder that a relative path starts from (default: the working folder).
+
+    Raises:
+        UnknownNameError: no shipped fish of that name and no such file.
+        InputError: the file breaks the schema; every broken key is named.
+    """
+    known = shipped()
+    if str(name_or_path) in known:
+        path = known[str(name_or_path)]
+    else:
+        path = (relative_to or Path()) / name_or_path
+        if path.suffix != ".toml" and not path.exists():
+            raise UnknownNameError("fish", str(name_or_path), known, "or give the path of a fish TOML")
+        if not path.is_file():
+            raise InputError(f"{path}: no such fish file; shipped fish: {', '.join(known)}")
+    return _read(path.resolve(), path.stat().st_mtime_ns)

@@ -1,0 +1,71 @@
+"""The declaration of a number that can be fitted: name, unit, default, bounds. Declared once, read everywhere."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from mjfish.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that can be fitted.
+
+    Attributes:
+        name: full address, e.g. ``c_d.head`` or ``servo_lag.time_constant``.
+        unit: SI unit, ``-`` for a dimensionless number.
+        default: value where nobody gives one; of a cause: its null value, at which it does nothing.
+        low: smallest allowed value.
+        high: largest allowed value.
+        start: where a fit starts.
+        scale: a change that is neither negligible nor large, used to scale fits and finite differences.
+        about: one line for tables and reports.
+    """
+
+    name: str
+    unit: str
+    default: float
+    low: float
+    high: float
+    start: float
+    scale: float
+    about: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse declarations that contradict themselves."""
+        for field in ("default", "low", "high", "start", "scale"):
+            if not math.isfinite(getattr(self, field)):
+                raise ParameterError(f"{self.name}: {field} is {getattr(self, field)}, expected a finite number")
+        if not self.low < self.high:
+            raise ParameterError(f"{self.name}: bounds [{self.low:g}, {self.high:g}] are empty; low must be below high")
+        if not self.scale > 0.0:
+            raise ParameterError(f"{self.name}: scale is {self.scale:g}, expected a positive number")
+        self.check(self.default, "default")
+        self.check(self.start, "start")
+
+    @property
+    def group(self) -> str:
+        """The part before the dot: a coefficient (``c_d``) or the name of an effect."""
+        return self.name.partition(".")[0]
+
+    def check(self, value: float, what: str = "value") -> float:
+        """Return `value`, or raise `ParameterError` where it lies outside the bounds."""
+        if not (math.isfinite(value) and self.low <= value <= self.high):
+            raise ParameterError(
+                f"{self.name}: {what} {value:g} {self.unit} is outside its bounds [{self.low:g}, {self.high:g}]; "
+                "choose a value inside, or widen the bounds where they are declared"
+            )
+        return value
+
+    def rebound(self, *, low: float | None = None, high: float | None = None, start: float | None = None) -> Parameter:
+        """Return the same parameter with other bounds or start; a default left outside moves to the nearest bound."""
+        low = self.low if low is None else low
+        high = self.high if high is None else high
+        return replace(
+            self,
+            low=low,
+            high=high,
+            start=min(max(self.start, low), high) if start is None else start,
+            default=min(max(self.default, low), high),
+        )

@@ -1,0 +1,60 @@
+"""Reading TOML into validated models; every complaint names the file, the key, the expectation and the remedy."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from mjfish.errors import InputError
+
+
+class Table(BaseModel):
+    """A TOML table: unknown keys and non-finite numbers are refused, the result is frozen."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True)
+
+
+T = TypeVar("T", bound=BaseModel)
+
+_REMEDIES = {
+    "extra_forbidden": "unknown key; remove it or correct its spelling",
+    "missing": "this key is missing; add it",
+    "finite_number": "expected a finite number",
+}
+
+
+def read(path: Path, model: type[T]) -> T:
+    """Read the TOML file `path` as `model`.
+
+    Raises:
+        InputError: the file is absent, no TOML, or breaks the schema; the message lists every broken key.
+    """
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as text: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not valid TOML: {error}") from None
+    return parse(raw, model, str(path))
+
+
+def parse(raw: object, model: type[T], place: str) -> T:
+    """Validate the parsed table `raw` as `model`; `place` opens every message."""
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        raise InputError("\n".join(_complaint(place, item) for item in error.errors())) from None
+
+
+def _complaint(place: str, item: object) -> str:
+    assert isinstance(item, dict)  # noqa: S101 - pydantic's ErrorDetails is a TypedDict
+    key = ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in item["loc"])
+    text = _REMEDIES.get(item["type"], str(item["msg"]).removeprefix("Value error, "))
+    found = item["input"]
+    shown = f" (found {found!r})" if isinstance(found, (int, float, str, bool)) else ""
+    return f"{place}: {key or 'file'}: {text}{shown}"
