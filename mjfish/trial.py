@@ -1,0 +1,75 @@
+"""Measured swimming: a `Trial` is one recording, a `Dataset` a folder of them with the fish they belong to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from mjfish.arrays import FloatArray
+from mjfish.fish import Fish
+
+Role = Literal["fit", "held_out"]
+Clock = Literal["synchronised", "free"]
+
+
+@dataclass(frozen=True)
+class DriveSegment:
+    """A stretch of constant CPG input: from `start` [s] on, frequency `omega` [rad/s] and one bias a joint [-]."""
+
+    start: float
+    omega: float
+    bias: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One recording of a swimming fish, validated.
+
+    Attributes:
+        name: of the trial.
+        role: ``fit``, ``held_out``, or None where the dataset assigns none.
+        time: (n,) increasing [s].
+        velocity: (n, 3) surge [m/s], sway [m/s], yaw rate [rad/s] of the nose in the forward frame.
+        drive: CPG segments; empty where the joints were measured.
+        joint_angle: (n, joints) measured joint angles [rad], or None.
+        pose: (n, 3) x [m], y [m], yaw [rad] in the world, or None; yaw alone may be given (x, y are NaN then).
+        roll: (n,) [rad], or None.
+        source: the file it was read from.
+    """
+
+    name: str
+    role: Role | None
+    time: FloatArray
+    velocity: FloatArray
+    drive: tuple[DriveSegment, ...] = ()
+    joint_angle: FloatArray | None = None
+    pose: FloatArray | None = None
+    roll: FloatArray | None = None
+    source: Path | None = None
+
+    @property
+    def starts_at_rest(self) -> bool:
+        """Whether the trial begins at time 0 with the fish at rest in the water, as every CPG-driven trial does."""
+        return self.joint_angle is None
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Trials of one fish.
+
+    Attributes:
+        name: of the dataset.
+        fish: with the start values and bounds of the dataset's ``[start]`` table applied.
+        trials: in the order of the file.
+        noise: (3,) sigma of the measured surge [m/s], sway [m/s], yaw rate [rad/s]; None: estimate it from the data.
+        clock: ``synchronised``, or ``free`` where the velocity clock has an unknown offset in each trial.
+        source: the dataset.toml it was read from.
+    """
+
+    name: str
+    fish: Fish
+    trials: tuple[Trial, ...]
+    noise: FloatArray | None = None
+    clock: Clock = "synchronised"
+    source: Path | None = None
