@@ -7,19 +7,11 @@ from pathlib import Path
 from typing import Literal
 
 from mjfish.arrays import FloatArray
+from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Fish
 
 Role = Literal["fit", "held_out"]
 Clock = Literal["synchronised", "free"]
-
-
-@dataclass(frozen=True)
-class DriveSegment:
-    """A stretch of constant CPG input: from `start` [s] on, frequency `omega` [rad/s] and one bias a joint [-]."""
-
-    start: float
-    omega: float
-    bias: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,86 @@
+"""Measured joint angles as a drive: a penalised quintic spline, differentiated exactly.
+
+A cubic smoothing spline loses one to three per cent of the acceleration at five samples a radian of beat phase; the
+quintic one, penalised on its third derivative (the smoothing spline of order 6), a tenth of that. The penalty is
+chosen for each joint by generalised cross-validation ([Wahba1990], ch. 4).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import linalg, optimize, sparse
+from scipy.interpolate import BSpline, make_interp_spline
+
+from mjfish.arrays import FloatArray
+from mjfish.drive.motion import JointMotion, grid
+
+_DEGREE = 5
+#: Log10 of the penalty, relative to its natural scale, between interpolation and the strongest smoothing searched.
+_SEARCH = (-9.0, 4.0)
+
+
+def joint_motion(time: FloatArray, angle: FloatArray, step: float) -> JointMotion:
+    """Smooth measured joint angles and sample the joint motion on the half-step grid.
+
+    Args:
+        time: (n,) increasing [s].
+        angle: (n, joints) measured [rad].
+        step: longest integration step [s].
+    """
+    boundaries = grid(np.array([time[0], time[-1]]), step)
+    splines = [smoothing_spline(time, angle[:, joint]) for joint in range(angle.shape[1])]
+    stages = np.stack([boundaries[:-1], 0.5 * (boundaries[:-1] + boundaries[1:]), boundaries[1:]], axis=1)
+    sampled = [np.stack([spline(stages, nu=order) for spline in splines], axis=-1) for order in range(3)]
+    return JointMotion(time=boundaries, angle=sampled[0], rate=sampled[1], acceleration=sampled[2])
+
+
+def smoothing_spline(time: FloatArray, signal: FloatArray) -> BSpline:
+    """Fit f minimising sum (f(t_j) - y_j)^2 + lam INT f'''^2 dt, lam by generalised cross-validation.
+
+    Args:
+        time: (n,) increasing, n > 6 [s].
+        signal: (n,).
+
+    Returns:
+        A quintic spline with a knot at every sample.
+    """
+    knots = make_interp_spline(time, np.zeros_like(time), k=_DEGREE).t
+    design = BSpline.design_matrix(time, knots, _DEGREE)
+    roughness = _roughness(knots)
+    normal = (design.T @ design).tocsr()
+    scale = normal.diagonal().sum() / roughness.diagonal().sum()
+    right = design.T @ signal
+    normal_bands, rough_bands = _bands(normal), _bands(roughness)
+
+    def solve(log_penalty: float) -> tuple[FloatArray, float]:
+        bands = normal_bands + 10.0**log_penalty * scale * rough_bands
+        coefficients = linalg.solveh_banded(bands, right, lower=False)
+        # Trace of the hat matrix from unit probes is exact and cheap: n small banded solves at once.
+        hat = np.einsum("ij,ji->", design.toarray(), linalg.solveh_banded(bands, design.toarray().T, lower=False))
+        residual = signal - design @ coefficients
+        n = len(signal)
+        return coefficients, float(n * (residual @ residual) / max(n - hat, 1e-9 * n) ** 2)
+
+    best = optimize.minimize_scalar(lambda p: solve(p)[1], bounds=_SEARCH, method="bounded", options={"xatol": 0.05})
+    return BSpline(knots, solve(float(best.x))[0], _DEGREE)
+
+
+def _roughness(knots: FloatArray) -> sparse.csr_array:
+    """Return INT B_i''' B_j''' dt: piecewise quartic, so three Gauss points a knot interval are exact."""
+    ends = np.unique(knots)
+    points, weights = np.polynomial.legendre.leggauss(3)
+    half = 0.5 * np.diff(ends)
+    at = (0.5 * (ends[:-1] + ends[1:]) + half * points[:, None]).T.ravel()
+    weight = (half * weights[:, None]).T.ravel()
+    count = len(knots) - _DEGREE - 1
+    third = BSpline(knots, np.eye(count), _DEGREE)(at, nu=3)
+    basis = sparse.csr_array(np.where(np.abs(third) > 0.0, third, 0.0))
+    return sparse.csr_array(basis.T @ sparse.diags_array(weight) @ basis)
+
+
+def _bands(matrix: sparse.csr_array) -> FloatArray:
+    """Return the upper bands of a symmetric banded matrix in the layout of `scipy.linalg.solveh_banded`."""
+    bands = np.zeros((_DEGREE + 1, matrix.shape[0]))
+    for offset in range(_DEGREE + 1):
+        bands[_DEGREE - offset, offset:] = matrix.diagonal(offset)
+    return bands

@@ -1,0 +1,79 @@
+"""Joint motion: what the joints do, sampled on the grid of the integrator.
+
+The model takes joint motion as its input ([Yu2016], after eq. (19)). It is sampled once, at the start, middle and
+end of every integration step, which is all that a fourth-order Runge-Kutta step asks for. Start and end are kept
+apart, so that the rate may jump between two steps: a CPG whose frequency or bias changes as a step does that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mjfish.arrays import FloatArray, readonly
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion:
+    """Angles, rates and accelerations of all joints at start, middle and end of each step.
+
+    Attributes:
+        time: (n + 1,) boundaries of the steps [s].
+        angle: (n, 3, joints) [rad].
+        rate: (n, 3, joints) [rad/s].
+        acceleration: (n, 3, joints) [rad/s2].
+    """
+
+    time: FloatArray
+    angle: FloatArray
+    rate: FloatArray
+    acceleration: FloatArray
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for name in ("time", "angle", "rate", "acceleration"):
+            object.__setattr__(self, name, readonly(getattr(self, name)))
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return int(self.angle.shape[2])
+
+    def angle_at(self, time: FloatArray) -> FloatArray:
+        """Return the angles (m, joints) [rad] at any times, by cubic Hermite interpolation inside each half step."""
+        nodes, angle, rate = self._nodes()
+        index = np.clip(np.searchsorted(nodes, time, side="right") - 1, 0, len(nodes) - 2)
+        width = nodes[index + 1] - nodes[index]
+        s = np.clip((time - nodes[index]) / width, 0.0, 1.0)[:, None]
+        left, right = angle[index, 0], angle[index, 1]
+        slope_left, slope_right = rate[index, 0] * width[:, None], rate[index, 1] * width[:, None]
+        return np.asarray(
+            (1 + 2 * s) * (1 - s) ** 2 * left
+            + s * (1 - s) ** 2 * slope_left
+            + s**2 * (3 - 2 * s) * right
+            + s**2 * (s - 1) * slope_right
+        )
+
+    def _nodes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return half-step nodes (2n + 1,) and angle, rate at both ends of each half step (2n, 2, joints)."""
+        middle = 0.5 * (self.time[:-1] + self.time[1:])
+        nodes = np.sort(np.concatenate([self.time, middle]))
+        pairs = [(0, 1), (1, 2)]
+        angle = np.stack([self.angle[:, pair] for pair in pairs], axis=1).reshape(-1, 2, self.joints)
+        rate = np.stack([self.rate[:, pair] for pair in pairs], axis=1).reshape(-1, 2, self.joints)
+        return nodes, angle, rate
+
+
+def grid(breaks: FloatArray, step: float) -> FloatArray:
+    """Return step boundaries [s] that hit every break, equal within a stretch and never longer than `step`.
+
+    Args:
+        breaks: increasing times: start, changes of the drive, end [s].
+        step: longest step [s].
+    """
+    stretches = [
+        np.linspace(a, b, max(int(np.ceil((b - a) / step - 1e-9)), 1) + 1)[:-1]
+        for a, b in zip(breaks[:-1], breaks[1:], strict=True)
+    ]
+    return np.concatenate([*stretches, breaks[-1:]])
