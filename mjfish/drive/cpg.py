@@ -22,8 +22,8 @@ from mjfish.fish import Cpg
 
 #: Start of every oscillator; psi starts at its bias.
 ZETA_START = 0.1
-#: Runge-Kutta steps a half step of the model: at a 5 ms step the angles are then right to 1e-6 rad.
-_SUBSTEPS = 2
+#: Runge-Kutta steps a half step of the model: at a 5 ms step the angles are then right to 1e-5 rad, at 1 ms to 1e-8.
+_SUBSTEPS = 1
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Water: the Morison force on strips, per link; compiled, and called by both engines."""

@@ -1,0 +1,72 @@
+"""The record of one link that compiled code works on: constants of body and water, and its velocity."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+
+import numpy as np
+
+from mjfish.arrays import RecordArray
+from mjfish.fish import Fish
+from mjfish.hydro.outline import INTERVALS, STRIPS, outlines
+
+#: One link; every field is a float64, so that a record is also a plain row of numbers.
+#: mass, com, inertia, length: of the body. density, c_m, c_d, c_f, munk: of the water on it.
+#: added, wetted, height_moment, node_height, strip_*: integrals, see `mjfish.hydro.outline.LinkOutline`.
+#: u, v, w: velocity of the link's origin relative to the water in the link's frame (x towards the tail).
+LINK = np.dtype(
+    [
+        ("mass", "f8"),
+        ("com", "f8"),
+        ("inertia", "f8"),
+        ("length", "f8"),
+        ("density", "f8"),
+        ("c_m", "f8"),
+        ("c_d", "f8"),
+        ("c_f", "f8"),
+        ("munk", "f8"),
+        ("wetted", "f8"),
+        ("u", "f8"),
+        ("v", "f8"),
+        ("w", "f8"),
+        ("added", "f8", (3,)),
+        ("node_height", "f8", (INTERVALS + 1,)),
+        ("height_moment", "f8", (INTERVALS + 1, 4)),
+        ("strip_r", "f8", (STRIPS,)),
+        ("strip_weight", "f8", (STRIPS,)),
+        ("strip_height", "f8", (STRIPS,)),
+        ("strip_width", "f8", (STRIPS,)),
+        ("strip_perimeter", "f8", (STRIPS,)),
+    ],
+    align=True,
+)
+
+
+@functools.lru_cache(maxsize=64)
+def _template(fish: Fish) -> RecordArray:
+    """Return the records of the links with every field set but the coefficients' values and the velocity."""
+    records = np.zeros(len(fish.links), dtype=LINK)
+    for record, link, outline in zip(records, fish.links, outlines(fish), strict=True):
+        for field in ("mass", "com", "inertia", "length"):
+            record[field] = getattr(link, field)
+        for field in LINK.names or ():
+            if hasattr(outline, field):
+                record[field] = getattr(outline, field)
+        for kind in ("c_m", "c_d", "c_f"):
+            record[kind] = fish.values[f"{kind}.{link.group}"]
+        record["density"] = fish.density
+        record["munk"] = fish.munk_moment
+    records.flags.writeable = False
+    return records
+
+
+def link_records(fish: Fish, values: Mapping[str, float] | None = None) -> RecordArray:
+    """Return one `LINK` record a link, nose first; `values` replaces coefficients by name (bounds are not checked)."""
+    records = _template(fish).copy()
+    for name, value in (values or {}).items():
+        kind, _, group = name.partition(".")
+        for record, link in zip(records, fish.links, strict=True):
+            if link.group == group:
+                record[kind] = value
+    return records

@@ -1,0 +1,88 @@
+"""Load hooks: forces on a link that come from outside the Morison model, called from compiled code by address.
+
+An effect writes ``load(link, parameters) -> (fx, fy, mz)``, the extra force [N] and the moment about the link's front
+joint [N m] in the link's frame (x towards the tail), from a `mjfish.hydro.link.LINK` record. Calling by address keeps
+the engines' machine code the same whatever is plugged in, and lets a file outside the package take part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import carray, from_dtype, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from mjfish.arrays import FloatArray
+from mjfish.compiled import c_callback, compiled
+from mjfish.hydro.link import LINK
+
+#: Most parameters a load may have.
+PARAMETERS = 8
+_RECORD = from_dtype(LINK)
+_SIGNATURE = types.void(types.CPointer(_RECORD), types.CPointer(types.float64), types.CPointer(types.float64))
+
+
+@dataclass(frozen=True)
+class Load:
+    """A compiled load: `address` of ``void(link*, parameters*, force*)``; `callback` keeps the code alive."""
+
+    address: int
+    callback: Any
+
+
+def load(function: Callable[[Any, Any], tuple[float, float, float]]) -> Load:
+    """Compile ``function(link, parameters) -> (fx, fy, mz)`` to a load that both engines can call."""
+    inner = compiled(function)
+
+    def hook(link: Any, parameters: Any, force: Any) -> None:
+        fx, fy, mz = inner(carray(link, 1)[0], carray(parameters, PARAMETERS))
+        out = carray(force, 3)
+        out[0] = fx
+        out[1] = fy
+        out[2] = mz
+
+    callback = c_callback(_SIGNATURE)(hook)
+    return Load(address=callback.address, callback=callback)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _call(_typing: Any, _address: Any, _link: Any, _parameters: Any, _force: Any) -> Any:
+    """Call ``void(*)(void*, void*, void*)`` at an address, with three addresses."""
+    signature = types.void(types.uintp, types.uintp, types.uintp, types.uintp)
+
+    def codegen(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        pointer = cgutils.voidptr_t
+        kind = ir.FunctionType(ir.VoidType(), [pointer] * 3).as_pointer()
+        function, *values = arguments
+        builder.call(builder.inttoptr(function, kind), [builder.inttoptr(value, pointer) for value in values])
+
+    return signature, codegen
+
+
+@compiled
+def apply_loads(
+    links: Any, index: int, addresses: Any, parameters: FloatArray, force: FloatArray
+) -> tuple[float, float, float]:
+    """Sum all loads on link `index`; `addresses` (k,) uint64, `parameters` (k, PARAMETERS), `force` (3,) scratch."""
+    fx = 0.0
+    fy = 0.0
+    mz = 0.0
+    for k in range(addresses.shape[0]):
+        _call(
+            addresses[k],
+            np.uint64(links.ctypes.data + index * LINK_SIZE),
+            np.uint64(parameters.ctypes.data + 8 * k * PARAMETERS),
+            np.uint64(force.ctypes.data),
+        )
+        fx += force[0]
+        fy += force[1]
+        mz += force[2]
+    return fx, fy, mz
+
+
+LINK_SIZE = LINK.itemsize

@@ -1,0 +1,128 @@
+"""Outline of the fish cut into links, and its integrals: the moments that the strip forces need.
+
+Stations are measured from the nose; r is measured from the front joint of a link, both towards the tail [m].
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from mjfish.arrays import FloatArray, readonly
+from mjfish.fish import Fish, Section
+
+#: Intervals of the table of cumulative height moments.
+INTERVALS = 128
+#: Strips a link for forces that have no closed form.
+STRIPS = 32
+_GAUSS_POINTS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(24)
+
+
+@dataclass(frozen=True, eq=False)
+class LinkOutline:
+    """Integrals over one link; see physics of the strip method in `mjfish.hydro.force`.
+
+    Attributes:
+        added: (3,) INT rho pi/4 h^2 r^k dr, k = 0, 1, 2, at c_m = 1 [kg, kg m, kg m2].
+        wetted: INT p dr [m2].
+        height_moment: (INTERVALS + 1, 4) INT_0^r h r^k dr, k = 0..3, at r = length (j / INTERVALS)^2.
+        node_height: (INTERVALS + 1,) h at the same r [m].
+        strip_r, strip_weight, strip_height, strip_width, strip_perimeter: (STRIPS,) Gauss strips [m].
+    """
+
+    added: FloatArray
+    wetted: float
+    height_moment: FloatArray
+    node_height: FloatArray
+    strip_r: FloatArray
+    strip_weight: FloatArray
+    strip_height: FloatArray
+    strip_width: FloatArray
+    strip_perimeter: FloatArray
+
+
+def perimeter(height: FloatArray, width: FloatArray) -> FloatArray:
+    """Return the perimeter [m] of an ellipse, Ramanujan's first approximation, a = h/2 and b = w/2."""
+    a, b = 0.5 * height, 0.5 * width
+    return np.asarray(np.pi * (3.0 * (a + b) - np.sqrt((3.0 * a + b) * (a + 3.0 * b))))
+
+
+def section_at(fish: Fish, station: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return height and width [m] at stations (m,) from the nose; at a step of the outline, of the piece in front."""
+    ends = np.array([section.end for section in fish.sections])
+    index = np.minimum(np.searchsorted(ends - 1e-12, station), len(ends) - 1)
+    height, width = np.empty_like(station), np.empty_like(station)
+    for piece, section in enumerate(fish.sections):
+        here = index == piece
+        height[here], width[here] = _evaluate(section, station[here])
+    return height, width
+
+
+def _evaluate(section: Section, station: FloatArray) -> tuple[FloatArray, FloatArray]:
+    s = np.clip((station - section.start) / (section.end - section.start), 0.0, 1.0)
+    shape = np.sqrt(1.0 - (1.0 - s) ** 2) if section.profile == "elliptic" else s
+    ends = (section.height, section.width)
+    height, width = (a + (b - a) * shape for a, b in ends)
+    return height, width
+
+
+@functools.lru_cache(maxsize=64)
+def outlines(fish: Fish) -> tuple[LinkOutline, ...]:
+    """Return the integrals of every link, nose first."""
+    starts = np.concatenate([[0.0], np.cumsum([link.length for link in fish.links])])
+    return tuple(_outline(fish, a, b) for a, b in zip(starts[:-1], starts[1:], strict=True))
+
+
+def _outline(fish: Fish, start: float, end: float) -> LinkOutline:
+    """Integrate one link between two stations, exact on both sides of every edge of the outline."""
+    length = end - start
+    nodes = length * (np.arange(INTERVALS + 1) / INTERVALS) ** 2
+    edges = _edges(fish, start, end) - start
+    breaks = np.unique(np.concatenate([nodes, edges]))
+    breaks = breaks[np.concatenate([[True], np.diff(breaks) > 1e-12])]
+    r, weight = _gauss(breaks[:-1], breaks[1:])
+    height, width = section_at(fish, start + r)
+    powers = r[..., None] ** np.arange(4)
+    cells = np.einsum("cg,cg,cgk->ck", weight, height, powers)
+    cumulative = np.concatenate([np.zeros((1, 4)), np.cumsum(cells, axis=0)])
+    at_nodes = np.searchsorted(breaks, nodes - 1e-12)
+    added = fish.density * np.pi / 4.0 * np.einsum("cg,cg,cgk->k", weight, height**2, powers[..., :3])
+    strip_r, strip_weight = _strips(edges)
+    strip_height, strip_width = section_at(fish, start + strip_r)
+    return LinkOutline(
+        added=readonly(added),
+        wetted=float(np.sum(weight * perimeter(height, width))),
+        height_moment=readonly(cumulative[at_nodes]),
+        node_height=readonly(section_at(fish, start + nodes)[0]),
+        strip_r=readonly(strip_r),
+        strip_weight=readonly(strip_weight),
+        strip_height=readonly(strip_height),
+        strip_width=readonly(strip_width),
+        strip_perimeter=readonly(perimeter(strip_height, strip_width)),
+    )
+
+
+def _edges(fish: Fish, start: float, end: float) -> FloatArray:
+    inside = [section.end for section in fish.sections if start + 1e-9 < section.end < end - 1e-9]
+    return np.array([start, *inside, end])
+
+
+def _gauss(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Gauss points and weights (cells, points) in t with r = left + (right - left) t^2: exact at a blunt nose."""
+    t, weight = 0.5 * (_GAUSS_POINTS + 1.0), 0.5 * _GAUSS_WEIGHTS
+    width = (right - left)[:, None]
+    return left[:, None] + width * t**2, width * 2.0 * t * weight
+
+
+def _strips(edges: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Spread STRIPS Gauss points over the pieces between `edges`, as evenly as they go."""
+    pieces = len(edges) - 1
+    counts = [STRIPS // pieces + (1 if piece < STRIPS % pieces else 0) for piece in range(pieces)]
+    r, weight = [], []
+    for count, a, b in zip(counts, edges[:-1], edges[1:], strict=True):
+        points, weights = np.polynomial.legendre.leggauss(count)
+        r.append(0.5 * (a + b) + 0.5 * (b - a) * points)
+        weight.append(0.5 * (b - a) * weights)
+    return np.concatenate(r), np.concatenate(weight)

@@ -1,0 +1,182 @@
+"""Head-frame equation of motion, [Yu2016] eqs. (1)-(19) in the plane, solved for the head's acceleration.
+
+    M V_0' = sum_i T_i^T [f_i - gamma_i - (M_i + M_ad,i) b_i],     M = sum_i T_i^T (M_i + M_ad,i) T_i
+
+with V_i = T_i V_0 + (joint rates) and V_i' = T_i V_0' + b_i. The printed gamma_i lacks U x p; here it has it unless the
+printed form is asked for, which exists only to show the disagreement (see docs/theory.md).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.compiled import compiled
+from mjfish.hydro.force import added_mass, drag, gyroscopic
+from mjfish.hydro.load import apply_loads
+
+#: u, v, w [m/s, m/s, rad/s] of the nose, x, y [m], yaw [rad], tail deflection [rad] and its rate [rad/s]; model's frame.
+STATES = 8
+
+
+@compiled
+def derivative(
+    links: Any,
+    cos: FloatArray,
+    sin: FloatArray,
+    rate: FloatArray,
+    acceleration: FloatArray,
+    angle_last: float,
+    state: FloatArray,
+    tail: FloatArray,
+    printed: bool,
+    hooks: Any,
+    hook_parameters: FloatArray,
+    scratch: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write the time derivative of `state` into `out`.
+
+    Args:
+        links: (n,) `LINK` records; their u, v, w are overwritten.
+        cos, sin: (n - 1,) of the joint angles.
+        rate, acceleration: (n - 1,) of the joints [rad/s, rad/s2].
+        angle_last: angle of the last joint [rad], used where the tail is flexible.
+        state: (STATES,).
+        tail: (3,) flexible (0 or 1), stiffness [N m/rad], damping [N m s/rad] of the last joint's deflection.
+        printed: drop c m w u from the moments, as the paper prints gamma_i.
+        hooks, hook_parameters: addresses (k,) and parameters (k, PARAMETERS) of the loads.
+        scratch: (3,).
+        out: (STATES,).
+    """
+    n = links.shape[0]
+    u = state[0]
+    v = state[1]
+    w = state[2]
+    bu = 0.0  # acceleration of the link's origin that joints and rotation cause, b_i
+    bv = 0.0
+    bw = 0.0
+    x = 0.0  # origin of the link and its direction in the head's frame
+    y = 0.0
+    c = 1.0
+    s = 0.0
+    m00 = 0.0
+    m01 = 0.0
+    m02 = 0.0
+    m11 = 0.0
+    m12 = 0.0
+    m22 = 0.0
+    g0 = 0.0
+    g1 = 0.0
+    g2 = 0.0
+    mz = 0.0
+    gx = 0.0
+    gy = 0.0
+    j = 0.0
+    flexible = tail[0] > 0.0
+    for i in range(n):
+        if i > 0:
+            joint = i - 1
+            cj = cos[joint]
+            sj = sin[joint]
+            turn = rate[joint]
+            if flexible and i == n - 1:
+                cj = np.cos(angle_last + state[6])
+                sj = np.sin(angle_last + state[6])
+                turn += state[7]
+            length = links[joint].length
+            x += c * length
+            y += s * length
+            c, s = c * cj - s * sj, s * cj + c * sj
+            vy = v + length * w
+            u, v = cj * u + sj * vy, cj * vy - sj * u
+            by = bv + length * bw
+            bu, bv = cj * bu + sj * by + turn * v, cj * by - sj * bu - turn * u  # eq. (4)
+            w += turn
+            bw += acceleration[joint]
+        link = links[i]
+        link.u = u
+        link.v = v
+        link.w = w
+        a0, a1, a2 = added_mass(link)
+        mass = link.mass
+        mc = mass * link.com
+        my = mass + a0
+        first = mc + a1
+        j = link.inertia + mc * link.com + a2
+        gyro_x, gyro_y, gyro_z = gyroscopic(link)
+        drag_x, drag_y, drag_z = drag(link)
+        fx = w * (mass * v + mc * w) + gyro_x + drag_x
+        fy = -mass * w * u + gyro_y + drag_y
+        mz = gyro_z + drag_z
+        if not printed:
+            mz -= mc * w * u
+        if hooks.shape[0] > 0:
+            load_x, load_y, load_z = apply_loads(links, i, hooks, hook_parameters, scratch)
+            fx += load_x
+            fy += load_y
+            mz += load_z
+        fx -= mass * bu
+        fy -= my * bv + first * bw
+        mz -= first * bv + j * bw
+        # Force and inertia of the link, turned into the head's frame and moved to the nose.
+        hx = c * fx - s * fy
+        hy = s * fx + c * fy
+        g0 += hx
+        g1 += hy
+        g2 += mz + x * hy - y * hx
+        bxx = mass * c * c + my * s * s
+        bxy = (mass - my) * c * s
+        byy = mass * s * s + my * c * c
+        gx = -first * s
+        gy = first * c
+        px = -y * bxx + x * bxy
+        py = -y * bxy + x * byy
+        m00 += bxx
+        m01 += bxy
+        m11 += byy
+        m02 += gx + px
+        m12 += gy + py
+        m22 += j + 2.0 * (x * gy - y * gx) + x * py - y * px
+    k0 = 0.0
+    k1 = 0.0
+    k2 = 0.0
+    torque = 0.0
+    if flexible:  # eliminate the deflection: row and column of the last link's own rotation
+        k0 = gx
+        k1 = gy
+        k2 = j + x * gy - y * gx
+        torque = mz - tail[1] * state[6] - tail[2] * state[7]
+        m00 -= k0 * k0 / j
+        m01 -= k0 * k1 / j
+        m02 -= k0 * k2 / j
+        m11 -= k1 * k1 / j
+        m12 -= k1 * k2 / j
+        m22 -= k2 * k2 / j
+        g0 -= k0 * torque / j
+        g1 -= k1 * torque / j
+        g2 -= k2 * torque / j
+    # Cramer's rule: M is 3 x 3, symmetric and positive definite.
+    c00 = m11 * m22 - m12 * m12
+    c01 = m02 * m12 - m01 * m22
+    c02 = m01 * m12 - m02 * m11
+    c11 = m00 * m22 - m02 * m02
+    c12 = m01 * m02 - m00 * m12
+    c22 = m00 * m11 - m01 * m01
+    scale = 1.0 / (m00 * c00 + m01 * c01 + m02 * c02)
+    out[0] = scale * (c00 * g0 + c01 * g1 + c02 * g2)
+    out[1] = scale * (c01 * g0 + c11 * g1 + c12 * g2)
+    out[2] = scale * (c02 * g0 + c12 * g1 + c22 * g2)
+    heading_cos = np.cos(state[5])
+    heading_sin = np.sin(state[5])
+    out[3] = heading_cos * state[0] - heading_sin * state[1]
+    out[4] = heading_sin * state[0] + heading_cos * state[1]
+    out[5] = state[2]
+    if flexible:
+        out[6] = state[7]
+        out[7] = (torque - k0 * out[0] - k1 * out[1] - k2 * out[2]) / j
+    else:
+        out[6] = 0.0
+        out[7] = 0.0

@@ -1,0 +1,136 @@
+"""Rollouts of the head-frame model: joint motion in, velocity and pose of the nose out."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mjfish import frames
+from mjfish.arrays import FloatArray
+from mjfish.drive.motion import JointMotion
+from mjfish.errors import InputError
+from mjfish.fish import Fish
+from mjfish.hydro.link import link_records
+from mjfish.hydro.load import PARAMETERS, Load
+from mjfish.ode.equation import STATES
+from mjfish.ode.integrate import integrate
+
+Coriolis = Literal["corrected", "printed"]
+#: Default step of the model [s]; the error of a rollout of the nominal fish is then below 1e-5 m/s.
+STEP = 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """A simulated run in the forward frame.
+
+    Attributes:
+        motion: joint motion it was driven by.
+        state: (n, 2, 8) at start and end of each step: surge, sway [m/s], yaw rate [rad/s], x, y [m], yaw [rad], tail
+            deflection [rad] and its rate [rad/s].
+        derivative: (n, 2, 8) its time derivative.
+        status: ``ok`` or ``diverged``.
+        message: when and with which parameters it diverged, else empty.
+    """
+
+    motion: JointMotion
+    state: FloatArray
+    derivative: FloatArray
+    status: Literal["ok", "diverged"]
+    message: str
+
+    @property
+    def time(self) -> FloatArray:
+        """Boundaries of the steps (n + 1,) [s], as far as the rollout went."""
+        return self.motion.time[: len(self.state) + 1]
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Return the state (m, 8) at any times, by cubic Hermite interpolation; at a jump, the value after it.
+
+        Before the start it is the state at the start; after the end it is NaN.
+        """
+        edges = self.time
+        index = np.clip(np.searchsorted(edges, time + 1e-12, side="right") - 1, 0, len(self.state) - 1)
+        width = (edges[index + 1] - edges[index])[:, None]
+        s = np.maximum((time - edges[index])[:, None] / width, 0.0)
+        left, right = self.state[index, 0], self.state[index, 1]
+        slope_left, slope_right = self.derivative[index, 0] * width, self.derivative[index, 1] * width
+        values = (
+            (1 + 2 * s) * (1 - s) ** 2 * left
+            + s * (1 - s) ** 2 * slope_left
+            + s**2 * (3 - 2 * s) * right
+            + s**2 * (s - 1) * slope_right
+        )
+        return np.where((time > edges[-1] + 1e-9)[:, None], np.nan, values)
+
+
+@functools.lru_cache(maxsize=512)
+def _trigonometry(motion: JointMotion) -> tuple[FloatArray, FloatArray]:
+    return np.cos(motion.angle), np.sin(motion.angle)
+
+
+def simulate(
+    fish: Fish,
+    motion: JointMotion,
+    *,
+    values: Mapping[str, float] | None = None,
+    velocity: FloatArray | None = None,
+    coriolis: Coriolis = "corrected",
+    loads: Sequence[tuple[Load, Sequence[float]]] = (),
+) -> Rollout:
+    """Simulate the fish driven by `motion`, from rest or from `velocity`.
+
+    Args:
+        fish: the fish.
+        motion: joint motion on the half-step grid.
+        values: coefficients by name that replace the fish's.
+        velocity: (3,) surge, sway [m/s], yaw rate [rad/s] at the start; None: at rest.
+        coriolis: ``printed`` drops the term U x p as the paper does (an error; see docs/theory.md).
+        loads: extra forces on every link, with their parameters.
+
+    Returns:
+        The rollout; one that diverges has ``status == "diverged"`` and ends there.
+    """
+    if motion.joints != fish.joints:
+        raise InputError(f"the motion has {motion.joints} joints, {fish.name} has {fish.joints}")
+    steps = len(motion.time) - 1
+    start = np.zeros(STATES)
+    if velocity is not None:
+        start[:3] = frames.flip(np.asarray(velocity, dtype=np.float64))
+    flexible = fish.tail_compliance > 0.0
+    tail = np.array([float(flexible), 1.0 / fish.tail_compliance if flexible else 0.0, fish.tail_damping])
+    addresses = np.array([load.address for load, _ in loads], dtype=np.uint64)
+    parameters = np.zeros((max(len(loads), 1), PARAMETERS))
+    for row, (_, given) in zip(parameters, loads, strict=False):
+        row[: len(given)] = given
+    states, rates = np.empty((steps, 2, STATES)), np.empty((steps, 2, STATES))
+    cos, sin = _trigonometry(motion)
+    done = integrate(
+        link_records(fish, values), motion.time, cos, sin, motion.rate, motion.acceleration,
+        np.ascontiguousarray(motion.angle[:, :, -1]), start, tail, coriolis == "printed", addresses, parameters,
+        states, rates,
+    )  # fmt: skip
+    message = ""
+    if done < steps:
+        named = ", ".join(f"{name} = {value:g}" for name, value in {**fish.values, **(values or {})}.items())
+        message = f"diverged at {motion.time[done]:.3f} s with {named}; check the coefficients and the drive"
+    kept = max(done, 1)
+    return Rollout(
+        motion=motion,
+        state=_to_forward(states[:kept]),
+        derivative=_to_forward(rates[:kept]),
+        status="ok" if done == steps else "diverged",
+        message=message,
+    )
+
+
+def _to_forward(states: FloatArray) -> FloatArray:
+    """Turn velocity and pose from the model's frame to the forward frame; deflections keep their sign."""
+    turned = states.copy()
+    turned[..., :3] = frames.flip(states[..., :3])
+    turned[..., 3:6] = frames.flip(states[..., 3:6])
+    return turned
