@@ -21,6 +21,7 @@ class Parameter:
         start: where a fit starts.
         scale: a change that is neither negligible nor large, used to scale fits and finite differences.
         about: one line for tables and reports.
+        shape: of a cause: matters only where an amplitude of the cause is off its null (e.g. a damping).
     """
 
     name: str
@@ -31,6 +32,7 @@ class Parameter:
     start: float
     scale: float
     about: str = ""
+    shape: bool = False
 
     def __post_init__(self) -> None:
         """Refuse declarations that contradict themselves."""
@@ -48,6 +50,11 @@ class Parameter:
     def group(self) -> str:
         """The part before the dot: a coefficient (``c_d``) or the name of an effect."""
         return self.name.partition(".")[0]
+
+    @property
+    def short(self) -> str:
+        """The part after the dot."""
+        return self.name.partition(".")[2]
 
     def check(self, value: float, what: str = "value") -> float:
         """Return `value`, or raise `ParameterError` where it lies outside the bounds."""

@@ -49,7 +49,7 @@ def smoothing_spline(time: FloatArray, signal: FloatArray) -> BSpline:
     roughness = _roughness(knots)
     normal = (design.T @ design).tocsr()
     scale = normal.diagonal().sum() / roughness.diagonal().sum()
-    right = design.T @ signal
+    right = np.asarray(design.T @ signal)
     normal_bands, rough_bands = _bands(normal), _bands(roughness)
 
     def solve(log_penalty: float) -> tuple[FloatArray, float]:

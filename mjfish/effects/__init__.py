@@ -1,0 +1,9 @@
+"""The catalogue of causes: one file, one class, one cause.
+
+To add a cause, add a file with a subclass of `Effect`; nothing else changes. A user's own file works the same.
+"""
+
+from mjfish.effects.catalogue import catalogue, find
+from mjfish.effects.effect import Effect
+
+__all__ = ["Effect", "catalogue", "find"]

@@ -6,6 +6,7 @@ Stations are measured from the nose; r is measured from the front joint of a lin
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,12 +50,12 @@ def perimeter(height: FloatArray, width: FloatArray) -> FloatArray:
     return np.asarray(np.pi * (3.0 * (a + b) - np.sqrt((3.0 * a + b) * (a + 3.0 * b))))
 
 
-def section_at(fish: Fish, station: FloatArray) -> tuple[FloatArray, FloatArray]:
+def section_at(sections: Sequence[Section], station: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return height and width [m] at stations (m,) from the nose; at a step of the outline, of the piece in front."""
-    ends = np.array([section.end for section in fish.sections])
+    ends = np.array([section.end for section in sections])
     index = np.minimum(np.searchsorted(ends - 1e-12, station), len(ends) - 1)
     height, width = np.empty_like(station), np.empty_like(station)
-    for piece, section in enumerate(fish.sections):
+    for piece, section in enumerate(sections):
         here = index == piece
         height[here], width[here] = _evaluate(section, station[here])
     return height, width
@@ -68,34 +69,38 @@ def _evaluate(section: Section, station: FloatArray) -> tuple[FloatArray, FloatA
     return height, width
 
 
-@functools.lru_cache(maxsize=64)
 def outlines(fish: Fish) -> tuple[LinkOutline, ...]:
     """Return the integrals of every link, nose first."""
-    starts = np.concatenate([[0.0], np.cumsum([link.length for link in fish.links])])
-    return tuple(_outline(fish, a, b) for a, b in zip(starts[:-1], starts[1:], strict=True))
+    return _outlines(tuple(link.length for link in fish.links), fish.sections, fish.density)
 
 
-def _outline(fish: Fish, start: float, end: float) -> LinkOutline:
+@functools.lru_cache(maxsize=64)
+def _outlines(lengths: tuple[float, ...], sections: tuple[Section, ...], density: float) -> tuple[LinkOutline, ...]:
+    starts = np.concatenate([[0.0], np.cumsum(lengths)])
+    return tuple(_outline(sections, density, a, b) for a, b in zip(starts[:-1], starts[1:], strict=True))
+
+
+def _outline(sections: tuple[Section, ...], density: float, start: float, end: float) -> LinkOutline:
     """Integrate one link between two stations, exact on both sides of every edge of the outline."""
     length = end - start
     nodes = length * (np.arange(INTERVALS + 1) / INTERVALS) ** 2
-    edges = _edges(fish, start, end) - start
+    edges = _edges(sections, start, end) - start
     breaks = np.unique(np.concatenate([nodes, edges]))
     breaks = breaks[np.concatenate([[True], np.diff(breaks) > 1e-12])]
     r, weight = _gauss(breaks[:-1], breaks[1:])
-    height, width = section_at(fish, start + r)
+    height, width = section_at(sections, start + r)
     powers = r[..., None] ** np.arange(4)
     cells = np.einsum("cg,cg,cgk->ck", weight, height, powers)
     cumulative = np.concatenate([np.zeros((1, 4)), np.cumsum(cells, axis=0)])
     at_nodes = np.searchsorted(breaks, nodes - 1e-12)
-    added = fish.density * np.pi / 4.0 * np.einsum("cg,cg,cgk->k", weight, height**2, powers[..., :3])
+    added = density * np.pi / 4.0 * np.einsum("cg,cg,cgk->k", weight, height**2, powers[..., :3])
     strip_r, strip_weight = _strips(edges)
-    strip_height, strip_width = section_at(fish, start + strip_r)
+    strip_height, strip_width = section_at(sections, start + strip_r)
     return LinkOutline(
         added=readonly(added),
         wetted=float(np.sum(weight * perimeter(height, width))),
         height_moment=readonly(cumulative[at_nodes]),
-        node_height=readonly(section_at(fish, start + nodes)[0]),
+        node_height=readonly(section_at(sections, start + nodes)[0]),
         strip_r=readonly(strip_r),
         strip_weight=readonly(strip_weight),
         strip_height=readonly(strip_height),
@@ -104,8 +109,8 @@ def _outline(fish: Fish, start: float, end: float) -> LinkOutline:
     )
 
 
-def _edges(fish: Fish, start: float, end: float) -> FloatArray:
-    inside = [section.end for section in fish.sections if start + 1e-9 < section.end < end - 1e-9]
+def _edges(sections: Sequence[Section], start: float, end: float) -> FloatArray:
+    inside = [section.end for section in sections if start + 1e-9 < section.end < end - 1e-9]
     return np.array([start, *inside, end])
 
 

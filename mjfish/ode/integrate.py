@@ -110,4 +110,4 @@ def integrate(
         links, cos[last, 2], sin[last, 2], rate[last, 2], acceleration[last, 2], angle_last[last, 2],
         state, tail, printed, hooks, hook_parameters, scratch, rates[last, 1],
     )  # fmt: skip
-    return steps
+    return int(steps)

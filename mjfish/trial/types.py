@@ -1,4 +1,4 @@
-"""Measured swimming: a `Trial` is one recording, a `Dataset` a folder of them with the fish they belong to."""
+"""A `Trial` is one recording of measured swimming, a `Dataset` a folder of them with the fish they belong to."""
 
 from __future__ import annotations
 
@@ -65,3 +65,16 @@ class Dataset:
     noise: FloatArray | None = None
     clock: Clock = "synchronised"
     source: Path | None = None
+
+    def split(self) -> tuple[tuple[Trial, ...], tuple[Trial, ...]]:
+        """Return the trials to fit and the trials held out.
+
+        Where any trial has a role, those without one are fitted. Where none has, every third trial is held out,
+        beginning with the second: spread over the list, at least one of two, and never the first.
+        """
+        if any(trial.role is not None for trial in self.trials):
+            held = [trial.role == "held_out" for trial in self.trials]
+        else:
+            held = [index % 3 == 1 for index in range(len(self.trials))]
+        pairs = list(zip(self.trials, held, strict=True))
+        return tuple(trial for trial, out in pairs if not out), tuple(trial for trial, out in pairs if out)

@@ -1,0 +1,39 @@
+"""Uniform steady current in the tank."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from mjfish import frames
+from mjfish.arrays import FloatArray
+from mjfish.effects.effect import Effect, Family, Values
+from mjfish.parameter import Parameter
+
+
+class AmbientCurrent(Effect):
+    """The water moves with a constant velocity c in the world: V_camera = V_relative + R(yaw)^T c.
+
+    A uniform steady current is a change of inertial frame: relative to the water nothing changes (Galilean
+    invariance), so that the camera reads the relative velocity plus the current, turned into the body frame. A fish
+    that starts at rest in the water drifts with it from the start.
+    """
+
+    name: ClassVar[str] = "ambient_current"
+    family: ClassVar[Family] = "water"
+    summary: ClassVar[str] = "the water in the tank moves"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("ambient_current.x", "m/s", 0.0, -0.5, 0.5, 0.0, 0.01, about="current along world x"),
+        Parameter("ambient_current.y", "m/s", 0.0, -0.5, 0.5, 0.0, 0.01, about="current along world y"),
+    )
+    source: ClassVar[str] = "Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), sec. 8.3"
+    signature: ClassVar[str] = "an offset of surge and sway that turns with the heading; it is there at rest too"
+    confirm: ClassVar[str] = "let the fish drift without drive, or swim the same run in the opposite heading"
+
+    def reading(self, state: FloatArray, values: Values) -> FloatArray:
+        """Add the current in the body frame to the velocity relative to the water."""
+        current = np.array([values["x"], values["y"]])
+        read = state.copy()
+        read[:, :2] += frames.to_body(np.broadcast_to(current, (len(state), 2)), state[:, 5])
+        return read

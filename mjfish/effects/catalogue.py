@@ -1,0 +1,81 @@
+"""Finding causes: the shipped ones by looking into this folder, a user's own by reading a file."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.util
+import pkgutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+from mjfish.effects.effect import Effect
+from mjfish.errors import InputError, MjfishError, UnknownNameError
+
+
+@functools.cache
+def _shipped() -> dict[str, Effect]:
+    package = sys.modules[__package__]
+    modules = [importlib.import_module(f"{__package__}.{m.name}") for m in pkgutil.iter_modules(package.__path__)]
+    found = [effect for module in modules for effect in _effects_in(module)]
+    return {effect.name: effect for effect in sorted(found, key=lambda effect: effect.name)}
+
+
+def catalogue(files: Sequence[Path] = ()) -> dict[str, Effect]:
+    """Return all causes by name: the shipped ones and those in the user's `files`.
+
+    Raises:
+        InputError: a file is absent, cannot be run, holds no cause, or a name is taken.
+    """
+    known = dict(_shipped())
+    for path in files:
+        for effect in _from_file(Path(path).resolve()):
+            if effect.name in known:
+                raise InputError(f"{path}: an effect named '{effect.name}' is there already; give yours another name")
+            known[effect.name] = effect
+    return known
+
+
+def find(name: str, known: dict[str, Effect] | None = None) -> Effect:
+    """Return the cause of that name, or raise `UnknownNameError` listing the known ones."""
+    known = catalogue() if known is None else known
+    if name not in known:
+        raise UnknownNameError("effect", name, known)
+    return known[name]
+
+
+@functools.cache
+def _from_file(path: Path) -> list[Effect]:
+    if not path.is_file():
+        raise InputError(f"{path}: no such file of effects")
+    spec = importlib.util.spec_from_file_location(f"mjfish_user_effects_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path}: not a Python file; a file of effects ends in .py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    try:
+        spec.loader.exec_module(module)
+    except MjfishError:
+        raise
+    except Exception as error:  # whatever a user's file raises is bad input here
+        raise InputError(f"{path}: running the file of effects failed: {type(error).__name__}: {error}") from error
+    found = _effects_in(module)
+    if not found:
+        raise InputError(f"{path}: no subclass of mjfish.effects.Effect found; define one")
+    return found
+
+
+def _effects_in(module: ModuleType) -> list[Effect]:
+    """Return one instance of every cause that `module` itself defines."""
+    classes = [
+        item
+        for item in vars(module).values()
+        if isinstance(item, type)
+        and issubclass(item, Effect)
+        and item.__module__ == module.__name__ != Effect.__module__
+    ]
+    for cause in classes:
+        cause.check_declaration()
+    return [cause() for cause in classes]

@@ -1,0 +1,52 @@
+"""Drag coefficients that depend on the Reynolds number."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from mjfish.effects.effect import Effect, Family
+from mjfish.hydro.load import Load, load
+from mjfish.parameter import Parameter
+
+#: Speed at which `friction` and `pressure` are the relative increase of the coefficients [m/s].
+REFERENCE_SPEED = 0.3
+
+
+@load
+def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
+    """Excess over the constant coefficients: c a sqrt(U_0 / |q|) in place of c, strip by strip."""
+    friction = parameters[0]
+    pressure = parameters[1]
+    along = friction * link.c_f * link.wetted * (REFERENCE_SPEED * abs(link.u)) ** 0.5 * link.u
+    across = 0.0
+    moment = 0.0
+    if pressure != 0.0:
+        for k in range(link.strip_r.shape[0]):
+            r = link.strip_r[k]
+            q = link.v + link.w * r
+            share = link.strip_weight[k] * link.strip_height[k] * (REFERENCE_SPEED * abs(q)) ** 0.5 * q
+            across += share
+            moment += share * r
+        across *= pressure * link.c_d
+        moment *= pressure * link.c_d
+    return -0.5 * link.density * along, -0.5 * link.density * across, -0.5 * link.density * moment
+
+
+class ReynoldsDrag(Effect):
+    """Coefficients rise at low Reynolds number: c(Re) = c (1 + a (Re_0 / Re)^(1/2)).
+
+    Re goes with the local speed, |u| along and |q| across; Re_0 belongs to a speed of 0.3 m/s. `friction` is a for
+    c_f, `pressure` for c_d. The exponent 1/2 is that of a laminar boundary layer (Blasius).
+    """
+
+    name: ClassVar[str] = "reynolds_drag"
+    family: ClassVar[Family] = "water"
+    summary: ClassVar[str] = "drag coefficients depend on the Reynolds number"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("reynolds_drag.friction", "-", 0.0, 0.0, 20.0, 0.0, 0.2, about="relative rise of c_f at 0.3 m/s"),
+        Parameter("reynolds_drag.pressure", "-", 0.0, 0.0, 20.0, 0.0, 0.2, about="relative rise of c_d at 0.3 m/s"),
+    )
+    source: ClassVar[str] = "[Yu2016] sec. V-B; Schlichting, Boundary-Layer Theory (1979), ch. VII"
+    signature: ClassVar[str] = "forward speed against beat frequency is bent; start-ups are slower than simulated"
+    confirm: ClassVar[str] = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
+    load: ClassVar[Load | None] = _excess

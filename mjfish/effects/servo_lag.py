@@ -1,0 +1,83 @@
+"""First-order lag of the servos."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.compiled import compiled
+from mjfish.drive.motion import JointMotion
+from mjfish.effects.effect import Effect, Family, Values
+from mjfish.parameter import Parameter
+from mjfish.trial import Dataset
+
+
+class ServoLag(Effect):
+    """The joints follow their command with a first-order lag: tau theta' = theta_command - theta.
+
+    Solved exactly between the samples of the command (its rate as a cubic), so that there is no smallest tau. The
+    joints start where the command starts.
+    """
+
+    name: ClassVar[str] = "servo_lag"
+    family: ClassVar[Family] = "drive"
+    summary: ClassVar[str] = "the servos follow their command late"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("servo_lag.time_constant", "s", 0.0, 0.0, 0.5, 0.0, 0.005, about="of the first-order lag"),
+    )
+    source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
+    signature: ClassVar[str] = "late and smaller with frequency; steps of the command come out smooth"
+    confirm: ClassVar[str] = "log the joint angles on the bench while the command steps"
+
+    def not_applicable(self, dataset: Dataset) -> str:
+        """Measured joint angles leave nothing between command and joint."""
+        if all(trial.joint_angle is not None for trial in dataset.trials):
+            return "the joint angles were measured, so no servo stands between them and the model"
+        return ""
+
+    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        """Filter the motion; the rate no longer jumps."""
+        angle, rate, acceleration = _lag(
+            np.diff(motion.time), motion.angle, motion.rate, motion.acceleration, values["time_constant"]
+        )
+        return JointMotion(time=motion.time, angle=angle, rate=rate, acceleration=acceleration)
+
+
+@compiled
+def _lag(
+    steps: FloatArray, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, tau: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Solve e' = -e / tau - theta_command' for e = theta - theta_command, half step by half step.
+
+    Over a half step d the command's rate is the cubic a_0 + .. + a_3 s^3 through its values and slopes at both ends, so
+    e(d) = E e(0) - sum_k a_k I_k,  E = exp(-d / tau),  I_0 = tau (1 - E),  I_k = tau (d^k - k I_{k-1}).
+    """
+    n, _, joints = angle.shape
+    lagged = np.empty_like(angle)
+    lagged_rate = np.empty_like(rate)
+    lagged_acceleration = np.empty_like(acceleration)
+    error = np.zeros(joints)
+    for step in range(n):
+        d = 0.5 * steps[step]
+        decay = np.exp(-d / tau)
+        i0 = -tau * np.expm1(-d / tau)
+        i1 = tau * (d - i0)
+        i2 = tau * (d * d - 2.0 * i1)
+        i3 = tau * (d * d * d - 3.0 * i2)
+        for stage in range(3):
+            for j in range(joints):
+                if stage > 0:
+                    a0 = rate[step, stage - 1, j]
+                    a1 = acceleration[step, stage - 1, j]
+                    rise = (rate[step, stage, j] - a0 - a1 * d) / (d * d)
+                    bend = (acceleration[step, stage, j] - a1) / d
+                    a2 = 3.0 * rise - bend
+                    a3 = (bend - 2.0 * rise) / d
+                    error[j] = decay * error[j] - a0 * i0 - a1 * i1 - a2 * i2 - a3 * i3
+                follow = -error[j] / tau
+                lagged[step, stage, j] = angle[step, stage, j] + error[j]
+                lagged_rate[step, stage, j] = follow
+                lagged_acceleration[step, stage, j] = (rate[step, stage, j] - follow) / tau
+    return lagged, lagged_rate, lagged_acceleration

@@ -1,0 +1,37 @@
+"""Clock offset between camera and drive."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from mjfish.arrays import FloatArray
+from mjfish.effects.effect import Effect, Family, Values
+from mjfish.parameter import Parameter
+from mjfish.trial import Dataset
+
+
+class TimeOffset(Effect):
+    """What is recorded at t happened at t + offset: V_recorded(t) = V(t + offset).
+
+    The camera's clock and the clock of the drive are set apart by a constant. Nothing in the water changes.
+    """
+
+    name: ClassVar[str] = "time_offset"
+    family: ClassVar[Family] = "data"
+    summary: ClassVar[str] = "the clocks of camera and drive are apart"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "time_offset.offset", "s", 0.0, -0.25, 0.25, 0.0, 0.005, about="recorded at t, happened at t + offset"
+        ),
+    )
+    source: ClassVar[str] = "Data compatibility check, Jategaonkar, Flight Vehicle System Identification (2006), ch. 10"
+    signature: ClassVar[str] = "every channel is shifted by the same time; the phase error grows with frequency"
+    confirm: ClassVar[str] = "flash a light in the camera's view when the drive starts"
+
+    def not_applicable(self, dataset: Dataset) -> str:
+        """A free clock makes the offset a nuisance of every trial."""
+        return "the clock offset of each trial is fitted already (clock = 'free')" if dataset.clock == "free" else ""
+
+    def clock(self, time: FloatArray, values: Values) -> FloatArray:
+        """Return t + offset."""
+        return time + values["offset"]

@@ -1,0 +1,152 @@
+"""The model that is fitted: a fish and the effects that extend it; a trial in, predicted measurements out."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from mjfish import ode
+from mjfish.arrays import FloatArray
+from mjfish.drive import cpg as hopf
+from mjfish.drive import measured
+from mjfish.drive.motion import JointMotion
+from mjfish.effects.effect import Effect, Values
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.fish import Cpg, Fish
+from mjfish.ode.rollout import STEP, Coriolis, Rollout
+from mjfish.parameter import Parameter
+from mjfish.trial import Trial
+
+#: Beyond the samples, so that a shifted clock finds something to read [s].
+MARGIN = 0.1
+#: Largest product of step and fastest rate of the flexible tail; Runge-Kutta is stable below 2.8.
+_STIFFNESS = 1.5
+_REFINEMENTS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Predicted measurements of one trial.
+
+    Attributes:
+        velocity: (n, 3) at the trial's times; NaN after a divergence.
+        status: ``ok`` or ``diverged``.
+        message: why, where it is not ok.
+        rollout: the rollout behind it.
+    """
+
+    velocity: FloatArray
+    status: Literal["ok", "diverged"]
+    message: str
+    rollout: Rollout
+
+
+@dataclass(frozen=True)
+class Model:
+    """A fish, extended by effects.
+
+    Attributes:
+        fish: with its nominal coefficients.
+        effects: the causes that extend it, none for the nominal model.
+        step: longest integration step [s].
+        coriolis: form of the gyroscopic terms.
+    """
+
+    fish: Fish
+    effects: tuple[Effect, ...] = ()
+    step: float = STEP
+    coriolis: Coriolis = "corrected"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The nine coefficients, then the parameters of every effect."""
+        return (*self.fish.parameters, *(p for effect in self.effects for p in effect.parameters))
+
+    def extended(self, effect: Effect) -> Model:
+        """Return the model with one more effect."""
+        return replace(self, effects=(*self.effects, effect))
+
+    def values(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
+        """Return a value for every parameter, by default or from `given`, checked against its bounds."""
+        known = {p.name: p for p in self.parameters}
+        for name in given or {}:
+            if name not in known:
+                raise UnknownNameError("parameter", name, known)
+        return {name: p.check((given or {}).get(name, p.default)) for name, p in known.items()}
+
+    def predict(
+        self,
+        trial: Trial,
+        values: Mapping[str, float],
+        *,
+        velocity: FloatArray | None = None,
+        offset: float = 0.0,
+    ) -> Prediction:
+        """Predict the measured velocities of `trial`.
+
+        Args:
+            trial: gives the drive and the times.
+            values: every parameter of the model by name (bounds are not checked: a fit steps over them).
+            velocity: (3,) velocity at the start, in the forward frame; None: at rest.
+            offset: clock offset of this trial, a nuisance [s].
+        """
+        active = [(effect, self._of(effect, values)) for effect in self.effects]
+        active = [(effect, own) for effect, own in active if not effect.is_null(own)]
+        fish = self.fish
+        for effect, own in active:
+            fish = effect.body(fish, own)
+        motion = self._motion(trial, active, _refined(self.step, fish))
+        rollout = ode.simulate(
+            fish,
+            motion,
+            values={p.name: values[p.name] for p in self.fish.parameters},
+            velocity=velocity,
+            coriolis=self.coriolis,
+            loads=[(effect.load, list(own.values())) for effect, own in active if effect.load is not None],
+        )
+        time = trial.time + offset
+        for effect, own in active:
+            time = effect.clock(time, own)
+        state = rollout.at(np.minimum(time, motion.time[-1]))
+        if trial.pose is not None:
+            state[:, 5] += trial.pose[0, 2]
+        for effect, own in active:
+            state = effect.reading(state, own)
+        return Prediction(state[:, :3], rollout.status, rollout.message, rollout)
+
+    def _motion(self, trial: Trial, active: list[tuple[Effect, Values]], step: float) -> JointMotion:
+        motion = asked_motion(self.fish.cpg, trial, step)
+        for effect, own in active:
+            if trial.joint_angle is None or effect.family != "drive":
+                motion = effect.drive(motion, own)
+        return motion
+
+    @staticmethod
+    def _of(effect: Effect, values: Mapping[str, float]) -> Values:
+        return {p.short: values[p.name] for p in effect.parameters}
+
+
+@functools.lru_cache(maxsize=256)
+def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
+    """Return the joint motion a trial asks for: the spline of its measured angles, or the CPG's."""
+    if trial.joint_angle is not None:
+        return measured.joint_motion(trial.time, trial.joint_angle, step)
+    if cpg is None:
+        raise InputError(f"trial '{trial.name}' is driven by a CPG, but the fish has none; add [cpg] to the fish")
+    duration = float(trial.time[-1]) + MARGIN
+    return hopf.joint_motion(cpg, trial.drive, duration, step)
+
+
+def _refined(step: float, fish: Fish) -> float:
+    """Halve the step until the elastic deflection of the tail, if there is one, is integrated stably."""
+    if fish.tail_compliance <= 0.0:
+        return step
+    link = fish.links[-1]
+    inertia = 0.5 * (link.inertia + link.mass * link.com**2)  # the rest of the fish recoils: less than the link's own
+    rate = np.sqrt(1.0 / (fish.tail_compliance * inertia)) + fish.tail_damping / inertia
+    halvings = max(int(np.ceil(np.log2(max(step * rate / _STIFFNESS, 1.0)))), 0)
+    return float(step / 2 ** min(halvings, _REFINEMENTS))

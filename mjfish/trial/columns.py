@@ -1,0 +1,99 @@
+"""The columns of data files: their names and units, and headers such as ``yaw_rate [rad/s]``."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from mjfish.errors import InputError
+from mjfish.frames import CHANNELS
+from mjfish.frames import UNITS as VELOCITY_UNITS
+
+POSE = ("x", "y", "yaw")
+#: Unit of every column but the joints'.
+UNITS = {"time": "s", **VELOCITY_UNITS, "x": "m", "y": "m", "yaw": "rad", "roll": "rad"}
+#: Columns that every trial must have.
+REQUIRED = ("time", *CHANNELS)
+
+_HEADER = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?")
+_JOINT = re.compile(r"joint_([1-9][0-9]{0,3})")
+#: What to multiply by where a header shows a unit that is not SI.
+_FACTORS = {
+    ("deg", "rad"): "pi/180",
+    ("deg/s", "rad/s"): "pi/180",
+    ("rpm", "rad/s"): "pi/30",
+    ("ms", "s"): "0.001",
+    ("mm", "m"): "0.001",
+    ("cm", "m"): "0.01",
+    ("mm/s", "m/s"): "0.001",
+    ("cm/s", "m/s"): "0.01",
+    ("km/h", "m/s"): "1/3.6",
+}
+
+
+def unit(name: str) -> str | None:
+    """Return the unit of the column `name`, None where there is no such column."""
+    return "rad" if _JOINT.fullmatch(name) else UNITS.get(name)
+
+
+def joint(number: int) -> str:
+    """Return the column name of joint `number`, counted from 1 at the head."""
+    return f"joint_{number}"
+
+
+def joint_number(name: str) -> int | None:
+    """Return the joint that the column `name` belongs to, or None."""
+    match = _JOINT.fullmatch(name)
+    return int(match[1]) if match else None
+
+
+def header(name: str) -> str:
+    """Return the header of the column `name`, e.g. ``surge [m/s]``."""
+    return f"{name} [{unit(name)}]"
+
+
+def parse(headers: Sequence[str], path: Path) -> list[str]:
+    """Return the column names of the headers of the file `path`.
+
+    Raises:
+        InputError: a header without unit, in a wrong unit, unknown, or given twice.
+    """
+    names = [_name(text.strip(), number, path) for number, text in enumerate(headers, start=1)]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise InputError(
+                f"{path}: columns {names.index(name) + 1} and {index + 1} are both '{header(name)}', expected one; "
+                "remove the wrong one"
+            )
+    return names
+
+
+def _name(text: str, number: int, path: Path) -> str:
+    """Return the name in one header."""
+    match = _HEADER.fullmatch(text)
+    name, found = (match[1], match[2]) if match else (text, None)
+    expected = unit(name)
+    place = f"{path}: column {number} '{text}'"
+    if expected is None:
+        raise InputError(f"{place}: unknown column; {_suggestion(name)}")
+    if found is None or not found.strip():
+        raise InputError(f"{place}: the header has no unit; expected '{header(name)}', with the values in that unit")
+    if found.strip() != expected:
+        factor = _FACTORS.get((found.strip(), expected))
+        how = f" (multiply by {factor})" if factor else ""
+        raise InputError(
+            f"{place}: unit [{found}], expected [{expected}]; convert the values{how} and name the column "
+            f"'{header(name)}'"
+        )
+    return name
+
+
+def _suggestion(name: str) -> str:
+    if not name:
+        return "a table saved with row numbers has such a column; save it without them"
+    close = difflib.get_close_matches(name.lower(), [*UNITS, "joint_1"], n=1)
+    known = ", ".join(header(known) for known in UNITS)
+    hint = f"did you mean '{header(close[0])}'? " if close else ""
+    return f"{hint}known: {known}, {header('joint_1')}, joint_2 and so on; rename or remove it"
