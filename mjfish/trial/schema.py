@@ -109,7 +109,7 @@ class DatasetTable(Table):
     fish: Annotated[str, Field(min_length=1)]
     clock: Clock = "synchronised"
     noise: Noise | None = None
-    start: Annotated[dict[str, Bounds], BeforeValidator(_flat)] = {}
+    start: Annotated[dict[str, Bounds], BeforeValidator(_flat), Field(default_factory=dict)]
     trials: Annotated[tuple[TrialTable, ...], Field(min_length=1)]
 
 

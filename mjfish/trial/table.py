@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -49,7 +48,7 @@ def read_table(path: str | Path) -> dict[str, FloatArray]:
     if not next(iter(table.values())).size:
         raise InputError(f"{path}: has a header and no rows; expected a row for every sample")
     for name, values in table.items():
-        _check_finite(name, values, path)
+        check_finite(name, values, path)
     return table
 
 
@@ -75,7 +74,7 @@ def write_table(path: str | Path, table: Mapping[str, FloatArray]) -> None:
         write = _write_csv if path.suffix.lower() == ".csv" else _write_parquet
         with partial.open("wb") as file:
             write(file, table)
-        os.replace(partial, path)
+        partial.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error}; choose another place") from None
     finally:
@@ -190,7 +189,8 @@ def _read_parquet(path: Path) -> dict[str, FloatArray]:
     return result
 
 
-def _check_finite(name: str, values: FloatArray, path: Path) -> None:
+def check_finite(name: str, values: FloatArray, path: Path) -> None:
+    """Refuse a column with a NaN or an infinity, naming the first row."""
     wrong = np.flatnonzero(~np.isfinite(values))
     if wrong.size:
         raise InputError(

@@ -1,0 +1,157 @@
+"""Reading a dataset: dataset.toml, the fish, and one table of numbers a trial."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from mjfish import fish as fishes
+from mjfish import tomlfile
+from mjfish.arrays import FloatArray, readonly
+from mjfish.drive.cpg import DriveSegment
+from mjfish.errors import InputError
+from mjfish.fish import Fish
+from mjfish.frames import CHANNELS
+from mjfish.trial import check, columns, place, schema
+from mjfish.trial.schema import DatasetTable, Noise, TrialTable
+from mjfish.trial.table import read_table
+from mjfish.trial.types import Dataset, Trial
+
+
+def load(path: str | Path) -> Dataset:
+    """Read a dataset and validate every number of it.
+
+    Args:
+        path: the folder, or its dataset.toml.
+
+    Raises:
+        MjfishError: something is not what it must be; the message names the file, the row or key, what was found,
+            what was expected and what to do.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / schema.FILE
+        if not file.is_file():
+            raise InputError(f"{path}: has no {schema.FILE}, expected the folder of a dataset; give another folder")
+    table = tomlfile.read(file, DatasetTable)
+    schema.check(table, file)
+    fish = schema.with_start(_fish(table.fish, file), table.start, file)
+    trials = []
+    for number, entry in enumerate(table.trials, start=1):
+        source = file.parent / entry.file
+        with place.named(f"{file}: trials.{number}"):
+            numbers = read_table(source)
+        trials.append(build_trial(entry, numbers, fish, source, f"{file}: trials.{number}"))
+    return Dataset(
+        name=table.name,
+        fish=fish,
+        trials=tuple(trials),
+        noise=_sigmas(table.noise),
+        clock=table.clock,
+        source=file,
+    )
+
+
+def build_trial(entry: TrialTable, numbers: Mapping[str, FloatArray], fish: Fish, source: Path, key: str) -> Trial:
+    """Put a trial together from its entry in dataset.toml and its columns, and validate it.
+
+    Args:
+        entry: of ``[[trials]]``.
+        numbers: columns by name, each (n,) and finite.
+        fish: that swam.
+        source: file of the columns, for messages.
+        key: of the entry in its file, for messages.
+
+    Raises:
+        InputError: see `load`.
+    """
+    missing = [name for name in columns.REQUIRED if name not in numbers]
+    if missing:
+        found = ", ".join(map(columns.header, numbers))
+        raise InputError(f"{source}: column '{columns.header(missing[0])}' is missing; found {found}; add it")
+    time = numbers["time"]
+    check.times(time, source)
+    drive = tuple(DriveSegment(segment.start, segment.omega, segment.bias) for segment in entry.drive)
+    joints = _joints(numbers, fish, source)
+    _check_one_drive(drive, joints, fish, source, key)
+    if drive:
+        check.segments(drive, fish, f"{key}.drive")
+        check.driven(time, drive, source, f"{key}.drive")
+    if joints is not None:
+        check.angles(time, joints, source)
+    return Trial(
+        name=entry.name,
+        role=entry.role,
+        time=time,
+        velocity=readonly(np.stack([numbers[name] for name in CHANNELS], axis=1)),
+        drive=drive,
+        joint_angle=joints,
+        pose=_pose(numbers, source),
+        roll=numbers.get("roll"),
+        source=source,
+    )
+
+
+def _check_one_drive(
+    drive: tuple[DriveSegment, ...], joints: FloatArray | None, fish: Fish, source: Path, key: str
+) -> None:
+    """Refuse a trial that says twice how the joints moved, or not at all."""
+    first, last = columns.header(columns.joint(1)), columns.header(columns.joint(fish.joints))
+    if drive and joints is not None:
+        raise InputError(
+            f"{key}.drive: {source} has measured joint angles too, expected one of the two; remove [[trials.drive]] to "
+            f"drive the model by the measured angles, or the columns '{first}' to '{last}' to drive it by the CPG"
+        )
+    if not drive and joints is None:
+        raise InputError(
+            f"{key}: no drive, and {source} has no joint angles; add [[trials.drive]] with start, omega and bias, or "
+            f"the columns '{first}' to '{last}'"
+        )
+
+
+def _fish(name: str, file: Path) -> Fish:
+    with place.named(f"{file}: fish"):
+        try:
+            return fishes.load(name, relative_to=file.parent)
+        except OSError as error:
+            raise InputError(f"'{name}' cannot be read: {error}; correct the path") from None
+
+
+def _sigmas(noise: Noise | None) -> FloatArray | None:
+    return None if noise is None else readonly([noise.surge, noise.sway, noise.yaw_rate])
+
+
+def _joints(numbers: Mapping[str, FloatArray], fish: Fish, source: Path) -> FloatArray | None:
+    found = {number: name for name in numbers if (number := columns.joint_number(name)) is not None}
+    if not found:
+        return None
+    for number in range(1, fish.joints + 1):
+        if number not in found:
+            raise InputError(
+                f"{source}: column '{columns.header(columns.joint(number))}' is missing, expected one for each of the "
+                f"{fish.joints} joints of fish '{fish.name}'; add it, or remove all joint columns"
+            )
+    if len(found) > fish.joints:
+        extra = found[max(found)]
+        raise InputError(
+            f"{source}: column '{columns.header(extra)}', but fish '{fish.name}' has {fish.joints} joints; remove it, "
+            "or name the right fish in dataset.toml"
+        )
+    return readonly(np.stack([numbers[columns.joint(number)] for number in range(1, fish.joints + 1)], axis=1))
+
+
+def _pose(numbers: Mapping[str, FloatArray], source: Path) -> FloatArray | None:
+    given = [name for name in columns.POSE if name in numbers]
+    if not given:
+        return None
+    if given not in (["yaw"], list(columns.POSE)):
+        missing = next(name for name in columns.POSE if name not in numbers)
+        beside = " and ".join(map(columns.header, given))
+        raise InputError(
+            f"{source}: column '{columns.header(missing)}' is missing beside {beside}, expected x, y and yaw, or yaw "
+            "alone; add it or remove the others"
+        )
+    unknown = np.full_like(numbers["time"], np.nan)
+    return readonly(np.stack([numbers.get(name, unknown) for name in columns.POSE], axis=1))
