@@ -23,6 +23,8 @@ _REMEDIES = {
     "extra_forbidden": "unknown key; remove it or correct its spelling",
     "missing": "this key is missing; add it",
     "finite_number": "expected a finite number",
+    "tuple_type": "expected a list in brackets",
+    "dict_type": "expected a table",
 }
 
 
@@ -38,7 +40,7 @@ def read(path: Path, model: type[T]) -> T:
         raise InputError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read as text: {error}") from None
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # of which the first is also raised for endless integers
         raise InputError(f"{path}: not valid TOML: {error}") from None
     return parse(raw, model, str(path))
 

@@ -128,15 +128,15 @@ def driven(time: FloatArray, drive: tuple[DriveSegment, ...], path: Path, key: s
             f"{place.row(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for the CPG starts at "
             "0 s; remove the rows before, or shift the times"
         )
-    if drive[-1].start >= time[-1]:
-        raise InputError(
-            f"{key}.{len(drive)}.start: {drive[-1].start:g} s is not before the end of {path} at {time[-1]:g} s; "
-            "remove the segment, or correct its start"
-        )
     period = 2.0 * math.pi / drive[0].omega
     # One step more: the samples of one whole beat span a step less than the beat.
     if time[-1] - time[0] + float(np.median(np.diff(time))) < (1.0 - 1e-9) * period:
         raise InputError(
             f"{path}: lasts {time[-1] - time[0]:.4g} s, expected one beat of {period:.4g} s "
             f"(omega = {drive[0].omega:g} rad/s) or more; record longer"
+        )
+    if drive[-1].start >= time[-1]:
+        raise InputError(
+            f"{key}.{len(drive)}.start: {drive[-1].start:g} s is not before the end of {path} at {time[-1]:g} s; "
+            "remove the segment, or correct its start"
         )

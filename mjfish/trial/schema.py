@@ -49,6 +49,12 @@ def _safe(name: str) -> str:
     return name
 
 
+def _path(name: str) -> str:
+    if not name or "\0" in name:
+        raise ValueError("expected the name of a file; correct it")
+    return name
+
+
 Sigma = Annotated[Number, AfterValidator(_sigma)]
 Positive = Annotated[Number, AfterValidator(_positive)]
 NotNegative = Annotated[Number, AfterValidator(_not_negative)]
@@ -82,7 +88,7 @@ class TrialTable(Table):
     """One entry of ``[[trials]]``; `file` is relative to the folder of dataset.toml."""
 
     name: Annotated[str, AfterValidator(_safe)]
-    file: Annotated[str, Field(min_length=1)]
+    file: Annotated[str, AfterValidator(_path)]
     role: Role | None = None
     drive: tuple[Drive, ...] = ()
 

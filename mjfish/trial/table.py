@@ -43,7 +43,7 @@ def read_table(path: str | Path) -> dict[str, FloatArray]:
         table = read(path)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; correct its name or put it there") from None
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, UnicodeDecodeError, csv.Error, pa.ArrowException) as error:
         raise InputError(f"{path}: cannot be read: {error}; save it again as a table of numbers") from None
     if not next(iter(table.values())).size:
         raise InputError(f"{path}: has a header and no rows; expected a row for every sample")
@@ -104,6 +104,8 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
     """Parse every cell as text first: only so can a message show what stood in the file."""
     text = _text(path)
     headers = next(csv.reader([text.partition("\n")[0]]))
+    if not headers:
+        raise InputError(f"{path}: line 1 is empty, expected the headers of the columns; remove the lines above them")
     if len(headers) == 1 and (";" in text or "\t" in text):
         raise InputError(f"{path}: line 1 has no commas; separate the columns by commas, with points in the numbers")
     names = columns.parse(headers, path)
