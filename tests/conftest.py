@@ -1,9 +1,11 @@
-"""Fixtures that every test may use. Add yours below; keep them small."""
+"""Fixtures that every test may use. Add yours below; keep them small.
+
+pytest puts this folder on the path: `referee.py`, which is no test, is imported by its plain name from anywhere.
+"""
 
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,8 +14,6 @@ from mjfish import fish as fishes
 from mjfish.fish import Fish
 
 _ROOT = Path(__file__).parents[1]
-# `referee.py` lies here and is no test: tests in subfolders import it by its plain name.
-sys.path.insert(0, str(Path(__file__).parent))
 
 
 def _folder(variable: str, beside: str) -> Path:
