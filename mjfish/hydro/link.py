@@ -8,7 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from mjfish.arrays import RecordArray
-from mjfish.fish import Fish
+from mjfish.errors import UnknownNameError
+from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.outline import INTERVALS, STRIPS, outlines
 
 #: One link; every field is a float64, so that a record is also a plain row of numbers.
@@ -62,9 +63,15 @@ def _template(fish: Fish) -> RecordArray:
 
 
 def link_records(fish: Fish, values: Mapping[str, float] | None = None) -> RecordArray:
-    """Return one `LINK` record a link, nose first; `values` replaces coefficients by name (bounds are not checked)."""
+    """Return one `LINK` record a link, nose first; `values` replaces coefficients by name (bounds are not checked).
+
+    Raises:
+        UnknownNameError: a name in `values` is no coefficient.
+    """
     records = _template(fish).copy()
     for name, value in (values or {}).items():
+        if name not in COEFFICIENTS:
+            raise UnknownNameError("coefficient", name, COEFFICIENTS)
         kind, _, group = name.partition(".")
         for record, link in zip(records, fish.links, strict=True):
             if link.group == group:
