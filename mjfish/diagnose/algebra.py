@@ -1,0 +1,78 @@
+"""Linear algebra of the score tests, on whitened residuals e, baseline sensitivities J and effect sensitivities S.
+
+    z = M e,  S^ = M S,  M = I - J (J'J)^+ J',      u = S^' z,  I = S^' S^,      T = u' I^+ u
+
+All statistics are computed after the baseline's sensitivities are projected out: a refit of the coefficients hides most
+of an effect, and only what survives it can name one. Amplitudes that cannot be negative count only where they are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain, combinations
+
+import numpy as np
+from scipy import stats
+
+from mjfish.arrays import BoolArray, FloatArray
+
+#: Directions of sensitivities weaker than this share of the strongest are numerical dust.
+_RANK = 1e-9
+
+
+def orthonormal(columns: FloatArray) -> FloatArray:
+    """Return an orthonormal basis (n, rank) of the span of `columns` (n, k), each first scaled to length 1."""
+    lengths = np.linalg.norm(columns, axis=0)
+    kept = columns[:, lengths > 1e-300] / lengths[lengths > 1e-300]
+    if kept.shape[1] == 0:
+        return np.zeros((len(columns), 0))
+    left, singular, _ = np.linalg.svd(kept, full_matrices=False)
+    return np.asarray(left[:, singular > _RANK * singular[0]])
+
+
+def project_out(basis: FloatArray, columns: FloatArray) -> FloatArray:
+    """Return `columns` less their part in the span of the orthonormal `basis`."""
+    return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+def one_sided_statistic(u: FloatArray, information: FloatArray, positive: BoolArray) -> FloatArray:
+    """Return T = max over feasible amplitudes psi of 2 u'psi - psi' I psi, for many draws at once.
+
+    The maximum is that of an active set of amplitudes whose unconstrained solution has allowed signs; there are few
+    amplitudes (d <= 3 or so), so that all sets are tried.
+
+    Args:
+        u: (draws, d) scores.
+        information: (d, d).
+        positive: (d,) amplitudes that cannot be negative.
+    """
+    best = np.zeros(len(u))
+    for active in chain.from_iterable(combinations(range(len(positive)), k + 1) for k in range(len(positive))):
+        index = list(active)
+        solution = u[:, index] @ np.linalg.pinv(information[np.ix_(index, index)], hermitian=True)
+        feasible = np.all((solution >= 0.0) | ~positive[index], axis=1)
+        best = np.maximum(best, np.where(feasible, np.einsum("ij,ij->i", solution, u[:, index]), 0.0))
+    return best
+
+
+def amplitudes(u: FloatArray, information: FloatArray, positive: BoolArray) -> FloatArray:
+    """Return the feasible amplitudes psi (d,) that maximise 2 u'psi - psi' I psi."""
+    best, found = 0.0, np.zeros(len(u))
+    for active in chain.from_iterable(combinations(range(len(positive)), k + 1) for k in range(len(positive))):
+        index = list(active)
+        solution = np.linalg.pinv(information[np.ix_(index, index)], hermitian=True) @ u[index]
+        if np.all((solution >= 0.0) | ~positive[index]) and (value := float(solution @ u[index])) > best:
+            best, found = value, np.zeros(len(u))
+            found[index] = solution
+    return found
+
+
+def log_tail(statistic: FloatArray | float, freedom: int) -> FloatArray:
+    """Return log P(chi2(freedom) > statistic): a scale on which statistics of different size compare, free of underflow."""
+    return np.asarray(stats.chi2.logsf(np.asarray(statistic), freedom))
+
+
+def blocks_of(sizes: Sequence[int]) -> list[slice]:
+    """Return the slices of consecutive blocks of columns."""
+    ends = np.cumsum([0, *sizes])
+    return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]

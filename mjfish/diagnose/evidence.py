@@ -1,0 +1,188 @@
+"""Evidence against a fitted model: its whitened residual, and what every candidate would do to it, after a refit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from mjfish.arrays import FloatArray
+from mjfish.diagnose import algebra, basis
+from mjfish.effects.effect import Effect
+from mjfish.identify import Fit, Problem
+from mjfish.parameter import Parameter
+
+#: Draws of the simulated null distributions.
+DRAWS = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """A fit, seen by the score tests.
+
+    Attributes:
+        problem: that was fitted.
+        fit: its result.
+        candidates: effects that are not in the model, in a fixed order.
+        amplitudes: their amplitude parameters, one tuple a candidate.
+        score: (d,) u = S^' z, all candidates' amplitudes stacked, amplitudes in units of their scale.
+        information: (d, d) S^' S^.
+        whole: (d,) |S~|^2 before the projection.
+        omnibus_score, omnibus_information: the same for the omnibus basis.
+    """
+
+    problem: Problem
+    fit: Fit
+    candidates: tuple[Effect, ...]
+    amplitudes: tuple[tuple[Parameter, ...], ...]
+    score: FloatArray
+    information: FloatArray
+    whole: FloatArray
+    signatures: FloatArray
+    omnibus_score: FloatArray
+    omnibus_information: FloatArray
+
+    @property
+    def blocks(self) -> dict[str, slice]:
+        """Where each candidate's amplitudes stand in `score`."""
+        slices = algebra.blocks_of([len(own) for own in self.amplitudes])
+        return {effect.name: block for effect, block in zip(self.candidates, slices, strict=True)}
+
+    def positive(self, name: str) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Return which amplitudes of a candidate cannot be negative."""
+        own = self.amplitudes[[effect.name for effect in self.candidates].index(name)]
+        return np.array([p.default == p.low for p in own])
+
+    def statistic(self, name: str) -> float:
+        """Return T of one candidate at the observed score."""
+        return float(self.statistics(self.score[None, :])[name][0])
+
+    def statistics(self, draws: FloatArray) -> dict[str, FloatArray]:
+        """Return T of every candidate for many score vectors (draws, d)."""
+        return {
+            name: algebra.one_sided_statistic(draws[:, block], self.information[block, block], self.positive(name))
+            for name, block in self.blocks.items()
+        }
+
+    def first_guess(self, name: str) -> dict[str, float]:
+        """Return the one-step estimate of a candidate's amplitudes by name."""
+        block = self.blocks[name]
+        psi = algebra.amplitudes(self.score[block], self.information[block, block], self.positive(name))
+        own = self.amplitudes[[effect.name for effect in self.candidates].index(name)]
+        return {p.name: p.default + float(v) * p.scale for p, v in zip(own, psi, strict=True)}
+
+    def absorbed(self, name: str) -> float:
+        """Return the share of the candidate's signature energy that a refit of the model swallows."""
+        block = self.blocks[name]
+        return 1.0 - float(np.trace(self.information[block, block])) / max(float(self.whole[block].sum()), 1e-300)
+
+    def smallest_visible(self, name: str) -> dict[str, float]:
+        """Return, per amplitude, the size that would have shown with 90 % power: sqrt(18 / I)."""
+        block = self.blocks[name]
+        own = self.amplitudes[[effect.name for effect in self.candidates].index(name)]
+        inverse = np.linalg.pinv(self.information[block, block], hermitian=True)
+        return {
+            p.name: float(np.sqrt(18.0 * max(v, 0.0))) * p.scale for p, v in zip(own, np.diag(inverse), strict=True)
+        }
+
+    def null_draws(self, rng: np.random.Generator, mean: FloatArray | None = None) -> FloatArray:
+        """Return score vectors (DRAWS, d) ~ N(mean, I) as noise alone would give them."""
+        values, vectors = np.linalg.eigh(self.information)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        draws = rng.standard_normal((DRAWS, len(values))) @ root.T
+        return np.asarray(draws if mean is None else draws + mean)
+
+    def directed_p(self, rng: np.random.Generator) -> float:
+        """Return the family-wise p value of the largest candidate (Westfall-Young), on the scale of chi2 tails."""
+        observed = min(float(algebra.log_tail(self.statistic(name), self._freedom(name))) for name in self.blocks)
+        simulated = self.statistics(self.null_draws(rng))
+        smallest = np.min([algebra.log_tail(t, self._freedom(name)) for name, t in simulated.items()], axis=0)
+        p = float(np.mean(smallest <= observed))
+        # Beyond the reach of the draws, Bonferroni bounds it.
+        return p if p > 0.0 else min(len(self.blocks) * float(np.exp(observed)), 1.0 / DRAWS)
+
+    def saturated(self) -> tuple[float, int]:
+        """Return the statistic of all candidates jointly and its rank; compares the model with model + everything."""
+        return _quadratic(self.score, self.information)
+
+    def saturated_p(self) -> float:
+        """Return the p value of `saturated`."""
+        return float(stats.chi2.sf(*self.saturated()))
+
+    def omnibus_p(self) -> float:
+        """Return the p value of the omnibus basis, which knows no cause."""
+        return float(stats.chi2.sf(*_quadratic(self.omnibus_score, self.omnibus_information)))
+
+    def _freedom(self, name: str) -> int:
+        block = self.blocks[name]
+        return block.stop - block.start
+
+
+def gather(problem: Problem, fit: Fit, candidates: Sequence[Effect]) -> Evidence:
+    """Compute residual, projected signatures and omnibus scores at a fit.
+
+    Args:
+        problem: that was fitted.
+        fit: its result; parameters at a bound are treated as fixed.
+        candidates: effects to score; those already in the model are left out.
+    """
+    held = {effect.name for effect in problem.model.effects}
+    kept = tuple(effect for effect in candidates if effect.name not in held)
+    amplitudes = tuple(tuple(p for p in effect.parameters if not p.shape) for effect in kept)
+    free = fit.jacobian[:, ~fit.at_bound]
+    span = algebra.orthonormal(free)
+    z = algebra.project_out(span, fit.residual[:, None])[:, 0]
+    raw = problem.whiten(signatures(problem, fit.values, kept))
+    projected = algebra.project_out(span, raw)
+    waves = whitened_omnibus(problem)
+    return Evidence(
+        problem=problem,
+        fit=fit,
+        candidates=kept,
+        amplitudes=amplitudes,
+        score=projected.T @ z,
+        information=projected.T @ projected,
+        whole=np.sum(raw**2, axis=0),
+        signatures=projected,
+        omnibus_score=waves.T @ z,
+        omnibus_information=waves.T @ waves - (waves.T @ span) @ (span.T @ waves),
+    )
+
+
+def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequence[Effect]) -> list[FloatArray]:
+    """Return, per trial, the derivative (n_r, 3, d) of the prediction by every candidate's amplitudes, times scale."""
+    model = replace(problem.model, effects=(*problem.model.effects, *candidates))
+    wide = replace(problem, model=model)
+    x = wide.start({p.name: p.default for effect in candidates for p in effect.parameters} | dict(values))
+    amplitudes = [p for effect in candidates for p in effect.parameters if not p.shape]
+    blocks = wide.sensitivities(x, only=[p.name for p in amplitudes])
+    return [block * np.array([p.scale for p in amplitudes]) for block in blocks]
+
+
+def whitened_omnibus(problem: Problem) -> FloatArray:
+    """Return the omnibus basis (n, columns) in the problem's whitened space; every column touches one trial only."""
+    rows = []
+    parts = basis.omnibus(problem.model.fish.cpg, problem.trials)
+    width = sum(block.shape[2] for blocks in parts for block in blocks)
+    column = 0
+    for index, blocks in enumerate(parts):
+        keep = problem.mask(index)
+        joined = problem.noise.whiten(np.concatenate(blocks, axis=2)[keep])
+        padded = np.zeros((joined.shape[0] * 3, width))
+        padded[:, column : column + joined.shape[2]] = joined.reshape(-1, joined.shape[2])
+        column += joined.shape[2]
+        rows.append(padded)
+    return np.concatenate(rows)
+
+
+def _quadratic(u: FloatArray, information: FloatArray) -> tuple[float, int]:
+    """Return u' I^+ u and the rank of I, with columns scaled to unit length first."""
+    lengths = np.sqrt(np.maximum(np.diag(information), 0.0))
+    kept = lengths > 1e-9 * lengths.max(initial=1e-300)
+    scaled = information[np.ix_(kept, kept)] / np.outer(lengths[kept], lengths[kept])
+    values, vectors = np.linalg.eigh(scaled)
+    solid = values > 1e-7
+    projected = vectors[:, solid].T @ (u[kept] / lengths[kept])
+    return float(np.sum(projected**2 / values[solid])), int(np.count_nonzero(solid))

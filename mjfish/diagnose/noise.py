@@ -1,0 +1,95 @@
+"""Noise seen through the saturated model: what is left when every candidate and the omnibus basis are taken out.
+
+Estimating the noise from the residual of the baseline would count the effect as noise; the saturated residual does not
+([design] "saturated-model estimate"). A stated sigma is believed as long as the data do not contradict it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.diagnose import algebra
+from mjfish.diagnose.evidence import signatures, whitened_omnibus
+from mjfish.effects.effect import Effect
+from mjfish.identify import Fit, Noise, Problem
+from mjfish.identify.noise import estimate
+
+#: A stated sigma is contradicted when the estimate is off by more than this many of its standard errors.
+_CONTRADICTED = 5.0
+
+
+def saturated_residuals(problem: Problem, fit: Fit, candidates: tuple[Effect, ...]) -> tuple[list[FloatArray], float]:
+    """Return residuals (n_r, 3) per trial without anything that the saturated model explains, and the freedom it took.
+
+    The regression is done in the problem's metric and the result turned back into physical units; the problem's noise
+    must be white.
+    """
+    explained = np.concatenate(
+        [
+            fit.jacobian[:, ~fit.at_bound],
+            problem.whiten(signatures(problem, fit.values, candidates)),
+            whitened_omnibus(problem),
+        ],
+        axis=1,
+    )
+    span = algebra.orthonormal(explained)
+    left = algebra.project_out(span, fit.residual[:, None])[:, 0].reshape(-1, 3) * problem.noise.sigma
+    sizes = [int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))]
+    return np.split(left, np.cumsum(sizes)[:-1]), span.shape[1] / 3.0
+
+
+def noise_of(
+    problem: Problem, fit: Fit, candidates: tuple[Effect, ...], stated: FloatArray | None
+) -> tuple[Noise, str]:
+    """Return the noise model that the tests use, and a sentence on it where it is not the stated one.
+
+    Args:
+        problem: with white noise.
+        fit: of the baseline.
+        candidates: every effect that may explain something.
+        stated: (3,) sigma that the dataset gives, or None.
+    """
+    residuals, lost = saturated_residuals(problem, fit, candidates)
+    found = estimate(residuals, lost)
+    if stated is None:
+        return found, _describe(found, "estimated from the data")
+    total = sum(len(block) for block in residuals)
+    spread = np.sqrt(sum((block**2).sum(axis=0) for block in residuals) / (total - lost))
+    off = np.abs(spread / stated - 1.0) * np.sqrt(2.0 * (total - lost))
+    if found.order == 0 and np.all(off < _CONTRADICTED):
+        return Noise.white(stated), ""
+    return found, _describe(found, "the stated noise does not fit the data; estimated instead")
+
+
+def provisional(problem: Problem) -> FloatArray:
+    """Return a first sigma (3,) where none is stated: of the third differences of the measurements.
+
+    For white noise their variance is 20 sigma^2; what is left of a smooth motion in them only makes sigma larger.
+    """
+    differences = np.concatenate([np.diff(trial.velocity, n=3, axis=0) for trial in problem.trials])
+    return np.asarray(np.maximum(np.sqrt(np.mean(differences**2, axis=0) / 20.0), 1e-6))
+
+
+def with_noise(problem: Problem, noise: Noise) -> Problem:
+    """Return the problem weighted by another noise."""
+    return replace(problem, noise=noise)
+
+
+def _describe(noise: Noise, what: str) -> str:
+    kind = "white" if noise.order == 0 else f"autoregressive of order {noise.order}"
+    gain = [float(np.sqrt(_variance_gain(phi))) for phi in noise.phi]
+    sigma = ", ".join(f"{s * g:.3g}" for s, g in zip(noise.sigma, gain, strict=True))
+    return f"noise: {what} ({kind}; sigma of surge, sway, yaw rate: {sigma})"
+
+
+def _variance_gain(phi: FloatArray) -> float:
+    """Return the variance of an autoregressive process whose innovations have variance 1."""
+    response = np.zeros(4000)
+    past = np.zeros(len(phi))
+    for k in range(len(response)):
+        response[k] = 1.0 if k == 0 else float(phi @ past)
+        past = np.concatenate([[response[k]], past[:-1]]) if len(phi) else past
+    return float(response @ response)

@@ -1,0 +1,141 @@
+"""Bounded trust-region least squares ([Yu2016] eq. (21)) and what it says about its estimates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import optimize
+
+from mjfish.arrays import BoolArray, FloatArray
+from mjfish.identify.problem import Problem
+from mjfish.parameter import Parameter
+
+#: 97.5 % point of the standard normal distribution.
+Z95 = 1.959963984540054
+#: An estimate this close to a bound, as a share of the range, rests on it.
+_AT_BOUND = 1e-4
+_MAX_EVALUATIONS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Result of a fit.
+
+    Attributes:
+        parameters: the free parameters (p,).
+        x: their estimates (p,).
+        sse: sum of squared whitened residuals.
+        residual: (n,) whitened.
+        jacobian: (n, p) of the whitened prediction.
+        covariance: (p, p); rows and columns of parameters at a bound are zero.
+        at_bound: (p,) whether the estimate rests on a bound.
+        status: ``converged`` or ``stopped`` (too many evaluations) or ``diverged``.
+        message: of the optimiser.
+        evaluations: of the residual.
+    """
+
+    parameters: tuple[Parameter, ...]
+    x: FloatArray
+    sse: float
+    residual: FloatArray
+    jacobian: FloatArray
+    covariance: FloatArray
+    at_bound: BoolArray
+    status: Literal["converged", "stopped", "diverged"]
+    message: str
+    evaluations: int
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by name."""
+        return {p.name: float(v) for p, v in zip(self.parameters, self.x, strict=True)}
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard errors by name; 0 where the estimate rests on a bound."""
+        errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return {p.name: float(v) for p, v in zip(self.parameters, errors, strict=True)}
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlation of the estimates (p, p); 0 where one rests on a bound."""
+        errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        safe = np.where(errors > 0.0, errors, 1.0)
+        return np.asarray(self.covariance / np.outer(safe, safe))
+
+    def interval(self, name: str, z: float = Z95) -> tuple[float, float]:
+        """Return the interval of one estimate, cut at its bounds."""
+        index = [p.name for p in self.parameters].index(name)
+        p, half = self.parameters[index], z * self.sigma[name]
+        return max(float(self.x[index]) - half, p.low), min(float(self.x[index]) + half, p.high)
+
+
+def fit(problem: Problem, start: FloatArray | None = None, tolerance: float = 1e-8) -> Fit:
+    """Minimise the sum of squared whitened residuals within the bounds, by `scipy.optimize.least_squares` (trf).
+
+    Args:
+        problem: the residuals.
+        start: (p,) where to start; None: the declared starts.
+        tolerance: relative change of the cost at which it stops.
+    """
+    parameters = problem.parameters
+    scale = np.array([p.scale for p in parameters])
+    low = np.array([p.low for p in parameters])
+    high = np.array([p.high for p in parameters])
+    inside = 1e-6 * (high - low)
+    x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
+
+    def residual_of(y: FloatArray) -> FloatArray:
+        return problem.residual(y * scale)
+
+    def jacobian_of(y: FloatArray) -> FloatArray:
+        return np.asarray(-problem.jacobian(y * scale) * scale)
+
+    solution = optimize.least_squares(
+        residual_of,
+        x0 / scale,
+        jac=jacobian_of,
+        bounds=(low / scale, high / scale),
+        method="trf",
+        x_scale="jac",
+        ftol=tolerance,
+        xtol=1e-8,
+        gtol=1e-10,
+        max_nfev=_MAX_EVALUATIONS,
+    )
+    x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
+    residual = problem.residual(x)
+    jacobian = problem.jacobian(x)
+    diverged = bool(np.any(np.abs(residual) >= 1e3))
+    return Fit(
+        parameters=parameters,
+        x=x,
+        sse=float(residual @ residual),
+        residual=residual,
+        jacobian=jacobian,
+        covariance=covariance(jacobian, at_bound),
+        at_bound=at_bound,
+        status="diverged" if diverged else ("converged" if solution.status > 0 else "stopped"),
+        message=str(solution.message),
+        evaluations=int(solution.nfev),
+    )
+
+
+def _settle(x: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Put estimates that the fit pushes against a bound onto it (trf itself stays strictly inside)."""
+    near = _AT_BOUND * (high - low)
+    at_low = (x - low < near) & (gradient > 0.0)
+    at_high = (high - x < near) & (gradient < 0.0)
+    return np.where(at_low, low, np.where(at_high, high, x)), at_low | at_high
+
+
+def covariance(jacobian: FloatArray, at_bound: BoolArray) -> FloatArray:
+    """Return (J' J)^+ of the parameters off their bounds; directions that the data do not move get a huge variance."""
+    free = np.flatnonzero(~at_bound)
+    result = np.zeros((len(at_bound), len(at_bound)))
+    _, singular, right = np.linalg.svd(jacobian[:, free], full_matrices=False)
+    floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-300))
+    result[np.ix_(free, free)] = (right.T / floor**2) @ right
+    return result

@@ -1,0 +1,97 @@
+"""Noise of the measured velocities: white or autoregressive, per channel; and the whitening filter it implies.
+
+    e_t = sum_k phi_k e_{t-k} + sigma eps_t,   eps white with variance 1
+
+so that (e_t - sum_k phi_k e_{t-k}) / sigma is white. The first p samples of a trial have no full past and are dropped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, signal
+
+from mjfish.arrays import FloatArray, readonly
+
+#: Highest autoregressive order that is tried (0.4 s at 50 Hz).
+MAX_ORDER = 20
+#: Share of the variance that is treated as white whatever the data say: keeps zeros of the spectrum from ruling.
+WHITE_FLOOR = 2e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Noise model of the three channels.
+
+    Attributes:
+        sigma: (3,) standard deviation of the innovations [m/s, m/s, rad/s].
+        phi: (3, p) autoregressive coefficients; p = 0 is white noise.
+    """
+
+    sigma: FloatArray
+    phi: FloatArray
+
+    @staticmethod
+    def white(sigma: FloatArray) -> Noise:
+        """Return white noise of standard deviations (3,)."""
+        return Noise(readonly(sigma), readonly(np.zeros((3, 0))))
+
+    @property
+    def order(self) -> int:
+        """Autoregressive order p."""
+        return int(self.phi.shape[1])
+
+    def whiten(self, block: FloatArray) -> FloatArray:
+        """Whiten columns that belong to one trial.
+
+        Args:
+            block: (n, 3, ...) residuals or sensitivities at equally spaced times, channels second.
+
+        Returns:
+            (n - p, 3, ...), of unit variance and white where the model holds.
+        """
+        whitened = [
+            signal.lfilter(
+                np.concatenate([[1.0], -self.phi[channel]]), [self.sigma[channel]], block[:, channel], axis=0
+            )
+            for channel in range(3)
+        ]
+        return np.stack(whitened, axis=1)[self.order :]
+
+
+def estimate(residuals: Sequence[FloatArray], lost: float = 0.0) -> Noise:
+    """Estimate the noise from residuals (n_r, 3) of several trials by Yule-Walker equations, order by BIC.
+
+    Args:
+        residuals: one array a trial.
+        lost: degrees of freedom per channel that went into making them residuals.
+    """
+    total = sum(len(block) for block in residuals)
+    inflate = total / max(total - lost, 0.1 * total)
+    highest = min(MAX_ORDER, min(len(block) for block in residuals) // 8)
+    covariances = np.array([_autocovariance([block[:, c] for block in residuals], highest) for c in range(3)])
+    covariances *= inflate
+    fits = [[_yule_walker(covariance, p) for p in range(highest + 1)] for covariance in covariances]
+    cost = [sum(total * np.log(fits[c][p][1]) for c in range(3)) + 3 * p * np.log(total) for p in range(highest + 1)]
+    order = int(np.argmin(cost))
+    phi = np.array([fits[c][order][0] for c in range(3)]).reshape(3, order)
+    return Noise(readonly(np.sqrt([fits[c][order][1] for c in range(3)])), readonly(phi))
+
+
+def _autocovariance(blocks: list[FloatArray], highest: int) -> FloatArray:
+    """Pool the autocovariance of zero-mean blocks over lags 0..highest."""
+    pairs = [sum(float(b[lag:] @ b[: len(b) - lag]) for b in blocks) for lag in range(highest + 1)]
+    counts = [sum(len(b) for b in blocks)] * (highest + 1)  # biased: keeps the Toeplitz matrix positive
+    return np.array(pairs) / np.array(counts)
+
+
+def _yule_walker(covariance: FloatArray, order: int) -> tuple[FloatArray, float]:
+    """Return phi (order,) and the innovations' variance."""
+    floored = covariance.copy()
+    floored[0] = max(floored[0] * (1.0 + (WHITE_FLOOR if order else 0.0)), 1e-300)
+    if order == 0:
+        return np.zeros(0), float(floored[0])
+    phi = linalg.solve_toeplitz(floored[:order], floored[1 : order + 1])
+    return phi, float(max(floored[0] - phi @ floored[1 : order + 1], 1e-300))

@@ -1,0 +1,203 @@
+"""The least-squares problem: free parameters in, whitened residuals and their derivatives out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mjfish.arrays import BoolArray, FloatArray
+from mjfish.frames import CHANNELS, UNITS
+from mjfish.identify.noise import Noise
+from mjfish.model import MARGIN, Model
+from mjfish.parameter import Parameter
+from mjfish.trial import Trial
+
+#: Residual of a sample that the rollout did not reach, in units of sigma: worse than any honest misfit.
+_DIVERGED = 1e3
+#: Finite-difference step in units of a parameter's scale.
+_STEP = 1e-3
+#: Scale and half-range of start velocities around the measured ones [m/s, m/s, rad/s], and of clock offsets [s].
+_START_SCALE = (0.01, 0.01, 0.05)
+_START_RANGE = (0.5, 0.5, 5.0)
+_CLOCK_SCALE = 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Residuals of a model on trials, as a function of its free parameters.
+
+    Attributes:
+        model: the model.
+        trials: all fitted together.
+        noise: gives the weights.
+        fixed: parameters that are not free, with their values; the rest of the model's parameters are free.
+        declared: other declarations (bounds, starts) for parameters of the model, by name.
+        free_clock: whether each trial has a clock offset of its own.
+        windows: per trial, the times [s] between which samples count; None: all of it.
+        jobs: threads.
+    """
+
+    model: Model
+    trials: tuple[Trial, ...]
+    noise: Noise
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    declared: Mapping[str, Parameter] = field(default_factory=dict)
+    free_clock: bool = False
+    windows: tuple[tuple[float, float] | None, ...] | None = None
+    jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The free parameters: the model's, then the nuisance parameters of every trial."""
+        own = tuple(self.declared.get(p.name, p) for p in self.model.parameters if p.name not in self.fixed)
+        return (*own, *(p for trial in self.trials for p in nuisances(trial, self.free_clock)))
+
+    def residual(self, x: FloatArray) -> FloatArray:
+        """Return whitened residuals (measured - predicted), all trials and channels stacked."""
+        return self._stack(self._run([(trial, self._named(x)) for trial in self.trials]))
+
+    def raw(self, x: FloatArray) -> list[FloatArray]:
+        """Return residuals (n_r, 3) of every trial's counted samples, in physical units."""
+        predicted = self._run([(trial, self._named(x)) for trial in self.trials])
+        return [
+            (trial.velocity - velocity)[self.mask(i)]
+            for i, (trial, velocity) in enumerate(zip(self.trials, predicted, strict=True))
+        ]
+
+    def predictions(self, x: FloatArray) -> list[FloatArray]:
+        """Return predicted velocities (n_r, 3) of every trial, all samples."""
+        return self._run([(trial, self._named(x)) for trial in self.trials])
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        """Return the derivative (n, p) of the whitened *prediction* by the free parameters."""
+        return self.whiten(self.sensitivities(x))
+
+    def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
+        """Whiten blocks (n_r, 3, k), one a trial, and stack them to (n, k)."""
+        whitened = [self.noise.whiten(block) for block in blocks]
+        return np.concatenate([block.reshape(-1, block.shape[2]) for block in whitened])
+
+    def sensitivities(self, x: FloatArray, only: Sequence[str] | None = None) -> list[FloatArray]:
+        """Return, per trial, the derivative (n_r, 3, k) of the prediction by the free parameters or those in `only`.
+
+        Central differences of a thousandth of each parameter's scale; at a bound that the model must not cross
+        (an amplitude that cannot be negative), a second-order one-sided difference of a tenth of the scale.
+        """
+        parameters = self.parameters
+        chosen = [i for i, p in enumerate(parameters) if only is None or p.name in only]
+        tasks: list[tuple[Trial, dict[str, float]]] = []
+        plan: list[tuple[int, int, list[float], float]] = []
+        for column in chosen:
+            p = parameters[column]
+            points, weights, width = _stencil(p, float(x[column]))
+            for i, trial in enumerate(self.trials):
+                if _elsewhere(p, trial):
+                    continue
+                for point in points:
+                    shifted = x.copy()
+                    shifted[column] = point
+                    tasks.append((trial, self._named(shifted)))
+                plan.append((column, i, weights, width))
+        results = iter(self._run(tasks))
+        sizes = [int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials))]
+        blocks = [np.zeros((size, 3, len(chosen))) for size in sizes]
+        where = {column: k for k, column in enumerate(chosen)}
+        for column, i, weights, width in plan:
+            slope = sum(weight * next(results) for weight in weights) / width
+            blocks[i][:, :, where[column]] = np.nan_to_num(np.asarray(slope)[self.mask(i)])
+        return blocks
+
+    def mask(self, index: int) -> BoolArray:
+        """Return which samples (n_r,) of a trial count.
+
+        Where the joints were measured, the ends are left out: a shifted clock would ask for motion nobody saw.
+        """
+        trial = self.trials[index]
+        keep = np.ones(len(trial.time), dtype=np.bool_)
+        if trial.joint_angle is not None:
+            keep &= (trial.time >= trial.time[0] + MARGIN) & (trial.time <= trial.time[-1] - MARGIN)
+        window = self.windows[index] if self.windows is not None else None
+        if window is not None:
+            keep &= (trial.time >= window[0]) & (trial.time <= window[1])
+        return keep
+
+    def start(self, given: Mapping[str, float] | None = None) -> FloatArray:
+        """Return the start vector: `given` by name where it has one, else each parameter's declared start."""
+        return np.array([(given or {}).get(p.name, p.start) for p in self.parameters])
+
+    def named(self, x: FloatArray) -> dict[str, float]:
+        """Return free and fixed parameters by name."""
+        return {**self.fixed, **{p.name: float(v) for p, v in zip(self.parameters, x, strict=True)}}
+
+    _named = named
+
+    def _stack(self, predicted: list[FloatArray]) -> FloatArray:
+        parts = []
+        for i, (trial, velocity) in enumerate(zip(self.trials, predicted, strict=True)):
+            keep = self.mask(i)
+            if np.all(np.isfinite(velocity)):
+                parts.append(self.noise.whiten((trial.velocity - velocity)[keep]).ravel())
+            else:
+                parts.append(np.full(3 * (int(np.count_nonzero(keep)) - self.noise.order), _DIVERGED))
+        return np.concatenate(parts)
+
+    def _run(self, tasks: list[tuple[Trial, dict[str, float]]]) -> list[FloatArray]:
+        if self.jobs > 1 and len(tasks) > 1:
+            with ThreadPoolExecutor(self.jobs) as pool:
+                return list(pool.map(self._predict, tasks))
+        return [self._predict(task) for task in tasks]
+
+    def _predict(self, task: tuple[Trial, dict[str, float]]) -> FloatArray:
+        trial, values = task
+        start = None
+        if not trial.starts_at_rest:
+            start = np.array([values[f"{trial.name}:start.{channel}"] for channel in CHANNELS])
+        offset = values.get(f"{trial.name}:clock.offset", 0.0)
+        return self.model.predict(trial, values, velocity=start, offset=offset).velocity
+
+
+def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:
+    """Return what must be fitted in this trial alone: start velocity unless at rest, clock offset where it is free."""
+    declared = []
+    if not trial.starts_at_rest:
+        for channel, scale, reach, measured in zip(
+            CHANNELS, _START_SCALE, _START_RANGE, trial.velocity[0], strict=True
+        ):
+            centre = float(measured)
+            declared.append(
+                Parameter(
+                    f"{trial.name}:start.{channel}",
+                    UNITS[channel],
+                    centre,
+                    centre - reach,
+                    centre + reach,
+                    centre,
+                    scale,
+                    about="velocity at the start",
+                )
+            )
+    if free_clock:
+        declared.append(
+            Parameter(f"{trial.name}:clock.offset", "s", 0.0, -0.25, 0.25, 0.0, _CLOCK_SCALE, about="clock offset")
+        )
+    return tuple(declared)
+
+
+def _elsewhere(parameter: Parameter, trial: Trial) -> bool:
+    """Return whether the parameter is a nuisance of another trial."""
+    owner, separator, _ = parameter.name.rpartition(":")
+    return bool(separator) and owner != trial.name
+
+
+def _stencil(p: Parameter, at: float) -> tuple[list[float], list[float], float]:
+    """Return points, weights and width of the finite difference of one parameter at one value."""
+    h = _STEP * p.scale
+    one_sided = p.default == p.low and at - h < p.low
+    if one_sided:
+        h = 0.1 * p.scale
+        return [at, at + h, at + 2.0 * h], [-3.0, 4.0, -1.0], 2.0 * h
+    return [at - h, at + h], [-1.0, 1.0], 2.0 * h
