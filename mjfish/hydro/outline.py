@@ -6,6 +6,7 @@ Stations are measured from the nose; r is measured from the front joint of a lin
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -53,7 +54,7 @@ def perimeter(height: FloatArray, width: FloatArray) -> FloatArray:
 def section_at(sections: Sequence[Section], station: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return height and width [m] at stations (m,) from the nose; at a step of the outline, of the piece in front."""
     ends = np.array([section.end for section in sections])
-    index = np.minimum(np.searchsorted(ends - 1e-12, station), len(ends) - 1)
+    index = np.minimum(np.searchsorted(ends + 1e-12, station), len(ends) - 1)
     height, width = np.empty_like(station), np.empty_like(station)
     for piece, section in enumerate(sections):
         here = index == piece
@@ -77,7 +78,7 @@ def outlines(fish: Fish) -> tuple[LinkOutline, ...]:
 @functools.lru_cache(maxsize=64)
 def _outlines(lengths: tuple[float, ...], sections: tuple[Section, ...], density: float) -> tuple[LinkOutline, ...]:
     starts = np.concatenate([[0.0], np.cumsum(lengths)])
-    return tuple(_outline(sections, density, a, b) for a, b in zip(starts[:-1], starts[1:], strict=True))
+    return tuple(_outline(sections, density, a, b) for a, b in itertools.pairwise(starts))
 
 
 def _outline(sections: tuple[Section, ...], density: float, start: float, end: float) -> LinkOutline:
@@ -122,7 +123,9 @@ def _gauss(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _strips(edges: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Spread STRIPS Gauss points over the pieces between `edges`, as evenly as they go."""
+    """Spread STRIPS Gauss points over the pieces between `edges`, as evenly as they go; over all where too many."""
+    if len(edges) > STRIPS:
+        edges = edges[[0, -1]]
     pieces = len(edges) - 1
     counts = [STRIPS // pieces + (1 if piece < STRIPS % pieces else 0) for piece in range(pieces)]
     r, weight = [], []
