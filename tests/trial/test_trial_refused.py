@@ -125,7 +125,7 @@ TOML_FILE: dict[str, tuple[Edit, tuple[str, ...]]] = {
     "drive beyond the data": (swap("start = 0.5", "start = 1.0"), ("drive.2.start: 1 s", "cpg.csv at 1 s", "remove")),
     "trial name twice": (swap('"measured"', '"CPG"'), ("trials.2.name: 'CPG' is also the name of trial 1", "give")),
     "trial file twice": (
-        swap('"measured.csv"', '"./cpg.csv"'),
+        swap('"measured.csv"', '"runs/../cpg.csv"'),
         ("trials.2.file: ", "also the file of trial 1", "remove"),
     ),
     "trial name with a slash": (swap('"cpg"', '"../cpg"'), ("trials.1.name: ", "also a file name", "rename the trial")),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hypothesis.extra.numpy as arrays
 import numpy as np
-from hypothesis import given, settings
+import pytest
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recordings import same
 
@@ -86,10 +87,12 @@ def datasets(draw: st.DrawFn) -> Dataset:
 
 
 @given(dataset=datasets(), suffix=st.sampled_from([".csv", ".parquet"]))
-@settings(max_examples=60, deadline=None)
-def test_loading_what_was_saved_gives_back_every_bit(dataset: Dataset, suffix: str, tmp_path_factory) -> None:  # type: ignore[no-untyped-def]
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+def test_loading_what_was_saved_gives_back_every_bit(
+    dataset: Dataset, suffix: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     folder = tmp_path_factory.mktemp("saved") / "deep" / "dataset"
-    file = trial.save(dataset, folder, suffix=suffix)  # type: ignore[arg-type]
+    file = trial.save(dataset, folder, suffix=suffix)
     read = trial.load(folder)
     assert same(read, dataset)
     assert read.source == file

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mjfish import trial
@@ -29,8 +29,10 @@ tables = st.integers(1, 9).flatmap(
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".CSV"])
 @given(table=tables)
-@settings(max_examples=50, deadline=None)
-def test_reading_gives_back_every_bit(suffix: str, table: dict[str, np.ndarray], tmp_path_factory) -> None:  # type: ignore[no-untyped-def]
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+def test_reading_gives_back_every_bit(
+    suffix: str, table: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFactory
+) -> None:
     path = tmp_path_factory.mktemp("table") / f"rollout{suffix}"
     trial.write_table(path, table)
     read = trial.read_table(path)
