@@ -1,0 +1,154 @@
+"""Where MuJoCo keeps its numbers in memory, for compiled code: struct layouts and library functions, no C compiler.
+
+MuJoCo ships a description of its own headers (`mujoco.introspect`). From it the offset of every field follows by the
+rules of C; `verify` compares some of them with a live model, so that a MuJoCo of another layout is refused.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding
+import mujoco
+from mujoco.introspect import ast_nodes
+from mujoco.introspect.structs import STRUCTS
+from numba import from_dtype, types
+from numba.extending import intrinsic
+
+from mjfish.errors import MjfishError
+from mjfish.hydro.link import LINK
+
+_C_TYPES: dict[str, Any] = {
+    "int": ctypes.c_int,
+    "float": ctypes.c_float,
+    "mjtNum": ctypes.c_double,
+    "mjtSize": ctypes.c_int64,
+    "mjtBool": ctypes.c_bool,
+    "size_t": ctypes.c_size_t,
+    "uint64_t": ctypes.c_uint64,
+    "uintptr_t": ctypes.c_size_t,
+}
+_NUMBA_TYPES = {ctypes.c_int: types.int32, ctypes.c_int64: types.int64, ctypes.c_double: types.float64}
+_MODEL_FIELDS = (
+    "nv", "nu", "nuserdata", "nnumeric", "numeric_adr", "numeric_size", "numeric_data", "opt.timestep",
+    "body_parentid", "body_rootid", "body_dofnum", "body_dofadr", "dof_parentid", "M_rownnz", "M_rowadr", "M_colind",
+)  # fmt: skip
+_DATA_FIELDS = (
+    "time", "qvel", "ctrl", "userdata", "M", "cdof", "cdof_dot", "cvel", "xpos", "xmat", "xipos", "subtree_com",
+    "qfrc_bias", "qfrc_passive", "qfrc_actuator", "qfrc_applied", "xfrc_applied",
+)  # fmt: skip
+
+
+@functools.cache
+def structure(name: str) -> type[ctypes.Structure]:
+    """Return the ctypes mirror of one of MuJoCo's structs, e.g. ``mjModel``."""
+    return _structure(name, STRUCTS[name].fields)
+
+
+def _structure(name: str, fields: Iterable[Any]) -> type[ctypes.Structure]:
+    members = [(field.name, _c_type(f"{name}.{field.name}", field.type)) for field in fields]
+    return type(name, (ctypes.Structure,), {"_fields_": members})
+
+
+def _c_type(place: str, node: Any) -> Any:
+    if isinstance(node, ast_nodes.PointerType):
+        return ctypes.c_void_p
+    if isinstance(node, ast_nodes.ArrayType):
+        inner = _c_type(place, node.inner_type)
+        for extent in reversed(node.extents):
+            inner = inner * extent
+        return inner
+    if isinstance(node, ast_nodes.AnonymousStructDecl):
+        return _structure(place, node.fields)
+    if node.name in STRUCTS:
+        return structure(node.name)
+    if node.name not in _C_TYPES:
+        raise MjfishError(
+            f"MuJoCo {mujoco.__version__}: {place} has the unknown type '{node.name}'; "
+            "install a MuJoCo version that mjfish supports"
+        )
+    return _C_TYPES[node.name]
+
+
+def _record(name: str, fields: Iterable[str]) -> types.Record:
+    """Return the numba record of the named fields; pointers are integers, a dot reaches into a nested struct."""
+    members = []
+    for field in fields:
+        holder, offset = structure(name), 0
+        *outer, last = field.split(".")
+        for part in outer:
+            offset += getattr(holder, part).offset
+            holder = dict(holder._fields_)[part]  # type: ignore[assignment, arg-type]
+        kind = _NUMBA_TYPES.get(dict(holder._fields_)[last], types.uintp)  # type: ignore[arg-type]
+        members.append((last, {"type": kind, "offset": offset + getattr(holder, last).offset}))
+    return types.Record(members, ctypes.sizeof(structure(name)), aligned=True)
+
+
+MODEL = _record("mjModel", _MODEL_FIELDS)
+DATA = _record("mjData", _DATA_FIELDS)
+
+
+def verify() -> None:
+    """Compare the layout with a live model.
+
+    Raises:
+        MjfishError: this MuJoCo keeps its numbers elsewhere than its description says.
+    """
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><custom><numeric name="n" data="1 2 3"/></custom><worldbody><body><joint type="slide"/>'
+        '<geom size="1"/><body><joint type="ball"/><geom size="1"/></body></body></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    for live, struct, fields in ((model, "mjModel", _MODEL_FIELDS), (data, "mjData", _DATA_FIELDS)):
+        memory = structure(struct).from_address(live._address)
+        for field in fields:
+            there, here = live, memory
+            for part in field.split("."):
+                there, here = getattr(there, part), getattr(here, part)
+            found = there if isinstance(there, (int, float)) else there.ctypes.data
+            if found != here and getattr(there, "size", 1) > 0:
+                raise MjfishError(
+                    f"MuJoCo {mujoco.__version__}: {struct}.{field} is not where its headers say; "
+                    "install a MuJoCo version that mjfish supports"
+                )
+
+
+def _load_library() -> None:
+    """Make the functions of libmujoco known to compiled code by name."""
+    folder = Path(mujoco.__path__[0])
+    found = [path for pattern in ("libmujoco.*", "mujoco.dll") for path in folder.glob(pattern)]
+    if not found:
+        raise MjfishError(f"{folder}: no libmujoco there; reinstall mujoco (pip install --force-reinstall mujoco)")
+    llvmlite.binding.load_library_permanently(str(found[0]))
+
+
+_load_library()
+MODEL_POINTER = types.CPointer(MODEL)
+DATA_POINTER = types.CPointer(DATA)
+#: mj_fwdActuation of libmujoco, for compiled code.
+fwd_actuation = types.ExternalFunction("mj_fwdActuation", types.void(MODEL_POINTER, DATA_POINTER))
+
+
+def _pointer_to(target: types.Type) -> Any:
+    """Return an intrinsic that turns an integer address into a pointer to `target`."""
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def cast(_typing: Any, _address: Any) -> Any:
+        pointer = types.CPointer(target)
+
+        def codegen(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], context.get_value_type(pointer))
+
+        return pointer(types.uintp), codegen
+
+    return cast
+
+
+#: Intrinsics: the pointer at an address.
+floats = _pointer_to(types.float64)
+integers = _pointer_to(types.int32)
+links = _pointer_to(from_dtype(LINK))

@@ -1,0 +1,164 @@
+"""Headless runs of the MuJoCo fish: commanded joint angles in; realised joints, velocity and pose of the nose out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from mjfish import frames
+from mjfish.arrays import FloatArray, readonly
+from mjfish.drive.motion import JointMotion
+from mjfish.errors import InputError
+from mjfish.fish import Fish
+from mjfish.sim.callback import installed
+from mjfish.sim.planar import ROOT, Integrator, model
+
+#: A run has diverged once a velocity passes this [m/s or rad/s]: no fish does.
+DIVERGED = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class SimRollout:
+    """A run in MuJoCo, at the boundaries of its steps; n samples.
+
+    Attributes:
+        command: joint motion that the servos were asked for; they see its angles only.
+        time: (n,) [s].
+        velocity: (n, 3) surge, sway [m/s], yaw rate [rad/s] of the nose in the forward frame.
+        pose: (n, 3) x, y [m], yaw [rad] of the nose in the world.
+        joint_angle: (n, joints) realised [rad].
+        joint_rate: (n, joints) [rad/s].
+        joint_acceleration: (n, joints) [rad/s2].
+        status: ``ok`` or ``diverged``.
+        message: when and with which parameters it diverged, else empty.
+    """
+
+    command: JointMotion
+    time: FloatArray
+    velocity: FloatArray
+    pose: FloatArray
+    joint_angle: FloatArray
+    joint_rate: FloatArray
+    joint_acceleration: FloatArray
+    status: Literal["ok", "diverged"]
+    message: str
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for name in ("time", "velocity", "pose", "joint_angle", "joint_rate", "joint_acceleration"):
+            object.__setattr__(self, name, readonly(getattr(self, name)))
+
+    def motion(self) -> JointMotion:
+        """Return the realised joint motion on the half-step grid.
+
+        Middles come from the quintic polynomial through angle, rate and acceleration at both ends of a step: right to
+        sixth order in the angle, fourth in the acceleration.
+        """
+        h = np.diff(self.time)[:, None]
+        q0, q1 = self.joint_angle[:-1], self.joint_angle[1:]
+        v0, v1 = self.joint_rate[:-1], self.joint_rate[1:]
+        a0, a1 = self.joint_acceleration[:-1], self.joint_acceleration[1:]
+        angle = 0.5 * (q0 + q1) + 5.0 / 32.0 * h * (v0 - v1) + h**2 / 64.0 * (a0 + a1)
+        rate = 15.0 / 8.0 * (q1 - q0) / h - 7.0 / 16.0 * (v0 + v1) + h / 32.0 * (a1 - a0)
+        acceleration = 1.5 * (v1 - v0) / h - 0.25 * (a0 + a1)
+        return JointMotion(
+            time=self.time,
+            angle=np.stack([q0, angle, q1], axis=1),
+            rate=np.stack([v0, rate, v1], axis=1),
+            acceleration=np.stack([a0, acceleration, a1], axis=1),
+        )
+
+
+def simulate(
+    fish: Fish,
+    command: JointMotion,
+    *,
+    values: Mapping[str, float] | None = None,
+    velocity: FloatArray | None = None,
+    integrator: Integrator = "RK4",
+) -> SimRollout:
+    """Run the fish in MuJoCo, its servos following `command`, from rest or from `velocity`.
+
+    The command is read at the start, middle and end of each step, where RK4 asks for it: it is continuous in time, and
+    the run converges at the order of the integrator. Its grid gives the steps. The joints start where they are asked
+    to be, and still.
+
+    Args:
+        fish: the fish.
+        command: asked joint motion on the half-step grid.
+        values: coefficients by name that replace the fish's.
+        velocity: (3,) surge, sway [m/s], yaw rate [rad/s] at the start; None: at rest.
+        integrator: of MuJoCo.
+
+    Returns:
+        The run; one that diverges has ``status == "diverged"`` and ends there.
+    """
+    if command.joints != fish.joints:
+        raise InputError(f"the command has {command.joints} joints, {fish.name} has {fish.joints}")
+    if not np.all(np.isfinite(command.angle)):
+        raise InputError("the command has angles that are no finite numbers; check the drive")
+    fluid = model(fish, values=values, integrator=integrator)
+    data = mujoco.MjData(fluid)
+    data.qpos[ROOT:] = command.angle[0, 0]
+    if velocity is not None:
+        data.qvel[:ROOT] = velocity
+    position, speed, acceleration = _steps(fluid, data, command)
+    kept = len(speed)
+    message = ""
+    if kept < len(command.time) or not _swims(speed[-1]):
+        named = ", ".join(f"{name} = {value:g}" for name, value in {**fish.values, **(values or {})}.items())
+        message = (
+            f"diverged at {command.time[kept - 1]:.3f} s with {named}; take a shorter step, softer servos, "
+            "or check the coefficients and the drive"
+        )
+    nose = frames.to_body(speed[:, :2], position[:, 2])
+    return SimRollout(
+        command=command,
+        time=command.time[:kept],
+        velocity=np.column_stack([nose, speed[:, 2]]),
+        pose=position[:, :ROOT],
+        joint_angle=position[:, ROOT:],
+        joint_rate=speed[:, ROOT:],
+        joint_acceleration=acceleration[:, ROOT:],
+        status="diverged" if message else "ok",
+        message=message,
+    )
+
+
+def _steps(fluid: mujoco.MjModel, data: mujoco.MjData, command: JointMotion) -> FloatArray:
+    """Return qpos, qvel, qacc (3, n, nv) at the boundaries of the steps, until the first that has diverged."""
+    widths = np.diff(command.time)
+    asked = command.angle.reshape(len(widths), -1)
+    history = np.empty((3, len(widths) + 1, fluid.nv))
+    rk4 = fluid.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    with installed(fluid):
+        for step, width in enumerate(widths):
+            fluid.opt.timestep = width
+            data.userdata[0] = data.time
+            data.userdata[1:] = asked[step]
+            # The two halves of mj_step: between them, the accelerations are those at the start of the step.
+            mujoco.mj_forward(fluid, data)
+            _record(history[:, step], data)
+            if not _swims(data.qvel):
+                return history[:, : step + 1]
+            if rk4:
+                mujoco.mj_RungeKutta(fluid, data, 4)
+            else:
+                mujoco.mj_Euler(fluid, data)
+        mujoco.mj_forward(fluid, data)
+        _record(history[:, -1], data)
+    return history
+
+
+def _swims(speed: FloatArray) -> bool:
+    return bool(np.abs(speed).max() < DIVERGED)  # false for NaN
+
+
+def _record(row: FloatArray, data: mujoco.MjData) -> None:
+    row[0] = data.qpos
+    row[1] = data.qvel
+    row[2] = data.qacc
