@@ -1,0 +1,92 @@
+"""What an importer did to each file: what was kept, what was cut, and how good it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A stretch that was not kept.
+
+    Attributes:
+        start: [s] in the file.
+        end: [s] in the file.
+        reason: why.
+    """
+
+    start: float
+    end: float
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.start:.2f}-{self.end:.2f} s: {self.reason}"
+
+
+@dataclass(frozen=True)
+class FileReport:
+    """One imported file.
+
+    Attributes:
+        path: the file.
+        trials: names of the trials made of it.
+        frames: rows of the file.
+        usable: frames in which everything was found.
+        kept: samples in the trials.
+        beat: frequency of the beat [Hz].
+        speed: mean surge [m/s].
+        noise: sigma of surge, sway [m/s] and yaw rate [rad/s], estimated from this file.
+        joint_noise: sigma of the joint angles, mean over the joints [rad].
+        cuts: stretches that were not kept.
+        notes: what else was done, sentences.
+    """
+
+    path: Path
+    trials: tuple[str, ...]
+    frames: int
+    usable: int
+    kept: int
+    beat: float
+    speed: float
+    noise: tuple[float, float, float]
+    joint_noise: float
+    cuts: tuple[Cut, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+#: Headers of `rows`.
+HEADERS = (
+    "file", "trials", "frames", "usable", "kept", "beat [Hz]", "mean speed [m/s]",
+    "sigma surge [m/s]", "sigma sway [m/s]", "sigma yaw_rate [rad/s]", "sigma joints [rad]", "remarks",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """All files of one import.
+
+    Attributes:
+        importer: its name.
+        files: in the order given.
+    """
+
+    importer: str
+    files: tuple[FileReport, ...]
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return one row of text a file, under `HEADERS`, for a table."""
+        return [
+            (
+                file.path.name,
+                ", ".join(file.trials),
+                str(file.frames),
+                str(file.usable),
+                str(file.kept),
+                f"{file.beat:.3f}",
+                f"{file.speed:.3f}",
+                *(f"{sigma:.2g}" for sigma in (*file.noise, file.joint_noise)),
+                "; ".join([*map(str, file.cuts), *file.notes]),
+            )
+            for file in self.files
+        ]

@@ -1,0 +1,106 @@
+"""What is not a marker file is refused, by file, row and column."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from planted_markers import Planted
+
+from mjfish import importers
+from mjfish.errors import InputError, MjfishError, UnknownNameError
+
+Lines = list[str]
+
+
+def _lines(path: Path) -> Lines:
+    return Planted(frames=200).write(path).read_text().splitlines()
+
+
+def _cell(lines: Lines, row: int, column: int, text: str) -> Lines:
+    cells = lines[row - 1].split(",")
+    cells[column - 1] = text
+    return [*lines[: row - 1], ",".join(cells), *lines[row:]]
+
+
+SPOILED: dict[str, tuple[Callable[[Lines], Lines], tuple[str, ...]]] = {
+    "header": (lambda lines: [",".join(["X", "Y"] * 9), *lines], ("row 1, column 1 (X0)", "'X'", "no header")),
+    "text": (lambda lines: _cell(lines, 7, 6, "lost"), ("row 7, column 6 (Y2)", "'lost'", "correct")),
+    "empty cell": (lambda lines: _cell(lines, 8, 1, ""), ("row 8, column 1 (X0)", "''")),
+    "nan": (lambda lines: _cell(lines, 9, 18, "nan"), ("row 9, column 18 (Y8)", "nan", "finite")),
+    "infinite": (lambda lines: _cell(lines, 9, 17, "-inf"), ("row 9, column 17 (X8)", "-inf")),
+    "a column less": (lambda lines: [line.rpartition(",")[0] for line in lines], ("row 1", "17 columns", "18")),
+    "a ragged row": (lambda lines: [*lines[:20], lines[20] + ",1", *lines[21:]], ("row 21", "19 columns", "18")),
+    "too few rows": (lambda lines: lines[:59], ("59 rows", "60 or more")),
+    "empty": (lambda lines: [], ("0 rows", "60 or more")),
+}
+
+
+@pytest.mark.parametrize("case", SPOILED)
+def test_spoiled_files_are_refused_by_row_and_column(tmp_path: Path, case: str) -> None:
+    spoil, parts = SPOILED[case]
+    path = tmp_path / "markers_run.csv"
+    path.write_text("\n".join(spoil(_lines(path))))
+    with pytest.raises(InputError) as caught:
+        importers.import_files("fishsim", [path])
+    for part in (str(path), *parts):
+        assert part in str(caught.value), (part, str(caught.value))
+
+
+def test_absent_and_binary_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"nowhere\.csv: no such file"):
+        importers.import_files("fishsim", [tmp_path / "nowhere.csv"])
+    (tmp_path / "image.csv").write_bytes(b"\xff\xd8\xff\xe0" * 100)
+    with pytest.raises(InputError, match=r"image\.csv: cannot be read as text"):
+        importers.import_files("fishsim", [tmp_path / "image.csv"])
+
+
+def test_a_run_shorter_than_two_beats_is_refused(tmp_path: Path) -> None:
+    path = Planted(frames=90, beat=0.9).write(tmp_path / "markers_run.csv")
+    with pytest.raises(InputError, match=r"the longest usable stretch has 90 frames, expected 1[0-9]{2} or more"):
+        importers.import_files("fishsim", [path])
+
+
+def test_markers_that_never_move_apart_leave_no_scale(tmp_path: Path) -> None:
+    fish = Planted(frames=200)
+    pixel = fish.pixels()
+    pixel[:, 1] = pixel[:, 0]
+    with pytest.raises(InputError, match="markers 0 and 1 lie on each other"):
+        importers.import_files("fishsim", [fish.write(tmp_path / "markers_run.csv", pixel)])
+
+
+def test_names_that_do_not_exist_list_those_that_do(tmp_path: Path) -> None:
+    path = Planted(frames=200).write(tmp_path / "markers_run.csv")
+    with pytest.raises(UnknownNameError, match="unknown importer 'vicon'; known: fishsim"):
+        importers.import_files("vicon", [path])
+    with pytest.raises(UnknownNameError, match="unknown trial to hold out 'walk'; known: run"):
+        importers.import_files("fishsim", [path], held_out=["walk"])
+
+
+def test_files_that_make_no_dataset_are_refused(tmp_path: Path) -> None:
+    path = Planted(frames=200).write(tmp_path / "markers_run.csv")
+    other = Planted(frames=200).write(tmp_path / "run.csv")
+    cases: list[tuple[list[Path], list[str], str]] = [
+        ([], [], "no files to import"),
+        ([path, path], [], "given twice"),
+        ([path, other], [], "has the name of another"),
+        ([path], ["run"], "all trials are held out"),
+    ]
+    for files, held_out, message in cases:
+        with pytest.raises(MjfishError, match=message):
+            importers.import_files("fishsim", files, held_out=held_out)
+
+
+def test_no_trial_has_a_role_unless_something_sets_them_apart(tmp_path: Path) -> None:
+    files = [Planted(frames=200, seed=seed).write(tmp_path / f"markers_{seed}.csv") for seed in range(2)]
+    assert [run.role for run in importers.import_files("fishsim", files)[0].trials] == [None, None]
+    assert [run.role for run in importers.import_files("fishsim", files, ["0"])[0].trials] == ["held_out", "fit"]
+
+
+def test_the_report_has_a_row_a_file_under_its_headers(tmp_path: Path) -> None:
+    files = [Planted(frames=200, seed=seed).write(tmp_path / f"markers_{seed}.csv") for seed in range(2)]
+    rows = importers.import_files("fishsim", files)[1].rows()
+    assert [row[0] for row in rows] == [file.name for file in files]
+    assert {len(row) for row in rows} == {len(importers.HEADERS)}
+    assert rows[0][importers.HEADERS.index("frames")] == "200"
