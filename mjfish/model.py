@@ -17,6 +17,7 @@ from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Cpg, Fish
+from mjfish.hydro.outline import outlines
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
 from mjfish.parameter import Parameter
 from mjfish.trial import Trial
@@ -24,7 +25,7 @@ from mjfish.trial import Trial
 #: Beyond the samples, so that a shifted clock finds something to read [s].
 MARGIN = 0.1
 #: Largest product of step and fastest rate of the flexible tail; Runge-Kutta is stable below 2.8.
-_STIFFNESS = 1.5
+_STIFFNESS = 2.0
 _REFINEMENTS = 5
 
 
@@ -99,7 +100,7 @@ class Model:
         fish = self.fish
         for effect, own in active:
             fish = effect.body(fish, own)
-        motion = self._motion(trial, active, _refined(self.step, fish))
+        motion = self._motion(trial, active, _refined(self.step, fish, values["c_m.tail"]))
         rollout = ode.simulate(
             fish,
             motion,
@@ -141,12 +142,13 @@ def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
     return hopf.joint_motion(cpg, trial.drive, duration, step)
 
 
-def _refined(step: float, fish: Fish) -> float:
+def _refined(step: float, fish: Fish, c_m: float) -> float:
     """Halve the step until the elastic deflection of the tail, if there is one, is integrated stably."""
     if fish.tail_compliance <= 0.0:
         return step
     link = fish.links[-1]
-    inertia = 0.5 * (link.inertia + link.mass * link.com**2)  # the rest of the fish recoils: less than the link's own
+    inertia = link.inertia + link.mass * link.com**2 + max(c_m, 0.0) * float(outlines(fish)[-1].added[2])
+    inertia *= 0.5  # the rest of the fish recoils
     rate = np.sqrt(1.0 / (fish.tail_compliance * inertia)) + fish.tail_damping / inertia
     halvings = max(int(np.ceil(np.log2(max(step * rate / _STIFFNESS, 1.0)))), 0)
     return float(step / 2 ** min(halvings, _REFINEMENTS))

@@ -9,7 +9,7 @@ of an effect, and only what survives it can name one. Amplitudes that cannot be 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain, combinations
+from itertools import chain, combinations, pairwise
 
 import numpy as np
 from scipy import stats
@@ -68,11 +68,11 @@ def amplitudes(u: FloatArray, information: FloatArray, positive: BoolArray) -> F
 
 
 def log_tail(statistic: FloatArray | float, freedom: int) -> FloatArray:
-    """Return log P(chi2(freedom) > statistic): a scale on which statistics of different size compare, free of underflow."""
+    """Return log P(chi2(freedom) > statistic): statistics of different size compare on it."""
     return np.asarray(stats.chi2.logsf(np.asarray(statistic), freedom))
 
 
 def blocks_of(sizes: Sequence[int]) -> list[slice]:
     """Return the slices of consecutive blocks of columns."""
     ends = np.cumsum([0, *sizes])
-    return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]

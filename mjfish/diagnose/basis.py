@@ -31,7 +31,7 @@ def beat_phase(cpg: Cpg | None, trial: Trial) -> FloatArray:
     angle = motion.angle_at(time)[:, -1]
     slow = signal.sosfiltfilt(signal.butter(2, 0.5, fs=100.0, output="sos"), angle)  # a turn's bias comes as a step
     phase = np.unwrap(np.angle(signal.hilbert(angle - slow)))
-    return np.interp(trial.time, time, phase)
+    return np.asarray(np.interp(trial.time, time, phase))
 
 
 def hats(time: FloatArray, count: int = HATS) -> FloatArray:
@@ -46,7 +46,7 @@ def functions(cpg: Cpg | None, trial: Trial) -> FloatArray:
     waves = [np.ones_like(phase)]
     for harmonic in range(1, HARMONICS + 1):
         waves += [np.cos(harmonic * phase), np.sin(harmonic * phase)]
-    return np.einsum("nh,nw->nhw", hats(trial.time), np.stack(waves, axis=1)).reshape(len(phase), -1)
+    return np.asarray(np.einsum("nh,nw->nhw", hats(trial.time), np.stack(waves, axis=1)).reshape(len(phase), -1))
 
 
 def omnibus(cpg: Cpg | None, trials: Sequence[Trial]) -> list[list[FloatArray]]:

@@ -117,7 +117,7 @@ class Evidence:
 
     def _freedom(self, name: str) -> int:
         block = self.blocks[name]
-        return block.stop - block.start
+        return int(block.stop - block.start)
 
 
 def gather(problem: Problem, fit: Fit, candidates: Sequence[Effect]) -> Evidence:

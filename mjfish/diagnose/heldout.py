@@ -102,7 +102,7 @@ def _speed_error(one: Score) -> float:
 
 def _blocks(nominal: FloatArray, extended: FloatArray, trial: Trial) -> FloatArray:
     step = float(np.median(np.diff(trial.time)))
-    size = max(int(round(_BLOCK / step)), 1)
+    size = max(round(_BLOCK / step), 1)
     count = max(len(nominal) // size, 1)
     rows = [
         np.concatenate([(a**2).sum(axis=0), (b**2).sum(axis=0), [len(a)]])

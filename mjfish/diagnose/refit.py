@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.diagnose.evidence import Evidence
+from mjfish.diagnose.progress import Progress, silent
 from mjfish.effects.effect import Effect
 from mjfish.identify import Fit, Problem, fit
 from mjfish.parameter import Parameter
@@ -17,6 +17,10 @@ from mjfish.parameter import Parameter
 _MULTIPLES = (0.3, 1.0, 3.0)
 #: A refit of an amplitude that cannot be negative keeps this share of its scale away from zero.
 _OFF_NULL = 0.02
+#: Relative change of the sum of squares at which a refit stops.
+TOLERANCE = 1e-5
+#: Evaluations of a coarse refit.
+COARSE = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,19 +46,41 @@ class Refit:
         return {p.name: self.fit.values[p.name] for p in self.effect.parameters}
 
 
-def refit(evidence: Evidence, effect: Effect, tolerance: float = 1e-6) -> Refit:
+def refits(evidence: Evidence, effects: Sequence[Effect], progress: Progress = silent) -> dict[str, Refit]:
+    """Refit every candidate: a few steps each, then to the optimum those that are still in the running.
+
+    In the running are the best three, and whoever removes at least half of what the best removes.
+    """
+    coarse = {}
+    for done, effect in enumerate(effects):
+        progress(f"refitting with {effect.name}", done / (len(effects) + 3))
+        coarse[effect.name] = refit(evidence, effect)
+    ranked = sorted(coarse.values(), key=lambda one: -one.gain)
+    running = [one for place, one in enumerate(ranked) if place < 3 or one.gain >= 0.5 * ranked[0].gain]
+    for done, one in enumerate(running):
+        progress(f"refining the fit with {one.effect.name}", (len(effects) + done) / (len(effects) + len(running)))
+        coarse[one.effect.name] = refine(evidence, one)
+    return coarse
+
+
+def refine(evidence: Evidence, one: Refit) -> Refit:
+    """Follow a refit to its optimum."""
+    better = fit(one.problem, one.fit.x, tolerance=TOLERANCE)
+    return replace(one, fit=better, gain=evidence.fit.sse - better.sse) if better.sse <= one.fit.sse else one
+
+
+def refit(evidence: Evidence, effect: Effect, evaluations: int = COARSE) -> Refit:
     """Fit `effect` together with everything the evidence's model has, from the best of several starts.
 
-    The one-step estimate is right for a small effect; a large one may lie outside the reach of its linearisation, and so
-    multiples of it and of the declared scale are tried, and the two best starts are followed to their optimum.
+    The one-step estimate is right for a small effect; a large one may lie outside the reach of its linearisation:
+    multiples of it and of the declared scale are tried, and the best is followed.
     """
     base = evidence.problem
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **_off_null(effect)})
     starts = [problem.start({**evidence.fit.values, **guess}) for guess in _guesses(evidence, effect)]
     costs = [float(np.sum(problem.residual(start) ** 2)) for start in starts]
     ranked = [starts[i] for i in np.argsort(costs)]
-    followed = [fit(problem, start, tolerance) for start in _distinct(ranked, problem)[:2]]
-    best = min(followed, key=lambda result: result.sse)
+    best = fit(problem, ranked[0], tolerance=TOLERANCE, evaluations=evaluations)
     return Refit(effect, problem, best, evidence.fit.sse - best.sse, len(effect.parameters))
 
 
@@ -68,16 +94,6 @@ def _guesses(evidence: Evidence, effect: Effect) -> list[dict[str, float]]:
         signs = {p.name: -1.0 if one_step[p.name] < p.default else 1.0 for p in amplitudes}
         guesses.append({p.name: p.default + multiple * signs[p.name] * p.scale for p in amplitudes})
     return [{p.name: float(np.clip(guess[p.name], p.low, p.high)) for p in amplitudes} for guess in guesses]
-
-
-def _distinct(starts: list[FloatArray], problem: Problem) -> list[FloatArray]:
-    """Drop starts that are within half a scale of a better one."""
-    scale = np.array([p.scale for p in problem.parameters])
-    kept: list[FloatArray] = []
-    for start in starts:
-        if all(np.max(np.abs(start - other) / scale) > 0.5 for other in kept):
-            kept.append(start)
-    return kept
 
 
 def _off_null(effect: Effect) -> dict[str, Parameter]:

@@ -57,7 +57,7 @@ def joint_motion(cpg: Cpg, segments: tuple[DriveSegment, ...], duration: float, 
     if not segments or segments[0].start != 0.0:
         raise InputError("the first drive segment must start at 0 s; add one")
     active = [segment for segment in segments if segment.start < duration]
-    time = grid(np.array([*(segment.start for segment in active), duration]), step)
+    time = grid(np.array([*(segment.start for segment in active), duration]), step, graded=True)
     index = np.searchsorted([segment.start for segment in active], 0.5 * (time[:-1] + time[1:])) - 1
     omega = np.array([segment.omega for segment in active])[index]
     bias = np.array([segment.bias for segment in active])[index]

@@ -17,6 +17,8 @@ from mjfish.drive.motion import JointMotion, grid
 _DEGREE = 5
 #: Log10 of the penalty, relative to its natural scale, between interpolation and the strongest smoothing searched.
 _SEARCH = (-9.0, 4.0)
+#: Step of the derivative with respect to log10 of the penalty.
+_DIFFERENCE = 5e-3
 
 
 def joint_motion(time: FloatArray, angle: FloatArray, step: float) -> JointMotion:
@@ -52,14 +54,20 @@ def smoothing_spline(time: FloatArray, signal: FloatArray) -> BSpline:
     right = np.asarray(design.T @ signal)
     normal_bands, rough_bands = _bands(normal), _bands(roughness)
 
+    def bands(log_penalty: float) -> FloatArray:
+        return np.asarray(normal_bands + 10.0**log_penalty * scale * rough_bands)
+
+    def log_determinant(log_penalty: float) -> float:
+        return 2.0 * float(np.sum(np.log(linalg.cholesky_banded(bands(log_penalty))[-1])))
+
     def solve(log_penalty: float) -> tuple[FloatArray, float]:
-        bands = normal_bands + 10.0**log_penalty * scale * rough_bands
-        coefficients = linalg.solveh_banded(bands, right, lower=False)
-        # Trace of the hat matrix from unit probes is exact and cheap: n small banded solves at once.
-        hat = np.einsum("ij,ji->", design.toarray(), linalg.solveh_banded(bands, design.toarray().T, lower=False))
-        residual = signal - design @ coefficients
+        coefficients = linalg.solveh_banded(bands(log_penalty), right)
+        # Degrees of freedom left: n - trace(hat) = d log det(N + lam R) / d log lam, banded and so linear in n.
+        rise = log_determinant(log_penalty + _DIFFERENCE) - log_determinant(log_penalty - _DIFFERENCE)
         n = len(signal)
-        return coefficients, float(n * (residual @ residual) / max(n - hat, 1e-9 * n) ** 2)
+        left = max(rise / (2.0 * _DIFFERENCE * np.log(10.0)), 1e-9 * n)
+        residual = signal - design @ coefficients
+        return coefficients, float(n * (residual @ residual) / left**2)
 
     best = optimize.minimize_scalar(lambda p: solve(p)[1], bounds=_SEARCH, method="bounded", options={"xatol": 0.05})
     return BSpline(knots, solve(float(best.x))[0], _DEGREE)
@@ -72,10 +80,13 @@ def _roughness(knots: FloatArray) -> sparse.csr_array:
     half = 0.5 * np.diff(ends)
     at = (0.5 * (ends[:-1] + ends[1:]) + half * points[:, None]).T.ravel()
     weight = (half * weights[:, None]).T.ravel()
-    count = len(knots) - _DEGREE - 1
-    third = BSpline(knots, np.eye(count), _DEGREE)(at, nu=3)
-    basis = sparse.csr_array(np.where(np.abs(third) > 0.0, third, 0.0))
-    return sparse.csr_array(basis.T @ sparse.diags_array(weight) @ basis)
+    third = BSpline.design_matrix(at, knots[3:-3], _DEGREE - 3)
+    for degree in range(_DEGREE - 2, _DEGREE + 1):  # coefficients of a derivative: scaled differences
+        t = knots[_DEGREE - degree : len(knots) - _DEGREE + degree]
+        steps = degree / (t[degree + 1 : -1] - t[1 : -degree - 1])
+        diagonals = np.stack([np.append(-steps, 0.0), np.insert(steps, 0, 0.0)])
+        third = sparse.csr_array(third @ sparse.dia_array((diagonals, [0, 1]), shape=(len(steps), len(steps) + 1)))
+    return sparse.csr_array(third.T @ sparse.diags_array(weight) @ third)
 
 
 def _bands(matrix: sparse.csr_array) -> FloatArray:

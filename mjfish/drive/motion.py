@@ -65,15 +65,24 @@ class JointMotion:
         return nodes, angle, rate
 
 
-def grid(breaks: FloatArray, step: float) -> FloatArray:
+#: Shortest step after a break [s]: a servo that follows a step of the drive does so within milliseconds.
+_FIRST = 1e-4
+
+
+def grid(breaks: FloatArray, step: float, *, graded: bool = False) -> FloatArray:
     """Return step boundaries [s] that hit every break, equal within a stretch and never longer than `step`.
 
     Args:
         breaks: increasing times: start, changes of the drive, end [s].
         step: longest step [s].
+        graded: cut the first step after each break into steps that double in length from 0.1 ms on.
     """
-    stretches = [
-        np.linspace(a, b, max(int(np.ceil((b - a) / step - 1e-9)), 1) + 1)[:-1]
-        for a, b in zip(breaks[:-1], breaks[1:], strict=True)
-    ]
+    stretches = []
+    for a, b in zip(breaks[:-1], breaks[1:], strict=True):
+        even = np.linspace(a, b, max(int(np.ceil((b - a) / step - 1e-9)), 1) + 1)[:-1]
+        if graded:
+            first = (even[1] if len(even) > 1 else b) - a
+            doublings = int(np.log2(first / _FIRST)) if first > 2.0 * _FIRST else 0
+            even = np.concatenate([even[:1], a + first * 0.5 ** np.arange(doublings, 0, -1), even[1:]])
+        stretches.append(even)
     return np.concatenate([*stretches, breaks[-1:]])

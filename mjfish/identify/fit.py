@@ -72,13 +72,20 @@ class Fit:
         return max(float(self.x[index]) - half, p.low), min(float(self.x[index]) + half, p.high)
 
 
-def fit(problem: Problem, start: FloatArray | None = None, tolerance: float = 1e-8) -> Fit:
+def fit(
+    problem: Problem,
+    start: FloatArray | None = None,
+    *,
+    tolerance: float = 1e-8,
+    evaluations: int = _MAX_EVALUATIONS,
+) -> Fit:
     """Minimise the sum of squared whitened residuals within the bounds, by `scipy.optimize.least_squares` (trf).
 
     Args:
         problem: the residuals.
         start: (p,) where to start; None: the declared starts.
         tolerance: relative change of the cost at which it stops.
+        evaluations: of the residual, at most.
     """
     parameters = problem.parameters
     scale = np.array([p.scale for p in parameters])
@@ -91,7 +98,7 @@ def fit(problem: Problem, start: FloatArray | None = None, tolerance: float = 1e
         return problem.residual(y * scale)
 
     def jacobian_of(y: FloatArray) -> FloatArray:
-        return np.asarray(-problem.jacobian(y * scale) * scale)
+        return np.asarray(-problem.jacobian(y * scale, central=False) * scale)
 
     solution = optimize.least_squares(
         residual_of,
@@ -103,7 +110,7 @@ def fit(problem: Problem, start: FloatArray | None = None, tolerance: float = 1e
         ftol=tolerance,
         xtol=1e-8,
         gtol=1e-10,
-        max_nfev=_MAX_EVALUATIONS,
+        max_nfev=evaluations,
     )
     x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
     residual = problem.residual(x)

@@ -58,7 +58,7 @@ class Noise:
             )
             for channel in range(3)
         ]
-        return np.stack(whitened, axis=1)[self.order :]
+        return np.asarray(np.stack(whitened, axis=1)[self.order :])
 
 
 def estimate(residuals: Sequence[FloatArray], lost: float = 0.0) -> Noise:
@@ -84,7 +84,7 @@ def _autocovariance(blocks: list[FloatArray], highest: int) -> FloatArray:
     """Pool the autocovariance of zero-mean blocks over lags 0..highest."""
     pairs = [sum(float(b[lag:] @ b[: len(b) - lag]) for b in blocks) for lag in range(highest + 1)]
     counts = [sum(len(b) for b in blocks)] * (highest + 1)  # biased: keeps the Toeplitz matrix positive
-    return np.array(pairs) / np.array(counts)
+    return np.asarray(np.array(pairs) / np.array(counts))
 
 
 def _yule_walker(covariance: FloatArray, order: int) -> tuple[FloatArray, float]:

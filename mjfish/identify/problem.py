@@ -72,52 +72,63 @@ class Problem:
         """Return predicted velocities (n_r, 3) of every trial, all samples."""
         return self._run([(trial, self._named(x)) for trial in self.trials])
 
-    def jacobian(self, x: FloatArray) -> FloatArray:
+    def jacobian(self, x: FloatArray, *, central: bool = True) -> FloatArray:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters."""
-        return self.whiten(self.sensitivities(x))
+        return self.whiten(self.sensitivities(x, central=central))
 
     def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
         """Whiten blocks (n_r, 3, k), one a trial, and stack them to (n, k)."""
         whitened = [self.noise.whiten(block) for block in blocks]
         return np.concatenate([block.reshape(-1, block.shape[2]) for block in whitened])
 
-    def sensitivities(self, x: FloatArray, only: Sequence[str] | None = None) -> list[FloatArray]:
+    def sensitivities(
+        self, x: FloatArray, only: Sequence[str] | None = None, *, central: bool = True
+    ) -> list[FloatArray]:
         """Return, per trial, the derivative (n_r, 3, k) of the prediction by the free parameters or those in `only`.
 
-        Central differences of a thousandth of each parameter's scale; at a bound that the model must not cross
-        (an amplitude that cannot be negative), a second-order one-sided difference of a tenth of the scale.
+        Central differences of a thousandth of each parameter's scale (forward ones cost half and serve on the way to an
+        optimum); at a bound that the model must not cross, where an amplitude cannot be negative, a one-sided
+        difference of second order over a tenth of the scale.
         """
         parameters = self.parameters
         chosen = [i for i, p in enumerate(parameters) if only is None or p.name in only]
-        tasks: list[tuple[Trial, dict[str, float]]] = []
-        plan: list[tuple[int, int, list[float], float]] = []
-        for column in chosen:
+        here = self._named(x)
+        tasks = [(trial, here) for trial in self.trials]
+        plan: list[tuple[int, int, list[tuple[float, int]]]] = []
+        for k, column in enumerate(chosen):
             p = parameters[column]
-            points, weights, width = _stencil(p, float(x[column]))
+            stencil = _stencil(p, float(x[column]), central)
             for i, trial in enumerate(self.trials):
                 if _elsewhere(p, trial):
                     continue
-                for point in points:
-                    shifted = x.copy()
-                    shifted[column] = point
-                    tasks.append((trial, self._named(shifted)))
-                plan.append((column, i, weights, width))
-        results = iter(self._run(tasks))
-        sizes = [int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials))]
-        blocks = [np.zeros((size, 3, len(chosen))) for size in sizes]
-        where = {column: k for k, column in enumerate(chosen)}
-        for column, i, weights, width in plan:
-            slope = sum(weight * next(results) for weight in weights) / width
-            blocks[i][:, :, where[column]] = np.nan_to_num(np.asarray(slope)[self.mask(i)])
+                weights = []
+                for shift, weight in stencil:
+                    if shift == 0.0:
+                        weights.append((weight, i))
+                        continue
+                    weights.append((weight, len(tasks)))
+                    tasks.append((trial, {**here, p.name: float(x[column]) + shift}))
+                plan.append((k, i, weights))
+        results = self._run(tasks)
+        masks = [self.mask(i) for i in range(len(self.trials))]
+        blocks = [np.zeros((int(np.count_nonzero(keep)), 3, len(chosen))) for keep in masks]
+        for k, i, weights in plan:
+            slope = sum(weight * results[task] for weight, task in weights)
+            blocks[i][:, :, k] = np.nan_to_num(np.asarray(slope)[masks[i]])
         return blocks
 
     def mask(self, index: int) -> BoolArray:
         """Return which samples (n_r,) of a trial count.
 
-        Where the joints were measured, the ends are left out: a shifted clock would ask for motion nobody saw.
+        Left out are the samples next to a step of the drive, where the velocity jumps and a reading depends on which
+        side of the step it fell; and, where the joints were measured, the ends: a shifted clock would ask for motion that
+        nobody saw.
         """
         trial = self.trials[index]
         keep = np.ones(len(trial.time), dtype=np.bool_)
+        beside = 1.5 * float(np.median(np.diff(trial.time)))
+        for segment in trial.drive[1:]:
+            keep &= np.abs(trial.time - segment.start) > beside
         if trial.joint_angle is not None:
             keep &= (trial.time >= trial.time[0] + MARGIN) & (trial.time <= trial.time[-1] - MARGIN)
         window = self.windows[index] if self.windows is not None else None
@@ -193,11 +204,12 @@ def _elsewhere(parameter: Parameter, trial: Trial) -> bool:
     return bool(separator) and owner != trial.name
 
 
-def _stencil(p: Parameter, at: float) -> tuple[list[float], list[float], float]:
-    """Return points, weights and width of the finite difference of one parameter at one value."""
+def _stencil(p: Parameter, at: float, central: bool) -> list[tuple[float, float]]:
+    """Return shifts and weights of the finite difference of one parameter at one value."""
     h = _STEP * p.scale
-    one_sided = p.default == p.low and at - h < p.low
-    if one_sided:
+    if p.default == p.low and at - h < p.low:
         h = 0.1 * p.scale
-        return [at, at + h, at + 2.0 * h], [-3.0, 4.0, -1.0], 2.0 * h
-    return [at - h, at + h], [-1.0, 1.0], 2.0 * h
+        return [(0.0, -1.5 / h), (h, 2.0 / h), (2.0 * h, -0.5 / h)]
+    if central:
+        return [(-h, -0.5 / h), (h, 0.5 / h)]
+    return [(0.0, -1.0 / h), (h, 1.0 / h)]

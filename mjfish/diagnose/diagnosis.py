@@ -1,0 +1,271 @@
+"""The whole way from a dataset to a verdict and the gain it brings."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mjfish.diagnose import heldout, provenance
+from mjfish.diagnose.evidence import Evidence, gather
+from mjfish.diagnose.locate import Where, locate
+from mjfish.diagnose.noise import noise_of, provisional
+from mjfish.diagnose.progress import Progress, silent
+from mjfish.diagnose.refit import Refit, refits
+from mjfish.diagnose.result import Candidate, Cause, Diagnosis, Estimate, Overlay
+from mjfish.diagnose.select import Standing, chance, standings
+from mjfish.diagnose.verdict import ALARM, Ruling, rule
+from mjfish.effects import Effect, catalogue
+from mjfish.errors import InputError
+from mjfish.identify import Fit, Noise, Problem, fit
+from mjfish.identify.fit import Z95
+from mjfish.model import Model
+from mjfish.trial import Dataset, Trial
+
+#: How often the noise is estimated again after the best cause is in the model.
+_ROUNDS = 2
+#: A change of sigma by less than this share leaves the weights as they are.
+_SAME = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class _Findings:
+    """What one pass found: evidence at the baseline fit, and the refits."""
+
+    evidence: Evidence
+    refits: Mapping[str, Refit]
+    p_wrong: float
+    directed: bool
+
+
+def diagnose(
+    dataset: Dataset,
+    *,
+    effects: Mapping[str, Effect] | None = None,
+    seed: int = 0,
+    jobs: int | None = None,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Find out what is wrong with the simulation of a dataset, name the cause, and measure the gain.
+
+    The nominal model is fitted to the fit trials; its residual is tested for anything systematic. Where there is
+    some, every candidate is fitted together with the coefficients, and `mjfish.diagnose.verdict.rule` decides.
+
+    Args:
+        dataset: with its trials split into fit and held out (see `Dataset.split`).
+        effects: candidates by name; None: the shipped catalogue.
+        seed: of the simulated null distributions and the bootstrap; the same seed gives the same answer.
+        jobs: threads; None: one a processor. The answer does not depend on it.
+        progress: told what is being done.
+    """
+    rng = np.random.default_rng(seed)
+    candidates = tuple((catalogue() if effects is None else dict(effects)).values())
+    reasons = {effect.name: effect.not_applicable(dataset) for effect in candidates}
+    applicable = tuple(effect for effect in candidates if not reasons[effect.name])
+    fitted, held = dataset.split()
+    if not applicable:
+        raise InputError(f"{dataset.name}: none of the {len(candidates)} effects applies to this dataset; add one")
+    stated = None if dataset.noise is None else np.asarray(dataset.noise)
+    problem = Problem(
+        Model(dataset.fish),
+        fitted,
+        Noise.white(np.ones(3)),
+        free_clock=dataset.clock == "free",
+        jobs=jobs or os.cpu_count() or 1,
+    )
+    problem = replace(problem, noise=Noise.white(stated if stated is not None else provisional(problem)))
+    findings, noise_remark = _search(problem, applicable, stated, rng, progress)
+    evidence, refitted = findings.evidence, findings.refits
+
+    progress("comparing the candidates", 0.9)
+    standing = standings(evidence, refitted, applicable, rng) if refitted else {}
+    scores: dict[str | None, heldout.Score] = {}
+    if held:
+        scores[None] = heldout.score(evidence.problem, evidence.fit.values, held)
+    gained: dict[str, float | None] = {}
+    for name, one in refitted.items():
+        gained[name] = None
+        if held and standing[name].in_set:
+            scores[name] = heldout.score(one.problem, one.fit.values, held)
+            gained[name] = 0.5 * (sum(scores[None].whitened_sse) - sum(scores[name].whitened_sse))
+    ruling = rule(findings.p_wrong, refitted, standing, gained)
+    best = _best(ruling, refitted)
+    gain = None
+    if best is not None and held:
+        if best not in scores:
+            scores[best] = heldout.score(refitted[best].problem, refitted[best].fit.values, held)
+        gain = heldout.gain(scores[None], scores[best], held, rng)
+    progress("done", 1.0)
+
+    final = refitted[best].fit if best is not None else evidence.fit
+    extended_problem = refitted[best].problem if best is not None else evidence.problem
+    return Diagnosis(
+        dataset=dataset,
+        verdict=ruling.verdict,
+        message=ruling.message,
+        status="ok" if {evidence.fit.status, final.status} == {"converged"} else "fit_not_converged",
+        remarks=_remarks(noise_remark, evidence, held),
+        causes=tuple(_cause(refitted[name]) for name in ruling.names) if ruling.verdict == "named" else (),
+        rivals=(ruling.names,) if ruling.verdict == "cannot_tell" else (),
+        candidates=_candidates(candidates, reasons, evidence, refitted, standing, gained),
+        best=best,
+        where=_where(findings),
+        p_wrong=findings.p_wrong,
+        gain=gain,
+        nominal=_estimates(evidence.fit),
+        extended=_estimates(final),
+        nominal_model=evidence.problem.model,
+        extended_model=extended_problem.model,
+        overlays=_overlays(evidence, extended_problem, final, held, scores, best),
+        provenance=provenance.provenance(dataset, seed),
+    )
+
+
+def _search(
+    problem: Problem,
+    candidates: tuple[Effect, ...],
+    stated: np.ndarray[tuple[int], np.dtype[np.float64]] | None,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> tuple[_Findings, str]:
+    """Fit, test and refit; again with better noise, where the first noise does not hold once the best cause is in."""
+    remark = ""
+    start = None
+    for round_ in range(_ROUNDS + 1):
+        progress("fitting the nominal model", 0.02)
+        baseline = fit(problem, start, tolerance=1e-6)
+        evidence = gather(problem, baseline, candidates)
+        progress("testing the residual", 0.15)
+        directed, omnibus = evidence.directed_p(rng), evidence.omnibus_p()
+        p_wrong = min(1.0, 2.0 * min(directed, omnibus))
+        wrong = p_wrong < ALARM
+
+        def shown(what: str, done: float) -> None:
+            progress(what, 0.2 + 0.7 * done)
+
+        refitted = refits(evidence, candidates, shown) if wrong else {}
+        findings = _Findings(evidence, refitted, p_wrong, directed < ALARM)
+        if round_ == _ROUNDS:
+            break
+        reference = max(refitted.values(), key=lambda one: one.gain) if refitted else None
+        noise, remark = noise_of(
+            replace(reference.problem if reference else problem, noise=_white(problem.noise)),
+            _reweighted(reference.problem if reference else problem, reference.fit if reference else baseline),
+            tuple(e for e in candidates if reference is None or e.name != reference.effect.name),
+            stated,
+        )
+        if _same(noise, problem.noise):
+            break
+        problem = replace(problem, noise=noise)
+        start = baseline.x
+    return findings, remark
+
+
+def _white(noise: Noise) -> Noise:
+    return Noise.white(noise.sigma)
+
+
+def _reweighted(problem: Problem, one: Fit) -> Fit:
+    """Return the fit with residual and Jacobian in the white metric of its problem's sigma."""
+    if problem.noise.order == 0:
+        return one
+    white = replace(problem, noise=_white(problem.noise))
+    return replace(one, residual=white.residual(one.x), jacobian=white.jacobian(one.x))
+
+
+def _same(new: Noise, old: Noise) -> bool:
+    return new.order == old.order == 0 and bool(np.all(np.abs(new.sigma / old.sigma - 1.0) < _SAME))
+
+
+def _best(ruling: Ruling, refitted: Mapping[str, Refit]) -> str | None:
+    """Return whose extended model is shown: the named one's, else that of the largest gain."""
+    if ruling.names:
+        return ruling.names[0]
+    return max(refitted, key=lambda name: refitted[name].gain) if refitted else None
+
+
+def _where(findings: _Findings) -> Where | None:
+    return locate(findings.evidence, findings.directed) if findings.refits else None
+
+
+def _estimates(one: Fit) -> dict[str, Estimate]:
+    """Return the model's estimates by name, without what belongs to single trials."""
+    result = {}
+    for p, at_bound in zip(one.parameters, one.at_bound, strict=True):
+        if ":" not in p.name:
+            low, high = one.interval(p.name, Z95)
+            result[p.name] = Estimate(one.values[p.name], low, high, p.unit, bool(at_bound))
+    return result
+
+
+def _own(one: Refit) -> dict[str, Estimate]:
+    estimates = _estimates(one.fit)
+    return {p.short: estimates[p.name] for p in one.effect.parameters}
+
+
+def _cause(one: Refit) -> Cause:
+    return Cause(one.effect.name, one.effect.summary, _own(one))
+
+
+def _candidates(
+    effects: Sequence[Effect],
+    reasons: Mapping[str, str],
+    evidence: Evidence,
+    refitted: Mapping[str, Refit],
+    standing: Mapping[str, Standing],
+    gained: Mapping[str, float | None],
+) -> tuple[Candidate, ...]:
+    result = []
+    for effect in effects:
+        name = effect.name
+        if reasons[name]:
+            result.append(Candidate(name, False, remark=reasons[name]))
+            continue
+        one, place = refitted.get(name), standing.get(name)
+        statistic = one.gain if one else evidence.statistic(name)
+        freedom = one.freedom if one else sum(not p.shape for p in effect.parameters)
+        result.append(
+            Candidate(
+                name=name,
+                applicable=True,
+                score=evidence.statistic(name),
+                statistic=statistic,
+                freedom=freedom,
+                p_value=chance(statistic, freedom),
+                rival_p=place.rival_p if place else 0.0,
+                fit_p=min(place.saturated_p, place.omnibus_p) if place else 0.0,
+                held_out_gain=gained.get(name),
+                absorbed=evidence.absorbed(name),
+                smallest_visible=evidence.smallest_visible(name),
+                parameters=_own(one) if one else None,
+            )
+        )
+    return tuple(sorted(result, key=lambda candidate: -candidate.statistic))
+
+
+def _remarks(noise: str, evidence: Evidence, held: Sequence[Trial]) -> tuple[str, ...]:
+    remarks = [noise] if noise else []
+    for p, at_bound in zip(evidence.fit.parameters, evidence.fit.at_bound, strict=True):
+        if at_bound:
+            remarks.append(f"{p.name} of the nominal model rests on its bound {evidence.fit.values[p.name]:g}")
+    if not held:
+        remarks.append("no held-out trial: the gain cannot be measured; record or set aside one more trial")
+    return tuple(remarks)
+
+
+def _overlays(
+    evidence: Evidence,
+    extended: Problem,
+    final: Fit,
+    held: Sequence[Trial],
+    scores: Mapping[str | None, heldout.Score],
+    best: str | None,
+) -> tuple[Overlay, ...]:
+    nominal, after = evidence.problem.predictions(evidence.fit.x), extended.predictions(final.x)
+    overlays = [Overlay(t, False, a, b) for t, a, b in zip(evidence.problem.trials, nominal, after, strict=True)]
+    if held:
+        pairs = zip(held, scores[None].predictions, scores[best].predictions, strict=True)
+        overlays += [Overlay(t, True, a, b) for t, a, b in pairs]
+    return tuple(overlays)

@@ -1,0 +1,179 @@
+"""The result of a diagnosis, and its form as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from mjfish.arrays import FloatArray
+from mjfish.diagnose.heldout import Gain
+from mjfish.diagnose.locate import Where
+from mjfish.files import write_text
+from mjfish.model import Model
+from mjfish.trial import Dataset, Trial
+
+Verdict = Literal["named", "nothing_wrong", "cannot_tell", "unexplained"]
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An estimate with its 95 % interval."""
+
+    estimate: float
+    low: float
+    high: float
+    unit: str
+    at_bound: bool = False
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A named cause: its effect's name and the estimates of its parameters by short name."""
+
+    name: str
+    summary: str
+    parameters: Mapping[str, Estimate]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """How one candidate fared.
+
+    Attributes:
+        name: of the effect.
+        applicable: whether this dataset can show it at all; `remark` says why not.
+        score: T of the score test at the baseline fit.
+        statistic: LR, the fall of the sum of squares when it is fitted together with the coefficients.
+        freedom: parameters it adds.
+        p_value: of the statistic, were the nominal model true.
+        rival_p: p value of the margin by which the best candidate beats it; it is in the set of rivals from 0.05 on.
+        fit_p: p value of what is left once it is in the model; below 0.01 it is no explanation.
+        held_out_gain: log-likelihood gained on the held-out trials; None where it was not computed.
+        absorbed: share of its signature that a refit of the coefficients hides.
+        smallest_visible: size of each amplitude that would have shown.
+        parameters: estimates by short name.
+        remark: in words.
+    """
+
+    name: str
+    applicable: bool
+    score: float = 0.0
+    statistic: float = 0.0
+    freedom: int = 0
+    p_value: float = 1.0
+    rival_p: float = 0.0
+    fit_p: float = 0.0
+    held_out_gain: float | None = None
+    absorbed: float = 0.0
+    smallest_visible: Mapping[str, float] | None = None
+    parameters: Mapping[str, Estimate] | None = None
+    remark: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One trial as measured and as both models predict it, for pictures.
+
+    Attributes:
+        trial: the measured trial.
+        held_out: whether it was kept out of the fits.
+        nominal: (n, 3) prediction of the nominal model.
+        extended: (n, 3) prediction of the extended model (the best candidate's, even where it was not named).
+    """
+
+    trial: Trial
+    held_out: bool
+    nominal: FloatArray
+    extended: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What is wrong with the simulation of a dataset, why, and what knowing it gains.
+
+    Attributes:
+        dataset: that was diagnosed.
+        verdict: ``named``, ``nothing_wrong``, ``cannot_tell`` or ``unexplained``.
+        message: the verdict in one sentence.
+        status: ``ok``, or what went wrong on the way (``fit_not_converged``).
+        remarks: what a reader should know: noise, bounds, what was left out.
+        causes: named ones, at most one here.
+        rivals: groups of names that the data cannot tell apart.
+        candidates: every cause scored, best first.
+        best: name of the best candidate, that the extended model has; None where nothing is wrong.
+        where: where the discrepancy sits.
+        p_wrong: p value of the nominal model.
+        gain: on held-out trials; None where there are none or nothing is wrong.
+        nominal: coefficients of the nominal model by name.
+        extended: coefficients and effect parameters of the extended model by full name.
+        nominal_model, extended_model: ready to predict.
+        overlays: every trial, measured and predicted.
+        provenance: versions, seed, hashes of the inputs.
+    """
+
+    dataset: Dataset
+    verdict: Verdict
+    message: str
+    status: str
+    remarks: tuple[str, ...]
+    causes: tuple[Cause, ...]
+    rivals: tuple[tuple[str, ...], ...]
+    candidates: tuple[Candidate, ...]
+    best: str | None
+    where: Where | None
+    p_wrong: float
+    gain: Gain | None
+    nominal: Mapping[str, Estimate]
+    extended: Mapping[str, Estimate]
+    nominal_model: Model
+    extended_model: Model
+    overlays: tuple[Overlay, ...]
+    provenance: Mapping[str, Any]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the diagnosis as plain data, in the layout of ``diagnosis.json``."""
+        return {
+            "schema": SCHEMA,
+            "dataset": self.dataset.name,
+            "verdict": self.verdict,
+            "message": self.message,
+            "status": self.status,
+            "remarks": list(self.remarks),
+            "causes": [
+                {"name": c.name, "summary": c.summary, "parameters": _estimates(c.parameters)} for c in self.causes
+            ],
+            "rivals": [list(group) for group in self.rivals],
+            "candidates": [_candidate(candidate) for candidate in self.candidates],
+            "p_wrong": self.p_wrong,
+            "where": self.where.to_dict() if self.where else None,
+            "gain": _gain(self.gain) if self.gain else None,
+            "coefficients": {"nominal": _estimates(self.nominal), "extended": _estimates(self.extended)},
+            "provenance": dict(self.provenance),
+        }
+
+    def save(self, path: Path) -> None:
+        """Write ``diagnosis.json`` whole or not at all."""
+        write_text(path, json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n")
+
+
+def _estimates(table: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {name: vars(estimate) for name, estimate in table.items()}
+
+
+def _candidate(candidate: Candidate) -> dict[str, Any]:
+    entry = dict(vars(candidate))
+    entry["parameters"] = _estimates(candidate.parameters) if candidate.parameters else None
+    entry["smallest_visible"] = dict(candidate.smallest_visible) if candidate.smallest_visible else None
+    return entry
+
+
+def _gain(gain: Gain) -> dict[str, Any]:
+    return {
+        "held_out": {"nominal": dict(gain.nominal), "extended": dict(gain.extended)},
+        "relative_reduction": {"estimate": gain.relative_reduction, "low": gain.low, "high": gain.high},
+        "mean_speed_error": {"nominal": gain.mean_speed_error[0], "extended": gain.mean_speed_error[1], "unit": "m/s"},
+    }
