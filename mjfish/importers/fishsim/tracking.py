@@ -91,7 +91,7 @@ def _misfit(position: FloatArray, station: FloatArray) -> FloatArray:
     before, after = step[:, :-1], step[:, 1:]
     sine = before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
     turn = np.abs(np.arctan2(sine, (before * after).sum(axis=-1)))
-    return np.maximum(distance.max(axis=1) / _TAIL_TOLERANCE, turn.max(axis=1) / _TAIL_TURN)
+    return np.asarray(np.maximum(distance.max(axis=1) / _TAIL_TOLERANCE, turn.max(axis=1) / _TAIL_TURN))
 
 
 def runs(flags: BoolArray) -> list[tuple[int, int]]:
