@@ -85,7 +85,9 @@ def _roughness(knots: FloatArray) -> sparse.csr_array:
         t = knots[_DEGREE - degree : len(knots) - _DEGREE + degree]
         steps = degree / (t[degree + 1 : -1] - t[1 : -degree - 1])
         diagonals = np.stack([np.append(-steps, 0.0), np.insert(steps, 0, 0.0)])
-        third = sparse.csr_array(third @ sparse.dia_array((diagonals, [0, 1]), shape=(len(steps), len(steps) + 1)))
+        third = sparse.csr_array(
+            third @ sparse.dia_array((diagonals, np.array([0, 1])), shape=(len(steps), len(steps) + 1))
+        )
     return sparse.csr_array(third.T @ sparse.diags_array(weight) @ third)
 
 
