@@ -67,8 +67,8 @@ def _add(
 ) -> None:  # fmt: skip
     """Add J^T A J to the inertia (lower triangle) and J^T (f - A b) to the force."""
     fx = state[0]
-    fy = state[1] - a0 * state[4] - a1 * state[5]
-    mz = state[2] - a1 * state[4] - a2 * state[5]
+    fy = state[1] - a0 * state[3] - a1 * state[4]
+    mz = state[2] - a1 * state[3] - a2 * state[4]
     for k in range(depth):
         row = chain[k]
         py = a0 * jacobian[k, 1] + a1 * jacobian[k, 2]
@@ -109,7 +109,7 @@ def push(model: Any, data: Any, bodies: FloatArray, water: Any) -> None:
     jacobian = np.empty((n, nv, 3))  # of a link's u, v, w, dof by dof up its chain
     chain = np.empty((n, nv), dtype=np.int32)
     depth = np.empty(n, dtype=np.int32)
-    state = np.empty((n, 6))  # drag and gyroscopic force, and b_i
+    state = np.empty((n, 5))  # drag and gyroscopic force; b_i across and about: no water is added along the link
     _rigid(model, data, inertia, force)
     for i in range(n):
         body = int(bodies[i])
@@ -129,8 +129,8 @@ def push(model: Any, data: Any, bodies: FloatArray, water: Any) -> None:
         _add(inertia, force, jacobian[i], chain[i], depth[i], state[i], a0, a1, a2)
     _solve(inertia, force)
     for i in range(n):
-        bv = state[i, 4]
-        bw = state[i, 5]
+        bv = state[i, 3]
+        bw = state[i, 4]
         for k in range(depth[i]):
             bv += jacobian[i, k, 1] * force[chain[i, k]]
             bw += jacobian[i, k, 2] * force[chain[i, k]]

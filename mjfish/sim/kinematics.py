@@ -44,7 +44,7 @@ def velocity_of(model: Any, data: Any, body: int) -> tuple[float, float, float]:
 
 @compiled
 def jacobian_of(model: Any, data: Any, body: int, jacobian: FloatArray, chain: Any, state: FloatArray) -> int:
-    """Fill the Jacobian of a link and its b = J' q' (state[3:]); return the number of dofs above it."""
+    """Fill the Jacobian of a link and b = J' q' of v and w (state[3:]); return the number of dofs above it."""
     counts = carray(integers(model.body_dofnum), body + 1)
     first = carray(integers(model.body_dofadr), body + 1)
     parents = carray(integers(model.body_parentid), body + 1)
@@ -56,7 +56,6 @@ def jacobian_of(model: Any, data: Any, body: int, jacobian: FloatArray, chain: A
         holder = parents[holder]
     dof = first[holder] + counts[holder] - 1 if holder > 0 else -1
     depth = 0
-    bu = 0.0
     bv = 0.0
     bw = 0.0
     while dof >= 0:
@@ -64,15 +63,13 @@ def jacobian_of(model: Any, data: Any, body: int, jacobian: FloatArray, chain: A
         motion = carray(floats(data.cdof + 48 * dof), 6)
         jacobian[depth, 0], jacobian[depth, 1], jacobian[depth, 2] = _project(motion, x, y, z, axes)
         # Spatial acceleration, so that its projection is the rate of (u, v, w) in the turning link frame.
-        du, dv, dw = _project(carray(floats(data.cdof_dot + 48 * dof), 6), x, y, z, axes)
-        bu += du * speed[dof]
+        _, dv, dw = _project(carray(floats(data.cdof_dot + 48 * dof), 6), x, y, z, axes)
         bv += dv * speed[dof]
         bw += dw * speed[dof]
         depth += 1
         dof = above[dof]
-    state[3] = bu
-    state[4] = bv
-    state[5] = bw
+    state[3] = bv
+    state[4] = bw
     return depth
 
 
