@@ -174,7 +174,10 @@ class Fish(Table):
         if missing:
             raise ValueError(f"no link of group '{missing[0]}'; each of head, body and tail needs at least one")
         if self.cpg is not None and len(self.cpg.amplitude) != self.joints:
-            raise ValueError(f"cpg.amplitude has {len(self.cpg.amplitude)} numbers, the fish has {self.joints} joints")
+            raise ValueError(
+                f"cpg.amplitude has {len(self.cpg.amplitude)} numbers, the fish has {self.joints} joints; "
+                "give one number a joint"
+            )
         self._check_outline()
         for parameter in self.parameters:  # raises where bounds, start and value contradict each other
             parameter.check(parameter.default)
@@ -185,9 +188,14 @@ class Fish(Table):
             raise ValueError(f"sections must begin at the nose (from = 0), not at {self.sections[0].start:g} m")
         for before, after in zip(self.sections, self.sections[1:], strict=False):
             if abs(after.start - before.end) > 1e-9:
-                raise ValueError(f"sections leave a gap or overlap between {before.end:g} and {after.start:g} m")
+                raise ValueError(
+                    f"sections leave a gap or overlap between {before.end:g} and {after.start:g} m; "
+                    "let each begin where the one before it ends"
+                )
         if abs(self.sections[-1].end - self.length) > 1e-9:
-            raise ValueError(f"sections end at {self.sections[-1].end:g} m, the links at {self.length:g} m")
+            raise ValueError(
+                f"sections end at {self.sections[-1].end:g} m, the links at {self.length:g} m; make both end at the tip"
+            )
 
     @property
     def joints(self) -> int:

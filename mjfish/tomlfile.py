@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeVar
 
@@ -22,9 +23,19 @@ T = TypeVar("T", bound=BaseModel)
 _REMEDIES = {
     "extra_forbidden": "unknown key; remove it or correct its spelling",
     "missing": "this key is missing; add it",
-    "finite_number": "expected a finite number",
+    "finite_number": "expected a finite number; correct it",
+    "float_type": "expected a number; write it without quotes",
+    "string_type": "expected text; write it in quotes",
     "tuple_type": "expected a list in brackets",
     "dict_type": "expected a table",
+    "model_type": "expected a table",
+    "literal_error": "expected {expected}",
+    "greater_than": "must be above {gt:g}; correct it",
+    "greater_than_equal": "must be at least {ge:g}; correct it",
+    "less_than_equal": "must be at most {le:g}; correct it",
+    "string_too_short": "must not be empty; give it a text",
+    "too_short": "expected at least {min_length} entries, found {actual_length}",
+    "too_long": "expected at most {max_length} entries, found {actual_length}",
 }
 
 
@@ -46,17 +57,28 @@ def read(path: Path, model: type[T]) -> T:
 
 
 def parse(raw: object, model: type[T], place: str) -> T:
-    """Validate the parsed table `raw` as `model`; `place` opens every message."""
+    """Validate the parsed table `raw` as `model`; `place` opens every message.
+
+    Strictly, so that ``"1.5"`` and ``true`` are no numbers.
+    """
     try:
-        return model.model_validate(raw)
+        return model.model_validate(_frozen(raw), strict=True)
     except ValidationError as error:
         raise InputError("\n".join(_complaint(place, item) for item in error.errors())) from None
+
+
+def _frozen(raw: object) -> object:
+    """Turn lists into tuples, all the way down: strict validation takes no list for a tuple."""
+    if isinstance(raw, Mapping):
+        return {key: _frozen(value) for key, value in raw.items()}
+    return tuple(_frozen(item) for item in raw) if isinstance(raw, (list, tuple)) else raw
 
 
 def _complaint(place: str, item: object) -> str:
     assert isinstance(item, dict)  # noqa: S101 - pydantic's ErrorDetails is a TypedDict
     key = ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in item["loc"])
-    text = _REMEDIES.get(item["type"], str(item["msg"]).removeprefix("Value error, "))
+    text = _REMEDIES.get(item["type"], "").format(**item.get("ctx", {}))
+    text = text or str(item["msg"]).removeprefix("Value error, ")
     found = item["input"]
     shown = f" (found {found!r})" if isinstance(found, (int, float, str, bool)) else ""
     return f"{place}: {key or 'file'}: {text}{shown}"

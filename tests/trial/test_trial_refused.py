@@ -116,7 +116,7 @@ TOML_FILE: dict[str, tuple[Edit, tuple[str, ...]]] = {
     "nothing to fit": (swap('"fit"', '"held_out"'), (": trials: ", "every role is 'held_out'", "change one")),
     "sigma of zero": (swap("surge = 0.01", "surge = 0"), ("noise.surge: must be above 0", "leave out [noise]")),
     "sigma missing": (swap("sway = 0.01\n", ""), ("noise.sway: this key is missing",)),
-    "sigma as text": (swap("sway = 0.01", 'sway = "0.01"'), ("noise.sway: ", "valid number", "found '0.01'")),
+    "sigma as text": (swap("sway = 0.01", 'sway = "0.01"'), ("noise.sway: expected a number", "found '0.01'")),
     "sigma infinite": (swap("sway = 0.01", "sway = inf"), ("noise.sway: expected a finite number", "found inf")),
     "omega": (swap("omega = 18.0", "omega = -18.0"), ("trials.1.drive.1.omega: must be above 0", "found -18.0")),
     "bias too short": (swap("[0, 1, 1.5, 2]", "[0, 1]"), ("trials.1.drive.2.bias: 2 numbers", "expected 4", "pike")),

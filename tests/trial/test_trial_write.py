@@ -212,7 +212,7 @@ BROKEN: dict[str, tuple[Callable[[Dataset], Dataset], str]] = {
     ),
     "fish": (
         lambda d: replace(d, fish=d.fish.model_copy(update={"density": -1.0})),
-        "fish.toml: density: Input should be greater than 0",
+        "fish.toml: density: must be above 0",
     ),
     "no text": (
         lambda d: replace(d, fish=d.fish.model_copy(update={"about": "\ud800"})),
