@@ -11,7 +11,7 @@ import numpy as np
 from mjfish.diagnose import heldout, provenance
 from mjfish.diagnose.evidence import Evidence, gather
 from mjfish.diagnose.locate import Where, locate
-from mjfish.diagnose.noise import noise_of, provisional
+from mjfish.diagnose.noise import noise_of
 from mjfish.diagnose.progress import Progress, silent
 from mjfish.diagnose.refit import Refit, refits
 from mjfish.diagnose.result import Candidate, Cause, Diagnosis, Estimate, Overlay
@@ -21,6 +21,8 @@ from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
 from mjfish.identify import Fit, Noise, Problem, fit
 from mjfish.identify.fit import Z95
+from mjfish.identify.report import first_sigma
+from mjfish.identify.score import Score, predict_held_out
 from mjfish.model import Model
 from mjfish.trial import Dataset, Trial
 
@@ -75,27 +77,27 @@ def diagnose(
         free_clock=dataset.clock == "free",
         jobs=jobs or os.cpu_count() or 1,
     )
-    problem = replace(problem, noise=Noise.white(stated if stated is not None else provisional(problem)))
+    problem = replace(problem, noise=Noise.white(stated if stated is not None else first_sigma(fitted)))
     findings, noise_remark = _search(problem, applicable, stated, rng, progress)
     evidence, refitted = findings.evidence, findings.refits
 
     progress("comparing the candidates", 0.9)
     standing = standings(evidence, refitted, applicable, rng) if refitted else {}
-    scores: dict[str | None, heldout.Score] = {}
+    scores: dict[str | None, Score] = {}
     if held:
-        scores[None] = heldout.score(evidence.problem, evidence.fit.values, held)
+        scores[None] = predict_held_out(evidence.problem, evidence.fit.values, held)
     gained: dict[str, float | None] = {}
     for name, one in refitted.items():
         gained[name] = None
         if held and standing[name].in_set:
-            scores[name] = heldout.score(one.problem, one.fit.values, held)
+            scores[name] = predict_held_out(one.problem, one.fit.values, held)
             gained[name] = 0.5 * (sum(scores[None].whitened_sse) - sum(scores[name].whitened_sse))
     ruling = rule(findings.p_wrong, refitted, standing, gained)
     best = _best(ruling, refitted)
     gain = None
     if best is not None and held:
         if best not in scores:
-            scores[best] = heldout.score(refitted[best].problem, refitted[best].fit.values, held)
+            scores[best] = predict_held_out(refitted[best].problem, refitted[best].fit.values, held)
         gain = heldout.gain(scores[None], scores[best], held, rng)
     progress("done", 1.0)
 
@@ -260,7 +262,7 @@ def _overlays(
     extended: Problem,
     final: Fit,
     held: Sequence[Trial],
-    scores: Mapping[str | None, heldout.Score],
+    scores: Mapping[str | None, Score],
     best: str | None,
 ) -> tuple[Overlay, ...]:
     nominal, after = evidence.problem.predictions(evidence.fit.x), extended.predictions(final.x)

@@ -1,41 +1,19 @@
-"""Held-out trials: scored with everything frozen that was fitted elsewhere.
-
-What belongs to a held-out trial alone (start velocity, free clock) is fitted on its first part only, and that part is
-left out of the score: nothing that is scored was ever fitted to.
-"""
+"""The gain on held-out trials: nominal against extended model, with an interval."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.identify import Problem, fit
-from mjfish.identify.problem import nuisances
+from mjfish.identify.score import Score
 from mjfish.trial import Trial
 
-#: Share of a held-out trial on which its nuisance parameters are fitted, where it has any.
-PREFIX = 0.25
 #: Draws of the block bootstrap of the gain, and the length of a block [s].
 _DRAWS = 2000
 _BLOCK = 0.7
-
-
-@dataclass(frozen=True, eq=False)
-class Score:
-    """Residuals of one model on the held-out trials.
-
-    Attributes:
-        residuals: (n_r, 3) per trial, scored samples only, physical units.
-        predictions: (n_r, 3) per trial, all samples.
-        whitened_sse: sum of squares in the metric of the noise, per trial.
-    """
-
-    residuals: tuple[FloatArray, ...]
-    predictions: tuple[FloatArray, ...]
-    whitened_sse: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -56,25 +34,6 @@ class Gain:
     low: float
     high: float
     mean_speed_error: tuple[float, float]
-
-
-def score(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
-    """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""
-    shared = {p.name: values[p.name] for p in fitted.model.parameters}
-    residuals, predictions, sums = [], [], []
-    for trial in trials:
-        own = nuisances(trial, fitted.free_clock)
-        alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
-        x = alone.start()
-        if own:
-            split = float(trial.time[0] + PREFIX * (trial.time[-1] - trial.time[0]))
-            x = fit(replace(alone, windows=((-np.inf, split),)), x).x
-            alone = replace(alone, windows=((split, np.inf),))
-        residuals.append(alone.raw(x)[0])
-        predictions.append(alone.predictions(x)[0])
-        whitened = alone.residual(x)
-        sums.append(float(whitened @ whitened))
-    return Score(tuple(residuals), tuple(predictions), tuple(sums))
 
 
 def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.random.Generator) -> Gain:

@@ -6,8 +6,6 @@ Estimating the noise from the residual of the baseline would count the effect as
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from mjfish.arrays import FloatArray
@@ -62,20 +60,6 @@ def noise_of(
     if found.order == 0 and np.all(off < _CONTRADICTED):
         return Noise.white(stated), ""
     return found, _describe(found, "the stated noise does not fit the data; estimated instead")
-
-
-def provisional(problem: Problem) -> FloatArray:
-    """Return a first sigma (3,) where none is stated: of the third differences of the measurements.
-
-    For white noise their variance is 20 sigma^2; what is left of a smooth motion in them only makes sigma larger.
-    """
-    differences = np.concatenate([np.diff(trial.velocity, n=3, axis=0) for trial in problem.trials])
-    return np.asarray(np.maximum(np.sqrt(np.mean(differences**2, axis=0) / 20.0), 1e-6))
-
-
-def with_noise(problem: Problem, noise: Noise) -> Problem:
-    """Return the problem weighted by another noise."""
-    return replace(problem, noise=noise)
 
 
 def _describe(noise: Noise, what: str) -> str:

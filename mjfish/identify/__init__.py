@@ -3,5 +3,7 @@
 from mjfish.identify.fit import Fit, fit
 from mjfish.identify.noise import Noise
 from mjfish.identify.problem import Problem
+from mjfish.identify.report import Identification, identify
+from mjfish.identify.score import Score, predict_held_out
 
-__all__ = ["Fit", "Noise", "Problem", "fit"]
+__all__ = ["Fit", "Identification", "Noise", "Problem", "Score", "fit", "identify", "predict_held_out"]

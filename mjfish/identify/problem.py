@@ -121,8 +121,8 @@ class Problem:
         """Return which samples (n_r,) of a trial count.
 
         Left out are the samples next to a step of the drive, where the velocity jumps and a reading depends on which
-        side of the step it fell; and, where the joints were measured, the ends: a shifted clock would ask for motion that
-        nobody saw.
+        side of the step it fell; and, where the joints were measured, the ends: a shifted clock would ask for motion
+        that nobody saw.
         """
         trial = self.trials[index]
         keep = np.ones(len(trial.time), dtype=np.bool_)

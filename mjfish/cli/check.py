@@ -1,0 +1,72 @@
+"""``mjfish check``: the two engines against each other."""
+
+from __future__ import annotations
+
+import enum
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from mjfish import fish as fishes
+from mjfish.cli import console
+from mjfish.drive import modes
+from mjfish.files import write_text
+from mjfish.frames import CHANNELS, UNITS
+
+#: Checked where no mode is named: a straight run, a change of frequency, a turn.
+MODES = ("v1", "v5-v1", "v3-t2")
+
+
+class Coriolis(enum.StrEnum):
+    """Form of the gyroscopic terms."""
+
+    CORRECTED = "corrected"
+    PRINTED = "printed"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(check)
+
+
+def check(
+    fish: Annotated[str, typer.Option(help="A shipped fish or a fish TOML.")] = "pike",
+    mode: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(modes.MODES)}; repeatable.")] = None,
+    coriolis: Annotated[
+        Coriolis, typer.Option(help="The paper's printed form must be seen to fail.")
+    ] = Coriolis.CORRECTED,
+    json_: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
+) -> None:
+    """Cross-check MuJoCo with the fluid force against the head-frame ODE, on the joint motion that MuJoCo realised."""
+    from mjfish import crosscheck
+
+    body = fishes.load(fish)
+    results = []
+    with console.progress_bar() as tell:
+        for done, name in enumerate(mode or MODES):
+            tell(f"checking {name}", done / len(mode or MODES))
+            results.append(crosscheck.check(body, name, coriolis=coriolis.value))
+    table = Table(title=f"{body.name}: largest difference ODE - MuJoCo, relative to each channel's range")
+    for heading in ("mode", "step [ms]", *(f"{c} [{UNITS[c]}]" for c in CHANNELS), "of the bound", "order"):
+        table.add_column(heading, justify="left" if heading == "mode" else "right")
+    for result in results:
+        for level, order in zip(result.levels, (math.nan, *result.orders), strict=False):
+            ratios = (f"{level.ratio[channel]:.1e}" for channel in CHANNELS)
+            shown = "" if math.isnan(order) else f"{order:.2f}"
+            table.add_row(result.drive, f"{1e3 * level.step:g}", *ratios, f"{level.worst / result.bound:.2g}", shown)
+        table.add_section()
+    console.out.print(table)
+    for result in results:
+        colour = "green" if result.passed else "red"
+        console.out.print(f"{result.drive}: [bold {colour}]{result.status}[/], {result.message}", soft_wrap=True)
+    passed = all(result.passed for result in results)
+    if json_ is not None:
+        entries = [{**asdict(result), "passed": result.passed} for result in results]
+        write_text(json_, json.dumps({"schema": 1, "passed": passed, "checks": entries}, indent=2) + "\n")
+    if not passed:
+        raise typer.Exit(console.NOT_GOOD)

@@ -1,0 +1,57 @@
+"""What the commands share: console, progress bar, number lists, exit codes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from mjfish.diagnose.progress import Progress as Told
+from mjfish.errors import InputError
+
+#: Exit codes.
+NOT_GOOD = 1
+MISUSE = 2
+
+out = Console(highlight=False)
+err = Console(stderr=True, highlight=False)
+
+
+@contextmanager
+def progress_bar() -> Iterator[Told]:
+    """Show a progress bar on stderr while the block runs; yields the function to tell."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+
+        def tell(what: str, done: float) -> None:
+            bar.update(task, description=what, completed=done)
+
+        yield tell
+
+
+def numbers(text: str, count: int, what: str) -> list[float]:
+    """Parse comma-separated numbers, or raise `InputError` that says how many were expected."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(math.isfinite(value) for value in values):
+        raise InputError(f"{what}: found '{text}', expected {count} numbers separated by commas")
+    return values
+
+
+def assignments(texts: Sequence[str], what: str) -> dict[str, float]:
+    """Parse ``NAME=VALUE`` settings, or raise `InputError`."""
+    result: dict[str, float] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip():
+            raise InputError(f"{what}: found '{text}', expected NAME=VALUE, e.g. c_d.head=2.0")
+        if name.strip() in result:
+            raise InputError(f"{what}: '{name.strip()}' is set twice; set it once")
+        result[name.strip()] = numbers(value, 1, f"{what} {name.strip()}")[0]
+    return result

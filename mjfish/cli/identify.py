@@ -1,0 +1,63 @@
+"""``mjfish identify``: the nine coefficients from a dataset."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from mjfish.cli import console
+from mjfish.files import write_text
+from mjfish.identify.report import Identification, identify
+from mjfish.trial import load
+
+#: Correlations beyond this are printed.
+_STRONG = 0.9
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("identify")(identify_)
+
+
+def identify_(
+    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml.")],
+    json_: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
+    jobs: Annotated[int | None, typer.Option(help="Threads; default one a processor.")] = None,
+) -> None:
+    """Fit the hydrodynamic coefficients to all fit trials at once, and score the held-out ones."""
+    with console.progress_bar() as tell:
+        tell("fitting", 0.1)
+        result = identify(load(dataset), jobs=jobs)
+    _show(result)
+    if json_ is not None:
+        write_text(json_, json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n")
+    if result.fit.status != "converged":
+        console.err.print(f"[bold red]{result.fit.status}:[/] {result.fit.message}")
+        raise typer.Exit(console.NOT_GOOD)
+
+
+def _show(result: Identification) -> None:
+    table = Table(title=f"{result.dataset.name}: estimates with 95 % intervals")
+    for heading in ("parameter", "estimate", "standard error", "low", "high", "remark"):
+        table.add_column(heading, justify="left" if heading in ("parameter", "remark") else "right")
+    for p, at_bound in zip(result.fit.parameters, result.fit.at_bound, strict=True):
+        low, high = result.fit.interval(p.name)
+        remark = "rests on its bound" if at_bound else ""
+        cells = (f"{v:.4g}" for v in (result.fit.values[p.name], result.fit.sigma[p.name], low, high))
+        table.add_row(p.name, *cells, remark)
+    console.out.print(table)
+    scores = Table(title="nRMSE (RMSE over the range of the channel)")
+    for heading in ("trial", "role", "surge", "sway", "yaw_rate"):
+        scores.add_column(heading, justify="left" if heading in ("trial", "role") else "right")
+    for row in result.scores:
+        scores.add_row(row.trial, row.role, *(f"{v:.4f}" for v in row.nrmse))
+    console.out.print(scores)
+    for first, second, value in result.strong_correlations(_STRONG):
+        console.out.print(f"{first} and {second} are hard to tell apart on these data: correlation {value:.2f}")
+    for remark in result.remarks:
+        console.out.print(remark)
+    console.out.print(f"fit {result.fit.status} after {result.fit.evaluations} evaluations")

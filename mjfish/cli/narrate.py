@@ -1,0 +1,101 @@
+"""A diagnosis told in the terminal: verdict, cause, gain, rivals, what a refit hides, what could not have been seen."""
+
+from __future__ import annotations
+
+from rich.markup import escape
+from rich.table import Table
+
+from mjfish.cli.console import out
+from mjfish.diagnose import Diagnosis
+from mjfish.effects import catalogue
+from mjfish.frames import CHANNELS
+
+_COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow", "unexplained": "red"}
+#: A candidate is called hidden where a refit swallows this share of its signature.
+_HIDDEN = 0.9
+
+
+def diagnosis(result: Diagnosis) -> None:
+    """Print a diagnosis."""
+    out.print(f"[bold {_COLOURS[result.verdict]}]{result.verdict}[/]  {escape(result.message)}", soft_wrap=True)
+    if result.best is not None:
+        out.print(_cause(result))
+    if result.gain is not None:
+        out.print(_gain(result))
+    if result.where is not None:
+        where = result.where
+        out.print(
+            f"The misfit is densest in {where.channel} ({where.channels[where.channel]:.0%} of it), "
+            f"trial {escape(where.trial)}, {where.part}, {where.phase} of the beat.",
+            soft_wrap=True,
+        )
+    if result.candidates:
+        out.print(_candidates(result))
+    _experiments(result)
+    _blind(result)
+    for remark in result.remarks:
+        out.print(f"Remark: {escape(remark)}", soft_wrap=True)
+
+
+def _cause(result: Diagnosis) -> Table:
+    title = {"named": "Cause", "cannot_tell": "Best of the rivals"}.get(result.verdict, "Closest candidate, not named")
+    table = Table(title=title)
+    for heading in ("parameter", "estimate", "95 % interval", "unit"):
+        table.add_column(heading)
+    best = next(candidate for candidate in result.candidates if candidate.name == result.best)
+    for short, value in (best.parameters or {}).items():
+        table.add_row(
+            f"{best.name}.{short}", f"{value.estimate:.4g}", f"{value.low:.4g} to {value.high:.4g}", value.unit
+        )
+    return table
+
+
+def _gain(result: Diagnosis) -> Table:
+    gain = result.gain
+    assert gain is not None  # noqa: S101 - checked by the caller
+    table = Table(title="Held-out trials: nRMSE before and after")
+    for heading in ("channel", "nominal", "extended", "reduction"):
+        table.add_column(heading, justify="left" if heading == "channel" else "right")
+    for channel in (*CHANNELS, "pooled"):
+        before, after = gain.nominal[channel], gain.extended[channel]
+        shown = f"{1.0 - after / before:.1%}"
+        if channel == "pooled":
+            shown += f"  ({gain.low:.1%} to {gain.high:.1%})"
+        table.add_row(channel, f"{before:.4f}", f"{after:.4f}", shown)
+    before, after = gain.mean_speed_error
+    table.add_row("mean speed error [m/s]", f"{before:.4f}", f"{after:.4f}", "")
+    return table
+
+
+def _candidates(result: Diagnosis) -> Table:
+    table = Table(title="Candidates, each fitted together with the coefficients")
+    for heading in ("cause", "LR", "p", "held-out gain", "rival p", "what is left p", "remark"):
+        table.add_column(heading, justify="left" if heading in ("cause", "remark") else "right")
+    for c in result.candidates:
+        if not c.applicable:
+            table.add_row(c.name, "", "", "", "", "", escape(c.remark))
+            continue
+        held = "" if c.held_out_gain is None else f"{c.held_out_gain:.1f}"
+        rival, left = (f"{c.rival_p:.2g}", f"{c.fit_p:.2g}" if c.rival_p >= 0.05 else "") if c.parameters else ("", "")
+        hidden = f"a refit hides {c.absorbed:.0%} of it" if c.absorbed > _HIDDEN else ""
+        table.add_row(c.name, f"{c.statistic:.1f}", f"{c.p_value:.2g}", held, rival, left, hidden)
+    return table
+
+
+def _experiments(result: Diagnosis) -> None:
+    known = {effect.name: effect for effect in result.extended_model.effects} | catalogue()
+    names = [cause.name for cause in result.causes] or [name for group in result.rivals for name in group]
+    for name in names:
+        out.print(f"To confirm {name}: {escape(known[name].confirm)}.", soft_wrap=True)
+
+
+def _blind(result: Diagnosis) -> None:
+    """Say which sizes would have shown."""
+    sizes = [
+        f"{name} {size:.2g}"
+        for c in result.candidates
+        if c.applicable and c.smallest_visible
+        for name, size in c.smallest_visible.items()
+    ]
+    if sizes and result.verdict in ("nothing_wrong", "named"):
+        out.print(f"Smallest sizes that would have shown: {', '.join(sizes)}.", soft_wrap=True)

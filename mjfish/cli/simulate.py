@@ -1,0 +1,87 @@
+"""``mjfish simulate``: a rollout of either engine."""
+
+from __future__ import annotations
+
+import enum
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from mjfish import fish as fishes
+from mjfish.arrays import FloatArray
+from mjfish.cli import console
+from mjfish.drive import cpg, modes
+from mjfish.drive.motion import JointMotion
+from mjfish.errors import InputError
+from mjfish.fish import Fish
+from mjfish.frames import CHANNELS
+from mjfish.trial import columns, write_table
+
+#: Step of both engines [s].
+STEP = 0.001
+#: Samples a second in rollout.csv.
+RATE = 100.0
+
+
+class Engine(enum.StrEnum):
+    """Which engine."""
+
+    ODE = "ode"
+    MUJOCO = "mujoco"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(simulate)
+
+
+def simulate(
+    out: Annotated[Path, typer.Option(help="Folder for rollout.csv and rollout.rrd.")],
+    fish: Annotated[str, typer.Option(help="A shipped fish or a fish TOML.")] = "pike",
+    mode: Annotated[str, typer.Option(help=f"One of {', '.join(modes.MODES)}.")] = "v1",
+    engine: Annotated[Engine, typer.Option(help="Head-frame ODE or MuJoCo.")] = Engine.ODE,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Coefficient, e.g. c_d.head=2.0; repeatable.")] = None,
+    duration: Annotated[float, typer.Option(help="Length of the run [s].")] = modes.DURATION,
+) -> None:
+    """Simulate a mode of swimming and write rollout.csv and rollout.rrd."""
+    body = fishes.load(fish).with_values(console.assignments(set_ or [], "--set"))
+    if body.cpg is None:
+        raise InputError(f"{fish} has no [cpg]; a mode can only be simulated with one")
+    if not duration > 0.0:
+        raise InputError(f"--duration: found {duration:g}, expected a number above 0 s")
+    motion = cpg.joint_motion(body.cpg, modes.drive(mode), duration, STEP)
+    time = np.arange(int(duration * RATE + 1e-9) + 1) / RATE
+    state, joints, status, message = _run(body, motion, engine, time)
+    out.mkdir(parents=True, exist_ok=True)
+    kept = np.all(np.isfinite(state), axis=1)
+    names = ["time", *CHANNELS, *columns.POSE, *(columns.joint(k + 1) for k in range(body.joints))]
+    table = np.column_stack([time, state, joints])[kept]
+    write_table(out / "rollout.csv", {columns.header(n): table[:, k] for k, n in enumerate(names)})
+    from mjfish.viewlog import write_rollout_log
+
+    write_rollout_log(out / "rollout.rrd", body, table[:, 0], table[:, 1:4], table[:, 4:7], table[:, 7:])
+    if status != "ok":
+        console.err.print(f"[bold red]{status}:[/] {message}", soft_wrap=True)
+        raise typer.Exit(console.NOT_GOOD)
+    steady = state[time >= 0.5 * duration, 0]
+    console.out.print(f"{body.name}, {mode}, {engine.value}: mean surge of the second half {steady.mean():.3f} m/s")
+    console.out.print(
+        f"wrote {out / 'rollout.csv'} and {out / 'rollout.rrd'} (open it with: mjfish view {out / 'rollout.rrd'})"
+    )
+
+
+def _run(fish: Fish, motion: JointMotion, engine: Engine, time: FloatArray) -> tuple[FloatArray, FloatArray, str, str]:
+    """Return velocity and pose (n, 6), joint angles (n, joints), status and message at `time`; NaN where it ended."""
+    if engine is Engine.MUJOCO:
+        from mjfish import sim
+
+        run = sim.simulate(fish, motion)
+        series = np.column_stack([run.velocity, run.pose, run.joint_angle])
+        at = np.column_stack([np.interp(time, run.time, column, right=np.nan) for column in series.T])
+        return at[:, :6], at[:, 6:], run.status, run.message
+    from mjfish import ode
+
+    rollout = ode.simulate(fish, motion)
+    return rollout.at(time)[:, :6], motion.angle_at(time), rollout.status, rollout.message

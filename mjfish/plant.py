@@ -1,0 +1,84 @@
+"""Planted datasets: simulated swimming with known coefficients, noise, and an effect hidden in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mjfish.arrays import FloatArray, readonly
+from mjfish.drive import modes
+from mjfish.effects.effect import Effect
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.fish import Fish
+from mjfish.model import Model
+from mjfish.trial import Dataset, Role, Trial
+
+#: Step of the planting model [s]: five times finer than that of the fits, so that they do not share its error.
+STEP = 0.001
+
+
+def plant(
+    fish: Fish,
+    mode_names: Sequence[str],
+    *,
+    values: Mapping[str, float] | None = None,
+    effects: Sequence[Effect] = (),
+    noise: FloatArray | None = None,
+    rate: float = 50.0,
+    duration: float = modes.DURATION,
+    seed: int = 0,
+    held_out: Sequence[str] = (),
+    name: str = "planted",
+) -> Dataset:
+    """Simulate modes of Table IV and add white noise.
+
+    Args:
+        fish: with its coefficients.
+        mode_names: one trial each; a mode given twice is a repeat with other noise.
+        values: coefficients and effect parameters by full name; the rest by default.
+        effects: in the planted truth.
+        noise: (3,) sigma of surge, sway [m/s], yaw rate [rad/s]; None or zeros: none, and the dataset states none.
+        rate: samples a second.
+        duration: of each trial [s].
+        seed: of the noise.
+        held_out: names of trials that are not to be fitted.
+        name: of the dataset.
+
+    Raises:
+        InputError: a truth that diverges, or a wrong argument.
+    """
+    sigma = np.zeros(3) if noise is None else np.asarray(noise, dtype=np.float64)
+    if sigma.shape != (3,) or not np.all(np.isfinite(sigma)) or np.any(sigma < 0.0):
+        raise InputError(f"noise is {sigma.tolist()}, expected three numbers of at least 0: surge, sway, yaw rate")
+    if np.any(sigma > 0.0) and not np.all(sigma > 0.0):
+        raise InputError(f"noise is {sigma.tolist()}: give every channel some, or none any")
+    if not rate > 0.0 or not duration > 0.0:
+        raise InputError(f"rate {rate:g} Hz and duration {duration:g} s must be above 0")
+    model = Model(fish, tuple(effects), step=STEP)
+    truth = model.values(values)
+    rng = np.random.default_rng(seed)
+    time = np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate
+    names = _trial_names(mode_names)
+    for given in held_out:
+        if given not in names:
+            raise UnknownNameError("trial", given, names)
+    trials = []
+    for trial_name, mode in zip(names, mode_names, strict=True):
+        role: Role | None = ("held_out" if trial_name in held_out else "fit") if held_out else None
+        blank = Trial(trial_name, role, readonly(time), readonly(np.zeros((len(time), 3))), modes.drive(mode))
+        predicted = model.predict(blank, truth)
+        if predicted.status != "ok":
+            raise InputError(f"{trial_name}: the planted fish {predicted.message}")
+        measured = predicted.velocity + rng.standard_normal((len(time), 3)) * sigma
+        trials.append(Trial(trial_name, role, blank.time, readonly(measured), blank.drive))
+    return Dataset(name, fish, tuple(trials), noise=readonly(sigma) if np.any(sigma > 0.0) else None)
+
+
+def _trial_names(mode_names: Sequence[str]) -> list[str]:
+    """Return the modes as names; repeats get a number."""
+    names: list[str] = []
+    for mode in mode_names:
+        count = sum(name == mode or name.startswith(f"{mode}.") for name in names)
+        names.append(mode if count == 0 else f"{mode}.{count + 1}")
+    return names
