@@ -7,7 +7,7 @@ the engines' machine code the same whatever is plugged in, and lets a file outsi
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,6 +48,15 @@ def load(function: Callable[[Any, Any], tuple[float, float, float]]) -> Load:
 
     callback = c_callback(_SIGNATURE)(hook)
     return Load(address=callback.address, callback=callback)
+
+
+def load_table(loads: Sequence[tuple[Load, Sequence[float]]]) -> tuple[Any, FloatArray]:
+    """Return addresses (k,) uint64 and parameters (k, PARAMETERS) of loads with their parameters, for `apply_loads`."""
+    addresses = np.array([one.address for one, _ in loads], dtype=np.uint64)
+    parameters = np.zeros((max(len(loads), 1), PARAMETERS))
+    for row, (_, given) in zip(parameters, loads, strict=False):
+        row[: len(given)] = given
+    return addresses, parameters
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -15,7 +15,7 @@ from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import PARAMETERS, Load
+from mjfish.hydro.load import Load, load_table
 from mjfish.ode.equation import STATES
 from mjfish.ode.integrate import integrate
 
@@ -104,10 +104,7 @@ def simulate(
         start[:3] = frames.flip(np.asarray(velocity, dtype=np.float64))
     flexible = fish.tail_compliance > 0.0
     tail = np.array([float(flexible), 1.0 / fish.tail_compliance if flexible else 0.0, fish.tail_damping])
-    addresses = np.array([load.address for load, _ in loads], dtype=np.uint64)
-    parameters = np.zeros((max(len(loads), 1), PARAMETERS))
-    for row, (_, given) in zip(parameters, loads, strict=False):
-        row[: len(given)] = given
+    addresses, parameters = load_table(loads)
     states, rates = np.zeros((steps, 2, STATES)), np.zeros((steps, 2, STATES))
     cos, sin = _trigonometry(motion)
     done = integrate(
