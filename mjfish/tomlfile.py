@@ -64,7 +64,11 @@ def parse(raw: object, model: type[T], place: str) -> T:
     try:
         return model.model_validate(_frozen(raw), strict=True)
     except ValidationError as error:
-        raise InputError("\n".join(_complaint(place, item) for item in error.errors())) from None
+        items = error.errors()
+        # A list whose entries are broken is not too short as well, as pydantic has it.
+        deeper = {item["loc"][:depth] for item in items for depth in range(len(item["loc"]))}
+        own = [item for item in items if item["type"] != "too_short" or item["loc"] not in deeper]
+        raise InputError("\n".join(_complaint(place, item) for item in own)) from None
 
 
 def _frozen(raw: object) -> object:
