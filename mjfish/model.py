@@ -100,7 +100,8 @@ class Model:
         fish = self.fish
         for effect, own in active:
             fish = effect.body(fish, own)
-        motion = self._motion(trial, active, _refined(self.step, fish, values["c_m.tail"]))
+        servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.family == "drive")
+        motion = joint_motion(self.fish.cpg, trial, servos, _refined(self.step, fish, values["c_m.tail"]))
         rollout = ode.simulate(
             fish,
             motion,
@@ -119,13 +120,6 @@ class Model:
             state = effect.reading(state, own)
         return Prediction(state[:, :3], rollout.status, rollout.message, rollout)
 
-    def _motion(self, trial: Trial, active: list[tuple[Effect, Values]], step: float) -> JointMotion:
-        motion = asked_motion(self.fish.cpg, trial, step)
-        for effect, own in active:
-            if trial.joint_angle is None or effect.family != "drive":
-                motion = effect.drive(motion, own)
-        return motion
-
     @staticmethod
     def _of(effect: Effect, values: Mapping[str, float]) -> Values:
         return {p.short: values[p.name] for p in effect.parameters}
@@ -140,6 +134,21 @@ def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
         raise InputError(f"trial '{trial.name}' is driven by a CPG, but the fish has none; add [cpg] to the fish")
     duration = float(trial.time[-1]) + MARGIN
     return hopf.joint_motion(cpg, trial.drive, duration, step)
+
+
+@functools.lru_cache(maxsize=128)
+def joint_motion(
+    cpg: Cpg | None, trial: Trial, servos: tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...], step: float
+) -> JointMotion:
+    """Return the joint motion that the joints got: the one asked for, through every effect of family ``drive``.
+
+    Measured joint angles are what the joints got; nothing comes in between.
+    """
+    motion = asked_motion(cpg, trial, step)
+    if trial.joint_angle is None:
+        for effect, values in servos:
+            motion = effect.drive(motion, dict(values))
+    return motion
 
 
 def _refined(step: float, fish: Fish, c_m: float) -> float:

@@ -49,14 +49,14 @@ class Refit:
 def refits(evidence: Evidence, effects: Sequence[Effect], progress: Progress = silent) -> dict[str, Refit]:
     """Refit every candidate: a few steps each, then to the optimum those that are still in the running.
 
-    In the running are the best three, and whoever removes at least half of what the best removes.
+    In the running is whoever removes at least half of what the best removes.
     """
     coarse = {}
     for done, effect in enumerate(effects):
-        progress(f"refitting with {effect.name}", done / (len(effects) + 3))
+        progress(f"refitting with {effect.name}", done / (len(effects) + 2))
         coarse[effect.name] = refit(evidence, effect)
     ranked = sorted(coarse.values(), key=lambda one: -one.gain)
-    running = [one for place, one in enumerate(ranked) if place < 3 or one.gain >= 0.5 * ranked[0].gain]
+    running = [one for one in ranked if one.gain >= 0.5 * ranked[0].gain]
     for done, one in enumerate(running):
         progress(f"refining the fit with {one.effect.name}", (len(effects) + done) / (len(effects) + len(running)))
         coarse[one.effect.name] = refine(evidence, one)
