@@ -38,18 +38,28 @@ def cache_folder() -> Path:
 
 
 def compiled(function: F) -> F:
-    """Compile `function` for the CPU, without the GIL; IEEE division; cached on disk."""
+    """Compile `function` for the CPU, without the GIL; IEEE division; cached on disk.
+
+    Functions of a user's own file are compiled anew in every process: what they read from other files is not hashed.
+    """
+    ours = Path(function.__code__.co_filename).is_relative_to(Path(__file__).parent)
     with _CacheDir():
-        dispatcher: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        dispatcher: F = numba.njit(cache=ours, nogil=True, error_model="numpy")(function)
     return dispatcher
 
 
-def c_callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Compile a function to a C callback of the numba `signature`; cached on disk like `compiled`."""
+def c_callback(signature: Any, *, cached: bool = True) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function to a C callback of the numba `signature`; cached on disk like `compiled`.
+
+    Args:
+        signature: of the callback.
+        cached: False for a closure over compiled code, whose key is another one in every process: its entries would
+            never be found again and pile up.
+    """
 
     def decorate(function: Callable[..., Any]) -> Any:
         with _CacheDir():
-            return numba.cfunc(signature, cache=True, error_model="numpy")(function)
+            return numba.cfunc(signature, cache=cached, error_model="numpy")(function)
 
     return decorate
 

@@ -46,7 +46,7 @@ def load(function: Callable[[Any, Any], tuple[float, float, float]]) -> Load:
         out[1] = fy
         out[2] = mz
 
-    callback = c_callback(_SIGNATURE)(hook)
+    callback = c_callback(_SIGNATURE, cached=False)(hook)
     return Load(address=callback.address, callback=callback)
 
 

@@ -1,0 +1,127 @@
+"""Compilation and its cache on disk."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from mjfish import compiled as compiling
+from mjfish.compiled import c_callback, compiled
+
+
+def _folder_in_fresh_process(package: Path, home: Path) -> str:
+    code = "from mjfish.compiled import cache_folder; print(cache_folder())"
+    environment = {"XDG_CACHE_HOME": str(home), "PYTHONPATH": str(package), "PATH": ""}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True, cwd=package
+    )
+    return done.stdout.strip()
+
+
+def test_the_cache_folder_changes_with_any_compiled_source_and_with_nothing_else(tmp_path: Path) -> None:
+    """An edit in a file that a compiled function calls must not find yesterday's machine code."""
+    source = Path(compiling.__file__).parent
+    package = tmp_path / "mjfish"
+    package.mkdir()
+    for name in ("__init__.py", "compiled.py", "hydro/force.py", "effects/mine.py", "report/page.py"):
+        (package / name).parent.mkdir(exist_ok=True)
+        (package / name).write_text("" if "/" in name else (source / name).read_text())
+    folders = [_folder_in_fresh_process(tmp_path, tmp_path)]
+    assert folders[0].startswith(str(tmp_path / "mjfish"))
+    assert _folder_in_fresh_process(tmp_path, tmp_path) == folders[0]
+    (package / "report" / "page.py").write_text("x = 1")
+    assert _folder_in_fresh_process(tmp_path, tmp_path) == folders[0]
+    for name in ("hydro/force.py", "effects/mine.py"):
+        (package / name).write_text("x = 1")
+        folders.append(_folder_in_fresh_process(tmp_path, tmp_path))
+    assert len(set(folders)) == 3
+
+
+def test_numbas_own_setting_is_left_as_it_was() -> None:
+    before = numba.config.CACHE_DIR
+
+    @compiled
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    assert twice(3.0) == 6.0
+    assert before == numba.config.CACHE_DIR
+
+
+def test_division_by_zero_is_that_of_ieee_not_an_exception() -> None:
+    """A rollout that diverges ends in a status; an exception from deep within would not."""
+
+    @compiled
+    def divide(a: float, b: float) -> float:
+        return a / b
+
+    assert divide(1.0, 0.0) == np.inf
+    assert np.isnan(divide(0.0, 0.0))
+
+
+def test_a_c_callback_has_an_address_that_c_can_call() -> None:
+    @c_callback(numba.types.float64(numba.types.float64))
+    def half(x: float) -> float:
+        return 0.5 * x
+
+    assert half.address > 0
+    assert half.ctypes(3.0) == pytest.approx(1.5)
+
+
+def _run(script: Path, code: str) -> str:
+    """Run `code` as a user's own file, with a cache of its own beside it."""
+    script.write_text(textwrap.dedent(code))
+    environment = {
+        "XDG_CACHE_HOME": str(script.parent),
+        "PYTHONPATH": str(Path(compiling.__file__).parents[1]),
+        "PYTHONDONTWRITEBYTECODE": "1",  # two edits within a second look the same to Python's own cache
+        "PATH": "",
+    }
+    done = subprocess.run(
+        [sys.executable, script.name], env=environment, capture_output=True, text=True, cwd=script.parent
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_a_second_process_loads_machine_code_and_adds_none(tmp_path: Path) -> None:
+    """Loads are closures over what they call: a cache of them would grow with every process and never be hit."""
+    code = """
+        from mjfish.effects import catalogue
+        from mjfish.hydro.load import load
+
+        catalogue()
+
+        @load
+        def push(link, parameters):
+            return parameters[0], 0.0, 0.0
+        """
+    counts = []
+    for _ in range(3):
+        _run(tmp_path / "loads.py", code)
+        counts.append(len(list((tmp_path / "mjfish").rglob("*.nbc"))))
+    assert counts[0] > 0
+    assert counts == [counts[0]] * 3
+
+
+def test_a_users_file_sees_the_edit_of_another_file_that_it_reads(tmp_path: Path) -> None:
+    """Constants are frozen into machine code: taken from the cache, yesterday's would be used without a word."""
+    code = """
+        from constants import SLOPE
+        from mjfish.compiled import compiled
+
+        @compiled
+        def line(x):
+            return SLOPE * x
+
+        print(line(1.0))
+        """
+    for slope in ("2.0", "3.0"):
+        (tmp_path / "constants.py").write_text(f"SLOPE = {slope}")
+        assert _run(tmp_path / "mine.py", code) == slope
