@@ -85,4 +85,4 @@ def _complaint(place: str, item: object) -> str:
     text = text or str(item["msg"]).removeprefix("Value error, ")
     found = item["input"]
     shown = f" (found {found!r})" if isinstance(found, (int, float, str, bool)) else ""
-    return f"{place}: {key or 'file'}: {text}{shown}"
+    return ": ".join(part for part in (place, key, text + shown) if part)
