@@ -10,6 +10,7 @@ accelerations come from the right-hand side and its time derivative, never from 
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,6 +57,11 @@ def joint_motion(cpg: Cpg, segments: tuple[DriveSegment, ...], duration: float, 
             )
     if not segments or segments[0].start != 0.0:
         raise InputError("the first drive segment must start at 0 s; add one")
+    for before, after in itertools.pairwise(segments):
+        if not after.start > before.start:
+            raise InputError(f"drive segment at {after.start:g} s follows one at {before.start:g} s; sort the segments")
+    if not duration > 0.0:
+        raise InputError(f"the duration is {duration:g} s, expected a positive one")
     active = [segment for segment in segments if segment.start < duration]
     time = grid(np.array([*(segment.start for segment in active), duration]), step, graded=True)
     index = np.searchsorted([segment.start for segment in active], 0.5 * (time[:-1] + time[1:])) - 1

@@ -7,6 +7,8 @@ apart, so that the rate may jump between two steps: a CPG whose frequency or bia
 
 from __future__ import annotations
 
+import functools
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +41,11 @@ class JointMotion:
     def joints(self) -> int:
         """Number of joints."""
         return int(self.angle.shape[2])
+
+    @functools.cached_property
+    def trigonometry(self) -> tuple[FloatArray, FloatArray]:
+        """Cosines and sines of the angles, each (n, 3, joints); kept, because many rollouts share a motion."""
+        return np.cos(self.angle), np.sin(self.angle)
 
     def angle_at(self, time: FloatArray) -> FloatArray:
         """Return the angles (m, joints) [rad] at any times, by cubic Hermite interpolation inside each half step."""
@@ -78,7 +85,7 @@ def grid(breaks: FloatArray, step: float, *, graded: bool = False) -> FloatArray
         graded: cut the first step after each break into steps that double in length from 0.1 ms on.
     """
     stretches = []
-    for a, b in zip(breaks[:-1], breaks[1:], strict=True):
+    for a, b in itertools.pairwise(breaks):
         even = np.linspace(a, b, max(int(np.ceil((b - a) / step - 1e-9)), 1) + 1)[:-1]
         if graded:
             first = (even[1] if len(even) > 1 else b) - a

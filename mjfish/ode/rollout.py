@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -69,11 +68,6 @@ class Rollout:
         return np.where((time > edges[-1] + 1e-9)[:, None], np.nan, values)
 
 
-@functools.lru_cache(maxsize=512)
-def _trigonometry(motion: JointMotion) -> tuple[FloatArray, FloatArray]:
-    return np.cos(motion.angle), np.sin(motion.angle)
-
-
 def simulate(
     fish: Fish,
     motion: JointMotion,
@@ -106,7 +100,7 @@ def simulate(
     tail = np.array([float(flexible), 1.0 / fish.tail_compliance if flexible else 0.0, fish.tail_damping])
     addresses, parameters = load_table(loads)
     states, rates = np.zeros((steps, 2, STATES)), np.zeros((steps, 2, STATES))
-    cos, sin = _trigonometry(motion)
+    cos, sin = motion.trigonometry
     done = integrate(
         link_records(fish, values), motion.time, cos, sin, motion.rate, motion.acceleration,
         np.ascontiguousarray(motion.angle[:, :, -1]), start, tail, coriolis == "printed", addresses, parameters,

@@ -180,6 +180,19 @@ def test_a_wrong_number_of_biases_is_refused_by_its_segment(pike: Fish) -> None:
         cpg.joint_motion(pike.cpg, drive, 1.0, 0.005)
 
 
+@pytest.mark.parametrize("second", [0.0, -1.0, 0.4, np.nan])
+def test_segments_out_of_order_are_refused(pike: Fish, second: float) -> None:
+    drive = (*CHANGING[:2], DriveSegment(second, 18.0, STRAIGHT))
+    with pytest.raises(InputError, match=r"follows one at 0\.4 s; sort the segments"):
+        cpg.joint_motion(pike.cpg, drive, 1.0, 0.005)
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, np.nan])
+def test_a_drive_of_no_length_is_refused(pike: Fish, duration: float) -> None:
+    with pytest.raises(InputError, match="expected a positive one"):
+        cpg.joint_motion(pike.cpg, CHANGING, duration, 0.005)
+
+
 @pytest.mark.parametrize("drive", [(), (DriveSegment(0.5, 18.0, STRAIGHT),)])
 def test_a_drive_that_does_not_start_at_zero_is_refused(pike: Fish, drive: tuple[DriveSegment, ...]) -> None:
     with pytest.raises(InputError, match="must start at 0 s"):

@@ -69,6 +69,13 @@ def test_before_and_after_the_motion_the_end_angle_is_held() -> None:
     np.testing.assert_allclose(_motion().angle_at(np.array([-1.0, 5.0])), [[0.0, 1.0], [1.0, 0.0]], atol=1e-14)
 
 
+def test_cosines_and_sines_are_those_of_the_angles_and_computed_once() -> None:
+    motion = _motion()
+    cos, sin = motion.trigonometry
+    assert motion.trigonometry[0] is cos
+    np.testing.assert_allclose(np.arctan2(sin, cos), motion.angle, atol=1e-15)
+
+
 def test_a_motion_cannot_be_written_to() -> None:
     motion = _motion()
     assert motion.joints == 2

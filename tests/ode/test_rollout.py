@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from joint_motions import still, waving
@@ -111,3 +114,13 @@ def test_a_good_rollout_says_so(pike: Fish) -> None:
 def test_the_same_run_twice_is_bitwise_the_same(pike: Fish) -> None:
     motion = cpg.joint_motion(pike.cpg, JUMP, 1.0, 0.005)
     assert np.array_equal(ode.simulate(pike, motion).state, ode.simulate(pike, motion).state)
+
+
+def test_nothing_keeps_a_motion_alive_behind_the_callers_back(pike: Fish) -> None:
+    """A fit makes thousands of motions; each is a megabyte."""
+    motion = waving(0.5, 100)
+    seen = weakref.ref(motion)
+    assert ode.simulate(pike, motion).status == "ok"
+    del motion
+    gc.collect()
+    assert seen() is None
