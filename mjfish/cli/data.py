@@ -81,10 +81,11 @@ def import_(
     """Turn the files of a laboratory into a dataset."""
     dataset, report = import_files(source, files, held_out or ())
     path = save(dataset, out)
-    table = Table(title=f"{source}: what was kept")
-    for heading in HEADERS:
-        table.add_column(heading)
+    table = Table(title=f"{source}: what was kept", show_header=True)
+    table.add_column("", style="bold")
     for row in report.rows():
-        table.add_row(*row)
+        table.add_column(row[0])
+    for heading, *cells in zip(HEADERS[1:], *(row[1:] for row in report.rows()), strict=True):
+        table.add_row(heading.replace("[", r"\["), *cells, end_section=True)
     console.out.print(table)
     console.out.print(f"wrote {path} with {len(dataset.trials)} trials")

@@ -11,8 +11,6 @@ from mjfish.effects import catalogue
 from mjfish.frames import CHANNELS
 
 _COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow", "unexplained": "red"}
-#: A candidate is called hidden where a refit swallows this share of its signature.
-_HIDDEN = 0.9
 
 
 def diagnosis(result: Diagnosis) -> None:
@@ -69,16 +67,14 @@ def _gain(result: Diagnosis) -> Table:
 
 def _candidates(result: Diagnosis) -> Table:
     table = Table(title="Candidates, each fitted together with the coefficients")
-    for heading in ("cause", "LR", "p", "held-out gain", "rival p", "what is left p", "remark"):
-        table.add_column(heading, justify="left" if heading in ("cause", "remark") else "right")
+    for heading in ("cause", "LR", "p", "held-out gain", "rival p", "what is left p", "hidden by a refit"):
+        table.add_column(heading, justify="left" if heading == "cause" else "right", no_wrap=heading == "cause")
     for c in result.candidates:
         if not c.applicable:
-            table.add_row(c.name, "", "", "", "", "", escape(c.remark))
             continue
         held = "" if c.held_out_gain is None else f"{c.held_out_gain:.1f}"
         rival, left = (f"{c.rival_p:.2g}", f"{c.fit_p:.2g}" if c.rival_p >= 0.05 else "") if c.parameters else ("", "")
-        hidden = f"a refit hides {c.absorbed:.0%} of it" if c.absorbed > _HIDDEN else ""
-        table.add_row(c.name, f"{c.statistic:.1f}", f"{c.p_value:.2g}", held, rival, left, hidden)
+        table.add_row(c.name, f"{c.statistic:.1f}", f"{c.p_value:.2g}", held, rival, left, f"{c.absorbed:.0%}")
     return table
 
 
@@ -97,5 +93,8 @@ def _blind(result: Diagnosis) -> None:
         if c.applicable and c.smallest_visible
         for name, size in c.smallest_visible.items()
     ]
+    for c in result.candidates:
+        if not c.applicable:
+            out.print(f"Not tried: {c.name}, {escape(c.remark)}.", soft_wrap=True)
     if sizes and result.verdict in ("nothing_wrong", "named"):
         out.print(f"Smallest sizes that would have shown: {', '.join(sizes)}.", soft_wrap=True)

@@ -30,6 +30,7 @@ class Fit:
         residual: (n,) whitened.
         jacobian: (n, p) of the whitened prediction.
         covariance: (p, p); rows and columns of parameters at a bound are zero.
+        reach: (p,) standard errors were no parameter held by its bound: how far one that is might lie from it.
         at_bound: (p,) whether the estimate rests on a bound.
         status: ``converged`` or ``stopped`` (too many evaluations) or ``diverged``.
         message: of the optimiser.
@@ -42,6 +43,7 @@ class Fit:
     residual: FloatArray
     jacobian: FloatArray
     covariance: FloatArray
+    reach: FloatArray
     at_bound: BoolArray
     status: Literal["converged", "stopped", "diverged"]
     message: str
@@ -66,9 +68,9 @@ class Fit:
         return np.asarray(self.covariance / np.outer(safe, safe))
 
     def interval(self, name: str, z: float = Z95) -> tuple[float, float]:
-        """Return the interval of one estimate, cut at its bounds."""
+        """Return the interval of one estimate, cut at its bounds; of one at a bound, one-sided from there."""
         index = [p.name for p in self.parameters].index(name)
-        p, half = self.parameters[index], z * self.sigma[name]
+        p, half = self.parameters[index], z * (self.reach[index] if self.at_bound[index] else self.sigma[name])
         return max(float(self.x[index]) - half, p.low), min(float(self.x[index]) + half, p.high)
 
 
@@ -123,6 +125,7 @@ def fit(
         residual=residual,
         jacobian=jacobian,
         covariance=covariance(jacobian, at_bound),
+        reach=np.sqrt(np.diag(covariance(jacobian, np.zeros_like(at_bound)))),
         at_bound=at_bound,
         status="diverged" if diverged else ("converged" if solution.status > 0 else "stopped"),
         message=str(solution.message),

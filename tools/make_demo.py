@@ -1,0 +1,52 @@
+"""Plants the dataset that ships with the package (mjfish/demo). Whoever wants to be surprised by `mjfish demo` stops here.
+
+Run it from the repository: python tools/make_demo.py
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mjfish import fish
+from mjfish.arrays import readonly
+from mjfish.effects import find
+from mjfish.plant import plant
+from mjfish.trial import save
+
+FOLDER = Path(__file__).parents[1] / "mjfish" / "demo"
+TRUTH = {
+    "c_m.head": 0.62,
+    "c_m.body": 0.35,
+    "c_m.tail": 0.48,
+    "c_d.head": 1.9,
+    "c_d.body": 1.2,
+    "c_d.tail": 1.6,
+    "c_f.head": 0.011,
+    "c_f.body": 0.009,
+    "c_f.tail": 0.014,
+    "tail_compliance.compliance": 0.09,
+    "tail_compliance.damping": 0.03,
+}
+
+
+def main() -> None:
+    """Plant the demo."""
+    dataset = plant(
+        fish.load("pike"),
+        ["v1", "v5", "v1-v5", "v3-t1", "v7", "v1-t2"],
+        values=TRUTH,
+        effects=[find("tail_compliance")],
+        noise=np.array([0.01, 0.01, 0.05]),
+        seed=20261121,
+        held_out=["v7", "v1-t2"],
+        name="demo: a pool session with a robotic pike",
+    )
+    rounded = [replace(trial, velocity=readonly(np.round(trial.velocity, 5))) for trial in dataset.trials]
+    save(replace(dataset, trials=tuple(rounded)), FOLDER)
+
+
+if __name__ == "__main__":
+    main()
