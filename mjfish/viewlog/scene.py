@@ -1,0 +1,100 @@
+"""What a log shows, on plain arrays: runs, and in each run one or more fish that swim."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from mjfish import frames
+from mjfish.arrays import FloatArray
+from mjfish.fish import Fish
+from mjfish.ode.forces import LinkForces
+
+#: Who swims: the recorded fish, the nominal and the extended model of a diagnosis, or a simulation on its own.
+Swimmer = Literal["measured", "nominal", "extended", "simulated"]
+
+
+@dataclass(frozen=True, eq=False)
+class Swim:
+    """One fish swimming; n samples in the forward frame.
+
+    Attributes:
+        swimmer: who it is.
+        time: (n,) increasing [s].
+        velocity: (n, 3) surge, sway [m/s], yaw rate [rad/s].
+        pose: (n, 3) x, y [m], yaw [rad] of the nose.
+        joint_angle: (n, joints) [rad]; None: nobody knows the shape, and only the nose is drawn.
+        forces: on the links at the same instants, or None.
+    """
+
+    swimmer: Swimmer
+    time: FloatArray
+    velocity: FloatArray
+    pose: FloatArray
+    joint_angle: FloatArray | None = None
+    forces: LinkForces | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run: the same swimming by one fish, measured or simulated or both.
+
+    Attributes:
+        name: of the trial.
+        fish: its body.
+        swims: one a swimmer, those of one run on the same samples.
+        held_out: whether nothing was fitted to it.
+    """
+
+    name: str
+    fish: Fish
+    swims: tuple[Swim, ...]
+    held_out: bool = False
+
+    def followed(self) -> Swim:
+        """Return the swim that the camera follows: one with a body, the best simulated first."""
+        order = ("extended", "simulated", "nominal", "measured")
+        return min(self.swims, key=lambda swim: (swim.joint_angle is None, order.index(swim.swimmer)))
+
+    def residuals(self) -> dict[Swimmer, tuple[FloatArray, FloatArray]]:
+        """Return time (n,) and measured - simulated velocity (n, 3) of every simulated swim."""
+        measured = next((swim for swim in self.swims if swim.swimmer == "measured"), None)
+        if measured is None:
+            return {}
+        return {
+            swim.swimmer: (swim.time, measured.velocity[: len(swim.time)] - swim.velocity)
+            for swim in self.swims
+            if swim is not measured
+        }
+
+
+def travelled(time: FloatArray, velocity: FloatArray, start: FloatArray) -> FloatArray:
+    """Return the pose (n, 3) that velocities (n, 3) of the nose lead to, by the trapezoidal rule.
+
+    x' = R(yaw) (surge, sway), yaw' = yaw_rate, from `start` (3,) x, y [m], yaw [rad].
+    """
+    yaw = start[2] + cumulative_trapezoid(velocity[:, 2], time, initial=0)
+    place = cumulative_trapezoid(frames.to_world(velocity[:, :2], yaw), time, axis=0, initial=0)
+    return np.column_stack([start[:2] + place, yaw])
+
+
+def placed(forces: LinkForces, time: FloatArray, at: FloatArray, pose: FloatArray) -> LinkForces:
+    """Return forces seen from the nose at `time` (m,) at other times `at` (n,), on a fish at `pose` (n, 3).
+
+    Linear between the samples.
+    """
+    index = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    share = np.clip((at - time[index]) / (time[index + 1] - time[index]), 0.0, 1.0)[:, None, None]
+    yaw = pose[:, None, 2]
+
+    def turned(name: str) -> FloatArray:
+        samples: FloatArray = getattr(forces, name)
+        between = (1.0 - share) * samples[index] + share * samples[index + 1]
+        return np.concatenate([frames.to_world(between[..., :2], yaw), between[..., 2:]], axis=2)
+
+    joint = pose[:, None, :2] + turned("joint")
+    vectors = {field.name: turned(field.name) for field in fields(forces) if field.name not in ("joint", "length")}
+    return LinkForces(joint=joint, length=forces.length, **vectors)
