@@ -22,8 +22,10 @@ from mjfish.ode.rollout import STEP, Coriolis, Rollout
 from mjfish.parameter import Parameter
 from mjfish.trial import Trial
 
-#: Beyond the samples, so that a shifted clock finds something to read [s].
+#: At both ends of measured joint angles, where a shifted clock would ask for motion that nobody saw [s].
 MARGIN = 0.1
+#: A CPG goes on this long behind the last sample: a clock may be that far ahead [s].
+LEAD = 0.25
 #: Largest product of step and fastest rate of the flexible tail; Runge-Kutta is stable below 2.8.
 _STIFFNESS = 2.0
 _REFINEMENTS = 5
@@ -61,6 +63,12 @@ class Model:
     effects: tuple[Effect, ...] = ()
     step: float = STEP
     coriolis: Coriolis = "corrected"
+
+    def __post_init__(self) -> None:
+        """Refuse an effect that is there twice: its parameters could not be told apart."""
+        names = [effect.name for effect in self.effects]
+        if len(set(names)) < len(names):
+            raise InputError(f"effects {', '.join(names)}: one is there twice; give each once")
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -115,7 +123,7 @@ class Model:
             time = effect.clock(time, own)
         state = rollout.at(np.minimum(time, motion.time[-1]))
         if trial.pose is not None:
-            state[:, 5] += trial.pose[0, 2]
+            state[:, 5] += trial.pose[0, 2] - state[0, 5]  # the heading is the measured one at the first sample
         for effect, own in active:
             state = effect.reading(state, own)
         return Prediction(state[:, :3], rollout.status, rollout.message, rollout)
@@ -132,7 +140,7 @@ def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
         return measured.joint_motion(trial.time, trial.joint_angle, step)
     if cpg is None:
         raise InputError(f"trial '{trial.name}' is driven by a CPG, but the fish has none; add [cpg] to the fish")
-    duration = float(trial.time[-1]) + MARGIN
+    duration = float(trial.time[-1]) + LEAD
     return hopf.joint_motion(cpg, trial.drive, duration, step)
 
 

@@ -7,12 +7,14 @@ import importlib
 import importlib.util
 import pkgutil
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, MjfishError, UnknownNameError
+from mjfish.trial import place
 
 
 @functools.cache
@@ -28,13 +30,17 @@ def catalogue(files: Sequence[Path] = ()) -> dict[str, Effect]:
 
     Raises:
         InputError: a file is absent, cannot be run, holds no cause, or a name is taken.
+        ParameterError: a cause in a file does not keep the contract.
     """
     known = dict(_shipped())
-    for path in files:
-        for effect in _from_file(Path(path).resolve()):
-            if effect.name in known:
-                raise InputError(f"{path}: an effect named '{effect.name}' is there already; give yours another name")
-            known[effect.name] = effect
+    for path in map(Path, files):
+        with place.named(str(path)):
+            if not path.is_file():
+                raise InputError("no such file of effects; correct the path")
+            for effect in _from_file(path.resolve(), path.stat().st_mtime_ns):
+                if effect.name in known:
+                    raise InputError(f"an effect named '{effect.name}' is there already; give yours another name")
+                known[effect.name] = effect
     return known
 
 
@@ -47,23 +53,24 @@ def find(name: str, known: dict[str, Effect] | None = None) -> Effect:
 
 
 @functools.cache
-def _from_file(path: Path) -> list[Effect]:
-    if not path.is_file():
-        raise InputError(f"{path}: no such file of effects")
+def _from_file(path: Path, _stamp: int) -> list[Effect]:
+    """Run the file and return its causes; again after an edit, which changes the stamp."""
     spec = importlib.util.spec_from_file_location(f"mjfish_user_effects_{path.stem}", path)
     if spec is None or spec.loader is None:
-        raise InputError(f"{path}: not a Python file; a file of effects ends in .py")
+        raise InputError("not a Python file; a file of effects ends in .py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     try:
         spec.loader.exec_module(module)
+        found = _effects_in(module)
     except MjfishError:
         raise
-    except Exception as error:  # whatever a user's file raises is bad input here
-        raise InputError(f"{path}: running the file of effects failed: {type(error).__name__}: {error}") from error
-    found = _effects_in(module)
+    except (Exception, SystemExit) as error:  # whatever a user's file raises is bad input here
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+        where = f"line {lines[-1]}: " if lines else ""
+        raise InputError(f"{where}running the file failed: {type(error).__name__}: {error}; correct it") from error
     if not found:
-        raise InputError(f"{path}: no subclass of mjfish.effects.Effect found; define one")
+        raise InputError("no subclass of mjfish.effects.Effect found; define one")
     return found
 
 

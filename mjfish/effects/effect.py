@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Mapping
-from typing import ClassVar, Literal
+from collections.abc import Iterator, Mapping
+from typing import ClassVar, Literal, get_args
 
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import ParameterError, UnknownNameError
-from mjfish.fish import Fish
+from mjfish.fish import KINDS, Fish
 from mjfish.hydro.load import PARAMETERS, Load
 from mjfish.parameter import Parameter
 from mjfish.trial import Dataset
@@ -17,6 +17,8 @@ from mjfish.trial import Dataset
 #: Values of an effect's parameters by their short names, e.g. ``{"offset": 0.02}``.
 Values = Mapping[str, float]
 Family = Literal["data", "drive", "body", "water"]
+_DECLARED = ("name", "family", "summary", "parameters", "source", "signature", "confirm")
+_HOOKS = ("drive", "body", "clock", "reading")
 
 
 class Effect(ABC):
@@ -87,13 +89,31 @@ class Effect(ABC):
     @classmethod
     def check_declaration(cls) -> None:
         """Raise `ParameterError` where the class does not keep the contract."""
-        for attribute in ("name", "family", "summary", "parameters", "source", "signature", "confirm"):
-            if not getattr(cls, attribute, None):
-                raise ParameterError(f"effect {cls.__name__}: attribute '{attribute}' is missing or empty; declare it")
-        if all(parameter.shape for parameter in cls.parameters):
-            raise ParameterError(f"effect {cls.name}: every parameter is a shape; one must be an amplitude")
-        for parameter in cls.parameters:
-            if parameter.group != cls.name or not parameter.short:
-                raise ParameterError(f"effect {cls.name}: parameter '{parameter.name}' must be named '{cls.name}.NAME'")
-        if cls.load is not None and len(cls.parameters) > PARAMETERS:
-            raise ParameterError(f"effect {cls.name}: a load may have {PARAMETERS} parameters at most")
+        for complaint in _complaints(cls):
+            raise ParameterError(f"effect {cls.__name__}: {complaint}")
+
+
+def _complaints(cls: type[Effect]) -> Iterator[str]:
+    """Say what is wrong with a declaration; a later complaint takes for granted that there was none before it."""
+    for attribute in _DECLARED:
+        if not getattr(cls, attribute, None):
+            yield f"attribute '{attribute}' is missing or empty; declare it"
+    if not str(cls.name).isidentifier() or cls.name in KINDS:
+        yield f"name '{cls.name}', expected letters, digits and _, and no kind of coefficient; choose another"
+    if cls.family not in get_args(Family):
+        yield f"family '{cls.family}', expected one of {', '.join(get_args(Family))}; correct it"
+    if not isinstance(cls.parameters, tuple) or not all(isinstance(p, Parameter) for p in cls.parameters):
+        yield "parameters must be a tuple of Parameter; with one, write (Parameter(...),)"
+    if all(parameter.shape for parameter in cls.parameters):
+        yield "every parameter is a shape; one must be an amplitude"
+    for parameter in cls.parameters:
+        if parameter.group != cls.name or not parameter.short.isidentifier():
+            yield f"parameter '{parameter.name}' must be named '{cls.name}.NAME'"
+    if len({parameter.name for parameter in cls.parameters}) < len(cls.parameters):
+        yield "two parameters share a name; give each its own"
+    if cls.load is not None and not isinstance(cls.load, Load):
+        yield "load must be compiled; write @mjfish.hydro.load.load above its function"
+    if cls.load is not None and len(cls.parameters) > PARAMETERS:
+        yield f"a load may have {PARAMETERS} parameters at most"
+    if cls.load is None and all(getattr(cls, hook) is getattr(Effect, hook) for hook in _HOOKS):
+        yield f"it does nothing; declare a load, or override one of {', '.join(_HOOKS)}"
