@@ -60,6 +60,17 @@ def test_flexible_tail_agrees_with_four_momenta(pike: Fish, munk: float) -> None
 
 
 @pytest.mark.slow
+def test_agrees_to_eight_digits_with_fine_strips_and_small_steps(pike: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is left in the fast tests is quadrature and steps, not a difference of equations."""
+    monkeypatch.setattr(referee, "POINTS", 512)
+    time = np.linspace(0.0, 1.0, 101)
+    expected = referee.swim(pike, JUMPS["v1"], time, rtol=1e-11)
+    found = ode.simulate(pike, cpg.joint_motion(pike.cpg, JUMPS["v1"], 1.0, 0.00025)).at(time)
+    worst = np.max(np.abs(found[:, :6] - expected), axis=0)
+    assert np.all(worst < [1e-8, 1e-8, 5e-8, 1e-8, 1e-8, 1e-8])
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("munk", [0.0, 1.0])
 @pytest.mark.parametrize("coefficients", COEFFICIENT_SETS)
 @pytest.mark.parametrize("mode", ["v7", "v1-v5", "v1-t1", "v3-t2"])
