@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from mjfish.errors import InputError
 
@@ -13,20 +16,67 @@ def write_text(path: Path, text: str) -> None:
     """Write `text` to `path` through a temporary sibling, so that a reader never sees half of it.
 
     Raises:
-        InputError: the folder does not exist or cannot be written to.
+        InputError: the folder does not exist, `path` is one itself, or it cannot be written to.
     """
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".partial")
+        partial = Path(name)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                stream.write(text)
+            partial.chmod(0o644)
+            partial.replace(path)
+        except BaseException:
+            partial.unlink(missing_ok=True)
+            raise
     except OSError as error:
         raise InputError(
             f"{path}: cannot be written: {error.strerror}; choose a folder that you can write to"
         ) from None
-    partial = Path(name)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-        partial.chmod(0o644)
-        partial.replace(path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write plain data as JSON; a number that is not finite becomes null, for JSON has no name for it.
+
+    Raises:
+        InputError: see `write_text`.
+    """
+    write_text(path, json.dumps(_finite(content), indent=2, allow_nan=False) + "\n")
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [_finite(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+def check_file(path: Path) -> None:
+    """Refuse a file that cannot be written; for callers with long work before they write.
+
+    Raises:
+        InputError: its folder is absent or not writable, or it is a folder itself.
+    """
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder, expected the name of a file; add one")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}; make it, or choose another")
+    _check_writable(path.parent)
+
+
+def check_folder(path: Path) -> None:
+    """Refuse a folder that is not there and cannot be made, or that cannot be written to.
+
+    Raises:
+        InputError: see above.
+    """
+    existing = next(place for place in (path, *path.absolute().parents) if place.exists())
+    if not existing.is_dir():
+        raise InputError(f"{existing}: is a file, expected a folder; choose another place")
+    _check_writable(existing)
+
+
+def _check_writable(folder: Path) -> None:
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"{folder}: cannot be written to; choose a folder that you can write to")

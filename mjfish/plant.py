@@ -49,12 +49,7 @@ def plant(
         InputError: a truth that diverges, or a wrong argument.
     """
     sigma = np.zeros(3) if noise is None else np.asarray(noise, dtype=np.float64)
-    if sigma.shape != (3,) or not np.all(np.isfinite(sigma)) or np.any(sigma < 0.0):
-        raise InputError(f"noise is {sigma.tolist()}, expected three numbers of at least 0: surge, sway, yaw rate")
-    if np.any(sigma > 0.0) and not np.all(sigma > 0.0):
-        raise InputError(f"noise is {sigma.tolist()}: give every channel some, or none any")
-    if not rate > 0.0 or not duration > 0.0:
-        raise InputError(f"rate {rate:g} Hz and duration {duration:g} s must be above 0")
+    _check(sigma, mode_names, rate, duration, seed)
     model = Model(fish, tuple(effects), step=STEP)
     truth = model.values(values)
     rng = np.random.default_rng(seed)
@@ -73,6 +68,25 @@ def plant(
         measured = predicted.velocity + rng.standard_normal((len(time), 3)) * sigma
         trials.append(Trial(trial_name, role, blank.time, readonly(measured), blank.drive))
     return Dataset(name, fish, tuple(trials), noise=readonly(sigma) if np.any(sigma > 0.0) else None)
+
+
+def _check(sigma: FloatArray, mode_names: Sequence[str], rate: float, duration: float, seed: int) -> None:
+    """Refuse arguments from which no dataset can be planted."""
+    if sigma.shape != (3,) or not np.all(np.isfinite(sigma)) or np.any(sigma < 0.0):
+        raise InputError(f"noise is {sigma.tolist()}, expected three numbers of at least 0: surge, sway, yaw rate")
+    if np.any(sigma > 0.0) and not np.all(sigma > 0.0):
+        raise InputError(f"noise is {sigma.tolist()}: give every channel some, or none any")
+    if not 0.0 < rate < np.inf or not 0.0 < duration < np.inf:
+        raise InputError(f"rate is {rate:g} Hz, duration {duration:g} s, expected finite numbers above 0; correct them")
+    if seed < 0:
+        raise InputError(f"seed is {seed}, expected 0 or more; choose another")
+    for mode in mode_names:
+        last = modes.drive(mode)[-1].start
+        if last >= duration:
+            raise InputError(
+                f"mode '{mode}' changes at {last:g} s, after the end of a trial of {duration:g} s; make the trials "
+                "longer, or choose a mode without a change"
+            )
 
 
 def _trial_names(mode_names: Sequence[str]) -> list[str]:

@@ -33,7 +33,7 @@ class Fit:
         reach: (p,) standard errors were no parameter held by its bound: how far one that is might lie from it.
         at_bound: (p,) whether the estimate rests on a bound.
         status: ``converged`` or ``stopped`` (too many evaluations) or ``diverged``.
-        message: of the optimiser.
+        message: of the optimiser; which trial diverged, when and with which parameters, where one did.
         evaluations: of the residual.
     """
 
@@ -70,8 +70,9 @@ class Fit:
     def interval(self, name: str, z: float = Z95) -> tuple[float, float]:
         """Return the interval of one estimate, cut at its bounds; of one at a bound, one-sided from there."""
         index = [p.name for p in self.parameters].index(name)
-        p, half = self.parameters[index], z * (self.reach[index] if self.at_bound[index] else self.sigma[name])
-        return max(float(self.x[index]) - half, p.low), min(float(self.x[index]) + half, p.high)
+        p, half = self.parameters[index], z * float(self.reach[index] if self.at_bound[index] else self.sigma[name])
+        at = float(self.x[index])
+        return max(at - half, p.low), min(at + half, p.high)
 
 
 def fit(
@@ -117,7 +118,7 @@ def fit(
     x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
     residual = problem.residual(x)
     jacobian = problem.jacobian(x)
-    diverged = bool(np.any(np.abs(residual) >= 1e3))
+    divergence = problem.divergence(x)
     return Fit(
         parameters=parameters,
         x=x,
@@ -127,8 +128,8 @@ def fit(
         covariance=covariance(jacobian, at_bound),
         reach=np.sqrt(np.diag(covariance(jacobian, np.zeros_like(at_bound)))),
         at_bound=at_bound,
-        status="diverged" if diverged else ("converged" if solution.status > 0 else "stopped"),
-        message=str(solution.message),
+        status="diverged" if divergence else ("converged" if solution.status > 0 else "stopped"),
+        message=divergence or str(solution.message),
         evaluations=int(solution.nfev),
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.identify.noise import Noise
-from mjfish.model import MARGIN, Model
+from mjfish.model import MARGIN, Model, Prediction
 from mjfish.parameter import Parameter
 from mjfish.trial import Trial
 
@@ -58,11 +58,11 @@ class Problem:
 
     def residual(self, x: FloatArray) -> FloatArray:
         """Return whitened residuals (measured - predicted), all trials and channels stacked."""
-        return self._stack(self._run([(trial, self._named(x)) for trial in self.trials]))
+        return self._stack(self._run([(trial, self.named(x)) for trial in self.trials]))
 
     def raw(self, x: FloatArray) -> list[FloatArray]:
         """Return residuals (n_r, 3) of every trial's counted samples, in physical units."""
-        predicted = self._run([(trial, self._named(x)) for trial in self.trials])
+        predicted = self._run([(trial, self.named(x)) for trial in self.trials])
         return [
             (trial.velocity - velocity)[self.mask(i)]
             for i, (trial, velocity) in enumerate(zip(self.trials, predicted, strict=True))
@@ -70,7 +70,13 @@ class Problem:
 
     def predictions(self, x: FloatArray) -> list[FloatArray]:
         """Return predicted velocities (n_r, 3) of every trial, all samples."""
-        return self._run([(trial, self._named(x)) for trial in self.trials])
+        return self._run([(trial, self.named(x)) for trial in self.trials])
+
+    def divergence(self, x: FloatArray) -> str:
+        """Return which trial diverges, when and with which parameters; empty where none does."""
+        predicted = [(trial, self._prediction(trial, self.named(x))) for trial in self.trials]
+        lost = [(trial, one) for trial, one in predicted if not np.all(np.isfinite(one.velocity))]
+        return "; ".join(f"{trial.name} {one.message}" for trial, one in lost)
 
     def jacobian(self, x: FloatArray, *, central: bool = True) -> FloatArray:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters."""
@@ -92,7 +98,7 @@ class Problem:
         """
         parameters = self.parameters
         chosen = [i for i, p in enumerate(parameters) if only is None or p.name in only]
-        here = self._named(x)
+        here = self.named(x)
         tasks = [(trial, here) for trial in self.trials]
         plan: list[tuple[int, int, list[tuple[float, int]]]] = []
         for k, column in enumerate(chosen):
@@ -144,8 +150,6 @@ class Problem:
         """Return free and fixed parameters by name."""
         return {**self.fixed, **{p.name: float(v) for p, v in zip(self.parameters, x, strict=True)}}
 
-    _named = named
-
     def _stack(self, predicted: list[FloatArray]) -> FloatArray:
         parts = []
         for i, (trial, velocity) in enumerate(zip(self.trials, predicted, strict=True)):
@@ -163,12 +167,14 @@ class Problem:
         return [self._predict(task) for task in tasks]
 
     def _predict(self, task: tuple[Trial, dict[str, float]]) -> FloatArray:
-        trial, values = task
+        return self._prediction(*task).velocity
+
+    def _prediction(self, trial: Trial, values: Mapping[str, float]) -> Prediction:
         start = None
         if not trial.starts_at_rest:
             start = np.array([values[f"{trial.name}:start.{channel}"] for channel in CHANNELS])
         offset = values.get(f"{trial.name}:clock.offset", 0.0)
-        return self.model.predict(trial, values, velocity=start, offset=offset).velocity
+        return self.model.predict(trial, values, velocity=start, offset=offset)
 
 
 def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:

@@ -74,7 +74,7 @@ class Identification:
                 for p, at_bound in zip(one.parameters, one.at_bound, strict=True)
             },
             "correlation": {"names": [p.name for p in one.parameters], "matrix": one.correlation.tolist()},
-            "scores": [vars(score) for score in self.scores],
+            "scores": [vars(score) for score in self.scores],  # NaN after a divergence
             "remarks": list(self.remarks),
         }
 
@@ -96,6 +96,8 @@ def identify(dataset: Dataset, *, jobs: int | None = None) -> Identification:
     one = fit(problem)
     remarks: tuple[str, ...] = ()
     for _ in range(2 if stated is None else 0):
+        if one.status == "diverged":
+            break
         residual = np.concatenate(problem.raw(one.x))
         problem = replace(problem, noise=Noise.white(np.sqrt(np.mean(residual**2, axis=0))))
         one = fit(problem, one.x)

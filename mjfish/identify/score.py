@@ -37,7 +37,8 @@ class Score:
 
 def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
     """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""
-    shared = {p.name: values[p.name] for p in fitted.model.parameters}
+    everything = {**fitted.fixed, **values}
+    shared = {p.name: everything[p.name] for p in fitted.model.parameters}
     residuals, predictions, sums = [], [], []
     for trial in trials:
         own = nuisances(trial, fitted.free_clock)
@@ -46,7 +47,7 @@ def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple
         if own:
             split = float(trial.time[0] + PREFIX * (trial.time[-1] - trial.time[0]))
             x = fit(replace(alone, windows=((-np.inf, split),)), x).x
-            alone = replace(alone, windows=((split, np.inf),))
+            alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
         residuals.append(alone.raw(x)[0])
         predictions.append(alone.predictions(x)[0])
         whitened = alone.residual(x)
