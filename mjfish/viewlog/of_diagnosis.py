@@ -35,7 +35,9 @@ def write_diagnosis_log(diagnosis: Diagnosis, path: Path) -> None:
         InputError: the file cannot be written.
     """
     overlays = sorted(diagnosis.overlays, key=lambda overlay: not overlay.held_out)
-    write_log(path, [_run(diagnosis, overlay) for overlay in overlays], about=_about(diagnosis))
+    write_log(
+        path, [_run(diagnosis, overlay) for overlay in overlays], name=diagnosis.dataset.name, about=_about(diagnosis)
+    )
 
 
 def _run(diagnosis: Diagnosis, overlay: Overlay) -> Run:

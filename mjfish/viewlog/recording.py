@@ -24,7 +24,7 @@ APPLICATION = "mjfish"
 TIMELINE = "sim_time"
 
 
-def write_log(path: Path, runs: Sequence[Run], *, about: str = "") -> None:
+def write_log(path: Path, runs: Sequence[Run], *, name: str = "", about: str = "") -> None:
     """Write runs to an .rrd file, with a blueprint that shows them one a tab, the first in front.
 
     Per run: ``/RUN/world/SWIMMER/link_K`` the body with a transform over time, ``/RUN/world/SWIMMER/path``,
@@ -34,6 +34,7 @@ def write_log(path: Path, runs: Sequence[Run], *, about: str = "") -> None:
     Args:
         path: of the file; one that is there is replaced.
         runs: at least one.
+        name: of the recording; else that of its first run.
         about: Markdown shown beside the swimming.
 
     Raises:
@@ -45,17 +46,17 @@ def write_log(path: Path, runs: Sequence[Run], *, about: str = "") -> None:
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.", suffix=".partial") as folder:
             partial = Path(folder) / "log.rrd"
-            _record(partial, runs, about)
+            _record(partial, runs, name or runs[0].name, about)
             partial.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}; choose a file that you can write to") from None
 
 
-def _record(path: Path, runs: Sequence[Run], about: str) -> None:
+def _record(path: Path, runs: Sequence[Run], name: str, about: str) -> None:
     scale = arrow_scale(runs)
     recording = rr.RecordingStream(APPLICATION)
     recording.save(path, default_blueprint=blueprint(runs))
-    recording.send_recording_name(", ".join(run.name for run in runs))
+    recording.send_recording_name(name)
     legend = f"\n\nArrows: 1 N is {scale:g} m." if _has_forces(runs) else ""
     recording.log("about", rr.TextDocument(about + legend, media_type=rr.MediaType.MARKDOWN), static=True)
     for run in runs:

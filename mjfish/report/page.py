@@ -1,0 +1,65 @@
+"""The page: what every section shows, put into the template; one file without a reference to anything outside."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from mjfish.diagnose import Diagnosis
+from mjfish.files import write_text
+from mjfish.report.beat import beat_figure
+from mjfish.report.candidates import candidate_views, parameter_views
+from mjfish.report.coefficients import coefficient_views
+from mjfish.report.experiments import experiments
+from mjfish.report.gain import gain_view
+from mjfish.report.series import trial_figures
+from mjfish.report.where import where_view
+from mjfish.report.words import VERDICTS, chance
+
+
+def write_report(diagnosis: Diagnosis, path: Path) -> None:
+    """Write the report of a diagnosis as one HTML file, whole or not at all.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    write_text(path, render(diagnosis))
+
+
+def render(diagnosis: Diagnosis) -> str:
+    """Return the report of a diagnosis as HTML: self-contained, everything that came from a user escaped."""
+    return _environment().get_template("page.html.j2").render(_view(diagnosis), plotly_js=Markup(get_plotlyjs()))  # noqa: S704
+
+
+@functools.cache
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("mjfish.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _view(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return what the template may use."""
+    return {
+        "diagnosis": diagnosis,
+        "badge": VERDICTS[diagnosis.verdict],
+        "p_wrong": chance(diagnosis.p_wrong),
+        "causes": [(cause, parameter_views(cause.parameters)) for cause in diagnosis.causes],
+        "gain": gain_view(diagnosis),
+        "trials": trial_figures(diagnosis),
+        "beat": beat_figure(diagnosis),
+        "where": where_view(diagnosis),
+        "candidates": candidate_views(diagnosis),
+        "experiments": experiments(diagnosis),
+        "coefficients": coefficient_views(diagnosis),
+        "sampled": sum(len(overlay.trial.time) for overlay in diagnosis.overlays),
+    }
