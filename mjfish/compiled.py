@@ -30,6 +30,7 @@ def cache_folder() -> Path:
     for library in ("numba", "llvmlite", "numpy", "mujoco"):
         digest.update(f"{library} {version(library)}\n".encode())
     package = Path(__file__).parent
+    digest.update(Path(__file__).read_bytes())
     for folder in _COMPILED_FOLDERS:
         for source in sorted((package / folder).rglob("*.py")):
             digest.update(source.read_bytes())
@@ -45,6 +46,15 @@ def compiled(function: F) -> F:
     ours = Path(function.__code__.co_filename).is_relative_to(Path(__file__).parent)
     with _CacheDir():
         dispatcher: F = numba.njit(cache=ours, nogil=True, error_model="numpy")(function)
+    return dispatcher
+
+
+def inlined(function: F) -> F:
+    """Compile like `compiled`, but as a part of every compiled function that calls it: for the innermost loops."""
+    ours = Path(function.__code__.co_filename).is_relative_to(Path(__file__).parent)
+    with _CacheDir():
+        make = numba.njit(cache=ours, nogil=True, error_model="numpy", inline="always")
+        dispatcher: F = make(function)
     return dispatcher
 
 

@@ -16,15 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled
+from mjfish.compiled import compiled, inlined
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.errors import InputError
 from mjfish.fish import Cpg
 
 #: Start of every oscillator; psi starts at its bias.
 ZETA_START = 0.1
-#: Runge-Kutta steps a half step of the model: at a 5 ms step the angles are then right to 1e-5 rad, at 1 ms to 1e-8.
-_SUBSTEPS = 1
 
 
 @dataclass(frozen=True)
@@ -85,25 +83,28 @@ def _sample(
     cos: float,
     sin: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Integrate eq. (20) by Runge-Kutta steps of a quarter step; return psi, psi', psi'' (n, 3, joints)."""
+    """Integrate eq. (20) by Runge-Kutta steps of half a step; return psi, psi', psi'' (n, 3, joints)."""
     n, joints = bias.shape
     psi = np.empty((n, 3, joints))
     rate = np.empty((n, 3, joints))
     acceleration = np.empty((n, 3, joints))
-    # Rows: 0 the state, 1 the Runge-Kutta trial state, 2 the rates, 3 their weighted sum.
-    zeta = np.empty((4, joints))
-    delta = np.empty((4, joints))  # psi - b, which is what the equations speak of
+    # Rows: 0 the state, 1 the Runge-Kutta trial state, 2 to 5 the rates of the four stages.
+    zeta = np.empty((6, joints))
+    delta = np.empty((6, joints))  # psi - b, which is what the equations speak of
     zeta[0] = ZETA_START
     delta[0] = 0.0
     for step in range(n):
+        changed = step == 0 or omega[step] != omega[step - 1]
         if step > 0:
             for i in range(joints):
-                delta[0, i] += bias[step - 1, i] - bias[step, i]  # psi is continuous, b is not
+                shift = bias[step - 1, i] - bias[step, i]
+                delta[0, i] += shift  # psi is continuous, b is not
+                changed = changed or shift != 0.0
         for stage in range(3):
             if stage > 0:
-                for _ in range(_SUBSTEPS):
-                    _advance(zeta, delta, 0.5 / _SUBSTEPS * steps[step], omega[step], amplitude, h1, h2, cos, sin)
-            _rates(zeta, delta, 0, omega[step], amplitude, h1, h2, cos, sin)
+                _advance(zeta, delta, 0.5 * steps[step], omega[step], amplitude, h1, h2, cos, sin)
+            if stage > 0 or changed:  # else the rates at the end of the step before still hold
+                _rates(zeta, delta, 0, 2, omega[step], amplitude, h1, h2, cos, sin)
             for i in range(joints):
                 psi[step, stage, i] = delta[0, i] + bias[step, i]
                 rate[step, stage, i] = delta[2, i]
@@ -116,7 +117,7 @@ def _sample(
     return psi, rate, acceleration
 
 
-@compiled
+@inlined
 def _advance(
     zeta: FloatArray,
     delta: FloatArray,
@@ -128,30 +129,25 @@ def _advance(
     cos: float,
     sin: float,
 ) -> None:
-    """Advance row 0 by `h` with one classical Runge-Kutta step; rows 1 to 3 are scratch."""
+    """Advance row 0 by `h` with one classical Runge-Kutta step; row 2 holds its rates already."""
     joints = amplitude.shape[0]
-    for stage in range(4):
-        _rates(zeta, delta, 0 if stage == 0 else 1, omega, amplitude, h1, h2, cos, sin)
-        weight = 1.0 if stage == 0 or stage == 3 else 2.0
+    for stage in range(3):
         ahead = h if stage == 2 else 0.5 * h
         for i in range(joints):
-            if stage == 0:
-                zeta[3, i] = 0.0
-                delta[3, i] = 0.0
-            zeta[3, i] += weight * zeta[2, i]
-            delta[3, i] += weight * delta[2, i]
-            zeta[1, i] = zeta[0, i] + ahead * zeta[2, i]
-            delta[1, i] = delta[0, i] + ahead * delta[2, i]
+            zeta[1, i] = zeta[0, i] + ahead * zeta[2 + stage, i]
+            delta[1, i] = delta[0, i] + ahead * delta[2 + stage, i]
+        _rates(zeta, delta, 1, 3 + stage, omega, amplitude, h1, h2, cos, sin)
     for i in range(joints):
-        zeta[0, i] += h / 6.0 * zeta[3, i]
-        delta[0, i] += h / 6.0 * delta[3, i]
+        zeta[0, i] += h / 6.0 * (zeta[2, i] + 2.0 * zeta[3, i] + 2.0 * zeta[4, i] + zeta[5, i])
+        delta[0, i] += h / 6.0 * (delta[2, i] + 2.0 * delta[3, i] + 2.0 * delta[4, i] + delta[5, i])
 
 
-@compiled
+@inlined
 def _rates(
     zeta: FloatArray,
     delta: FloatArray,
     row: int,
+    out: int,
     omega: float,
     amplitude: FloatArray,
     h1: float,
@@ -159,14 +155,17 @@ def _rates(
     cos: float,
     sin: float,
 ) -> None:
-    """Right-hand side of eq. (20) at `row`, into row 2."""
+    """Right-hand side of eq. (20) at row `row`, into row `out`."""
     joints = amplitude.shape[0]
     for i in range(joints):
         z = zeta[row, i]
         d = delta[row, i]
         growth = amplitude[i] - z * z - d * d
-        zeta[2, i] = -omega * d + z * growth
-        delta[2, i] = omega * z + d * growth
-    for i in range(joints - 1):
-        zeta[2, i + 1] += h1 * (zeta[row, i] * cos + delta[row, i] * sin)
-        delta[2, i] += h2 * (zeta[row, i + 1] * sin + delta[row, i + 1] * cos)
+        zeta_rate = -omega * d + z * growth
+        delta_rate = omega * z + d * growth
+        if i > 0:
+            zeta_rate += h1 * (zeta[row, i - 1] * cos + delta[row, i - 1] * sin)
+        if i < joints - 1:
+            delta_rate += h2 * (zeta[row, i + 1] * sin + delta[row, i + 1] * cos)
+        zeta[out, i] = zeta_rate
+        delta[out, i] = delta_rate

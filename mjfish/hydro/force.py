@@ -13,17 +13,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from mjfish.compiled import compiled
+from mjfish.compiled import inlined
 from mjfish.hydro.outline import INTERVALS
 
 
-@compiled
+@inlined
 def added_mass(link: Any) -> tuple[float, float, float]:
     """Return A_0, A_1, A_2 = INT m_a r^k dr [kg, kg m, kg m2] of one link record, eq. (8) with c_m."""
     return link.c_m * link.added[0], link.c_m * link.added[1], link.c_m * link.added[2]
 
 
-@compiled
+@inlined
 def gyroscopic(link: Any) -> tuple[float, float, float]:
     """Return (fx, fy, mz) [N, N, N m]: minus gamma_ad of eq. (13), with the share `munk` of the Munk moment."""
     a0, a1, _ = added_mass(link)
@@ -31,7 +31,7 @@ def gyroscopic(link: Any) -> tuple[float, float, float]:
     return link.w * momentum, 0.0, -link.munk * link.u * momentum
 
 
-@compiled
+@inlined
 def drag(link: Any) -> tuple[float, float, float]:
     """Return (fx, fy, mz) [N, N, N m] of friction along and drag across one link, eqs. (9) and (10).
 
@@ -57,7 +57,7 @@ def drag(link: Any) -> tuple[float, float, float]:
     return along * abs(link.u) * link.u, across * force, across * moment
 
 
-@compiled
+@inlined
 def height_moments(link: Any, r: float) -> tuple[float, float, float, float]:
     """Return H_k = INT_0^r h r'^k dr', k = 0..3, by Hermite interpolation between exact nodes.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
-from mjfish.ode.equation import STATES, derivative
+from mjfish.ode.equation import STATES, derivative, derivative_inlined
 
 #: A rollout has diverged once a velocity passes this [m/s or rad/s]: no fish does.
 DIVERGED = 1e3
@@ -83,7 +83,7 @@ def integrate(
             at = 0 if stage == 0 else (2 if stage == 3 else 1)
             if stage == 0:
                 trial[:] = state
-            derivative(
+            derivative_inlined(
                 links, cos[step, at], sin[step, at], rate[step, at], acceleration[step, at], angle_last[step, at],
                 trial, tail, printed, hooks, hook_parameters, scratch, k,
             )  # fmt: skip

@@ -22,6 +22,8 @@ Coriolis = Literal["corrected", "printed"]
 #: Default step of the model [s]. The nominal fish's rms error is then below 3e-5 m/s and 1.5e-4 rad/s, at start-up up
 #: to 4e-4 m/s and 2e-3 rad/s (omega 26); it falls sixteenfold with each halving (docs/theory.md).
 STEP = 0.005
+#: Signs that turn velocity and pose from the model's frame to the forward frame; deflections keep theirs.
+_TO_FORWARD = np.concatenate([frames.flip(np.ones(3)), frames.flip(np.ones(3)), np.ones(2)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +124,4 @@ def simulate(
 
 def _to_forward(states: FloatArray) -> FloatArray:
     """Turn velocity and pose from the model's frame to the forward frame; deflections keep their sign."""
-    turned = states.copy()
-    turned[..., :3] = frames.flip(states[..., :3])
-    turned[..., 3:6] = frames.flip(states[..., 3:6])
-    return turned
+    return np.asarray(states * _TO_FORWARD)
