@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Annotated, Any
 
 import typer
@@ -50,10 +51,16 @@ def _root(
     """Shows what a swimming-fish simulation gets wrong, names the cause, and measures what knowing it gains."""
 
 
-def main() -> None:
-    """Run the command line."""
+@functools.cache
+def application() -> typer.Typer:
+    """Return the application with every command."""
     from mjfish.cli import check, data, diagnose, identify, simulate, view
 
     for module in (simulate, check, data, identify, diagnose, view):
         module.register(app)
-    app()
+    return app
+
+
+def main() -> None:
+    """Run the command line."""
+    application()()

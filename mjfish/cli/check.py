@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import json
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -15,7 +14,7 @@ from rich.table import Table
 from mjfish import fish as fishes
 from mjfish.cli import console
 from mjfish.drive import modes
-from mjfish.files import write_text
+from mjfish.files import check_file, write_json
 from mjfish.frames import CHANNELS, UNITS
 
 #: Checked where no mode is named: a straight run, a change of frequency, a turn.
@@ -46,10 +45,15 @@ def check(
     from mjfish import crosscheck
 
     body = fishes.load(fish)
+    names = mode or MODES
+    for name in names:
+        modes.drive(name)  # refuses an unknown mode before any work is done
+    if json_ is not None:
+        check_file(json_)
     results = []
     with console.progress_bar() as tell:
-        for done, name in enumerate(mode or MODES):
-            tell(f"checking {name}", done / len(mode or MODES))
+        for done, name in enumerate(names):
+            tell(f"checking {name}", done / len(names))
             results.append(crosscheck.check(body, name, coriolis=coriolis.value))
     table = Table(title=f"{body.name}: largest difference ODE - MuJoCo, relative to each channel's range")
     for heading in ("mode", "step [ms]", *(f"{c} [{UNITS[c]}]" for c in CHANNELS), "of the bound", "order"):
@@ -67,6 +71,6 @@ def check(
     passed = all(result.passed for result in results)
     if json_ is not None:
         entries = [{**asdict(result), "passed": result.passed} for result in results]
-        write_text(json_, json.dumps({"schema": 1, "passed": passed, "checks": entries}, indent=2) + "\n")
+        write_json(json_, {"schema": 1, "passed": passed, "checks": entries})
     if not passed:
         raise typer.Exit(console.NOT_GOOD)

@@ -40,7 +40,8 @@ def numbers(text: str, count: int, what: str) -> list[float]:
     except ValueError:
         values = []
     if len(values) != count or not all(math.isfinite(value) for value in values):
-        raise InputError(f"{what}: found '{text}', expected {count} numbers separated by commas")
+        wanted = "a number" if count == 1 else f"{count} numbers separated by commas"
+        raise InputError(f"{what}: found '{text}', expected {wanted}; correct it")
     return values
 
 

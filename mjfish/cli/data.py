@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from mjfish import fish as fishes
@@ -16,7 +17,7 @@ from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError
 from mjfish.importers import HEADERS, import_files
 from mjfish.plant import plant
-from mjfish.trial import save
+from mjfish.trial import check_folder, save
 
 
 def register(app: typer.Typer) -> None:
@@ -38,10 +39,11 @@ def generate(
     duration: Annotated[float, typer.Option(help="Length of each trial [s].")] = table_iv.DURATION,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Coefficient, e.g. c_d.head=2.0; repeatable.")] = None,
     held_out: Annotated[list[str] | None, typer.Option(help="Trial not to be fitted; repeatable.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the noise.", min=0)] = 0,
 ) -> None:
     """Plant a dataset: simulated swimming with known coefficients, noise, and effects hidden in it."""
     hidden, values = _hidden(effect or [], catalogue(tuple(effects or ())))
+    check_folder(out)
     dataset = plant(
         fishes.load(fish),
         [mode.strip() for mode in modes.split(",")],
@@ -55,7 +57,7 @@ def generate(
         name=out.resolve().name,
     )
     path = save(dataset, out)
-    console.out.print(f"wrote {path} with {len(dataset.trials)} trials")
+    console.out.print(f"wrote {escape(str(path))} with {len(dataset.trials)} trials", soft_wrap=True)
 
 
 def _hidden(texts: list[str], known: dict[str, Effect]) -> tuple[list[Effect], dict[str, float]]:
@@ -68,7 +70,10 @@ def _hidden(texts: list[str], known: dict[str, Effect]) -> tuple[list[Effect], d
             raise InputError(f"--effect: found '{text}', expected NAME:PARAM=VALUE, e.g. servo_lag:time_constant=0.02")
         hidden[name] = find(name, known)
         for short, value in console.assignments(settings.split(","), f"--effect {name}").items():
-            values[hidden[name].declaration(short).name] = value
+            full = hidden[name].declaration(short).name
+            if full in values:
+                raise InputError(f"--effect: '{full}' is set twice; set it once")
+            values[full] = value
     return list(hidden.values()), values
 
 
@@ -79,6 +84,7 @@ def import_(
     held_out: Annotated[list[str] | None, typer.Option(help="Trial or file not to be fitted; repeatable.")] = None,
 ) -> None:
     """Turn the files of a laboratory into a dataset."""
+    check_folder(out)
     dataset, report = import_files(source, files, held_out or ())
     path = save(dataset, out)
     table = Table(title=f"{source}: what was kept", show_header=True)
@@ -86,6 +92,6 @@ def import_(
     for row in report.rows():
         table.add_column(row[0])
     for heading, *cells in zip(HEADERS[1:], *(row[1:] for row in report.rows()), strict=True):
-        table.add_row(heading.replace("[", r"\["), *cells, end_section=True)
+        table.add_row(escape(heading), *cells, end_section=True)
     console.out.print(table)
-    console.out.print(f"wrote {path} with {len(dataset.trials)} trials")
+    console.out.print(f"wrote {escape(str(path))} with {len(dataset.trials)} trials", soft_wrap=True)

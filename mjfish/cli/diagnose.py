@@ -6,11 +6,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
+from rich.padding import Padding
 from rich.table import Table
 
 from mjfish.cli import console, narrate
 from mjfish.diagnose import Diagnosis, diagnose
-from mjfish.effects import catalogue
+from mjfish.effects import Effect, catalogue
+from mjfish.files import check_file, check_folder, make_folder
 from mjfish.trial import Dataset, load
 
 #: The dataset that ships with the package; what is hidden in it is not said here.
@@ -30,13 +33,17 @@ def diagnose_(
     json_: Annotated[Path | None, typer.Option("--json", help="Write diagnosis.json here.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write the HTML report here.")] = None,
     rrd: Annotated[Path | None, typer.Option(help="Write the rerun log here.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the simulated null distributions.")] = 0,
-    jobs: Annotated[int | None, typer.Option(help="Threads; default one a processor.")] = None,
+    seed: Annotated[int, typer.Option(help="Of the simulated null distributions.", min=0)] = 0,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Find what the simulation gets wrong on measured data, name the cause, and measure the gain on held-out trials."""
-    result = _run(load(dataset), effects or [], seed, jobs)
+    known = catalogue(tuple(effects or ()))
+    for file in (json_, report, rrd):
+        if file is not None:
+            check_file(file)
+    result = _run(load(dataset), known, seed, jobs)
     _write(result, json_, report, rrd)
-    narrate.diagnosis(result)
+    narrate.diagnosis(result, known)
     _leave(result)
 
 
@@ -44,13 +51,15 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder for diagnosis.json, report.html and fish.rrd.")] = Path("out/demo"),
 ) -> None:
     """Run the main job on a shipped dataset with a hidden effect."""
-    out.mkdir(parents=True, exist_ok=True)
-    result = _run(load(DEMO), [], 0, None)
+    check_folder(out)
+    result = _run(load(DEMO), catalogue(), 0, None)
+    make_folder(out)
     _write(result, out / "diagnosis.json", out / "report.html", out / "fish.rrd")
-    narrate.diagnosis(result)
-    console.out.print(f"\nThe numbers:  {out / 'diagnosis.json'}")
-    console.out.print(f"The report:   {out / 'report.html'}  (open it in a browser)")
-    console.out.print(f"The swimming: mjfish view {out / 'fish.rrd'}")
+    narrate.diagnosis(result, catalogue())
+    shown = escape(str(out))
+    console.out.print(f"\nThe numbers:  {shown}/diagnosis.json", soft_wrap=True)
+    console.out.print(f"The report:   {shown}/report.html  (open it in a browser)", soft_wrap=True)
+    console.out.print(f"The swimming: mjfish view {shown}/fish.rrd", soft_wrap=True)
     _leave(result)
 
 
@@ -58,22 +67,19 @@ def effects_(
     effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
 ) -> None:
     """List the causes that can be named, with their parameters."""
-    table = Table(title="Causes", show_lines=True)
-    for heading in ("cause", "parameters", "what it leaves in the residual", "what would confirm it"):
-        table.add_column(heading)
     for effect in catalogue(tuple(effects or ())).values():
-        parameters = "\n".join(f"{p.name} [{p.unit}]: {p.about}; {p.low:g} to {p.high:g}" for p in effect.parameters)
-        table.add_row(
-            f"[bold]{effect.name}[/]\n{effect.summary}",
-            parameters.replace("[", r"\["),
-            effect.signature,
-            effect.confirm,
-        )
-    console.out.print(table)
+        console.out.print(f"[bold]{effect.name}[/]: {escape(effect.summary)}")
+        rows = Table.grid(padding=(0, 2))
+        rows.add_column(no_wrap=True)
+        rows.add_column()
+        for p in effect.parameters:
+            rows.add_row(escape(f"{p.name} [{p.unit}]"), escape(f"{p.about}; {p.low:g} to {p.high:g}"))
+        rows.add_row("leaves in the residual", escape(effect.signature))
+        rows.add_row("would be confirmed by", escape(effect.confirm))
+        console.out.print(Padding(rows, (0, 0, 1, 2)))
 
 
-def _run(dataset: Dataset, files: list[Path], seed: int, jobs: int | None) -> Diagnosis:
-    known = catalogue(tuple(files))
+def _run(dataset: Dataset, known: dict[str, Effect], seed: int, jobs: int | None) -> Diagnosis:
     with console.progress_bar() as tell:
         return diagnose(dataset, effects=known, seed=seed, jobs=jobs, progress=tell)
 

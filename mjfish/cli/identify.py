@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from mjfish.cli import console
-from mjfish.files import write_text
+from mjfish.files import check_file, write_json
 from mjfish.identify.report import Identification, identify
 from mjfish.trial import load
 
@@ -26,22 +26,24 @@ def register(app: typer.Typer) -> None:
 def identify_(
     dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml.")],
     json_: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
-    jobs: Annotated[int | None, typer.Option(help="Threads; default one a processor.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Fit the hydrodynamic coefficients to all fit trials at once, and score the held-out ones."""
+    if json_ is not None:
+        check_file(json_)
     with console.progress_bar() as tell:
         tell("fitting", 0.1)
         result = identify(load(dataset), jobs=jobs)
     _show(result)
     if json_ is not None:
-        write_text(json_, json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n")
+        write_json(json_, result.to_dict())
     if result.fit.status != "converged":
-        console.err.print(f"[bold red]{result.fit.status}:[/] {result.fit.message}")
+        console.err.print(f"[bold red]{result.fit.status}:[/] {escape(result.fit.message)}", soft_wrap=True)
         raise typer.Exit(console.NOT_GOOD)
 
 
 def _show(result: Identification) -> None:
-    table = Table(title=f"{result.dataset.name}: estimates with 95 % intervals")
+    table = Table(title=f"{escape(result.dataset.name)}: estimates with 95 % intervals")
     for heading in ("parameter", "estimate", "standard error", "low", "high", "remark"):
         table.add_column(heading, justify="left" if heading in ("parameter", "remark") else "right")
     for p, at_bound in zip(result.fit.parameters, result.fit.at_bound, strict=True):

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from rich.markup import escape
 from rich.table import Table
 
 from mjfish.cli.console import out
 from mjfish.diagnose import Diagnosis
-from mjfish.effects import catalogue
+from mjfish.effects import Effect
 from mjfish.frames import CHANNELS
 
 _COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow", "unexplained": "red"}
 
 
-def diagnosis(result: Diagnosis) -> None:
-    """Print a diagnosis."""
+def diagnosis(result: Diagnosis, known: Mapping[str, Effect]) -> None:
+    """Print a diagnosis; `known` are the causes that were candidates."""
     out.print(f"[bold {_COLOURS[result.verdict]}]{result.verdict}[/]  {escape(result.message)}", soft_wrap=True)
     if result.best is not None:
         out.print(_cause(result))
@@ -29,7 +31,7 @@ def diagnosis(result: Diagnosis) -> None:
         )
     if result.candidates:
         out.print(_candidates(result))
-    _experiments(result)
+    _experiments(result, known)
     _blind(result)
     for remark in result.remarks:
         out.print(f"Remark: {escape(remark)}", soft_wrap=True)
@@ -72,14 +74,13 @@ def _candidates(result: Diagnosis) -> Table:
     for c in result.candidates:
         if not c.applicable:
             continue
-        held = "" if c.held_out_gain is None else f"{c.held_out_gain:.1f}"
+        held = "" if c.held_out_gain is None else f"{c.held_out_gain:.4g}"
         rival, left = (f"{c.rival_p:.2g}", f"{c.fit_p:.2g}" if c.rival_p >= 0.05 else "") if c.parameters else ("", "")
-        table.add_row(c.name, f"{c.statistic:.1f}", f"{c.p_value:.2g}", held, rival, left, f"{c.absorbed:.0%}")
+        table.add_row(c.name, f"{c.statistic:.4g}", f"{c.p_value:.2g}", held, rival, left, f"{c.absorbed:.0%}")
     return table
 
 
-def _experiments(result: Diagnosis) -> None:
-    known = {effect.name: effect for effect in result.extended_model.effects} | catalogue()
+def _experiments(result: Diagnosis, known: Mapping[str, Effect]) -> None:
     names = [cause.name for cause in result.causes] or [name for group in result.rivals for name in group]
     for name in names:
         out.print(f"To confirm {name}: {escape(known[name].confirm)}.", soft_wrap=True)

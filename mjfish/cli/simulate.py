@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from rich.markup import escape
 
 from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
@@ -15,6 +16,7 @@ from mjfish.cli import console
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
+from mjfish.files import check_folder, make_folder
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.trial import columns, write_table
@@ -48,13 +50,14 @@ def simulate(
     """Simulate a mode of swimming and write rollout.csv and rollout.rrd."""
     body = fishes.load(fish).with_values(console.assignments(set_ or [], "--set"))
     if body.cpg is None:
-        raise InputError(f"{fish} has no [cpg]; a mode can only be simulated with one")
-    if not duration > 0.0:
-        raise InputError(f"--duration: found {duration:g}, expected a number above 0 s")
+        raise InputError(f"{fish} has no [cpg], which a mode of swimming needs; add one, or name another fish")
+    if not 0.0 < duration < np.inf:
+        raise InputError(f"--duration: found {duration:g}, expected a finite number above 0 s; correct it")
+    check_folder(out)
     motion = cpg.joint_motion(body.cpg, modes.drive(mode), duration, STEP)
     time = np.arange(int(duration * RATE + 1e-9) + 1) / RATE
     state, joints, status, message = _run(body, motion, engine, time)
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     kept = np.all(np.isfinite(state), axis=1)
     names = ["time", *CHANNELS, *columns.POSE, *(columns.joint(k + 1) for k in range(body.joints))]
     table = np.column_stack([time, state, joints])[kept]
@@ -63,13 +66,14 @@ def simulate(
 
     write_rollout_log(out / "rollout.rrd", body, table[:, 0], table[:, 1:4], table[:, 4:7], table[:, 7:])
     if status != "ok":
-        console.err.print(f"[bold red]{status}:[/] {message}", soft_wrap=True)
+        console.err.print(f"[bold red]{status}:[/] {escape(message)}", soft_wrap=True)
         raise typer.Exit(console.NOT_GOOD)
-    steady = state[time >= 0.5 * duration, 0]
-    console.out.print(f"{body.name}, {mode}, {engine.value}: mean surge of the second half {steady.mean():.3f} m/s")
+    steady = state[len(state) // 2 :, 0]
     console.out.print(
-        f"wrote {out / 'rollout.csv'} and {out / 'rollout.rrd'} (open it with: mjfish view {out / 'rollout.rrd'})"
+        f"{escape(body.name)}, {mode}, {engine.value}: mean surge of the second half {steady.mean():.3f} m/s"
     )
+    table_file, log = escape(str(out / "rollout.csv")), escape(str(out / "rollout.rrd"))
+    console.out.print(f"wrote {table_file} and {log} (open it with: mjfish view {log})", soft_wrap=True)
 
 
 def _run(fish: Fish, motion: JointMotion, engine: Engine, time: FloatArray) -> tuple[FloatArray, FloatArray, str, str]:

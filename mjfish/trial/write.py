@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mjfish import files, tomlfile
 from mjfish import fish as fishes
-from mjfish import tomlfile
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError, MjfishError
 from mjfish.fish import Fish
@@ -62,6 +62,17 @@ def save(dataset: Dataset, folder: str | Path, *, suffix: Literal[".csv", ".parq
     finally:
         shutil.rmtree(partial, ignore_errors=True)
     return folder / schema.FILE
+
+
+def check_folder(folder: str | Path) -> None:
+    """Refuse a folder that `save` would refuse; for callers with long work before they save.
+
+    Raises:
+        InputError: it holds something else than a dataset written by `save`, or cannot be written to.
+    """
+    folder = Path(folder).resolve()
+    files.check_folder(folder)
+    _replaceable(folder)
 
 
 def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
