@@ -1,0 +1,123 @@
+"""A small diagnosis made by hand, in every verdict: what reports and logs show, without the work of finding it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from mjfish import fish as fishes
+from mjfish.diagnose import Candidate, Cause, Diagnosis, Estimate, Overlay
+from mjfish.diagnose.heldout import Gain
+from mjfish.diagnose.locate import Where
+from mjfish.diagnose.result import Verdict
+from mjfish.drive.cpg import DriveSegment
+from mjfish.effects import find
+from mjfish.model import Model
+from mjfish.trial import Dataset, Trial
+
+CAUSE = "servo_lag"
+LAG = Estimate(0.0201, 0.0195, 0.0207, "s")
+SIGMA = np.array([0.01, 0.01, 0.05])
+_GAIN = Gain(
+    nominal={"surge": 0.031, "sway": 0.021, "yaw_rate": 0.0423, "pooled": 0.0314},
+    extended={"surge": 0.011, "sway": 0.012, "yaw_rate": 0.0130, "pooled": 0.0120},
+    relative_reduction=0.618,
+    low=0.57,
+    high=0.66,
+    mean_speed_error=(0.0123, 0.0021),
+)
+
+
+def _trial(name: str, omega: float, values: Mapping[str, float], seed: int) -> tuple[Trial, np.ndarray, np.ndarray]:
+    """Return a measured trial with the predictions of both models."""
+    fish = fishes.load("pike")
+    time = np.arange(0.0, 2.001, 0.02)
+    turn = DriveSegment(1.2, omega, (0.0, 0.2, 0.3, 0.4))
+    empty = Trial(name, None, time, np.zeros((len(time), 3)), (DriveSegment(0.0, omega, (0.0,) * 4), turn))
+    model = Model(fish)
+    nominal = model.predict(empty, model.values()).velocity
+    wide = model.extended(find(CAUSE))
+    extended = wide.predict(empty, wide.values(values)).velocity
+    noise = SIGMA * np.random.default_rng(seed).normal(size=extended.shape)
+    return replace(empty, velocity=extended + noise), nominal, extended
+
+
+def diagnosis(
+    verdict: Verdict = "named", *, held_out: bool = True, names: tuple[str, str] = ("slow", "fast")
+) -> Diagnosis:
+    """Return a diagnosis of two trials, the second held out (or both fitted), with this verdict."""
+    fish = fishes.load("pike")
+    values = {f"{CAUSE}.time_constant": LAG.estimate}
+    trials = [_trial(name, omega, values, k) for k, (name, omega) in enumerate(zip(names, (14.0, 20.0), strict=True))]
+    overlays = [Overlay(trial, held_out and k == 1, *both) for k, (trial, *both) in enumerate(trials)]
+    wrong = verdict != "nothing_wrong"
+    if not wrong:
+        overlays = [replace(overlay, extended=overlay.nominal) for overlay in overlays]
+    nominal = {name: Estimate(v, 0.9 * v, 1.1 * v, "-", name == "c_f.head") for name, v in fish.values.items()}
+    return Diagnosis(
+        dataset=Dataset("pool week 12", fish, tuple(overlay.trial for overlay in overlays), noise=SIGMA),
+        verdict=verdict,
+        message=f"Something to say about {verdict}.",
+        status="ok",
+        remarks=("c_f.head of the nominal model rests on its bound",),
+        causes=(Cause(CAUSE, find(CAUSE).summary, {"time_constant": LAG}),) if verdict == "named" else (),
+        rivals=((CAUSE, "time_offset"),) if verdict == "cannot_tell" else (),
+        candidates=_candidates(verdict),
+        best=CAUSE if wrong else None,
+        where=_where(names) if wrong else None,
+        p_wrong=1e-9 if wrong else 0.63,
+        gain=_GAIN if wrong and held_out else None,
+        nominal=nominal,
+        extended={**nominal, f"{CAUSE}.time_constant": LAG} if wrong else nominal,
+        nominal_model=Model(fish),
+        extended_model=Model(fish).extended(find(CAUSE)) if wrong else Model(fish),
+        overlays=tuple(overlays),
+        provenance={"versions": {"mjfish": "0.1.0"}, "commit": None, "seed": 7, "inputs": {"slow.csv": "ab12"}},
+    )
+
+
+def _where(names: tuple[str, str]) -> Where:
+    return Where(
+        channel="yaw_rate",
+        trial=names[0],
+        part="start-up",
+        phase="0/8 to 1/8",
+        channels={"surge": 0.2, "sway": 0.3, "yaw_rate": 0.5},
+        trials={names[0]: 1.0},
+        parts={"start-up": 0.75, "steady": 0.25},
+        phases={"0/8 to 1/8": 0.6, "4/8 to 5/8": 0.4},
+    )
+
+
+def _candidates(verdict: Verdict) -> tuple[Candidate, ...]:
+    """Return a best one, a rival, one that is ruled out, and one that does not apply."""
+    tried = verdict != "nothing_wrong"
+    off = Estimate(-0.0195, -0.0201, -0.0189, "s")
+    damping = Estimate(0.2, 0.2, 0.2, "N m s/rad", at_bound=True)
+    wall = Candidate("ambient_current", False, remark="the heading was not recorded")
+    if not tried:
+        visible = {f"{CAUSE}.time_constant": 5.8e-5}
+        return (Candidate(CAUSE, True, 0.3, 0.3, 1, 0.57, absorbed=0.4, smallest_visible=visible), wall)
+    close = 0.4 if verdict == "cannot_tell" else 1e-7
+    best = Candidate(
+        name=CAUSE,
+        applicable=True,
+        score=812.0,
+        statistic=903.4,
+        freedom=1,
+        p_value=1e-99,
+        rival_p=1.0,
+        fit_p=0.002 if verdict == "unexplained" else 0.31,
+        held_out_gain=210.0,
+        absorbed=0.12,
+        smallest_visible={f"{CAUSE}.time_constant": 5.8e-5},
+        parameters={"time_constant": LAG},
+    )
+    return (
+        best,
+        replace(best, name="time_offset", statistic=640.0, rival_p=close, absorbed=0.97, parameters={"offset": off}),
+        replace(best, name="tail_compliance", statistic=88.0, rival_p=0.0, parameters={"damping": damping}),
+        wall,
+    )
