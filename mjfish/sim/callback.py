@@ -79,7 +79,8 @@ def installed(*models: mujoco.MjModel) -> Iterator[None]:
     """Let the water act while the block runs; what was MuJoCo's control callback before is so again afterwards.
 
     The callback belongs to the whole process: inside the block it acts on every model with water in it, in all threads,
-    and on no other. Blocks may be nested and may overlap in time; the last one out restores.
+    and on no other. Blocks may be nested and may overlap in time; the last one out restores. The water assigns
+    ``xfrc_applied`` of its bodies: push them by ``qfrc_applied``.
 
     Args:
         models: those that will be stepped; each is checked.

@@ -1,0 +1,26 @@
+"""The bench runs, its sides agree with each other, and the ratios meet their targets."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+_BENCH = Path(__file__).parents[2] / "tools" / "bench.py"
+
+
+@pytest.mark.slow
+def test_bench_meets_its_targets_and_writes_the_ratios(tmp_path: Path) -> None:
+    """Compares trajectories before it times them; a slip in the plain NumPy model or in the ODE stops it."""
+    written = tmp_path / "bench.json"
+    ran = subprocess.run(
+        [sys.executable, str(_BENCH), "--json", str(written)], capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    ratios = json.loads(written.read_text(encoding="utf-8"))["ratios"]
+    assert ratios["ode_vs_solve_ivp"] >= 500.0
+    assert 1.0 < ratios["mujoco_force_euler"] <= 3.0
+    assert all(name in ran.stdout for name in ratios)
