@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# One BLAS thread a test process: the processes share the cores already.
+TEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
 STAMP := $(VENV)/.installed
 
 .PHONY: env demo test test-slow check format bench clean
@@ -18,10 +20,10 @@ demo: env
 	$(BIN)/mjfish demo
 
 test: env
-	$(BIN)/python -m pytest -n 2
+	$(TEST)
 
 test-slow: env
-	$(BIN)/python -m pytest -n 2 -m slow
+	$(TEST) -m slow
 
 check: env
 	$(BIN)/ruff format --check .

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from itertools import chain, combinations, pairwise
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from mjfish.arrays import BoolArray, FloatArray
 
@@ -68,8 +68,15 @@ def amplitudes(u: FloatArray, information: FloatArray, positive: BoolArray) -> F
 
 
 def log_tail(statistic: FloatArray | float, freedom: int) -> FloatArray:
-    """Return log P(chi2(freedom) > statistic): statistics of different size compare on it."""
-    return np.asarray(stats.chi2.logsf(np.asarray(statistic), freedom))
+    """Return log P(chi2(freedom) > statistic): statistics of different size compare on it, however far out.
+
+    Beyond 500, where the tail underflows, by its asymptotic series with a = freedom / 2, x = statistic / 2:
+    x^(a - 1) exp(-x) / Gamma(a) (1 + (a - 1) / x + (a - 1)(a - 2) / x^2), [Abramowitz1964] 6.5.32.
+    """
+    t = np.asarray(statistic, dtype=np.float64)
+    a, x = 0.5 * freedom, 0.5 * np.maximum(t, 500.0)
+    far = (a - 1.0) * np.log(x) - x - special.gammaln(a) + np.log1p((a - 1.0) / x * (1.0 + (a - 2.0) / x))
+    return np.where(t > 500.0, far, stats.chi2.logsf(np.minimum(t, 500.0), freedom))
 
 
 def blocks_of(sizes: Sequence[int]) -> list[slice]:

@@ -28,7 +28,7 @@ from mjfish.model import Model
 from mjfish.trial import Dataset, Trial
 
 #: How often the noise is estimated again after the best cause is in the model.
-_ROUNDS = 2
+_ROUNDS = 1
 #: A change of sigma by less than this share leaves the weights as they are.
 _SAME = 0.05
 #: Integration steps that are tried [s], and what their error may add to a sum of squares in units of the noise.
@@ -140,6 +140,7 @@ def _search(
     remark = ""
     progress("fitting the nominal model", 0.02)
     problem, start = _resolved(problem)
+    refitted: Mapping[str, Refit] = {}
     for round_ in range(_ROUNDS + 1):
         progress("fitting the nominal model", 0.02)
         baseline = fit(problem, start, tolerance=1e-6)
@@ -152,7 +153,7 @@ def _search(
         def shown(what: str, done: float) -> None:
             progress(what, 0.2 + 0.7 * done)
 
-        refitted = refits(evidence, candidates, shown) if wrong else {}
+        refitted = refits(evidence, candidates, shown, refitted) if wrong else {}
         findings = _Findings(evidence, refitted, p_wrong, directed < ALARM)
         if round_ == _ROUNDS:
             break

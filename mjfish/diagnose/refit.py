@@ -21,6 +21,8 @@ _OFF_NULL = 0.02
 TOLERANCE = 1e-5
 #: Evaluations of a coarse refit.
 COARSE = 5
+#: Mean square of the whitened residual above which a refit is tried from afresh.
+_MISFIT = 1.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,42 +48,60 @@ class Refit:
         return {p.name: self.fit.values[p.name] for p in self.effect.parameters}
 
 
-def refits(evidence: Evidence, effects: Sequence[Effect], progress: Progress = silent) -> dict[str, Refit]:
+def refits(
+    evidence: Evidence,
+    effects: Sequence[Effect],
+    progress: Progress = silent,
+    before: Mapping[str, Refit] | None = None,
+) -> dict[str, Refit]:
     """Refit every candidate: a few steps each, then to the optimum those that are still in the running.
 
     In the running is whoever removes at least half of what the best removes.
+
+    Args:
+        evidence: of the model that they extend.
+        effects: candidates.
+        progress: told what is being done.
+        before: refits under another noise, to start from as well.
     """
-    coarse = {}
+    found = {}
     for done, effect in enumerate(effects):
         progress(f"refitting with {effect.name}", done / (len(effects) + 2))
-        coarse[effect.name] = refit(evidence, effect)
-    ranked = sorted(coarse.values(), key=lambda one: -one.gain)
+        found[effect.name] = _refit(evidence, effect, (before or {}).get(effect.name))
+    ranked = sorted(found.values(), key=lambda one: -one.gain)
     running = [one for one in ranked if one.gain >= 0.5 * ranked[0].gain]
     for done, one in enumerate(running):
         progress(f"refining the fit with {one.effect.name}", (len(effects) + done) / (len(effects) + len(running)))
-        coarse[one.effect.name] = refine(evidence, one)
-    return coarse
+        found[one.effect.name] = _refine(evidence, one)
+    return found
 
 
-def refine(evidence: Evidence, one: Refit) -> Refit:
-    """Follow a refit to its optimum."""
-    better = fit(one.problem, one.fit.x, tolerance=TOLERANCE)
-    return replace(one, fit=better, gain=evidence.fit.sse - better.sse) if better.sse <= one.fit.sse else one
-
-
-def refit(evidence: Evidence, effect: Effect, evaluations: int = COARSE) -> Refit:
-    """Fit `effect` together with everything the evidence's model has, from the best of several starts.
+def _refit(evidence: Evidence, effect: Effect, before: Refit | None) -> Refit:
+    """Take a few steps from the best of several starts, the coefficients where the baseline left them.
 
     The one-step estimate is right for a small effect; a large one may lie outside the reach of its linearisation:
-    multiples of it and of the declared scale are tried, and the best is followed.
+    multiples of it and of the declared scale are tried.
     """
     base = evidence.problem
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **_off_null(effect)})
     starts = [problem.start({**evidence.fit.values, **guess}) for guess in _guesses(evidence, effect)]
+    if before is not None:
+        starts.append(problem.start(before.fit.values))
     costs = [float(np.sum(problem.residual(start) ** 2)) for start in starts]
-    ranked = [starts[i] for i in np.argsort(costs)]
-    best = fit(problem, ranked[0], tolerance=TOLERANCE, evaluations=evaluations)
+    best = fit(problem, starts[int(np.argmin(costs))], tolerance=TOLERANCE, evaluations=COARSE)
     return Refit(effect, problem, best, evidence.fit.sse - best.sse, len(effect.parameters))
+
+
+def _refine(evidence: Evidence, one: Refit) -> Refit:
+    """Follow a refit to its optimum; where it still misfits, once more with the coefficients at their declared starts.
+
+    A large effect drags the coefficients of the nominal model far off, and from there an optimum may be out of reach.
+    """
+    problem, best = one.problem, fit(one.problem, one.fit.x, tolerance=TOLERANCE)
+    if best.sse > _MISFIT * len(best.residual):
+        afresh = fit(problem, problem.start(one.parameter_values()), tolerance=TOLERANCE)
+        best = min(best, afresh, key=lambda result: result.sse)
+    return replace(one, fit=best, gain=evidence.fit.sse - best.sse) if best.sse <= one.fit.sse else one
 
 
 def _guesses(evidence: Evidence, effect: Effect) -> list[dict[str, float]]:
@@ -104,8 +124,3 @@ def _off_null(effect: Effect) -> dict[str, Parameter]:
             floor = p.low + _OFF_NULL * p.scale
             lifted[p.name] = p.rebound(low=floor, start=max(p.start, floor))
     return lifted
-
-
-def merged(base: Mapping[str, float], refitted: Refit) -> dict[str, float]:
-    """Return the values of the extended model: those of the refit over `base`."""
-    return {**base, **refitted.fit.values}

@@ -1,0 +1,67 @@
+"""An effect is hidden in the data and must be found; where there is none, none may be found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from planted_cases import STRENGTHS, STRONG, draw
+
+from mjfish.diagnose import Diagnosis, diagnose
+from mjfish.diagnose.result import Estimate
+from mjfish.effects import find
+
+#: Half-widths of the 95 % interval that make one of 99.9 %: of two dozen intervals one would miss at 95 %.
+WIDER = 3.29 / 1.96
+
+
+def _holds(value: Estimate, truth: float) -> bool:
+    """Return whether the 99.9 % interval contains the truth."""
+    low, high = (value.estimate + WIDER * (end - value.estimate) for end in (value.low, value.high))
+    return bool(low <= truth <= high)
+
+
+def _found(effect: str, strength: str, number: int) -> Diagnosis:
+    case = draw(effect, strength, number)
+    result = diagnose(case.dataset, jobs=1)
+    told = f"{case.dataset.name}, truth {case.truth}: {result.message} {result.candidates}"
+    assert result.verdict == "named", told
+    assert [cause.name for cause in result.causes] == [effect], told
+    for parameter in find(effect).parameters:
+        value = result.causes[0].parameters[parameter.short]
+        if not parameter.shape:
+            assert _holds(value, case.truth[parameter.name]), f"{parameter.name}: {value}; {told}"
+    assert result.gain is not None
+    assert result.gain.relative_reduction > 0.0, told
+    return result
+
+
+@pytest.mark.parametrize("strength", STRENGTHS)
+@pytest.mark.parametrize("effect", STRONG)
+def test_a_hidden_effect_is_named_with_its_size_and_gains_on_held_out_trials(effect: str, strength: str) -> None:
+    result = _found(effect, strength, 0)
+    assert result.extended_model.effects[0].name == effect
+    assert result.status == "ok"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(1, 4))
+@pytest.mark.parametrize("strength", STRENGTHS)
+@pytest.mark.parametrize("effect", STRONG)
+def test_other_draws_of_a_hidden_effect_are_named_too(effect: str, strength: str, number: int) -> None:
+    _found(effect, strength, number)
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_nothing_wrong_is_found_where_nothing_is_hidden(number: int) -> None:
+    result = diagnose(draw(None, "strong", number).dataset, jobs=1)
+    assert result.verdict == "nothing_wrong", (result.message, result.p_wrong)
+    assert result.causes == ()
+    assert result.gain is None
+
+
+@pytest.mark.slow
+def test_false_alarms_on_null_data_are_as_rare_as_stated() -> None:
+    results = [diagnose(draw(None, "middling", number).dataset, jobs=2) for number in range(40)]
+    alarms = sum(result.verdict != "nothing_wrong" for result in results)
+    assert alarms <= 4, alarms  # 2 % of 40; five or more would come once in 900 times
+    assert np.median([result.p_wrong for result in results]) > 0.2

@@ -1,0 +1,87 @@
+"""Datasets with a hidden effect, everything in them drawn from a logged seed.
+
+`MJFISH_SEED` draws anew: the tests must hold for any seed, up to the error rates that they state.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mjfish import fish as fishes
+from mjfish.drive.modes import MODES
+from mjfish.effects import find
+from mjfish.fish import COEFFICIENTS
+from mjfish.plant import plant
+from mjfish.trial import Dataset
+
+SEED = int(os.environ.get("MJFISH_SEED", "20261121"))
+#: Long enough for a change of the mode at 5.2 s to show.
+DURATION = 7.2
+#: Sizes in units of a strong effect.
+STRENGTHS = {"strong": 1.0, "middling": 0.4, "weak": 0.15}
+
+Draw = Callable[[np.random.Generator], dict[str, float]]
+
+
+def _current(rng: np.random.Generator) -> dict[str, float]:
+    heading = rng.uniform(0.0, 2.0 * np.pi)
+    return {"x": 0.06 * np.cos(heading), "y": 0.06 * np.sin(heading)}
+
+
+#: A strong effect of each kind.
+STRONG: dict[str, Draw] = {
+    "time_offset": lambda rng: {"offset": rng.choice([-1.0, 1.0]) * rng.uniform(0.02, 0.04)},
+    "servo_lag": lambda rng: {"time_constant": rng.uniform(0.03, 0.05)},
+    "ambient_current": _current,
+    "reynolds_drag": lambda rng: {"friction": rng.uniform(1.5, 3.0), "pressure": rng.uniform(0.5, 1.5)},
+    "tail_compliance": lambda rng: {"compliance": rng.uniform(0.1, 0.4)},
+    "munk_moment": lambda rng: {"kappa": rng.uniform(0.6, 1.2)},
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A planted dataset and its truth, by full parameter name."""
+
+    dataset: Dataset
+    effect: str | None
+    truth: dict[str, float]
+
+
+def coefficients(rng: np.random.Generator) -> dict[str, float]:
+    """Draw coefficients well inside the paper's bounds."""
+    ranges = {"c_m": (0.05, 1.5), "c_d": (0.3, 3.5), "c_f": (0.002, 0.018)}
+    drawn = {}
+    for name in COEFFICIENTS:
+        low, high = ranges[name[:3]]
+        drawn[name] = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    return drawn
+
+
+def draw(effect: str | None, strength: str, number: int = 0, trials: int = 5) -> Case:
+    """Draw coefficients, size of the effect, modes, noise; two trials are held out."""
+    key = [SEED, number, 0 if effect is None else 1 + list(STRONG).index(effect), list(STRENGTHS).index(strength)]
+    rng = np.random.default_rng(key)
+    truth = coefficients(rng)
+    if effect is not None:
+        for short, value in STRONG[effect](rng).items():
+            truth[f"{effect}.{short}"] = float(STRENGTHS[strength] * value)
+        if effect == "tail_compliance":
+            truth["tail_compliance.damping"] = float(rng.uniform(0.005, 0.08))
+    modes = list(rng.choice(MODES, size=trials, replace=False))
+    dataset = plant(
+        fishes.load("pike"),
+        modes,
+        values=truth,
+        effects=[] if effect is None else [find(effect)],
+        noise=np.array([0.01, 0.01, 0.05]) * rng.uniform(0.5, 1.5),
+        duration=DURATION,
+        seed=int(rng.integers(2**32)),
+        held_out=modes[-2:],
+        name=f"{effect or 'null'}, {strength}, seed {SEED}",
+    )
+    return Case(dataset, effect, truth)
