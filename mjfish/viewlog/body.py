@@ -44,10 +44,10 @@ def _triangles(rings: int) -> NDArray[np.uint32]:
     following = (first + 1) % _AROUND
     starts = _AROUND * np.arange(rings - 1)[:, None]
     a, b = starts + first, starts + following
-    sides = np.stack([a, a + _AROUND, b, b, a + _AROUND, b + _AROUND], axis=2).reshape(-1, 3)
+    sides = np.stack([a, b, a + _AROUND, b, b + _AROUND, a + _AROUND], axis=2).reshape(-1, 3)
     last = _AROUND * (rings - 1)
-    front = np.stack([np.full(_AROUND, last + _AROUND), first, following], axis=1)
-    back = np.stack([np.full(_AROUND, last + _AROUND + 1), last + following, last + first], axis=1)
+    front = np.stack([np.full(_AROUND, last + _AROUND), following, first], axis=1)
+    back = np.stack([np.full(_AROUND, last + _AROUND + 1), last + first, last + following], axis=1)
     return np.concatenate([sides, front, back]).astype(np.uint32)
 
 
