@@ -29,6 +29,7 @@ def cache_folder() -> Path:
     digest = hashlib.sha256()
     for library in ("numba", "llvmlite", "numpy", "mujoco"):
         digest.update(f"{library} {version(library)}\n".encode())
+    digest.update(Path(__file__).read_bytes())  # how functions are compiled
     package = Path(__file__).parent
     digest.update(Path(__file__).read_bytes())
     for folder in _COMPILED_FOLDERS:

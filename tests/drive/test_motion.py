@@ -76,6 +76,12 @@ def test_cosines_and_sines_are_those_of_the_angles_and_computed_once() -> None:
     np.testing.assert_allclose(np.arctan2(sin, cos), motion.angle, atol=1e-15)
 
 
+def test_an_angle_that_jumps_between_steps_has_the_cosine_of_each_side() -> None:
+    angle = np.random.default_rng(0).uniform(-1.0, 1.0, (5, 3, 2))
+    motion = JointMotion(np.arange(6.0), angle, angle, angle)
+    np.testing.assert_allclose(motion.trigonometry, (np.cos(angle), np.sin(angle)), atol=1e-15)
+
+
 def test_a_motion_cannot_be_written_to() -> None:
     motion = _motion()
     assert motion.joints == 2
