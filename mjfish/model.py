@@ -16,7 +16,7 @@ from mjfish.drive import measured
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.fish import Cpg, Fish
+from mjfish.fish import Cpg, Fish, Link
 from mjfish.hydro.outline import outlines
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
 from mjfish.parameter import Parameter
@@ -28,6 +28,8 @@ MARGIN = 0.1
 LEAD = 0.25
 #: Largest product of step and fastest rate of the flexible tail; Runge-Kutta is stable below 2.8.
 _STIFFNESS = 2.0
+#: Share of the speed of the tail that is left where the head is free to recoil and the tail gives way.
+_RECOIL = 0.25
 _REFINEMENTS = 5
 
 
@@ -109,7 +111,8 @@ class Model:
         for effect, own in active:
             fish = effect.body(fish, own)
         servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.family == "drive")
-        motion = joint_motion(self.fish.cpg, trial, servos, _refined(self.step, fish, values["c_m.tail"]))
+        step = _refined(self.step, fish, asked_motion(self.fish.cpg, trial, self.step), values)
+        motion = joint_motion(self.fish.cpg, trial, servos, step)
         rollout = ode.simulate(
             fish,
             motion,
@@ -126,7 +129,10 @@ class Model:
             state[:, 5] += trial.pose[0, 2] - state[0, 5]  # the heading is the measured one at the first sample
         for effect, own in active:
             state = effect.reading(state, own)
-        return Prediction(state[:, :3], rollout.status, rollout.message, rollout)
+        message = rollout.message
+        if message and active:
+            message += f" (with {', '.join(f'{e.name}.{k} = {v:g}' for e, own in active for k, v in own.items())})"
+        return Prediction(state[:, :3], rollout.status, message, rollout)
 
     @staticmethod
     def _of(effect: Effect, values: Mapping[str, float]) -> Values:
@@ -159,13 +165,28 @@ def joint_motion(
     return motion
 
 
-def _refined(step: float, fish: Fish, c_m: float) -> float:
-    """Halve the step until the elastic deflection of the tail, if there is one, is integrated stably."""
+def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, float]) -> float:
+    """Halve the step until the elastic deflection of the tail, if there is one, is integrated stably.
+
+    Its rates are those of the spring, sqrt(1 / (compliance J)), of its damping, and of the drag linearised about the
+    sideways speed U of the tail, rho c_d U INT h r^2 dr / J; J is the inertia about the joint, half of it because the
+    rest of the fish recoils.
+    """
     if fish.tail_compliance <= 0.0:
         return step
-    link = fish.links[-1]
-    inertia = link.inertia + link.mass * link.com**2 + max(c_m, 0.0) * float(outlines(fish)[-1].added[2])
-    inertia *= 0.5  # the rest of the fish recoils
-    rate = np.sqrt(1.0 / (fish.tail_compliance * inertia)) + fish.tail_damping / inertia
+    link, outline = fish.links[-1], outlines(fish)[-1]
+    inertia = link.inertia + link.mass * link.com**2 + max(values["c_m.tail"], 0.0) * float(outline.added[2])
+    inertia *= 0.5
+    second_moment = float(outline.height_moment[-1, 2])
+    drag = fish.density * max(values["c_d.tail"], 0.0) * _RECOIL * _tail_speed(fish.links, asked) * second_moment
+    rate = np.sqrt(1.0 / (fish.tail_compliance * inertia)) + (fish.tail_damping + drag) / inertia
     halvings = max(int(np.ceil(np.log2(max(step * rate / _STIFFNESS, 1.0)))), 0)
     return float(step / 2 ** min(halvings, _REFINEMENTS))
+
+
+@functools.lru_cache(maxsize=256)
+def _tail_speed(links: tuple[Link, ...], motion: JointMotion) -> float:
+    """Return the largest sideways speed [m/s] of the middle of the last link, for a head held and a body straight."""
+    lengths = np.array([link.length for link in links])
+    reach = np.cumsum(lengths[:0:-1])[::-1] - 0.5 * lengths[-1]
+    return float(np.abs(motion.rate[:, 0] @ reach).max())

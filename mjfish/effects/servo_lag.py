@@ -13,12 +13,15 @@ from mjfish.effects.effect import Effect, Family, Values
 from mjfish.parameter import Parameter
 from mjfish.trial import Dataset
 
+#: A shorter lag is none: the steps behind a step of the drive could not follow its kick [s].
+SHORTEST = 5e-5
+
 
 class ServoLag(Effect):
     """The joints follow their command with a first-order lag: tau theta' = theta_command - theta.
 
-    Solved exactly between the samples of the command (its rate as a cubic), so that there is no smallest tau. The
-    joints start where the command starts.
+    Solved exactly between the samples of the command (its rate as a cubic). The joints start with the rate of the
+    command, as if it had moved on evenly before: so the lag vanishes with tau, from the first instant on.
     """
 
     name: ClassVar[str] = "servo_lag"
@@ -39,6 +42,8 @@ class ServoLag(Effect):
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Filter the motion; the rate no longer jumps."""
+        if values["time_constant"] < SHORTEST:
+            return motion
         angle, rate, acceleration = _lag(
             np.diff(motion.time), motion.angle, motion.rate, motion.acceleration, values["time_constant"]
         )
@@ -58,7 +63,7 @@ def _lag(
     lagged = np.empty_like(angle)
     lagged_rate = np.empty_like(rate)
     lagged_acceleration = np.empty_like(acceleration)
-    error = np.zeros(joints)
+    error = -tau * rate[0, 0]
     for step in range(n):
         d = 0.5 * steps[step]
         decay = np.exp(-d / tau)
