@@ -30,7 +30,9 @@ _GAIN = Gain(
 )
 
 
-def _trial(name: str, omega: float, values: Mapping[str, float], seed: int) -> tuple[Trial, np.ndarray, np.ndarray]:
+def _trial(
+    name: str, omega: float, cause: str, values: Mapping[str, float], seed: int
+) -> tuple[Trial, np.ndarray, np.ndarray]:
     """Return a measured trial with the predictions of both models."""
     fish = fishes.load("pike")
     time = np.arange(0.0, 2.001, 0.02)
@@ -38,19 +40,27 @@ def _trial(name: str, omega: float, values: Mapping[str, float], seed: int) -> t
     empty = Trial(name, None, time, np.zeros((len(time), 3)), (DriveSegment(0.0, omega, (0.0,) * 4), turn))
     model = Model(fish)
     nominal = model.predict(empty, model.values()).velocity
-    wide = model.extended(find(CAUSE))
+    wide = model.extended(find(cause))
     extended = wide.predict(empty, wide.values(values)).velocity
     noise = SIGMA * np.random.default_rng(seed).normal(size=extended.shape)
     return replace(empty, velocity=extended + noise), nominal, extended
 
 
 def diagnosis(
-    verdict: Verdict = "named", *, held_out: bool = True, names: tuple[str, str] = ("slow", "fast")
+    verdict: Verdict = "named",
+    *,
+    held_out: bool = True,
+    names: tuple[str, str] = ("slow", "fast"),
+    cause: str = CAUSE,
+    parameters: Mapping[str, Estimate] | None = None,
 ) -> Diagnosis:
-    """Return a diagnosis of two trials, the second held out (or both fitted), with this verdict."""
+    """Return a diagnosis of two trials, the second held out (or both fitted), with this verdict and best cause."""
     fish = fishes.load("pike")
-    values = {f"{CAUSE}.time_constant": LAG.estimate}
-    trials = [_trial(name, omega, values, k) for k, (name, omega) in enumerate(zip(names, (14.0, 20.0), strict=True))]
+    own = {"time_constant": LAG} if parameters is None else parameters
+    of_cause = {f"{cause}.{short}": estimate for short, estimate in own.items()}
+    values = {name: estimate.estimate for name, estimate in of_cause.items()}
+    runs = zip(names, (14.0, 20.0), strict=True)
+    trials = [_trial(name, omega, cause, values, k) for k, (name, omega) in enumerate(runs)]
     overlays = [Overlay(trial, held_out and k == 1, *both) for k, (trial, *both) in enumerate(trials)]
     wrong = verdict != "nothing_wrong"
     if not wrong:
@@ -62,17 +72,17 @@ def diagnosis(
         message=f"Something to say about {verdict}.",
         status="ok",
         remarks=("c_f.head of the nominal model rests on its bound",),
-        causes=(Cause(CAUSE, find(CAUSE).summary, {"time_constant": LAG}),) if verdict == "named" else (),
-        rivals=((CAUSE, "time_offset"),) if verdict == "cannot_tell" else (),
+        causes=(Cause(cause, find(cause).summary, own),) if verdict == "named" else (),
+        rivals=((cause, "time_offset"),) if verdict == "cannot_tell" else (),
         candidates=_candidates(verdict),
-        best=CAUSE if wrong else None,
+        best=cause if wrong else None,
         where=_where(names) if wrong else None,
         p_wrong=1e-9 if wrong else 0.63,
         gain=_GAIN if wrong and held_out else None,
         nominal=nominal,
-        extended={**nominal, f"{CAUSE}.time_constant": LAG} if wrong else nominal,
+        extended={**nominal, **of_cause} if wrong else nominal,
         nominal_model=Model(fish),
-        extended_model=Model(fish).extended(find(CAUSE)) if wrong else Model(fish),
+        extended_model=Model(fish).extended(find(cause)) if wrong else Model(fish),
         overlays=tuple(overlays),
         provenance={"versions": {"mjfish": "0.1.0"}, "commit": None, "seed": 7, "inputs": {"slow.csv": "ab12"}},
     )

@@ -84,12 +84,26 @@ def test_arrows_are_forces_in_the_scale_that_the_text_tells(log: Path) -> None:
     overlay, values = one.overlays[1], {name: e.estimate for name, e in one.extended.items()}
     rollout = one.extended_model.predict(overlay.trial, values).rollout
     state = np.concatenate([rollout.state[:, 0], rollout.state[-1:, 1]])
-    forces = link_forces(one.nominal_model.fish, rollout.motion, state, values=one.nominal_model.fish.values)
+    drag = link_forces(one.nominal_model.fish, rollout.motion, state).drag
     _, vectors = column(log, "/fast/world/extended/force/drag", "Arrows3D:vectors")
     scale = float(text(log, "/about", "TextDocument:text").rpartition("1 N is ")[2].removesuffix(" m."))
     at = np.searchsorted(rollout.time, overlay.trial.time + 1e-9, side="right") - 1
-    size = np.linalg.norm(forces.drag[at][..., :2], axis=2)
-    np.testing.assert_allclose(np.linalg.norm(vectors, axis=2), scale * size, rtol=1e-3, atol=1e-4 * scale * size.max())
+    np.testing.assert_allclose(vectors[..., :2] / scale, drag[at][..., :2], atol=0.02 * np.max(np.abs(drag)))
+    assert np.max(np.abs(state[:, 5])) > 0.3  # the fish turns, and the arrows with it
+
+
+def test_arrows_begin_on_the_links_that_they_push(log: Path, pike: Fish) -> None:
+    _, origins = column(log, "/fast/world/extended/force/drag", "Arrows3D:origins")
+    for k, link in enumerate(pike.links):
+        _, place = column(log, f"/fast/world/extended/link_{k}", "Transform3D:translation")
+        _, turn = column(log, f"/fast/world/extended/link_{k}", "Transform3D:quaternion")
+        z, w = turn[:, 0, 2], turn[:, 0, 3]
+        arm = origins[:, k, :2] - place[:, 0, :2]
+        along = arm[:, 0] * (1.0 - 2.0 * z**2) + arm[:, 1] * 2.0 * z * w
+        beside = arm[:, 1] * (1.0 - 2.0 * z**2) - arm[:, 0] * 2.0 * z * w
+        np.testing.assert_allclose(beside, 0.0, atol=5e-3 * pike.length)
+        assert np.all((along > -1e-3) & (along < link.length + 1e-3))
+        assert np.ptp(along) > 0.3 * link.length  # where the force acts, not at a fixed place
 
 
 def test_the_text_tells_the_verdict_and_the_gain(log: Path) -> None:
