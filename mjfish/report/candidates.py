@@ -76,7 +76,7 @@ def _view(one: Candidate, diagnosis: Diagnosis, effects: Mapping[str, Effect], c
         freedom=one.freedom,
         p_value=chance(one.p_value),
         rival_p=chance(one.rival_p) if tried else "–",
-        fit_p=chance(one.fit_p) if tried else "–",
+        fit_p=chance(one.fit_p) if tried and one.rival_p >= KEEP else "–",  # computed for those in the race alone
         held_out_gain="–" if one.held_out_gain is None else number(one.held_out_gain),
         absorbed=percent(one.absorbed, 2),
         smallest_visible=_visible(one, effects),

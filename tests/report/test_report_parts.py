@@ -108,6 +108,16 @@ def test_every_candidate_is_judged_in_words() -> None:
     assert _remarks("nothing_wrong")["servo_lag"].startswith("No sign of it.")
 
 
+def test_what_remains_is_shown_only_of_candidates_in_the_race() -> None:
+    views = {view.name: view for view in candidate_views(diagnosis("cannot_tell"))}
+    assert (views["servo_lag"].fit_p, views["time_offset"].fit_p, views["tail_compliance"].fit_p) == (
+        "0.31",
+        "0.31",
+        "–",
+    )
+    assert {view.rival_p for view in candidate_views(diagnosis("nothing_wrong"))} == {"–"}
+
+
 def test_a_candidate_that_fits_but_gains_nothing_is_said_to_do_so() -> None:
     one = diagnosis("unexplained")
     best = replace(one.candidates[0], fit_p=0.5, held_out_gain=-3.0)
