@@ -1,0 +1,81 @@
+"""Uniform current: a change of inertial frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mjfish import frames
+from mjfish.arrays import FloatArray, readonly
+from mjfish.effects import find
+from mjfish.fish import Fish
+from mjfish.model import Model, Prediction
+from mjfish.trial import Trial
+
+CURRENT = find("ambient_current")
+C = np.array([0.12, -0.07])
+
+
+def _predict(fish: Fish, trial: Trial, x: float, y: float) -> Prediction:
+    model = Model(fish, (CURRENT,))
+    return model.predict(trial, model.values({"ambient_current.x": x, "ambient_current.y": y}))
+
+
+def _headed(trial: Trial, yaw: float, drift: float = 0.0) -> Trial:
+    """Return the trial with a measured pose that begins at this heading."""
+    pose = np.zeros((len(trial.time), 3))
+    pose[:, 2] = yaw + drift * (trial.time - trial.time[0])
+    return replace(trial, pose=readonly(pose))
+
+
+def _in_world(velocity: FloatArray, yaw: FloatArray) -> FloatArray:
+    return frames.to_world(velocity[:, :2], yaw)
+
+
+def test_velocity_over_ground_is_velocity_through_the_water_plus_the_current(pike: Fish, turning: Trial) -> None:
+    """Everywhere in a turn; the heading is that of the same run. Catches a rotation the wrong way round."""
+    still = Model(pike).predict(turning, Model(pike).values())
+    yaw = still.rollout.at(turning.time)[:, 5]
+    assert np.ptp(yaw) > 1.0
+    read = _predict(pike, turning, *C).velocity
+    drift = _in_world(read, yaw) - _in_world(still.velocity, yaw)
+    np.testing.assert_allclose(drift, np.broadcast_to(C, drift.shape), rtol=0.0, atol=1e-13)
+    assert np.array_equal(read[:, 2], still.velocity[:, 2])
+
+
+def test_a_fish_without_drive_drifts_with_the_water_whatever_its_heading(pike: Fish) -> None:
+    """At rest in the water it feels nothing of the current: no force, no turn."""
+    time = np.linspace(0.0, 1.0, 51)
+    resting = Trial("r", None, readonly(time), readonly(np.zeros((51, 3))), joint_angle=readonly(np.zeros((51, 4))))
+    for yaw in (0.0, 0.7, -2.0):
+        read = _predict(pike, _headed(resting, yaw), *C).velocity
+        expected = [np.cos(yaw) * C[0] + np.sin(yaw) * C[1], np.cos(yaw) * C[1] - np.sin(yaw) * C[0], 0.0]
+        np.testing.assert_allclose(read, np.broadcast_to(expected, (51, 3)), rtol=0.0, atol=1e-12)
+
+
+def test_the_same_run_in_the_opposite_heading_sees_the_opposite_current(pike: Fish, straight: Trial) -> None:
+    still = _predict(pike, straight, 0.0, 0.0).velocity
+    there, back = (_predict(pike, _headed(straight, yaw), *C).velocity for yaw in (0.3, 0.3 + np.pi))
+    np.testing.assert_allclose(there + back, 2.0 * still, rtol=0.0, atol=1e-13)
+    assert np.max(np.abs(there - back)) > 0.1
+
+
+def test_the_heading_is_the_measured_one_at_the_first_sample_and_the_simulated_one_after_it(
+    pike: Fish, turning: Trial
+) -> None:
+    """Also where recording began late in the run. Catches a heading counted from the start of the drive."""
+    late = replace(turning, time=turning.time[120:], velocity=turning.velocity[120:])
+    headed = _headed(late, 0.4, drift=5.0)
+    still = Model(pike).predict(late, Model(pike).values())
+    yaw = still.rollout.at(late.time)[:, 5]
+    assert abs(yaw[0]) > 0.2
+    drift = _in_world(_predict(pike, headed, *C).velocity - still.velocity, yaw - yaw[0] + 0.4)
+    np.testing.assert_allclose(drift, np.broadcast_to(C, drift.shape), rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_at_the_start_x_is_ahead_and_y_to_port(pike: Fish, straight: Trial, axis: int) -> None:
+    read = _predict(pike, straight, *(0.1 * np.eye(2)[axis])).velocity[0]
+    np.testing.assert_allclose(read, 0.1 * np.eye(3)[axis], rtol=0.0, atol=1e-15)
