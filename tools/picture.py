@@ -8,7 +8,7 @@ The picture is plain SVG text, so that a new one shows in a diff what moved.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from mjfish.arrays import FloatArray
 from mjfish.diagnose import Diagnosis, Overlay, diagnose
 from mjfish.files import write_text
 from mjfish.frames import CHANNELS, UNITS
+from mjfish.report.counted import counted
 from mjfish.trial import load
 
 WIDTH, HEIGHT = 880, 470
@@ -54,7 +55,11 @@ def picture(diagnosis: Diagnosis) -> str:
     """Return the picture of a diagnosis as SVG; of the held-out trial and stretch where the nominal model is worst."""
     channel = CHANNELS.index(diagnosis.where.channel) if diagnosis.where else 0
     overlays = [one for one in diagnosis.overlays if one.held_out] or list(diagnosis.overlays)
-    overlay = max(overlays, key=lambda one: float(np.mean((one.trial.velocity - one.nominal)[:, channel] ** 2)))
+    overlays = [
+        replace(one, nominal=counted(diagnosis, one, one.nominal), extended=counted(diagnosis, one, one.extended))
+        for one in overlays
+    ]
+    overlay = max(overlays, key=lambda one: float(np.nanmean((one.trial.velocity - one.nominal)[:, channel] ** 2)))
     part = _stretch(overlay, channel)
     time = overlay.trial.time[part]
     measured, before, after = (
@@ -82,14 +87,14 @@ def _stretch(overlay: Overlay, channel: int) -> slice:
     count = int(np.searchsorted(time, time[0] + STRETCH)) + 1
     if count >= len(time):
         return slice(None)
-    energy = np.concatenate([[0.0], np.cumsum((overlay.trial.velocity - overlay.nominal)[:, channel] ** 2)])
+    energy = np.concatenate([[0.0], np.nancumsum((overlay.trial.velocity - overlay.nominal)[:, channel] ** 2)])
     first = int(np.argmax(energy[count:] - energy[:-count]))
     first = first if time[first] - time[0] > _SOON else 0
     return slice(first, first + count)
 
 
 def _range(*curves: FloatArray) -> tuple[float, float]:
-    low, high = min(float(c.min()) for c in curves), max(float(c.max()) for c in curves)
+    low, high = min(float(np.nanmin(c)) for c in curves), max(float(np.nanmax(c)) for c in curves)
     margin = 0.06 * (high - low)
     return low - margin, high + margin
 
@@ -119,7 +124,9 @@ def _axes(frame: Frame, label: str, *, numbered: bool) -> list[str]:
 
 
 def _line(frame: Frame, time: FloatArray, values: FloatArray, who: str) -> str:
-    points = " ".join(f"{frame.across(t):.1f},{frame.down(v):.1f}" for t, v in zip(time, values, strict=True))
+    drawn = np.isfinite(values)
+    pairs = zip(time[drawn], values[drawn], strict=True)
+    points = " ".join(f"{frame.across(t):.1f},{frame.down(v):.1f}" for t, v in pairs)
     style = f'fill="none" stroke="{COLOURS[who]}" stroke-width="1.6" stroke-linejoin="round"'
     return f'<polyline class="{who}" {style} points="{points}"/>'
 

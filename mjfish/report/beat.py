@@ -13,6 +13,7 @@ from mjfish.diagnose.basis import beat_phase
 from mjfish.fish import Cpg
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.report import figure
+from mjfish.report.counted import counted
 from mjfish.report.words import CHANNEL_NAMES
 
 #: Bins of one beat.
@@ -33,7 +34,9 @@ def beat_figure(diagnosis: Diagnosis) -> dict[str, Any]:
     centre = (np.arange(BINS) + 0.5) / BINS
     data = []
     for model in models:
-        left = np.concatenate([overlay.trial.velocity - getattr(overlay, model) for overlay in overlays])
+        left = np.concatenate(
+            [overlay.trial.velocity - counted(diagnosis, overlay, getattr(overlay, model)) for overlay in overlays]
+        )
         mean, error = binned(phase, left)
         for k in range(len(CHANNELS)):
             low, high = mean[:, k] - 2.0 * error[:, k], mean[:, k] + 2.0 * error[:, k]

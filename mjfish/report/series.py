@@ -8,6 +8,7 @@ from typing import Any
 from mjfish.diagnose import Diagnosis, Overlay
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.report import figure
+from mjfish.report.counted import counted
 from mjfish.report.words import CHANNEL_NAMES
 
 #: Panels in columns: velocities on the left, residuals on the right; rows are channels.
@@ -29,10 +30,10 @@ class TrialFigure:
 def trial_figures(diagnosis: Diagnosis) -> list[TrialFigure]:
     """Return the figures of all trials, held-out ones first."""
     overlays = sorted(diagnosis.overlays, key=lambda overlay: not overlay.held_out)
-    return [_of(overlay, diagnosis.best is not None) for overlay in overlays]
+    return [_of(diagnosis, overlay) for overlay in overlays]
 
 
-def _of(overlay: Overlay, extended: bool) -> TrialFigure:
+def _of(diagnosis: Diagnosis, overlay: Overlay) -> TrialFigure:
     trial = overlay.trial
     changes = tuple(segment.start for segment in trial.drive[1:])
     return TrialFigure(
@@ -40,17 +41,19 @@ def _of(overlay: Overlay, extended: bool) -> TrialFigure:
         held_out=overlay.held_out,
         duration=float(trial.time[-1] - trial.time[0]),
         changes=changes,
-        spec={"data": _curves(overlay, extended), "layout": _layout(changes)},
+        spec={"data": _curves(diagnosis, overlay), "layout": _layout(changes)},
     )
 
 
-def _curves(overlay: Overlay, extended: bool) -> list[figure.Trace]:
+def _curves(diagnosis: Diagnosis, overlay: Overlay) -> list[figure.Trace]:
     time, measured = overlay.trial.time, overlay.trial.velocity
-    models = [("@nominal", overlay.nominal)] + ([("@extended", overlay.extended)] if extended else [])
+    models = {"@nominal": counted(diagnosis, overlay, overlay.nominal)}
+    if diagnosis.best is not None:
+        models["@extended"] = counted(diagnosis, overlay, overlay.extended)
     data = []
     for k in range(len(CHANNELS)):
         data.append({**figure.curve(time, measured[:, k], "@measured", k + 1, width=3.2), "name": "measured"})
-        for colour, predicted in models:
+        for colour, predicted in models.items():
             name = colour[1:]
             data.append({**figure.curve(time, predicted[:, k], colour, k + 1), "name": name})
             left = measured[:, k] - predicted[:, k]

@@ -46,12 +46,14 @@ def unit(symbol: str) -> str:
 
 
 def estimate(one: Estimate) -> str:
-    """Return an estimate to as many places as its interval deserves (two digits of the half width)."""
-    return _rounded(one.estimate, one)
+    """Return an estimate to the places its interval deserves (two digits of its half width); a bound as it is."""
+    return f"{one.estimate:g}" if one.at_bound else _rounded(one.estimate, one)
 
 
 def interval(one: Estimate) -> str:
-    """Return the 95 % interval to the same places as the estimate."""
+    """Return the 95 % interval to the same places as the estimate; empty where it has no width."""
+    if not one.high > one.low:
+        return ""
     return f"{_rounded(one.low, one)} to {_rounded(one.high, one)}"
 
 

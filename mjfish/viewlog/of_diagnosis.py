@@ -98,7 +98,8 @@ def _simulated(
 def _about(diagnosis: Diagnosis) -> str:
     lines = [
         f"**{_VERDICTS[diagnosis.verdict]}.** {diagnosis.message}",
-        "Measured grey, nominal model orange, extended model teal. Forces of the water: drag red, added mass blue.",
+        "Measured grey, nominal model orange, extended model teal. "
+        "Forces of the water: drag red, added mass blue, what an effect adds yellow.",
     ]
     if diagnosis.gain is not None:
         before, after = (100.0 * table["pooled"] for table in (diagnosis.gain.nominal, diagnosis.gain.extended))

@@ -29,7 +29,7 @@ def arrow_scale(runs: Iterable[Run]) -> float:
         length = run.fish.length
         for swim in run.swims:
             if swim.forces is not None:
-                both = np.stack([swim.forces.drag, swim.forces.added_mass])
-                largest.append(np.linalg.norm(both[..., :2], axis=3).max(axis=(0, 2)))
+                every = np.stack([getattr(swim.forces, kind) for kind in FORCES])
+                largest.append(np.linalg.norm(every[..., :2], axis=3).max(axis=(0, 2)))
     typical = float(np.quantile(np.concatenate(largest), 0.9))
     return float(f"{_REACH * length / typical:.0e}") if typical > 0.0 else 1.0

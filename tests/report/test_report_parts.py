@@ -41,6 +41,12 @@ def test_an_estimate_has_as_many_places_as_its_interval_deserves() -> None:
     assert estimate(replace(one, low=0.123456, high=0.123456)) == "0.123"  # on a bound: no interval
 
 
+def test_an_estimate_on_its_bound_is_the_bound_and_an_interval_without_width_is_left_out() -> None:
+    one = Estimate(0.0005, 0.0005, 0.04, "-", at_bound=True)
+    assert (estimate(one), interval(one)) == ("0.0005", "0.001 to 0.040")
+    assert interval(replace(one, high=0.0005)) == ""
+
+
 def test_chances_below_one_in_ten_thousand_are_not_told_apart() -> None:
     assert [chance(p) for p in (0.0, 9e-5, 0.0123, 1.0)] == ["< 0.0001", "< 0.0001", "0.012", "1.0"]
     assert percent(0.1234) == "12.3\N{NO-BREAK SPACE}%"
