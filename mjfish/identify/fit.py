@@ -147,6 +147,6 @@ def covariance(jacobian: FloatArray, at_bound: BoolArray) -> FloatArray:
     free = np.flatnonzero(~at_bound)
     result = np.zeros((len(at_bound), len(at_bound)))
     _, singular, right = np.linalg.svd(jacobian[:, free], full_matrices=False)
-    floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-300))
+    floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-100))
     result[np.ix_(free, free)] = (right.T / floor**2) @ right
     return result
