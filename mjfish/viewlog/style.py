@@ -18,7 +18,7 @@ COLOURS: dict[Swimmer, tuple[int, int, int, int]] = {
 #: Kinds of force, as they are called in the log and in `mjfish.ode.forces.LinkForces`.
 FORCES = {"drag": (232, 84, 100, 255), "added_mass": (136, 150, 255, 255), "load": (226, 204, 70, 255)}
 FLOOR = (70, 78, 90, 255)
-#: At nine instants of ten no arrow is longer than this share of the fish.
+#: At three instants of four no arrow is longer than this share of the fish.
 _REACH = 0.5
 
 
@@ -31,5 +31,5 @@ def arrow_scale(runs: Iterable[Run]) -> float:
             if swim.forces is not None:
                 every = np.stack([getattr(swim.forces, kind) for kind in FORCES])
                 largest.append(np.linalg.norm(every[..., :2], axis=3).max(axis=(0, 2)))
-    typical = float(np.quantile(np.concatenate(largest), 0.9))
+    typical = float(np.quantile(np.concatenate(largest), 0.75))
     return float(f"{_REACH * length / typical:.0e}") if typical > 0.0 else 1.0
