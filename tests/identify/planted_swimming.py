@@ -29,7 +29,8 @@ def problem(dataset: Dataset, **changes: Any) -> Problem:
     """Pose the nominal fit of all trials that are not held out."""
     arguments: dict[str, Any] = {"jobs": 1, "free_clock": dataset.clock == "free", **changes}
     noise = arguments.pop("noise", Noise.white(readonly(SIGMA)))
-    return Problem(arguments.pop("model", Model(dataset.fish)), dataset.split()[0], noise, **arguments)
+    trials = tuple(trial for trial in dataset.trials if trial.role != "held_out")
+    return Problem(arguments.pop("model", Model(dataset.fish)), trials, noise, **arguments)
 
 
 def as_measured(trial: Trial, fish: Fish, *, start: float = 1.0, noise: float = 0.0, seed: int = 0) -> Trial:

@@ -1,0 +1,104 @@
+"""Held-out trials: nothing that is scored was fitted to, and nothing held out moves the fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted_swimming import SIGMA, TRUTH, as_measured, problem, shifted, swimming
+
+from mjfish.arrays import FloatArray, readonly
+from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.identify import Score, identify, predict_held_out
+from mjfish.identify.score import PREFIX
+from mjfish.trial import Dataset, Trial
+
+
+@pytest.fixture(scope="module")
+def planted(pike: Fish) -> Dataset:
+    return swimming(pike, ("v1", "v3", "v5"), duration=3.0, held_out=["v3"])
+
+
+@pytest.fixture(scope="module")
+def measured(planted: Dataset, pike: Fish) -> Trial:
+    """A held-out recording with nuisance parameters: 1 s to 3 s, so that the prefix ends at 1.5 s."""
+    return replace(as_measured(planted.trials[1], pike), role="held_out")
+
+
+def _score(planted: Dataset, trial: Trial, *, free_clock: bool = False) -> Score:
+    return predict_held_out(problem(planted, free_clock=free_clock), TRUTH, (trial,))
+
+
+def _corrupted(trial: Trial, where: FloatArray) -> Trial:
+    velocity = trial.velocity.copy()
+    velocity[where] += 7.0
+    return replace(trial, velocity=readonly(velocity))
+
+
+def test_a_trial_without_nuisance_parameters_is_scored_whole(planted: Dataset) -> None:
+    trial = planted.trials[1]
+    score = _score(planted, trial)
+    predicted = problem(planted).model.predict(trial, TRUTH).velocity
+    np.testing.assert_array_equal(score.predictions[0], predicted)
+    np.testing.assert_allclose(score.residuals[0], trial.velocity - predicted, rtol=0.0, atol=1e-14)
+    assert score.whitened_sse[0] == pytest.approx(float(np.sum((score.residuals[0] / SIGMA) ** 2)), rel=1e-12)
+
+
+def test_what_is_scored_does_not_move_the_prediction(planted: Dataset, measured: Trial) -> None:
+    """The start is fitted on the first quarter; garbage in the rest leaves the prediction as it was, bitwise."""
+    split = 1.0 + PREFIX * 2.0
+    honest = _score(planted, measured)
+    late = _score(planted, _corrupted(measured, measured.time > split + 1e-9))
+    assert late.predictions[0].tobytes() == honest.predictions[0].tobytes()
+    assert late.whitened_sse[0] > 100.0 * honest.whitened_sse[0]
+
+
+def test_what_is_fitted_is_not_scored_not_even_the_sample_at_the_split(planted: Dataset, measured: Trial) -> None:
+    split = 1.0 + PREFIX * 2.0
+    assert np.any(np.abs(measured.time - split) < 1e-12)
+    scored = measured.time[(measured.time > split + 1e-9) & (measured.time <= 3.0 - 0.1 + 1e-9)]
+    assert len(_score(planted, measured).residuals[0]) == len(scored)
+
+
+def test_the_start_velocity_of_a_held_out_trial_is_found_from_its_first_part(
+    planted: Dataset, measured: Trial, pike: Fish
+) -> None:
+    """A first sample that is way off is no lasting harm: the fit looks at the whole first part."""
+    wrong = _corrupted(measured, measured.time < 1.0 + 1e-9)
+    wrong = replace(wrong, velocity=readonly(np.where(wrong.velocity > 6.0, measured.velocity + 0.3, wrong.velocity)))
+    honest, found = _score(planted, measured), _score(planted, wrong)
+    assert found.whitened_sse[0] == pytest.approx(honest.whitened_sse[0], rel=0.05)
+    unit = honest.residuals[0] / SIGMA
+    assert np.mean(unit**2) < 1.5
+
+
+def test_a_free_clock_of_a_held_out_trial_is_found_from_its_first_part(planted: Dataset) -> None:
+    late = shifted(planted.trials[1], 4)
+    free = _score(planted, late, free_clock=True)
+    assert np.mean((free.residuals[0] / SIGMA) ** 2) < 1.3
+    assert len(free.residuals[0]) == np.count_nonzero(late.time > PREFIX * late.time[-1])
+    assert np.mean((_score(planted, late).residuals[0] / SIGMA) ** 2) > 3.0
+
+
+def test_fixed_parameters_hold_for_held_out_trials_too(planted: Dataset) -> None:
+    fixed = {"c_m.head": TRUTH["c_m.head"]}
+    free = {name: value for name, value in TRUTH.items() if name not in fixed}
+    score = predict_held_out(problem(planted, fixed=fixed), free, (planted.trials[1],))
+    assert score.predictions[0].tobytes() == _score(planted, planted.trials[1]).predictions[0].tobytes()
+
+
+def test_a_held_out_trial_has_no_say_in_the_fit(planted: Dataset) -> None:
+    """Garbage in it, or its absence, leaves every estimate as it was, bitwise."""
+    garbage = _corrupted(planted.trials[1], np.arange(151) > 2)
+    fits = [
+        identify(replace(planted, trials=trials), jobs=1).fit
+        for trials in (
+            planted.trials,
+            (planted.trials[0], garbage, planted.trials[2]),
+            (planted.trials[0], planted.trials[2]),
+        )
+    ]
+    assert fits[1].x.tobytes() == fits[2].x.tobytes() == fits[0].x.tobytes()
+    assert fits[1].covariance.tobytes() == fits[0].covariance.tobytes()
+    assert [p.name for p in fits[0].parameters] == list(COEFFICIENTS)
