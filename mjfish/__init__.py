@@ -5,6 +5,7 @@ A fish swims (drive -> body -> water -> camera), a measured fish swims too, and 
 - `mjfish.fish`, `mjfish.drive`, `mjfish.hydro`: the fish, its joint motion, the force of the water;
 - `mjfish.ode`, `mjfish.sim`, `mjfish.crosscheck`: the head-frame equations, MuJoCo, one against the other;
 - `mjfish.trial`, `mjfish.importers`, `mjfish.plant`: measured, imported and planted datasets;
-- `mjfish.effects`, `mjfish.model`, `mjfish.identify`, `mjfish.diagnose`: causes, the extended model, its fit, the verdict;
+- `mjfish.effects`, `mjfish.model`, `mjfish.identify`, `mjfish.diagnose`: causes, the extended model, its fit,
+  the verdict;
 - `mjfish.report`, `mjfish.viewlog`, `mjfish.cli`: how it is shown.
 """

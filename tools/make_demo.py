@@ -1,4 +1,4 @@
-"""Plants the dataset that ships with the package (mjfish/demo). Whoever wants to be surprised by `mjfish demo` stops here.
+"""Plants the dataset that ships with the package (mjfish/demo); it holds what `mjfish demo` is to find out.
 
 Run it from the repository: python tools/make_demo.py
 """

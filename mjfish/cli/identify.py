@@ -31,9 +31,10 @@ def identify_(
     """Fit the hydrodynamic coefficients to all fit trials at once, and score the held-out ones."""
     if json_ is not None:
         check_file(json_)
+    measured = load(dataset)
     with console.progress_bar() as tell:
         tell("fitting", 0.1)
-        result = identify(load(dataset), jobs=jobs)
+        result = identify(measured, jobs=jobs)
     _show(result)
     if json_ is not None:
         write_json(json_, result.to_dict())
