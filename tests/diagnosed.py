@@ -127,7 +127,17 @@ def _candidates(verdict: Verdict) -> tuple[Candidate, ...]:
     )
     return (
         best,
-        replace(best, name="time_offset", statistic=640.0, rival_p=close, absorbed=0.97, parameters={"offset": off}),
-        replace(best, name="tail_compliance", statistic=88.0, rival_p=0.0, parameters={"damping": damping}),
+        replace(
+            best,
+            name="time_offset",
+            statistic=640.0,
+            rival_p=close,
+            fit_p=best.fit_p if close > 0.05 else None,
+            absorbed=0.97,
+            parameters={"offset": off},
+        ),
+        replace(
+            best, name="tail_compliance", statistic=88.0, rival_p=0.00025, fit_p=None, parameters={"damping": damping}
+        ),
         wall,
     )

@@ -59,7 +59,7 @@ def demo(
     shown = escape(str(out))
     console.out.print(f"\nThe numbers:  {shown}/diagnosis.json", soft_wrap=True)
     console.out.print(f"The report:   {shown}/report.html  (open it in a browser)", soft_wrap=True)
-    console.out.print(f"The swimming: mjfish view {shown}/fish.rrd", soft_wrap=True)
+    console.out.print(f"The swimming: {console.program()} view {shown}/fish.rrd", soft_wrap=True)
     _leave(result)
 
 

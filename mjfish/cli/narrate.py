@@ -69,15 +69,27 @@ def _gain(result: Diagnosis) -> Table:
 
 def _candidates(result: Diagnosis) -> Table:
     table = Table(title="Candidates, each fitted together with the coefficients")
-    for heading in ("cause", "LR", "p", "held-out gain", "rival p", "what is left p", "hidden by a refit"):
-        table.add_column(heading, justify="left" if heading == "cause" else "right", no_wrap=heading == "cause")
+    for heading in ("cause", "LR", "p", "held out", "rival p", "fit p", "hidden"):
+        table.add_column(heading, justify="left" if heading == "cause" else "right", no_wrap=True)
     for c in result.candidates:
         if not c.applicable:
             continue
-        held = "" if c.held_out_gain is None else f"{c.held_out_gain:.4g}"
-        rival, left = (f"{c.rival_p:.2g}", f"{c.fit_p:.2g}" if c.rival_p >= 0.05 else "") if c.parameters else ("", "")
-        table.add_row(c.name, f"{c.statistic:.4g}", f"{c.p_value:.2g}", held, rival, left, f"{c.absorbed:.0%}")
+        held = "" if c.held_out_gain is None else _large(c.held_out_gain)
+        chances = (_chance(p) for p in (c.rival_p, c.fit_p))
+        table.add_row(c.name, _large(c.statistic), _chance(c.p_value), held, *chances, f"{c.absorbed:.0%}")
+    table.caption = (
+        "LR: fall of the sum of squares; held out: log-likelihood gained there; rival p: of the margin to the best; "
+        "fit p: of what is left; hidden: by a refit of the coefficients"
+    )
     return table
+
+
+def _large(number: float) -> str:
+    return f"{number:,.0f}" if abs(number) >= 1e3 else f"{number:.3g}"
+
+
+def _chance(p: float | None) -> str:
+    return "" if p is None else "< 1e-99" if p < 1e-99 else f"{p:.2g}"
 
 
 def _experiments(result: Diagnosis, known: Mapping[str, Effect]) -> None:

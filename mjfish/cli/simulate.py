@@ -73,7 +73,7 @@ def simulate(
         f"{escape(body.name)}, {mode}, {engine.value}: mean surge of the second half {steady.mean():.3f} m/s"
     )
     table_file, log = escape(str(out / "rollout.csv")), escape(str(out / "rollout.rrd"))
-    console.out.print(f"wrote {table_file} and {log} (open it with: mjfish view {log})", soft_wrap=True)
+    console.out.print(f"wrote {table_file} and {log} (open it with: {console.program()} view {log})", soft_wrap=True)
 
 
 def _run(fish: Fish, motion: JointMotion, engine: Engine, time: FloatArray) -> tuple[FloatArray, FloatArray, str, str]:

@@ -51,7 +51,9 @@ class Candidate:
         freedom: parameters it adds.
         p_value: of the statistic, were the nominal model true.
         rival_p: p value of the margin by which the best candidate beats it; it is in the set of rivals from 0.05 on.
-        fit_p: p value of what is left once it is in the model; below 0.01 it is no explanation.
+            None where nothing was refitted.
+        fit_p: p value of what is left once it is in the model; below 0.01 it is no explanation. None where it
+            was not computed: only those that the data cannot tell from the best are asked.
         held_out_gain: log-likelihood gained on the held-out trials; None where it was not computed.
         absorbed: share of its signature that a refit of the coefficients hides.
         smallest_visible: size of each amplitude that would have shown.
@@ -65,8 +67,8 @@ class Candidate:
     statistic: float = 0.0
     freedom: int = 0
     p_value: float = 1.0
-    rival_p: float = 0.0
-    fit_p: float = 0.0
+    rival_p: float | None = None
+    fit_p: float | None = None
     held_out_gain: float | None = None
     absorbed: float = 0.0
     smallest_visible: Mapping[str, float] | None = None

@@ -62,7 +62,7 @@ def rival_p(evidence: Evidence, refits: Mapping[str, Refit], rng: np.random.Gene
             mean = evidence.information[:, block] @ guess * np.sqrt(gain / strength)
         draws = evidence.statistics(evidence.null_draws(rng, mean))
         margin = np.max([draws[k] for k in refits], axis=0) - draws[name]
-        result[name] = float(np.mean(margin >= best - gain - 1e-9))
+        result[name] = float((1 + np.count_nonzero(margin >= best - gain - 1e-9)) / (1 + len(margin)))
     return result
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mjfish.diagnose.refit import Refit
@@ -72,8 +72,3 @@ def _why(best: str, standings: Mapping[str, Standing], held_out: Mapping[str, fl
     if _loses(held_out.get(best)):
         return "does not hold on the held-out trials"
     return "does not hold"
-
-
-def confirmations(names: Sequence[str], refits: Mapping[str, Refit]) -> list[str]:
-    """Return, for each name, the experiment that would confirm it."""
-    return [f"{name}: {refits[name].effect.confirm}" for name in names]

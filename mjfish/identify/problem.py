@@ -22,7 +22,7 @@ _DIVERGED = 1e3
 _STEP = 1e-3
 #: Scale and half-range of start velocities around the measured ones [m/s, m/s, rad/s], and of clock offsets [s].
 _START_SCALE = (0.01, 0.01, 0.05)
-_START_RANGE = (0.5, 0.5, 5.0)
+_START_RANGE = (0.1, 0.1, 0.5)
 _CLOCK_SCALE = 0.005
 
 

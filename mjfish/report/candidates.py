@@ -66,7 +66,6 @@ def candidate_views(diagnosis: Diagnosis) -> tuple[CandidateView, ...]:
 
 
 def _view(one: Candidate, diagnosis: Diagnosis, effects: Mapping[str, Effect], chosen: set[str]) -> CandidateView:
-    tried = one.parameters is not None
     return CandidateView(
         name=one.name,
         summary=effects[one.name].summary if one.name in effects else "",
@@ -75,8 +74,8 @@ def _view(one: Candidate, diagnosis: Diagnosis, effects: Mapping[str, Effect], c
         statistic=number(one.statistic),
         freedom=one.freedom,
         p_value=chance(one.p_value),
-        rival_p=chance(one.rival_p) if tried else "–",
-        fit_p=chance(one.fit_p) if tried and one.rival_p >= KEEP else "–",  # computed for those in the race alone
+        rival_p="–" if one.rival_p is None else chance(one.rival_p),
+        fit_p="–" if one.fit_p is None else chance(one.fit_p),
         held_out_gain="–" if one.held_out_gain is None else number(one.held_out_gain),
         absorbed=percent(one.absorbed, 2),
         smallest_visible=_visible(one, effects),
@@ -105,9 +104,9 @@ def _verdict(one: Candidate, diagnosis: Diagnosis, effects: Mapping[str, Effect]
         return "The cause: with it in the model nothing systematic is left."
     if any(one.name in group for group in diagnosis.rivals):
         return "Possible: the data cannot tell it from its rivals, and with it nothing systematic is left."
-    if one.rival_p < KEEP:
+    if one.rival_p is not None and one.rival_p < KEEP:
         return f"Ruled out: {diagnosis.best} explains the misfit better by more than chance allows."
-    if one.fit_p < GOODNESS:
+    if one.fit_p is not None and one.fit_p < GOODNESS:
         return "Close, but with it in the model something systematic is left."
     if one.held_out_gain is not None and one.held_out_gain <= 0.0:
         return "Fits, but makes the held-out trials no better."
