@@ -1,0 +1,78 @@
+"""``mjfish check``, on runs shorter than a user's."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from command_line import Run
+
+from mjfish import crosscheck
+from mjfish import fish as fishes
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cross-checks last one second, at two steps."""
+    monkeypatch.setattr(crosscheck, "check", functools.partial(crosscheck.check, duration=1.0, halvings=1))
+
+
+@pytest.mark.usefixtures("short")
+def test_engines_that_agree_exit_with_0_and_say_by_how_much(run: Run, tmp_path: Path) -> None:
+    shown = run("check --mode v1 --mode v3 --json out.json").stdout
+    told = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    assert (told["schema"], told["passed"]) == (1, True)
+    assert [check["drive"] for check in told["checks"]] == ["v1", "v3"]
+    for check in told["checks"]:
+        assert check["passed"] is True
+        assert check["levels"][0]["ratio"]["surge"] < check["bound"] == 1e-3
+        assert check["message"] in shown
+    assert "v1: agrees" in shown
+
+
+@pytest.mark.usefixtures("short")
+def test_the_printed_terms_exit_with_1(run: Run, tmp_path: Path) -> None:
+    shown = run("check --mode v1 --coriolis printed --json out.json", exit_code=1).stdout
+    told = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    assert told["passed"] is False
+    assert max(told["checks"][0]["levels"][0]["ratio"].values()) > 20 * told["checks"][0]["bound"]
+    assert "v1: disagrees" in shown
+
+
+@pytest.mark.usefixtures("short")
+def test_a_run_that_diverges_exits_with_1_and_its_json_is_valid(run: Run, tmp_path: Path) -> None:
+    """A range that nobody reached is null, for JSON has no NaN."""
+    text = fishes.shipped()["pike"].read_text(encoding="utf-8")
+    old = "tail = { value = 2.5, start = 2.0, low = 0.1, high = 4.0 }"
+    assert old in text
+    wild = text.replace(old, "tail = { value = 1e9, start = 2.0, low = 0.1, high = 1e10 }")
+    (tmp_path / "wild.toml").write_text(wild, encoding="utf-8")
+    shown = run("check --fish wild.toml --mode v1 --json out.json", exit_code=1).stdout
+    assert "v1: diverged" in shown
+
+    def refuse(constant: str) -> float:
+        raise AssertionError(constant)
+
+    told = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"), parse_constant=refuse)
+    assert told["checks"][0]["status"] == "diverged"
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ("--mode v1 --mode v2", "unknown mode 'v2'; known: v1, "),
+        ("--fish carp", "unknown fish 'carp'; known: "),
+        ("--fish eth_tendon", "fish 'eth_tendon' has no CPG to drive it; add [cpg]"),
+        ("--coriolis wrong", "'wrong' is not one of 'corrected', 'printed'"),
+        ("--json absent/out.json", "absent/out.json: there is no folder absent; make it, or choose another"),
+        ("--json .", ".: is a folder, expected the name of a file; add one"),
+    ],
+)
+def test_bad_input_is_refused_before_any_engine_runs(
+    refuse: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, options: str, complaint: str
+) -> None:
+    monkeypatch.setattr(crosscheck.sim, "simulate", None)
+    assert complaint in refuse(f"check {options}").replace("│ ", "")

@@ -1,0 +1,135 @@
+"""``mjfish identify`` and the refusals of ``mjfish diagnose``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import Run
+
+from mjfish import fish as fishes
+from mjfish.cli import diagnose as diagnosing
+from mjfish.cli import identify as identifying
+from mjfish.fish import COEFFICIENTS
+from mjfish.plant import plant
+from mjfish.trial import save
+
+TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012), strict=True))
+
+
+@pytest.fixture
+def pool(tmp_path: Path) -> Path:
+    """A small dataset in the working folder."""
+    sigma = np.array([0.01, 0.01, 0.05])
+    dataset = plant(
+        fishes.load("pike"), ["v1", "v5", "v3"], values=TRUTH, noise=sigma, duration=2.0, seed=3, held_out=["v3"],
+        name="pool [/]",
+    )  # fmt: skip
+    save(dataset, tmp_path / "pool")
+    return tmp_path / "pool"
+
+
+def _edit(pool: Path, old: str, new: str, file: str = "dataset.toml") -> None:
+    text = (pool / file).read_text(encoding="utf-8")
+    assert old in text
+    (pool / file).write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+def test_estimates_are_shown_and_written(run: Run, pool: Path, tmp_path: Path) -> None:
+    """The folder or its dataset.toml; brackets in the name of the dataset are no markup."""
+    shown = run("identify pool --json out.json --jobs 1").stdout
+    assert "pool [/]: estimates with 95 % intervals" in shown
+    told = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    assert told["status"] == "converged"
+    assert told["dataset"] == "pool [/]"
+    assert list(told["parameters"]) == list(COEFFICIENTS)
+    for name, entry in told["parameters"].items():
+        assert f"{name} " in shown
+        assert f" {entry['estimate']:.4g} " in shown
+        assert abs(entry["estimate"] - TRUTH[name]) < 4.0 * (entry["standard_error"] or np.inf)
+    assert [score["role"] for score in told["scores"]] == ["fit", "fit", "held_out"]
+    assert "held_out" in shown
+    again = run("identify pool/dataset.toml --jobs 1").stdout
+    assert again == shown
+
+
+def test_an_estimate_at_its_bound_is_marked(run: Run, pool: Path, tmp_path: Path) -> None:
+    _edit(pool, "[[trials]]", "[start]\nc_d.head = { start = 1.0, high = 1.2 }\n\n[[trials]]")
+    shown = run("identify pool --json out.json --jobs 1").stdout
+    entry = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["parameters"]["c_d.head"]
+    assert (entry["estimate"], entry["standard_error"], entry["at_bound"]) == (1.2, 0.0, True)
+    assert "rests on its bound" in next(line for line in shown.splitlines() if "c_d.head" in line)
+
+
+def test_a_fit_that_diverges_exits_with_1_and_says_when_and_with_what(run: Run, pool: Path, tmp_path: Path) -> None:
+    _edit(pool, "[[trials]]", "[start]\nc_d.tail = { start = 1e8, low = 1e7, high = 1e9 }\n\n[[trials]]")
+    result = run("identify pool --json out.json --jobs 1", exit_code=1)
+    assert "diverged: v1 diverged at 0." in result.stderr
+    assert "c_d.tail = 1e+08" in result.stderr
+    told = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    assert told["status"] == "diverged"
+    assert told["scores"][0]["nrmse"] == [None, None, None]
+
+
+BROKEN = {
+    "wrong unit": ("v1.csv", "surge [m/s]", "surge [cm/s]", "unit [cm/s], expected [m/s]; convert the values"),
+    "missing column": ("v1.csv", "sway [m/s]", "roll [rad]", "column 'sway [m/s]' is missing"),
+    "text": ("v1.csv", "\n0.02,", "\nsoon,", "row 2 (line 3)"),
+    "repeated time": ("v1.csv", "\n0.04,", "\n0.02,", "row 3 (line 4), column 'time [s]': 0.02 s repeats"),
+    "gap": ("v1.csv", "\n0.04,", "\n0.0200001,", "row 4 (line 5): a gap of"),
+    "nan": ("v1.csv", "\n0.04,", "\nnan,", "expected a finite number"),
+    "key": ("dataset.toml", "schema = 1", "schema = 1\ncolour = 2", "dataset.toml: colour: unknown key"),
+    "fish": ("dataset.toml", '"pike"', '"carp"', "dataset.toml: fish: unknown fish 'carp'; known: eth_tendon, pike"),
+    "file": ("dataset.toml", '"v1.csv"', '"v2.csv"', "v2.csv: no such file"),
+    "start": ("dataset.toml", "[[trials]]", "[start]\nc_d.fin = 1.0\n\n[[trials]]", "unknown coefficient 'c_d.fin'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("command", ["identify pool", "diagnose pool"])
+@pytest.mark.parametrize(("file", "old", "new", "complaint"), BROKEN.values(), ids=BROKEN)
+def test_a_broken_dataset_is_refused_by_place(
+    refuse: Callable[[str], str], pool: Path, command: str, file: str, old: str, new: str, complaint: str
+) -> None:
+    _edit(pool, old, new, file)
+    assert complaint in refuse(f"{command} --json out.json")
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_a_folder_without_dataset_is_refused(refuse: Callable[[str], str], tmp_path: Path, command: str) -> None:
+    (tmp_path / "empty").mkdir()
+    assert "empty: has no dataset.toml, expected the folder of a dataset" in refuse(f"{command} empty")
+    assert "absent" in refuse(f"{command} absent")
+
+
+@pytest.mark.parametrize(
+    "option", ["identify pool --json", "diagnose pool --json", "diagnose pool --report", "diagnose pool --rrd"]
+)
+@pytest.mark.parametrize("target", ["absent/out", "pool", "pool/v1.csv/out"])
+def test_a_result_that_cannot_be_written_is_refused_before_the_work(
+    refuse: Callable[[str], str], pool: Path, monkeypatch: pytest.MonkeyPatch, option: str, target: str
+) -> None:
+    monkeypatch.setattr(identifying, "identify", None)
+    monkeypatch.setattr(diagnosing, "diagnose", None)
+    assert pool.is_dir()
+    assert target.partition("/")[0] in refuse(f"{option} {target}")
+
+
+def test_other_misuse_of_diagnose_is_refused_before_the_work(
+    refuse: Callable[[str], str], pool: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(diagnosing, "diagnose", None)
+    assert pool.is_dir()
+    assert "absent.py: no such file of effects" in refuse("diagnose pool --effects absent.py")
+    assert "Invalid value for '--seed'" in refuse("diagnose pool --seed -1")
+    assert "Invalid value for '--jobs'" in refuse("diagnose pool --jobs 0")
+
+
+def test_demo_refuses_an_output_that_is_a_file_before_the_work(
+    refuse: Callable[[str], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(diagnosing, "diagnose", None)
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+    assert "file: is a file, expected a folder" in refuse("demo --out file/demo")

@@ -1,0 +1,134 @@
+"""``mjfish simulate``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import Run
+
+from mjfish import fish as fishes
+from mjfish import ode
+from mjfish.drive import cpg, modes
+from mjfish.trial import read_table
+
+COLUMNS = ["time", "surge", "sway", "yaw_rate", "x", "y", "yaw", "joint_1", "joint_2", "joint_3", "joint_4"]
+
+
+def _own_fish(folder: Path, *edits: tuple[str, str]) -> Path:
+    text = fishes.shipped()["pike"].read_text(encoding="utf-8")
+    for old, new in edits:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_run_of_the_ode_is_written_as_table_and_log(run: Run, tmp_path: Path) -> None:
+    shown = run("simulate --mode v3 --duration 1 --out runs/a").stdout
+    table = read_table(tmp_path / "runs" / "a" / "rollout.csv")
+    assert list(table) == COLUMNS
+    np.testing.assert_allclose(table["time"], np.arange(101) / 100)
+    pike = fishes.load("pike")
+    motion = cpg.joint_motion(pike.cpg, modes.drive("v3"), 1.0, 0.001)
+    state = ode.simulate(pike, motion).at(table["time"])
+    np.testing.assert_allclose(np.column_stack([table[name] for name in COLUMNS[1:7]]), state[:, :6], atol=1e-12)
+    np.testing.assert_allclose(table["joint_4"], motion.angle_at(table["time"])[:, 3], atol=1e-12)
+    assert (tmp_path / "runs" / "a" / "rollout.rrd").stat().st_size > 1000
+    assert f"mean surge of the second half {table['surge'][50:].mean():.3f} m/s" in shown
+    assert "view runs/a/rollout.rrd)" in shown
+    assert sorted(path.name for path in (tmp_path / "runs" / "a").iterdir()) == ["rollout.csv", "rollout.rrd"]
+
+
+def test_mujoco_swims_as_the_ode_does(run: Run, tmp_path: Path) -> None:
+    """Its servos follow the command a little late, so the runs are near and not the same."""
+    for engine in ("ode", "mujoco"):
+        run(f"simulate --duration 3 --engine {engine} --out {engine}")
+    a, b = (read_table(tmp_path / engine / "rollout.csv") for engine in ("ode", "mujoco"))
+    assert list(a) == list(b) == COLUMNS
+    speeds = [table["surge"][150:].mean() for table in (a, b)]
+    assert speeds[1] == pytest.approx(speeds[0], rel=0.1)
+    assert speeds[1] != speeds[0]
+
+
+def test_coefficients_can_be_set(run: Run, tmp_path: Path) -> None:
+    run("simulate --duration 0.5 --out a")
+    run("simulate --duration 0.5 --set c_d.head=1 --set c_m.tail=0.5 --out b")
+    a, b = (read_table(tmp_path / name / "rollout.csv")["sway"] for name in "ab")
+    assert np.max(np.abs(a - b)) > 0.01
+
+
+def test_a_fish_of_ones_own_swims_and_its_name_is_no_markup(run: Run, tmp_path: Path) -> None:
+    _own_fish(tmp_path, ('name = "pike"', 'name = "mine [/]"'))
+    assert "mine [/], v1, ode: mean surge" in run("simulate --fish mine.toml --duration 0.5 --out a").stdout
+
+
+def test_a_run_may_be_shorter_than_one_sample(run: Run, tmp_path: Path) -> None:
+    run("simulate --duration 0.005 --out a")
+    assert read_table(tmp_path / "a" / "rollout.csv")["time"].tolist() == [0.0]
+
+
+@pytest.mark.parametrize("engine", ["ode", "mujoco"])
+def test_a_run_that_diverges_is_written_as_far_as_it_went_and_exits_with_1(
+    run: Run, tmp_path: Path, engine: str
+) -> None:
+    """The message names the time and the coefficients."""
+    _own_fish(
+        tmp_path,
+        (
+            "tail = { value = 2.5, start = 2.0, low = 0.1, high = 4.0 }",
+            "tail = { value = 1e9, start = 2.0, low = 0.1, high = 1e10 }",
+        ),
+    )
+    result = run(f"simulate --fish mine.toml --engine {engine} --duration 1 --out a", exit_code=1)
+    assert "diverged: diverged at 0." in result.stderr
+    assert " s with c_m.head = 0.01" in result.stderr
+    assert "c_d.tail = 1e+09" in result.stderr
+    table = read_table(tmp_path / "a" / "rollout.csv")
+    assert 1 <= len(table["time"]) < 101
+    assert "wrote" not in result.stdout
+
+
+REFUSED = {
+    "unknown fish": ("--fish carp", "unknown fish 'carp'; known: eth_tendon, pike; or give the path of a fish TOML"),
+    "missing fish": ("--fish carp.toml", "carp.toml: no such fish file; shipped fish: eth_tendon, pike"),
+    "fish without cpg": ("--fish eth_tendon", "eth_tendon has no [cpg], which a mode of swimming needs; add one"),
+    "unknown mode": ("--mode v2", "unknown mode 'v2'; known: v1, v1-t1"),
+    "unknown coefficient": ("--set c_d.fin=1", "unknown coefficient 'c_d.fin'; known: c_d.body"),
+    "out of bounds": ("--set c_d.head=9", "c_d.head: value 9 - is outside its bounds [0.1, 4]; choose a value inside"),
+    "no value": ("--set c_d.head", "--set: found 'c_d.head', expected NAME=VALUE, e.g. c_d.head=2.0"),
+    "no number": ("--set c_d.head=two", "--set c_d.head: found 'two', expected a number; correct it"),
+    "no finite number": ("--set c_d.head=nan", "--set c_d.head: found 'nan', expected a number"),
+    "set twice": ("--set c_d.head=1 --set c_d.head=2", "--set: 'c_d.head' is set twice; set it once"),
+    "no time": ("--duration 0", "--duration: found 0, expected a finite number above 0 s; correct it"),
+    "endless": ("--duration inf", "--duration: found inf, expected a finite number"),
+    "engine": ("--engine bullet", "'bullet' is not one of 'ode', 'mujoco'"),
+}
+
+
+@pytest.mark.parametrize(("options", "complaint"), REFUSED.values(), ids=REFUSED)
+def test_bad_input_is_refused_and_nothing_written(refuse: Callable[[str], str], options: str, complaint: str) -> None:
+    assert complaint in refuse(f"simulate {options} --out a").replace("│ ", "")
+
+
+def test_an_unknown_key_in_a_fish_is_refused_by_its_name(refuse: Callable[[str], str], tmp_path: Path) -> None:
+    _own_fish(tmp_path, ("density = 1000.0", "density = 1000.0\ncolour = 3"))
+    assert "mine.toml: colour: unknown key; remove it or correct its spelling" in refuse(
+        "simulate --fish mine.toml --out a"
+    )
+
+
+@pytest.mark.parametrize("out", ["file", "file/below"])
+def test_an_output_that_cannot_be_written_is_refused_before_anything_is_simulated(
+    refuse: Callable[[str], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, out: str
+) -> None:
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+    monkeypatch.setattr(ode, "simulate", None)
+    assert "file: is a file, expected a folder; choose another place" in refuse(f"simulate --out {out}")
+
+
+def test_out_must_be_given(refuse: Callable[[str], str]) -> None:
+    assert "Missing option '--out'" in refuse("simulate")
