@@ -16,7 +16,7 @@ from mjfish.identify.fit import fit
 from mjfish.identify.problem import Problem, nuisances
 from mjfish.trial import Trial
 
-#: Share of a held-out trial on which its nuisance parameters are fitted, where it has any.
+#: Share of a held-out trial, as far as its samples count, on which its nuisance parameters are fitted, if it has any.
 PREFIX = 0.25
 
 
@@ -45,7 +45,8 @@ def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple
         alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
         x = alone.start()
         if own:
-            split = float(trial.time[0] + PREFIX * (trial.time[-1] - trial.time[0]))
+            counted = trial.time[alone.mask(0)]
+            split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))
             x = fit(replace(alone, windows=((-np.inf, split),)), x).x
             alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
         residuals.append(alone.raw(x)[0])

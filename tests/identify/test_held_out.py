@@ -12,6 +12,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.identify import Score, identify, predict_held_out
 from mjfish.identify.score import PREFIX
+from mjfish.model import MARGIN
 from mjfish.trial import Dataset, Trial
 
 
@@ -22,12 +23,17 @@ def planted(pike: Fish) -> Dataset:
 
 @pytest.fixture(scope="module")
 def measured(planted: Dataset, pike: Fish) -> Trial:
-    """A held-out recording with nuisance parameters: 1 s to 3 s, so that the prefix ends at 1.5 s."""
+    """A held-out recording with nuisance parameters."""
     return replace(as_measured(planted.trials[1], pike), role="held_out")
 
 
 def _score(planted: Dataset, trial: Trial, *, free_clock: bool = False) -> Score:
     return predict_held_out(problem(planted, free_clock=free_clock), TRUTH, (trial,))
+
+
+def _split(start: float, end: float, margin: float = 0.0) -> float:
+    """Return where the fitted part ends, of the samples that count."""
+    return start + margin + PREFIX * (end - start - 2.0 * margin)
 
 
 def _corrupted(trial: Trial, where: FloatArray) -> Trial:
@@ -47,18 +53,32 @@ def test_a_trial_without_nuisance_parameters_is_scored_whole(planted: Dataset) -
 
 def test_what_is_scored_does_not_move_the_prediction(planted: Dataset, measured: Trial) -> None:
     """The start is fitted on the first quarter; garbage in the rest leaves the prediction as it was, bitwise."""
-    split = 1.0 + PREFIX * 2.0
     honest = _score(planted, measured)
-    late = _score(planted, _corrupted(measured, measured.time > split + 1e-9))
+    late = _score(planted, _corrupted(measured, measured.time > _split(1.0, 3.0, MARGIN) + 1e-9))
     assert late.predictions[0].tobytes() == honest.predictions[0].tobytes()
     assert late.whitened_sse[0] > 100.0 * honest.whitened_sse[0]
 
 
 def test_what_is_fitted_is_not_scored_not_even_the_sample_at_the_split(planted: Dataset, measured: Trial) -> None:
-    split = 1.0 + PREFIX * 2.0
-    assert np.any(np.abs(measured.time - split) < 1e-12)
-    scored = measured.time[(measured.time > split + 1e-9) & (measured.time <= 3.0 - 0.1 + 1e-9)]
-    assert len(_score(planted, measured).residuals[0]) == len(scored)
+    whole = planted.trials[1]
+    trial = replace(whole, time=whole.time[:121], velocity=whole.velocity[:121])
+    assert trial.time[30] == _split(0.0, 2.4)
+    assert len(_score(planted, trial, free_clock=True).residuals[0]) == 90
+    behind = (measured.time > _split(1.0, 3.0, MARGIN)) & (measured.time <= 3.0 - MARGIN + 1e-9)
+    assert len(_score(planted, measured).residuals[0]) == np.count_nonzero(behind)
+
+
+def test_a_trial_of_one_beat_is_long_enough(planted: Dataset, measured: Trial) -> None:
+    """Its ends do not count; what is left has a first part all the same."""
+    short = replace(
+        measured,
+        time=measured.time[:20],
+        velocity=measured.velocity[:20],
+        joint_angle=None if measured.joint_angle is None else measured.joint_angle[:20],
+    )
+    score = _score(planted, short)
+    assert 3 <= len(score.residuals[0]) < 9
+    assert np.all(np.isfinite(score.residuals[0]))
 
 
 def test_the_start_velocity_of_a_held_out_trial_is_found_from_its_first_part(
@@ -66,7 +86,7 @@ def test_the_start_velocity_of_a_held_out_trial_is_found_from_its_first_part(
 ) -> None:
     """A first sample that is way off is no lasting harm: the fit looks at the whole first part."""
     wrong = _corrupted(measured, measured.time < 1.0 + 1e-9)
-    wrong = replace(wrong, velocity=readonly(np.where(wrong.velocity > 6.0, measured.velocity + 0.3, wrong.velocity)))
+    wrong = replace(wrong, velocity=readonly(np.where(wrong.velocity > 6.0, measured.velocity + 0.05, wrong.velocity)))
     honest, found = _score(planted, measured), _score(planted, wrong)
     assert found.whitened_sse[0] == pytest.approx(honest.whitened_sse[0], rel=0.05)
     unit = honest.residuals[0] / SIGMA
