@@ -4,46 +4,27 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.diagnose import heldout, provenance
-from mjfish.diagnose.evidence import Evidence, gather
+from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.locate import Where, locate
-from mjfish.diagnose.noise import noise_of
 from mjfish.diagnose.progress import Progress, silent
-from mjfish.diagnose.refit import Refit, refits
+from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Candidate, Cause, Diagnosis, Estimate, Overlay
+from mjfish.diagnose.search import Findings, search
 from mjfish.diagnose.select import Standing, chance, standings
-from mjfish.diagnose.verdict import ALARM, Ruling, rule
+from mjfish.diagnose.verdict import Ruling, rule
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
-from mjfish.identify import Fit, Noise, Problem, fit
+from mjfish.identify import Fit, Noise, Problem
 from mjfish.identify.fit import Z95
 from mjfish.identify.report import first_sigma
 from mjfish.identify.score import Score, predict_held_out
 from mjfish.model import Model
 from mjfish.trial import Dataset, Trial
-
-#: How often the noise is estimated again after the best cause is in the model.
-_ROUNDS = 1
-#: A change of sigma by less than this share leaves the weights as they are.
-_SAME = 0.05
-#: Integration steps that are tried [s], and what their error may add to a sum of squares in units of the noise.
-_STEPS = (0.01, 0.005, 0.0025, 0.00125)
-_UNSEEN = 0.1
-
-
-@dataclass(frozen=True, eq=False)
-class _Findings:
-    """What one pass found: evidence at the baseline fit, and the refits."""
-
-    evidence: Evidence
-    refits: Mapping[str, Refit]
-    p_wrong: float
-    directed: bool
 
 
 def diagnose(
@@ -82,7 +63,7 @@ def diagnose(
         jobs=jobs or os.cpu_count() or 1,
     )
     problem = replace(problem, noise=Noise.white(stated if stated is not None else first_sigma(fitted)))
-    findings, noise_remark = _search(problem, applicable, stated, rng, progress)
+    findings, noise_remark = search(problem, applicable, stated, rng, progress)
     evidence, refitted = findings.evidence, findings.refits
 
     progress("comparing the candidates", 0.9)
@@ -129,81 +110,6 @@ def diagnose(
     )
 
 
-def _search(
-    problem: Problem,
-    candidates: tuple[Effect, ...],
-    stated: FloatArray | None,
-    rng: np.random.Generator,
-    progress: Progress,
-) -> tuple[_Findings, str]:
-    """Fit, test and refit; again with better noise, where the first noise does not hold once the best cause is in."""
-    remark = ""
-    progress("fitting the nominal model", 0.02)
-    problem, start = _resolved(problem)
-    refitted: Mapping[str, Refit] = {}
-    for round_ in range(_ROUNDS + 1):
-        progress("fitting the nominal model", 0.02)
-        baseline = fit(problem, start, tolerance=1e-6)
-        evidence = gather(problem, baseline, candidates)
-        progress("testing the residual", 0.15)
-        directed, omnibus = evidence.directed_p(rng), evidence.omnibus_p()
-        p_wrong = min(1.0, 2.0 * min(directed, omnibus))
-        wrong = p_wrong < ALARM
-
-        def shown(what: str, done: float) -> None:
-            progress(what, 0.2 + 0.7 * done)
-
-        refitted = refits(evidence, candidates, shown, refitted) if wrong else {}
-        findings = _Findings(evidence, refitted, p_wrong, directed < ALARM)
-        if round_ == _ROUNDS:
-            break
-        reference = max(refitted.values(), key=lambda one: one.gain) if refitted else None
-        noise, remark = noise_of(
-            replace(reference.problem if reference else problem, noise=_white(problem.noise)),
-            _reweighted(reference.problem if reference else problem, reference.fit if reference else baseline),
-            tuple(e for e in candidates if reference is None or e.name != reference.effect.name),
-            stated,
-        )
-        if _same(noise, problem.noise):
-            break
-        problem = replace(problem, noise=noise)
-        start = baseline.x
-    return findings, remark
-
-
-def _resolved(problem: Problem) -> tuple[Problem, FloatArray]:
-    """Return the problem with the longest step whose error the data cannot see, and the fit there as a start.
-
-    The error is the change of the whitened prediction on halving the step; its sum of squares is what the step adds to
-    any statistic.
-    """
-    problem = replace(problem, model=replace(problem.model, step=_STEPS[0]))
-    x = problem.start()
-    for finer in _STEPS[1:]:
-        x = fit(problem, x, tolerance=1e-4).x
-        halved = replace(problem, model=replace(problem.model, step=finer))
-        if float(np.sum((problem.residual(x) - halved.residual(x)) ** 2)) < _UNSEEN:
-            break
-        problem = halved
-    return problem, x
-
-
-def _white(noise: Noise) -> Noise:
-    return Noise.white(noise.sigma)
-
-
-def _reweighted(problem: Problem, one: Fit) -> Fit:
-    """Return the fit with residual and Jacobian in the white metric of its problem's sigma."""
-    if problem.noise.order == 0:
-        return one
-    white = replace(problem, noise=_white(problem.noise))
-    return replace(one, residual=white.residual(one.x), jacobian=white.jacobian(one.x))
-
-
-def _same(new: Noise, old: Noise) -> bool:
-    return new.order == old.order == 0 and bool(np.all(np.abs(new.sigma / old.sigma - 1.0) < _SAME))
-
-
 def _best(ruling: Ruling, refitted: Mapping[str, Refit]) -> str | None:
     """Return whose extended model is shown: the named one's, else that of the largest gain."""
     if ruling.names:
@@ -211,7 +117,7 @@ def _best(ruling: Ruling, refitted: Mapping[str, Refit]) -> str | None:
     return max(refitted, key=lambda name: refitted[name].gain) if refitted else None
 
 
-def _where(findings: _Findings) -> Where | None:
+def _where(findings: Findings) -> Where | None:
     return locate(findings.evidence, findings.directed) if findings.refits else None
 
 
