@@ -20,8 +20,10 @@ SHORTEST = 5e-5
 class ServoLag(Effect):
     """The joints follow their command with a first-order lag: tau theta' = theta_command - theta.
 
-    Solved exactly between the samples of the command (its rate as a cubic). The joints start with the rate of the
-    command, as if it had moved on evenly before: so the lag vanishes with tau, from the first instant on.
+    Solved exactly between the samples of the command (its rate as a cubic). The joints start at rest where the command
+    starts, theta(0) = theta_command(0): the fish is at rest in the water, and a servo that lags cannot jump to the
+    command's rate. However short the lag, the joints' start then kicks the head, which the nominal model's start at the
+    command's rate does not.
     """
 
     name: ClassVar[str] = "servo_lag"
@@ -63,7 +65,7 @@ def _lag(
     lagged = np.empty_like(angle)
     lagged_rate = np.empty_like(rate)
     lagged_acceleration = np.empty_like(acceleration)
-    error = -tau * rate[0, 0]
+    error = np.zeros(joints)
     for step in range(n):
         d = 0.5 * steps[step]
         decay = np.exp(-d / tau)
