@@ -19,8 +19,8 @@ from mjfish.effects.effect import Effect
 
 #: A cause is kept in the confidence set above this p value.
 KEEP = 0.05
-#: A cause that fits worse than this is no explanation.
-GOODNESS = 0.01
+#: A cause that fits worse than this in either of two tests is no explanation: four true causes in a thousand are lost.
+GOODNESS = 0.002
 
 
 @dataclass(frozen=True)
