@@ -10,6 +10,7 @@ from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.effects.effect import Effect, Family, Values
 from mjfish.parameter import Parameter
+from mjfish.trial import Dataset
 
 
 class AmbientCurrent(Effect):
@@ -30,6 +31,11 @@ class AmbientCurrent(Effect):
     source: ClassVar[str] = "Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), sec. 8.3"
     signature: ClassVar[str] = "an offset of surge and sway that turns with the heading; it is there at rest too"
     confirm: ClassVar[str] = "let the fish drift without drive, or swim the same run in the opposite heading"
+
+    def not_applicable(self, dataset: Dataset) -> str:
+        """A current needs the heading in the world: that of CPG trials starts at 0, that of others must be measured."""
+        unknown = [t.name for t in dataset.trials if t.joint_angle is not None and t.pose is None]
+        return f"the heading was not measured (no yaw column) in {', '.join(unknown)}" if unknown else ""
 
     def reading(self, state: FloatArray, values: Values) -> FloatArray:
         """Add the current in the body frame to the velocity relative to the water."""

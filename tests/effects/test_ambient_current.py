@@ -12,7 +12,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model, Prediction
-from mjfish.trial import Trial
+from mjfish.trial import Dataset, Trial
 
 CURRENT = find("ambient_current")
 C = np.array([0.12, -0.07])
@@ -79,3 +79,14 @@ def test_the_heading_is_the_measured_one_at_the_first_sample_and_the_simulated_o
 def test_at_the_start_x_is_ahead_and_y_to_port(pike: Fish, straight: Trial, axis: int) -> None:
     read = _predict(pike, straight, *(0.1 * np.eye(2)[axis])).velocity[0]
     np.testing.assert_allclose(read, 0.1 * np.eye(3)[axis], rtol=0.0, atol=1e-15)
+
+
+def test_a_current_needs_a_heading_in_the_world(pike: Fish) -> None:
+    time = np.linspace(0.0, 1.0, 51)
+    measured = Trial(
+        "run", None, readonly(time), readonly(np.zeros((51, 3))), joint_angle=readonly(np.zeros((51, pike.joints)))
+    )
+    effect = find("ambient_current")
+    assert "heading was not measured (no yaw column) in run" in effect.not_applicable(Dataset("d", pike, (measured,)))
+    known = replace(measured, pose=readonly(np.zeros((51, 3))))
+    assert effect.not_applicable(Dataset("d", pike, (known,))) == ""
