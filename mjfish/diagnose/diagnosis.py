@@ -101,8 +101,8 @@ def diagnose(
         where=_where(findings),
         p_wrong=findings.p_wrong,
         gain=gain,
-        nominal=_estimates(evidence.fit),
-        extended=_estimates(final),
+        nominal=_estimates(evidence.fit, evidence.problem.model),
+        extended=_estimates(final, extended_problem.model),
         nominal_model=evidence.problem.model,
         extended_model=extended_problem.model,
         overlays=_overlays(evidence, extended_problem, final, held, scores, best),
@@ -121,18 +121,23 @@ def _where(findings: Findings) -> Where | None:
     return locate(findings.evidence, findings.directed) if findings.refits else None
 
 
-def _estimates(one: Fit) -> dict[str, Estimate]:
-    """Return the model's estimates by name, without what belongs to single trials."""
+def _estimates(one: Fit, model: Model) -> dict[str, Estimate]:
+    """Return the model's estimates by name, without what belongs to single trials.
+
+    A refit keeps a little off the null where an amplitude cannot be negative; an interval that reaches there reaches 0.
+    """
     result = {}
+    declared = {p.name: p for p in model.parameters}
     for p, at_bound in zip(one.parameters, one.at_bound, strict=True):
-        if ":" not in p.name:
+        if p.name in declared:
             low, high = one.interval(p.name, Z95)
+            low = declared[p.name].low if low <= p.low else low
             result[p.name] = Estimate(one.values[p.name], low, high, p.unit, bool(at_bound))
     return result
 
 
 def _own(one: Refit) -> dict[str, Estimate]:
-    estimates = _estimates(one.fit)
+    estimates = _estimates(one.fit, one.problem.model)
     return {p.short: estimates[p.name] for p in one.effect.parameters}
 
 

@@ -13,7 +13,7 @@ from mjfish.diagnose import algebra
 from mjfish.diagnose.evidence import signatures, whitened_omnibus
 from mjfish.effects.effect import Effect
 from mjfish.identify import Fit, Noise, Problem
-from mjfish.identify.noise import estimate
+from mjfish.identify.noise import estimate, floor
 
 #: A stated sigma is contradicted when the estimate is off by more than this many of its standard errors.
 _CONTRADICTED = 5.0
@@ -53,6 +53,9 @@ def noise_of(
     residuals, lost = saturated_residuals(problem, fit, candidates)
     found = estimate(residuals, lost)
     if stated is None:
+        least = floor(problem.trials)
+        if np.any(found.sigma < least):
+            found = Noise.white(np.maximum(found.sigma, least))
         return found, _describe(found, "estimated from the data")
     total = sum(len(block) for block in residuals)
     spread = np.sqrt(sum((block**2).sum(axis=0) for block in residuals) / (total - lost))

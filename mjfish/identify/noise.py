@@ -14,11 +14,13 @@ import numpy as np
 from scipy import linalg, signal
 
 from mjfish.arrays import FloatArray, readonly
+from mjfish.trial import Trial
 
 #: Highest autoregressive order that is tried (0.4 s at 50 Hz).
 MAX_ORDER = 20
 #: Share of the variance that is treated as white whatever the data say: keeps zeros of the spectrum from ruling.
 WHITE_FLOOR = 2e-3
+_FLOOR = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +61,14 @@ class Noise:
             for channel in range(3)
         ]
         return np.asarray(np.stack(whitened, axis=1)[self.order :])
+
+
+def floor(trials: Sequence[Trial]) -> FloatArray:
+    """Return the smallest sigma (3,) that is believed of data that state none: 5e-4 of each channel's range.
+
+    No camera is better, and data without any noise would else be judged by the rounding of the integrator.
+    """
+    return np.asarray(_FLOOR * np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0) + 1e-9)
 
 
 def estimate(residuals: Sequence[FloatArray], lost: float = 0.0) -> Noise:

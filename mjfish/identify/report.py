@@ -10,7 +10,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.identify.fit import Fit, fit
-from mjfish.identify.noise import Noise
+from mjfish.identify.noise import Noise, floor
 from mjfish.identify.problem import Problem
 from mjfish.identify.score import predict_held_out
 from mjfish.model import Model
@@ -99,7 +99,7 @@ def identify(dataset: Dataset, *, jobs: int | None = None) -> Identification:
         if one.status == "diverged":
             break
         residual = np.concatenate(problem.raw(one.x))
-        problem = replace(problem, noise=Noise.white(np.sqrt(np.mean(residual**2, axis=0))))
+        problem = replace(problem, noise=Noise.white(np.maximum(np.sqrt(np.mean(residual**2, axis=0)), floor(fitted))))
         one = fit(problem, one.x)
         remarks = ("noise: none stated; the weights are the RMS of the residual",)
     scores = [_score(t, "fit", r) for t, r in zip(fitted, problem.raw(one.x), strict=True)]
@@ -115,7 +115,7 @@ def first_sigma(trials: tuple[Trial, ...]) -> FloatArray:
     For white noise their variance is 20 sigma^2; what is left of a smooth motion in them only makes sigma larger.
     """
     differences = np.concatenate([np.diff(trial.velocity, n=3, axis=0) for trial in trials])
-    return np.asarray(np.maximum(np.sqrt(np.mean(differences**2, axis=0) / 20.0), 1e-6))
+    return np.asarray(np.maximum(np.sqrt(np.mean(differences**2, axis=0) / 20.0), floor(trials)))
 
 
 def _score(trial: Trial, role: str, residual: FloatArray) -> TrialScore:

@@ -193,3 +193,16 @@ def test_no_candidate_left_is_refused(named: Diagnosis) -> None:
     free = replace(named.dataset, clock="free")
     with pytest.raises(InputError, match="none of the 1 effects applies"):
         diagnose(free, effects={"time_offset": find("time_offset")})
+
+
+@pytest.mark.parametrize("effect", [None, "munk_moment"])
+def test_data_without_noise_are_judged_by_the_effect_not_by_rounding(pike: Fish, effect: str | None) -> None:
+    hidden = [] if effect is None else [find(effect)]
+    truth = coefficients(np.random.default_rng(3)) | ({} if effect is None else {"munk_moment.kappa": 0.5})
+    dataset = plant(pike, ["v1", "v3", "v1-t2"], values=truth, effects=hidden, duration=7.0, held_out=["v3"])
+    result = diagnose(dataset, effects={**QUICK, "munk_moment": find("munk_moment")}, jobs=1)
+    if effect is None:
+        assert result.verdict == "nothing_wrong", result.message
+    else:
+        assert [cause.name for cause in result.causes] == [effect], result.message
+        assert result.causes[0].parameters["kappa"].estimate == pytest.approx(0.5, abs=0.02)
