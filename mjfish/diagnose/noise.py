@@ -1,7 +1,7 @@
 """Noise seen through the saturated model: what is left when every candidate and the omnibus basis are taken out.
 
 Estimating the noise from the residual of the baseline would count the effect as noise; the saturated residual does not
-([design] "saturated-model estimate"). A stated sigma is believed as long as the data do not contradict it.
+(docs/notes/004). A stated sigma is believed as long as the data do not contradict it.
 """
 
 from __future__ import annotations
