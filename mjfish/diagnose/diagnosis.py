@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -58,11 +57,10 @@ def diagnose(
     problem = Problem(
         Model(dataset.fish),
         fitted,
-        Noise.white(np.ones(3)),
+        Noise.white(stated if stated is not None else first_sigma(fitted)),
         free_clock=dataset.clock == "free",
         jobs=jobs or os.cpu_count() or 1,
     )
-    problem = replace(problem, noise=Noise.white(stated if stated is not None else first_sigma(fitted)))
     findings, noise_remark = search(problem, applicable, stated, rng, progress)
     evidence, refitted = findings.evidence, findings.refits
 

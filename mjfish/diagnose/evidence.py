@@ -50,10 +50,13 @@ class Evidence:
         slices = algebra.blocks_of([len(own) for own in self.amplitudes])
         return {effect.name: block for effect, block in zip(self.candidates, slices, strict=True)}
 
+    def amplitudes_of(self, name: str) -> tuple[Parameter, ...]:
+        """Return the amplitude parameters of one candidate."""
+        return self.amplitudes[[effect.name for effect in self.candidates].index(name)]
+
     def positive(self, name: str) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return which amplitudes of a candidate cannot be negative."""
-        own = self.amplitudes[[effect.name for effect in self.candidates].index(name)]
-        return np.array([p.default == p.low for p in own])
+        return np.array([p.default == p.low for p in self.amplitudes_of(name)])
 
     def statistic(self, name: str) -> float:
         """Return T of one candidate at the observed score."""
@@ -70,7 +73,7 @@ class Evidence:
         """Return the one-step estimate of a candidate's amplitudes by name."""
         block = self.blocks[name]
         psi = algebra.amplitudes(self.score[block], self.information[block, block], self.positive(name))
-        own = self.amplitudes[[effect.name for effect in self.candidates].index(name)]
+        own = self.amplitudes_of(name)
         return {p.name: p.default + float(v) * p.scale for p, v in zip(own, psi, strict=True)}
 
     def absorbed(self, name: str) -> float:
@@ -81,7 +84,7 @@ class Evidence:
     def smallest_visible(self, name: str) -> dict[str, float]:
         """Return, per amplitude, the size that would have shown with 90 % power: sqrt(18 / I)."""
         block = self.blocks[name]
-        own = self.amplitudes[[effect.name for effect in self.candidates].index(name)]
+        own = self.amplitudes_of(name)
         inverse = np.linalg.pinv(self.information[block, block], hermitian=True)
         return {
             p.name: float(np.sqrt(18.0 * max(v, 0.0))) * p.scale for p, v in zip(own, np.diag(inverse), strict=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any, Literal
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.heldout import Gain
 from mjfish.diagnose.locate import Where
-from mjfish.files import write_text
+from mjfish.files import write_json
 from mjfish.model import Model
 from mjfish.trial import Dataset, Trial
 
@@ -159,7 +158,7 @@ class Diagnosis:
 
     def save(self, path: Path) -> None:
         """Write ``diagnosis.json`` whole or not at all."""
-        write_text(path, json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n")
+        write_json(path, self.to_dict())
 
 
 def _estimates(table: Mapping[str, Estimate]) -> dict[str, Any]:

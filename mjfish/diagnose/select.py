@@ -88,7 +88,7 @@ def _extra(one: Refit) -> float:
 
 def _direction(evidence: Evidence, name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """Return the candidate's one-step amplitudes in units of their scale; one scale where they are all zero."""
-    own = evidence.amplitudes[[effect.name for effect in evidence.candidates].index(name)]
+    own = evidence.amplitudes_of(name)
     guess = evidence.first_guess(name)
     psi = np.array([(guess[p.name] - p.default) / p.scale for p in own])
     return psi if np.any(psi) else np.ones(len(own))
