@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from mjfish.arrays import FloatArray
 from mjfish.compiled import inlined
 from mjfish.hydro.outline import INTERVALS
 
@@ -33,50 +34,62 @@ def gyroscopic(link: Any) -> tuple[float, float, float]:
 
 @inlined
 def drag(link: Any) -> tuple[float, float, float]:
-    """Return (fx, fy, mz) [N, N, N m] of friction along and drag across one link, eqs. (9) and (10).
-
-    The integrand |q| q changes sign where q does, at r* = -v/w; between sign changes the integral is exact in the
-    moments of h, INT h q^2 r^k dr = v^2 H_k + 2 v w H_{k+1} + w^2 H_{k+2}.
-    """
-    v = link.v
-    w = link.w
-    vv = v * v
-    vw = 2.0 * v * w
-    ww = w * w
-    full = link.height_moment[INTERVALS]
-    force = vv * full[0] + vw * full[1] + ww * full[2]
-    moment = vv * full[1] + vw * full[2] + ww * full[3]
-    sign = 1.0 if v + 0.5 * w * link.length >= 0.0 else -1.0
-    if v * (v + w * link.length) < 0.0:
-        h0, h1, h2, h3 = height_moments(link, -v / w)
-        sign = 1.0 if w > 0.0 else -1.0  # behind r* the strip moves with w
-        force -= 2.0 * (vv * h0 + vw * h1 + ww * h2)
-        moment -= 2.0 * (vv * h1 + vw * h2 + ww * h3)
-    across = -0.5 * link.density * link.c_d * sign
+    """Return (fx, fy, mz) [N, N, N m] of friction along and drag across one link, eqs. (9) and (10)."""
+    force, moment = crossflow(link.v, link.w, link.length, link.node_height, link.height_moment)
+    across = -0.5 * link.density * link.c_d
     along = -0.5 * link.density * link.c_f * link.wetted
     return along * abs(link.u) * link.u, across * force, across * moment
 
 
 @inlined
-def height_moments(link: Any, r: float) -> tuple[float, float, float, float]:
+def crossflow(v: float, w: float, length: float, node: FloatArray, table: FloatArray) -> tuple[float, float]:
+    """Return INT h |q| q dr and INT h |q| q r dr, q = v + w r, exact.
+
+    The integrand changes sign where q does, at r* = -v/w; between sign changes the integral is exact in the moments of
+    h, INT h q^2 r^k dr = v^2 H_k + 2 v w H_{k+1} + w^2 H_{k+2}.
+
+    Args:
+        v: velocity of the strip at r = 0 [m/s].
+        w: its slope along the link [1/s].
+        length: of the link [m].
+        node: (INTERVALS + 1,) h at the nodes [m], see `mjfish.hydro.outline.LinkOutline.node_height`.
+        table: (INTERVALS + 1, 4) H_0 .. H_3 up to the nodes.
+    """
+    vv = v * v
+    vw = 2.0 * v * w
+    ww = w * w
+    full = table[INTERVALS]
+    force = vv * full[0] + vw * full[1] + ww * full[2]
+    moment = vv * full[1] + vw * full[2] + ww * full[3]
+    sign = 1.0 if v + 0.5 * w * length >= 0.0 else -1.0
+    if v * (v + w * length) < 0.0:
+        h0, h1, h2, h3 = partial_moments(-v / w, length, node, table)
+        sign = 1.0 if w > 0.0 else -1.0  # behind r* the strip moves with w
+        force -= 2.0 * (vv * h0 + vw * h1 + ww * h2)
+        moment -= 2.0 * (vv * h1 + vw * h2 + ww * h3)
+    return sign * force, sign * moment
+
+
+@inlined
+def partial_moments(r: float, length: float, node: FloatArray, table: FloatArray) -> tuple[float, float, float, float]:
     """Return H_k = INT_0^r h r'^k dr', k = 0..3, by Hermite interpolation between exact nodes.
 
     Nodes are equally spaced in xi = sqrt(r / length): at a blunt nose h goes as xi, and H_0 is then a cubic.
     """
-    xi = INTERVALS * (r / link.length) ** 0.5
+    xi = INTERVALS * (r / length) ** 0.5
     left = min(int(xi), INTERVALS - 1)
     s = xi - left
     keep = (1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s)
     slope_left = s * (1.0 - s) * (1.0 - s)
     slope_right = s * s * (s - 1.0)
-    scale = link.length / (INTERVALS * INTERVALS)
+    scale = length / (INTERVALS * INTERVALS)
     r_left = scale * left * left
     r_right = scale * (left + 1) * (left + 1)
     # dH_k/dxi = h r^k dr/dxi, dr/dxi = 2 scale xi
-    d_left = slope_left * link.node_height[left] * 2.0 * scale * left
-    d_right = slope_right * link.node_height[left + 1] * 2.0 * scale * (left + 1)
-    a = link.height_moment[left]
-    b = link.height_moment[left + 1]
+    d_left = slope_left * node[left] * 2.0 * scale * left
+    d_right = slope_right * node[left + 1] * 2.0 * scale * (left + 1)
+    a = table[left]
+    b = table[left + 1]
     h0 = keep * a[0] + (1.0 - keep) * b[0] + d_left + d_right
     d_left *= r_left
     d_right *= r_right

@@ -28,16 +28,29 @@ class LinkOutline:
 
     Attributes:
         added: (3,) INT rho pi/4 h^2 r^k dr, k = 0, 1, 2, at c_m = 1 [kg, kg m, kg m2].
+        added_width: (3,) the same of the width: water that moves with the link up and down.
+        added_roll: INT rho pi/8 (a^2 - b^2)^2 dr, a = h/2, b = w/2: added roll inertia of ellipses [kg m2].
+        roll_drag: INT (h^2 - w^2)^2 / 32 dr, see `mjfish.hydro.spatial_force` [m5].
+        volume: INT pi/4 h w dr [m3].
+        centroid: INT pi/4 h w r dr / volume [m].
         wetted: INT p dr [m2].
         height_moment: (INTERVALS + 1, 4) INT_0^r h r^k dr, k = 0..3, at r = length (j / INTERVALS)^2.
         node_height: (INTERVALS + 1,) h at the same r [m].
+        width_moment, node_width: the same of the width.
         strip_r, strip_weight, strip_height, strip_width, strip_perimeter: (STRIPS,) Gauss strips [m].
     """
 
     added: FloatArray
+    added_width: FloatArray
+    added_roll: float
+    roll_drag: float
+    volume: float
+    centroid: float
     wetted: float
     height_moment: FloatArray
     node_height: FloatArray
+    width_moment: FloatArray
+    node_width: FloatArray
     strip_r: FloatArray
     strip_weight: FloatArray
     strip_height: FloatArray
@@ -78,11 +91,12 @@ def outlines(fish: Fish) -> tuple[LinkOutline, ...]:
 @functools.lru_cache(maxsize=64)
 def _outlines(lengths: tuple[float, ...], sections: tuple[Section, ...], density: float) -> tuple[LinkOutline, ...]:
     starts = np.concatenate([[0.0], np.cumsum(lengths)])
-    return tuple(_outline(sections, density, a, b) for a, b in itertools.pairwise(starts))
+    return tuple(outline(sections, density, a, b) for a, b in itertools.pairwise(starts))
 
 
-def _outline(sections: tuple[Section, ...], density: float, start: float, end: float) -> LinkOutline:
-    """Integrate one link between two stations, exact on both sides of every edge of the outline."""
+@functools.lru_cache(maxsize=1024)
+def outline(sections: tuple[Section, ...], density: float, start: float, end: float) -> LinkOutline:
+    """Integrate one link between two stations [m], exact on both sides of every edge of the outline."""
     length = end - start
     nodes = length * (np.arange(INTERVALS + 1) / INTERVALS) ** 2
     edges = _edges(sections, start, end) - start
@@ -91,17 +105,33 @@ def _outline(sections: tuple[Section, ...], density: float, start: float, end: f
     r, weight = _gauss(breaks[:-1], breaks[1:])
     height, width = section_at(sections, start + r)
     powers = r[..., None] ** np.arange(4)
-    cells = np.einsum("cg,cg,cgk->ck", weight, height, powers)
-    cumulative = np.concatenate([np.zeros((1, 4)), np.cumsum(cells, axis=0)])
     at_nodes = np.searchsorted(breaks, nodes - 1e-12)
-    added = density * np.pi / 4.0 * np.einsum("cg,cg,cgk->k", weight, height**2, powers[..., :3])
+    node_height, node_width = section_at(sections, start + nodes)
+    area = np.pi / 4.0 * weight * height * width
+    volume = float(np.sum(area))
+    elongation = float(np.sum(weight * (height**2 - width**2) ** 2))
+
+    def moments(extent: FloatArray) -> FloatArray:
+        cells = np.einsum("cg,cg,cgk->ck", weight, extent, powers)
+        return readonly(np.concatenate([np.zeros((1, 4)), np.cumsum(cells, axis=0)])[at_nodes])
+
+    def added(extent: FloatArray) -> FloatArray:
+        return readonly(density * np.pi / 4.0 * np.einsum("cg,cg,cgk->k", weight, extent**2, powers[..., :3]))
+
     strip_r, strip_weight = _strips(edges)
     strip_height, strip_width = section_at(sections, start + strip_r)
     return LinkOutline(
-        added=readonly(added),
+        added=added(height),
+        added_width=added(width),
+        added_roll=density * np.pi / 128.0 * elongation,
+        roll_drag=elongation / 32.0,
+        volume=volume,
+        centroid=float(np.sum(area * r)) / volume,
         wetted=float(np.sum(weight * perimeter(height, width))),
-        height_moment=readonly(cumulative[at_nodes]),
-        node_height=readonly(section_at(sections, start + nodes)[0]),
+        height_moment=moments(height),
+        node_height=readonly(node_height),
+        width_moment=moments(width),
+        node_width=readonly(node_width),
         strip_r=readonly(strip_r),
         strip_weight=readonly(strip_weight),
         strip_height=readonly(strip_height),
