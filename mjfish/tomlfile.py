@@ -62,20 +62,25 @@ def parse(raw: object, model: type[T], place: str) -> T:
     Strictly, so that ``"1.5"`` and ``true`` are no numbers.
     """
     try:
-        return model.model_validate(_frozen(raw), strict=True)
+        return model.model_validate(frozen(raw), strict=True)
     except ValidationError as error:
-        items = error.errors()
-        # A list whose entries are broken is not too short as well, as pydantic has it.
-        deeper = {item["loc"][:depth] for item in items for depth in range(len(item["loc"]))}
-        own = [item for item in items if item["type"] != "too_short" or item["loc"] not in deeper]
-        raise InputError("\n".join(_complaint(place, item) for item in own)) from None
+        raise InputError(complaints(place, error)) from None
 
 
-def _frozen(raw: object) -> object:
+def complaints(place: str, error: ValidationError) -> str:
+    """Say every complaint of pydantic in the words of this project, one a line; `place` opens each."""
+    items = error.errors()
+    # A list whose entries are broken is not too short as well, as pydantic has it.
+    deeper = {item["loc"][:depth] for item in items for depth in range(len(item["loc"]))}
+    own = [item for item in items if item["type"] != "too_short" or item["loc"] not in deeper]
+    return "\n".join(_complaint(place, item) for item in own)
+
+
+def frozen(raw: object) -> object:
     """Turn lists into tuples, all the way down: strict validation takes no list for a tuple."""
     if isinstance(raw, Mapping):
-        return {key: _frozen(value) for key, value in raw.items()}
-    return tuple(_frozen(item) for item in raw) if isinstance(raw, (list, tuple)) else raw
+        return {key: frozen(value) for key, value in raw.items()}
+    return tuple(frozen(item) for item in raw) if isinstance(raw, (list, tuple)) else raw
 
 
 def _complaint(place: str, item: object) -> str:

@@ -1,7 +1,7 @@
-"""The MuJoCo engine: the planar fish with the water's force as a compiled callback. Nothing else imports MuJoCo."""
+"""The MuJoCo engine: any model in water, and the fish in it. Nothing else imports MuJoCo."""
 
-from mjfish.sim.callback import installed
-from mjfish.sim.planar import model
+from mjfish.sim.fluid import StripFluid
 from mjfish.sim.rollout import SimRollout, simulate
+from mjfish.sim.strip_link import StripLink
 
-__all__ = ["SimRollout", "installed", "model", "simulate"]
+__all__ = ["SimRollout", "StripFluid", "StripLink", "simulate"]

@@ -1,7 +1,8 @@
-"""MuJoCo's control callback: the servo commands of the step, then the force of the water."""
+"""MuJoCo's control callback: whatever was installed before, the servo commands of the step, the force of the water."""
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import threading
 from collections.abc import Iterator
@@ -9,25 +10,29 @@ from contextlib import contextmanager
 from typing import Any
 
 import mujoco
+import numpy as np
 from numba import carray, types
 
 from mjfish.compiled import c_callback, compiled
-from mjfish.sim.compatible import require_compatible
-from mjfish.sim.fluid import push
-from mjfish.sim.layout import DATA_POINTER, MODEL_POINTER, floats, fwd_actuation, integers, links, verify
-from mjfish.sim.parameters import HEADER, MAGIC
+from mjfish.sim import blocks
+from mjfish.sim.block_layout import CARRIER, HEADER, TREE
+from mjfish.sim.coupling import couple
+from mjfish.sim.layout import DATA_POINTER, MODEL_POINTER, counts, floats, links, verify
+
+_MAGIC = blocks.MAGIC
+_EULER, _RK4 = 0, 1  # mjtIntegrator
 
 
 @compiled
-def _parameters(model: Any) -> int:
-    """Return the address of the fluid's parameters in the model, 0 where it has none."""
-    starts = carray(integers(model.numeric_adr), model.nnumeric)
-    sizes = carray(integers(model.numeric_size), model.nnumeric)
-    for k in range(model.nnumeric):
-        address = model.numeric_data + 8 * starts[k]
-        if sizes[k] > HEADER and carray(floats(address), 1)[0] == MAGIC:
-            return address  # type: ignore[no-any-return]
-    return 0
+def find(model: Any, table: Any, token: float) -> tuple[bool, int]:
+    """Return whether the model is tagged, and the address of its block; 0 where the tag leads nowhere."""
+    tag = model.o_solimp
+    if tag[0] != _MAGIC:
+        return False, 0
+    if tag[1] != token:
+        return True, 0
+    row = carray(counts(table + 16 * int(tag[2])), 2)
+    return True, (row[0] if float(row[1]) == tag[3] else 0)
 
 
 @compiled
@@ -40,33 +45,68 @@ def _command(model: Any, data: Any) -> None:
         ctrl[k] = user[1 + stage * model.nu + k]
 
 
-@c_callback(types.void(MODEL_POINTER, DATA_POINTER))
-def control(model_pointer: Any, data_pointer: Any) -> None:
-    """Be MuJoCo's ``mjcb_control``: command the servos, then write each link's wrench; other models are left alone."""
+@compiled
+def act(model_pointer: Any, data_pointer: Any, table: int, token: float) -> None:
+    """Let the water act on one model, where it has any; what cannot be right is spoilt, so that it is seen."""
     model = carray(model_pointer, 1)[0]
     data = carray(data_pointer, 1)[0]
-    address = _parameters(model)
+    tagged, address = find(model, table, token)
+    if not tagged:
+        return
     if address == 0:
+        _spoil(model, data)
         return
     header = carray(floats(address), HEADER)
-    if header[2] > 0.0:
+    n, c, t = int(header[0]), int(header[1]), int(header[2])
+    inertia = header[3] > 0.0
+    if header[4] > 0.0:
         _command(model, data)
-    fwd_actuation(model_pointer, data_pointer)  # qfrc_actuator is that of the step before
-    count = int(header[1])
-    bodies = carray(floats(address + 8 * HEADER), count)
-    water = carray(links(address + 8 * (HEADER + count)), count)
-    push(model, data, bodies, water)
+    if not inertia and (data.nefc > 0 or model.integrator > _RK4):
+        _spoil(model, data)
+        return
+    address += 8 * HEADER
+    carriers = carray(floats(address), (c, CARRIER))
+    address += 8 * CARRIER * c
+    trees = carray(floats(address), (t, TREE))
+    water = carray(links(address + 8 * TREE * t), n)
+    couple(model, data, carriers, trees, water, inertia, model_pointer, data_pointer)
+
+
+@compiled
+def _spoil(model: Any, data: Any) -> None:
+    """Make the accelerations no numbers: MuJoCo then warns of them."""
+    carray(floats(data.qfrc_passive), model.nv)[:] = np.nan
 
 
 @functools.cache
-def _verify_once() -> None:
-    """Check the memory layout; MuJoCo compiles no model under a callback in Python, so that one steps aside."""
-    before = mujoco.get_mjcb_control()
-    mujoco.set_mjcb_control(None)
-    try:
-        verify()
-    finally:
-        mujoco.set_mjcb_control(before)
+def _control() -> Any:
+    """Compile the callback of this process: the place of its table is a number in it."""
+    table, token = blocks.TABLE.ctypes.data, blocks.TOKEN
+
+    def control(model_pointer: Any, data_pointer: Any) -> None:
+        act(model_pointer, data_pointer, table, token)
+
+    verify()
+    return c_callback(types.void(MODEL_POINTER, DATA_POINTER), cached=False)(control).ctypes
+
+
+def _with(before: Any) -> Any:
+    """Return a callback that first does what was installed before, such as a user's controller."""
+    ours = _control()
+    if before is None:
+        return ours
+    if isinstance(before, ctypes._CFuncPtr):
+
+        def both(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            before(model._address, data._address)
+            ours(model._address, data._address)
+    else:
+
+        def both(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            before(model, data)
+            ours(model._address, data._address)
+
+    return both
 
 
 _lock = threading.Lock()
@@ -75,28 +115,26 @@ _before: Any = None
 
 
 @contextmanager
-def installed(*models: mujoco.MjModel) -> Iterator[None]:
+def installed() -> Iterator[None]:
     """Let the water act while the block runs; what was MuJoCo's control callback before is so again afterwards.
 
-    The callback belongs to the whole process: inside the block it acts on every model with water in it, in all threads,
-    and on no other. Blocks may be nested and may overlap in time; the last one out restores. The water assigns
-    ``xfrc_applied`` of its bodies: push them by ``qfrc_applied``.
-
-    Args:
-        models: those that will be stepped; each is checked.
+    The callback belongs to the whole process: inside the block it acts on every model with water, in all threads, and
+    on no other. A control callback that was there before goes on, ahead of the water. Blocks may be nested and may
+    overlap in time; the last one out restores.
 
     Raises:
-        InputError: the force would be wrong in one of them.
         MjfishError: this MuJoCo is not understood.
     """
     global _users, _before
-    _verify_once()
-    for model in models:
-        require_compatible(model)
     with _lock:
         if _users == 0:
             _before = mujoco.get_mjcb_control()
-            mujoco.set_mjcb_control(control.ctypes)
+            mujoco.set_mjcb_control(None)  # MuJoCo compiles no model, which `verify` needs, under one in Python
+            try:
+                mujoco.set_mjcb_control(_with(_before))
+            except BaseException:
+                mujoco.set_mjcb_control(_before)
+                raise
         _users += 1
     try:
         yield

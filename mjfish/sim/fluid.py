@@ -1,140 +1,168 @@
-"""The strip-Morison force in MuJoCo: a compiled control callback that never lags, [Yu2016] eqs. (7)-(13).
-
-MuJoCo knows no added mass that accelerates. Here the joint-space acceleration a with it is solved first,
-
-    (M + sum_i J_i^T A_i J_i) a = tau - c + sum_i J_i^T (f_i - A_i b_i),      b_i = J_i' q',
-
-M, c and tau being MuJoCo's inertia, bias and passive, actuator and applied forces, J_i the Jacobian of link i, A_i its
-added mass and f_i drag and gyroscopic force. The wrench of each link, f_i - A_i (J_i a + b_i), then goes into
-xfrc_applied, and MuJoCo's own acceleration comes out as a. `mjfish.sim.reference` is the same in plain NumPy.
-"""
+"""The plug-in: strips of water on bodies of any MuJoCo model."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
 
+import mujoco
 import numpy as np
-from numba import carray
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled
-from mjfish.hydro.force import added_mass, drag, gyroscopic
-from mjfish.sim.kinematics import jacobian_of, velocity_of, write_wrench
-from mjfish.sim.layout import floats, integers
-
-
-class Moving(NamedTuple):
-    """What `mjfish.hydro.force` reads of a link; parameters stay in the model, which threads share, unwritten."""
-
-    length: float
-    density: float
-    c_m: float
-    c_d: float
-    c_f: float
-    munk: float
-    wetted: float
-    u: float
-    v: float
-    w: float
-    added: FloatArray
-    node_height: FloatArray
-    height_moment: FloatArray
+from mjfish.arrays import FloatArray, readonly
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.sim import callback, strip_link
+from mjfish.sim.block_layout import pack
+from mjfish.sim.blocks import MAGIC, Block
+from mjfish.sim.compatible import Coupling, choose
+from mjfish.sim.strip_link import StripLink
+from mjfish.sim.wrenches import PARTS, wrenches
 
 
-@compiled
-def _rigid(model: Any, data: Any, inertia: FloatArray, force: FloatArray) -> None:
-    """Unpack M (lower triangle, dense) and sum the forces that are no water's."""
-    nv = model.nv
-    inertia[:] = 0.0
-    counts = carray(integers(model.M_rownnz), nv)
-    starts = carray(integers(model.M_rowadr), nv)
-    passive = carray(floats(data.qfrc_passive), nv)
-    actuator = carray(floats(data.qfrc_actuator), nv)
-    applied = carray(floats(data.qfrc_applied), nv)
-    bias = carray(floats(data.qfrc_bias), nv)
-    for row in range(nv):
-        columns = carray(integers(model.M_colind + 4 * starts[row]), counts[row])
-        values = carray(floats(data.M + 8 * starts[row]), counts[row])
-        for k in range(counts[row]):
-            inertia[row, columns[k]] = values[k]
-        force[row] = passive[row] + actuator[row] + applied[row] - bias[row]
+@dataclass(frozen=True)
+class State:
+    """Whether the state of a run is one that can be gone on from.
+
+    Attributes:
+        status: ``ok`` or ``diverged``.
+        message: what is wrong and what to do, else empty.
+    """
+
+    status: Literal["ok", "diverged"]
+    message: str
 
 
-@compiled
-def _add(
-    inertia: FloatArray, force: FloatArray, jacobian: FloatArray, chain: Any, depth: int, state: FloatArray,
-    a0: float, a1: float, a2: float,
-) -> None:  # fmt: skip
-    """Add J^T A J to the inertia (lower triangle) and J^T (f - A b) to the force."""
-    fx = state[0]
-    fy = state[1] - a0 * state[3] - a1 * state[4]
-    mz = state[2] - a1 * state[3] - a2 * state[4]
-    for k in range(depth):
-        row = chain[k]
-        py = a0 * jacobian[k, 1] + a1 * jacobian[k, 2]
-        pz = a1 * jacobian[k, 1] + a2 * jacobian[k, 2]
-        force[row] += jacobian[k, 0] * fx + jacobian[k, 1] * fy + jacobian[k, 2] * mz
-        for j in range(k, depth):  # up the chain: smaller dofs, so the lower triangle
-            inertia[row, chain[j]] += py * jacobian[j, 1] + pz * jacobian[j, 2]
+class StripFluid:
+    """Water on bodies of a MuJoCo model, exact at any added mass: see `mjfish.hydro.spatial_force` for the force.
 
+        fluid = StripFluid(model, [{"body": "plate", "length": 0.3, "height": 0.2, "width": 0.004, "c_d": 1.9}])
+        with fluid.installed():
+            mujoco.mj_step(model, data)
 
-@compiled
-def _solve(matrix: FloatArray, right: FloatArray) -> None:
-    """Solve by Cholesky's method in place; `matrix` is given by its lower triangle."""
-    n = right.shape[0]
-    for i in range(n):
-        for j in range(i + 1):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = np.sqrt(total) if i == j else total / matrix[j, j]
-        total = right[i]
-        for k in range(i):
-            total -= matrix[i, k] * right[k]
-        right[i] = total / matrix[i, i]
-    for i in range(n - 1, -1, -1):
-        total = right[i]
-        for k in range(i + 1, n):
-            total -= matrix[k, i] * right[k]
-        right[i] = total / matrix[i, i]
+    The water owns `xfrc_applied` of its bodies: push these by `qfrc_applied`. A current is MuJoCo's `opt.wind`; gravity
+    and its flag are MuJoCo's too, and buoyancy follows them. The water is part of the model from now on: of its copies,
+    in `mujoco.rollout`, `mujoco.batch` and the viewer, in every thread. A second `StripFluid` on a model replaces the
+    first; other coefficients on a copy of a model leave the original alone.
 
+    Two things in the model change: `opt.o_solimp`, which is unused, leads to the water, and autoreset is disabled, so
+    that a run which diverges is seen (`state`) and not silently started again.
 
-@compiled
-def push(model: Any, data: Any, bodies: FloatArray, water: Any) -> None:
-    """Solve for the acceleration and write the wrenches; `bodies` (n,) ids, `water` (n,) `LINK` records."""
-    nv = model.nv
-    n = bodies.shape[0]
-    inertia = np.empty((nv, nv))
-    force = np.empty(nv)
-    jacobian = np.empty((n, nv, 3))  # of a link's u, v, w, dof by dof up its chain
-    chain = np.empty((n, nv), dtype=np.int32)
-    depth = np.empty(n, dtype=np.int32)
-    state = np.empty((n, 5))  # drag and gyroscopic force; b_i across and about: no water is added along the link
-    _rigid(model, data, inertia, force)
-    for i in range(n):
-        body = int(bodies[i])
-        depth[i] = jacobian_of(model, data, body, jacobian[i], chain[i], state[i])
-        link = water[i]
-        u, v, w = velocity_of(model, data, body)
-        moving = Moving(
-            link.length, link.density, link.c_m, link.c_d, link.c_f, link.munk, link.wetted, u, v, w, link.added,
-            link.node_height, link.height_moment,
-        )  # fmt: skip
-        drag_x, drag_y, drag_z = drag(moving)
-        gyro_x, gyro_y, gyro_z = gyroscopic(moving)
-        state[i, 0] = drag_x + gyro_x
-        state[i, 1] = drag_y + gyro_y
-        state[i, 2] = drag_z + gyro_z
-        a0, a1, a2 = added_mass(link)
-        _add(inertia, force, jacobian[i], chain[i], depth[i], state[i], a0, a1, a2)
-    _solve(inertia, force)
-    for i in range(n):
-        bv = state[i, 3]
-        bw = state[i, 4]
-        for k in range(depth[i]):
-            bv += jacobian[i, k, 1] * force[chain[i, k]]
-            bw += jacobian[i, k, 2] * force[chain[i, k]]
-        a0, a1, a2 = added_mass(water[i])
-        write_wrench(
-            data, int(bodies[i]), state[i, 0], state[i, 1] - a0 * bv - a1 * bw, state[i, 2] - a1 * bv - a2 * bw
+    With coupling ``inertia`` mjData's inertia `M` (and what is computed from it, such as `mj_fullM`) has the added mass
+    in it after a step, and force sensors lack the inertial force of the water; with ``xfrc`` both are as without water.
+
+    Attributes:
+        model: the model.
+        links: `StripLink` by link, in the order of every array about links.
+        density: of the water [kg/m3].
+        coupling: ``inertia`` or ``xfrc``, see `mjfish.sim.coupling`.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        links: Sequence[StripLink | Mapping[str, Any]] | None = None,
+        *,
+        density: float | None = None,
+        coupling: Coupling | None = None,
+        commanded: bool = False,
+    ) -> None:
+        """Put water on bodies of `model`.
+
+        Args:
+            model: any model.
+            links: bodies with their sections and coefficients; None: as the model's custom numerics say
+                (``strip_fluid/BODY/KEY``). Two links may share a body.
+            density: of the water [kg/m3]; 1000 where nobody says.
+            coupling: None: the one that is right for this model, ``inertia`` where both are.
+            commanded: userdata holds the servo commands of each step, see `mjfish.sim.rollout`.
+
+        Raises:
+            InputError: a link is not described well, or the force would be wrong in this model.
+            UnknownNameError: no body of that name.
+        """
+        if not isinstance(model, mujoco.MjModel):
+            raise InputError(f"expected a compiled mujoco.MjModel, found {type(model).__name__}; compile it first")
+        if links is None:
+            water = strip_link.read_custom(model)
+            links, density = water.links, water.density if density is None else density
+        made = tuple(one if isinstance(one, StripLink) else StripLink(**one) for one in links)
+        if not made:
+            raise InputError("no links; name at least one body that the water acts on")
+        self.model = model
+        self.links = made
+        self.density = 1000.0 if density is None else float(density)
+        if not (np.isfinite(self.density) and self.density > 0.0):
+            raise InputError(f"density is {self.density:g} kg/m3; expected a positive number")
+        self._asked = coupling
+        self.coupling: Coupling = choose(model, self._bodies(), coupling)
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        numbers = pack(model, made, self.density, inertia=self.coupling == "inertia", commanded=commanded)
+        self._block = Block(numbers)
+        self._block.tag(model)
+
+    @classmethod
+    def from_toml(cls, model: mujoco.MjModel, path: str | Path, *, coupling: Coupling | None = None) -> StripFluid:
+        """Put the water that a TOML file describes on bodies of `model`: `density`, and a `[[links]]` a body.
+
+        Raises:
+            InputError, UnknownNameError: as above, and where the file is none.
+        """
+        water = strip_link.read(path)
+        return cls(model, water.links, density=water.density, coupling=coupling)
+
+    def _bodies(self) -> list[int]:
+        names = [self.model.body(index).name for index in range(1, self.model.nbody)]
+        for one in self.links:
+            if one.body not in names:
+                raise UnknownNameError("body", one.body, filter(None, names), "name a body of this model")
+        return [self.model.body(one.body).id for one in self.links]
+
+    @contextmanager
+    def installed(self) -> Iterator[None]:
+        """Let the water act while the block runs, on this model, its copies, and all others with water.
+
+        Blocks may be nested and overlap. A control callback of your own that was installed before is called first;
+        afterwards all is as it was. Do not install one inside the block: it would replace the water.
+
+        Raises:
+            InputError: the model was changed so that the force would now be wrong.
+        """
+        if self.model.opt.o_solimp[0] != MAGIC:
+            raise InputError("opt.o_solimp of the model was overwritten, where its water is noted; leave it alone")
+        choose(self.model, self._bodies(), self.coupling)
+        with callback.installed():
+            yield
+
+    def wrenches(self, data: mujoco.MjData) -> dict[str, FloatArray]:
+        """Return the force of the water on each link by part, at the state and acceleration that `data` is in.
+
+        Call it after `mj_forward`: behind a step of RK4 mjData still speaks of the last stage.
+
+        Returns:
+            ``drag``, ``added_mass`` (inertial and gyroscopic), ``munk``, ``buoyancy``, ``total``: (links, 6) each,
+            force [N] and moment about the body's centre of mass [N m] in the world's axes, as in `xfrc_applied`.
+        """
+        parts = wrenches(self.model, data, self._block.numbers)
+        named = {name: readonly(part) for name, part in zip(PARTS, parts, strict=True)}
+        return {**named, "total": readonly(parts.sum(axis=0))}
+
+    def state(self, data: mujoco.MjData) -> State:
+        """Return whether a run has diverged: no numbers or huge ones in the state or its rate."""
+        warned = [
+            data.warning[kind].number
+            for kind in (
+                mujoco.mjtWarning.mjWARN_BADQPOS,
+                mujoco.mjtWarning.mjWARN_BADQVEL,
+                mujoco.mjtWarning.mjWARN_BADQACC,
+            )
+        ]
+        if not any(warned) and all(np.all(np.isfinite(part)) for part in (data.qpos, data.qvel, data.qacc)):
+            return State("ok", "")
+        return State(
+            "diverged",
+            f"the state is no longer one of numbers at {data.time:.4f} s; take a shorter step, softer actuators, or "
+            "check the coefficients; if it never was, the StripFluid of a copied model is gone (keep it, or make a new "
+            'one), or coupling "xfrc" met a constraint or an implicit integrator (use coupling="inertia")',
         )

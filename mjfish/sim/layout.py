@@ -20,7 +20,7 @@ from numba import from_dtype, types
 from numba.extending import intrinsic
 
 from mjfish.errors import MjfishError
-from mjfish.hydro.link import LINK
+from mjfish.hydro.spatial_link import SPATIAL
 
 _C_TYPES: dict[str, Any] = {
     "int": ctypes.c_int,
@@ -34,12 +34,12 @@ _C_TYPES: dict[str, Any] = {
 }
 _NUMBA_TYPES = {ctypes.c_int: types.int32, ctypes.c_int64: types.int64, ctypes.c_double: types.float64}
 _MODEL_FIELDS = (
-    "nv", "nu", "nuserdata", "nnumeric", "numeric_adr", "numeric_size", "numeric_data", "opt.timestep",
-    "body_parentid", "body_rootid", "body_dofnum", "body_dofadr", "dof_parentid", "M_rownnz", "M_rowadr", "M_colind",
+    "nv", "nu", "nuserdata", "nbody", "opt.timestep", "opt.gravity", "opt.wind", "opt.o_solimp", "opt.integrator",
+    "opt.disableflags", "body_rootid", "dof_parentid", "M_rownnz", "M_rowadr", "M_colind",
 )  # fmt: skip
 _DATA_FIELDS = (
-    "time", "qvel", "ctrl", "userdata", "M", "cdof", "cdof_dot", "cvel", "xpos", "xmat", "xipos", "subtree_com",
-    "qfrc_bias", "qfrc_passive", "qfrc_actuator", "qfrc_applied", "xfrc_applied",
+    "time", "nefc", "qvel", "qacc", "qacc_smooth", "ctrl", "userdata", "M", "cdof", "cdof_dot", "cvel", "xpos", "xmat",
+    "xipos", "subtree_com", "qfrc_bias", "qfrc_passive", "qfrc_actuator", "qfrc_applied", "xfrc_applied",
 )  # fmt: skip
 
 
@@ -83,24 +83,32 @@ def _record(name: str, fields: Iterable[str]) -> types.Record:
         for part in outer:
             offset += getattr(holder, part).offset
             holder = dict(holder._fields_)[part]  # type: ignore[assignment, arg-type]
-        kind = _NUMBA_TYPES.get(dict(holder._fields_)[last], types.uintp)  # type: ignore[arg-type]
+        kind = _numba_type(dict(holder._fields_)[last])  # type: ignore[arg-type]
         members.append((last, {"type": kind, "offset": offset + getattr(holder, last).offset}))
     return types.Record(members, ctypes.sizeof(structure(name)), aligned=True)
+
+
+def _numba_type(kind: Any) -> types.Type:
+    """Return the type of a field; an address where it is a pointer."""
+    if issubclass(kind, ctypes.Array):
+        return types.NestedArray(dtype=_numba_type(kind._type_), shape=(kind._length_,))
+    return _NUMBA_TYPES.get(kind, types.uintp)
 
 
 MODEL = _record("mjModel", _MODEL_FIELDS)
 DATA = _record("mjData", _DATA_FIELDS)
 
 
+@functools.cache
 def verify() -> None:
-    """Compare the layout with a live model.
+    """Compare the layout with a live model, once.
 
     Raises:
         MjfishError: this MuJoCo keeps its numbers elsewhere than its description says.
     """
-    model = mujoco.MjModel.from_xml_string(
-        '<mujoco><custom><numeric name="n" data="1 2 3"/></custom><worldbody><body><joint type="slide"/>'
-        '<geom size="1"/><body><joint type="ball"/><geom size="1"/></body></body></worldbody></mujoco>'
+    model = compile_aside(
+        '<mujoco><worldbody><body><joint type="slide"/><geom size="1"/>'
+        '<body><joint type="ball"/><geom size="1"/></body></body></worldbody></mujoco>'
     )
     data = mujoco.MjData(model)
     for live, struct, fields in ((model, "mjModel", _MODEL_FIELDS), (data, "mjData", _DATA_FIELDS)):
@@ -110,11 +118,22 @@ def verify() -> None:
             for part in field.split("."):
                 there, here = getattr(there, part), getattr(here, part)
             found = there if isinstance(there, (int, float)) else there.ctypes.data
+            here = ctypes.addressof(here) if isinstance(here, ctypes.Array) else here
             if found != here and getattr(there, "size", 1) > 0:
                 raise MjfishError(
                     f"MuJoCo {mujoco.__version__}: {struct}.{field} is not where its headers say; "
                     "install a MuJoCo version that mjfish supports"
                 )
+
+
+def compile_aside(source: str | mujoco.MjSpec) -> mujoco.MjModel:
+    """Compile also where a control callback in Python is installed: MuJoCo takes a test step, which fails there."""
+    before = mujoco.get_mjcb_control()
+    mujoco.set_mjcb_control(None)
+    try:
+        return source.compile() if isinstance(source, mujoco.MjSpec) else mujoco.MjModel.from_xml_string(source)
+    finally:
+        mujoco.set_mjcb_control(before)
 
 
 def _load_library() -> None:
@@ -129,8 +148,16 @@ def _load_library() -> None:
 _load_library()
 MODEL_POINTER = types.CPointer(MODEL)
 DATA_POINTER = types.CPointer(DATA)
-#: mj_fwdActuation of libmujoco, for compiled code.
-fwd_actuation = types.ExternalFunction("mj_fwdActuation", types.void(MODEL_POINTER, DATA_POINTER))
+
+
+def _function(name: str) -> Any:
+    """Return ``void name(const mjModel*, mjData*)`` of libmujoco, for compiled code."""
+    return types.ExternalFunction(name, types.void(MODEL_POINTER, DATA_POINTER))
+
+
+fwd_actuation = _function("mj_fwdActuation")
+make_inertia = _function("mj_makeM")
+factor_inertia = _function("mj_factorM")
 
 
 def _pointer_to(target: types.Type) -> Any:
@@ -151,4 +178,7 @@ def _pointer_to(target: types.Type) -> Any:
 #: Intrinsics: the pointer at an address.
 floats = _pointer_to(types.float64)
 integers = _pointer_to(types.int32)
-links = _pointer_to(from_dtype(LINK))
+counts = _pointer_to(types.uint64)
+links = _pointer_to(from_dtype(SPATIAL))
+model_at = _pointer_to(MODEL)
+data_at = _pointer_to(DATA)

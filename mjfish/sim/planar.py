@@ -13,15 +13,21 @@ import numpy as np
 
 from mjfish import fish as fishes
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.fish import Fish, Link, Servo
-from mjfish.hydro.link import link_records
+from mjfish.fish import COEFFICIENTS, KINDS, Fish, Link, Servo
 from mjfish.hydro.outline import LinkOutline, outlines
-from mjfish.sim import parameters
-from mjfish.sim.callback import installed
-from mjfish.sim.reference import inertia_of, jacobian_of
+from mjfish.sim.compatible import Coupling
+from mjfish.sim.fluid import StripFluid
+from mjfish.sim.layout import compile_aside
+from mjfish.sim.strip_link import StripLink
 
-Integrator = Literal["RK4", "Euler"]
-_INTEGRATORS = {"RK4": mujoco.mjtIntegrator.mjINT_RK4, "Euler": mujoco.mjtIntegrator.mjINT_EULER}
+Integrator = Literal["RK4", "Euler", "implicitfast", "implicit", "discrete"]
+INTEGRATORS = {
+    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
+    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
+    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
+}
 #: Servos of a fish that names none: decay of their fastest mode [1/s], and kp / kv [1/s]. RK4 is stable at 2 ms.
 _SERVO_DECAY = 1000.0
 _SERVO_RATIO = 400.0
@@ -44,36 +50,69 @@ def xml(name: str) -> Traversable:
     return folder / name
 
 
-def model(
+def swimmer(
     fish: Fish,
     *,
     values: Mapping[str, float] | None = None,
     step: float = 0.001,
     integrator: Integrator = "RK4",
-) -> mujoco.MjModel:
-    """Compile the fish with the water's parameters in it; `mjfish.sim.installed` makes the water act.
+    coupling: Coupling | None = None,
+) -> StripFluid:
+    """Compile the fish and put it into water; its servos read their commands from userdata (`mjfish.sim.rollout`).
 
     Args:
         fish: the fish.
-        values: coefficients by name that replace the fish's (bounds are not checked).
+        values: coefficients by name that replace the fish's.
         step: time step [s].
-        integrator: of MuJoCo; the others are implicit in the damping and would spoil the force.
+        integrator: of MuJoCo.
+        coupling: see `mjfish.sim.coupling`; None: the one that is right.
+
+    Returns:
+        The water; its `model` is the fish.
     """
-    if integrator not in _INTEGRATORS:
-        raise UnknownNameError("integrator", integrator, _INTEGRATORS, "others are implicit and spoil the force")
+    specification = prepared(fish, spec(fish), step, integrator)
+    return StripFluid(
+        compile_aside(specification), strips(fish, values), density=fish.density, coupling=coupling, commanded=True
+    )
+
+
+def prepared(fish: Fish, specification: mujoco.MjSpec, step: float, integrator: Integrator) -> mujoco.MjSpec:
+    """Set step, integrator and room for the commands; refuse what MuJoCo's fish does not have."""
+    if integrator not in INTEGRATORS:
+        raise UnknownNameError("integrator", integrator, INTEGRATORS)
     if fish.tail_compliance > 0.0:
         raise InputError(
             f"{fish.name}: tail_compliance is {fish.tail_compliance:g} rad/(N m), but a flexible tail exists in the "
             "ODE only; set tail_compliance = 0 for MuJoCo"
         )
-    specification = spec(fish)
     specification.option.timestep = step
-    specification.option.integrator = _INTEGRATORS[integrator]
+    specification.option.integrator = INTEGRATORS[integrator]
     specification.nuserdata = 1 + 3 * fish.joints
-    parameters.reserve(specification, len(fish.links))
-    compiled = _compile(specification)
-    parameters.write(compiled, [link.name for link in fish.links], link_records(fish, values), commanded=True)
-    return compiled
+    return specification
+
+
+def strips(fish: Fish, values: Mapping[str, float] | None = None) -> tuple[StripLink, ...]:
+    """Return the strips of the fish's links; `values` replaces coefficients by name.
+
+    Raises:
+        UnknownNameError: a name in `values` is no coefficient.
+    """
+    for name in values or {}:
+        if name not in COEFFICIENTS:
+            raise UnknownNameError("coefficient", name, COEFFICIENTS)
+    given = {**fish.values, **(values or {})}
+    front = np.cumsum([0.0, *(link.length for link in fish.links)])
+    return tuple(
+        StripLink(
+            body=link.name,
+            length=link.length,
+            sections=fish.sections,
+            start=float(start),
+            munk_moment=fish.munk_moment,
+            **{kind: float(given[f"{kind}.{link.group}"]) for kind in KINDS},
+        )
+        for link, start in zip(fish.links, front, strict=False)
+    )
 
 
 def spec(fish: Fish) -> mujoco.MjSpec:
@@ -120,23 +159,16 @@ def default_servo(fish: Fish) -> Servo:
     The joints alone, straight and still: kv W, with W the joint block of (M + sum_i J_i^T A_i J_i)^-1, has the decay
     rates of the fastest modes.
     """
-    bare = _compile(build(fish, servo=Servo(kp=1.0, kv=1.0)))
+    bare = compile_aside(build(fish, servo=Servo(kp=1.0, kv=1.0)))
+    water = StripFluid(bare, strips(fish), density=fish.density, coupling="inertia")
     data = mujoco.MjData(bare)
-    mujoco.mj_forward(bare, data)
+    with water.installed():
+        mujoco.mj_forward(bare, data)
     inertia = np.zeros((bare.nv, bare.nv))
     mujoco.mj_fullM(bare, data, inertia)
-    for link, record in zip(fish.links, link_records(fish), strict=True):
-        J = jacobian_of(bare, data, bare.body(link.name).id)
-        inertia += J.T @ inertia_of(record) @ J
     fastest = np.linalg.eigvalsh(np.linalg.inv(inertia)[ROOT:, ROOT:]).max()
     kv = _SERVO_DECAY / fastest
     return Servo(kp=_SERVO_RATIO * kv, kv=kv)
-
-
-def _compile(specification: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile, also where a callback in Python is installed: MuJoCo takes a test step, and would fail there."""
-    with installed():
-        return specification.compile()
 
 
 def _add_link(parent: mujoco.MjsBody, link: Link, outline: LinkOutline, front: float) -> mujoco.MjsBody:

@@ -1,6 +1,7 @@
 """The force of the water once more, in plain NumPy and MuJoCo's own functions: slow, but to be read.
 
-Install `control` by ``mujoco.set_mjcb_control``. The compiled one is in `mjfish.sim.fluid`; a test holds both together.
+Install `control` by ``mujoco.set_mjcb_control``; its coupling is ``xfrc``. The compiled one is `mjfish.sim.coupling`;
+a test holds both together.
 """
 
 from __future__ import annotations
@@ -8,67 +9,99 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from mjfish import frames
 from mjfish.arrays import FloatArray, RecordArray
-from mjfish.hydro.force import added_mass, drag, gyroscopic
-from mjfish.sim import parameters
+from mjfish.hydro.spatial_force import spatial_drag, spatial_gyroscopic, spatial_munk
+from mjfish.sim import blocks
+from mjfish.sim.block_layout import unpack
 
 
 def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Write each link's wrench into ``xfrc_applied``; the commands in ``ctrl`` are the caller's."""
-    bodies, water = parameters.read(model)
-    jacobians = [jacobian_of(model, data, body) for body in bodies]
-    biases = [_bias(model, data, body) for body in bodies]
-    masses = [inertia_of(link) for link in water]
+    water = unpack(blocks.numbers(model))
+    wet = np.unique(water["body"]).astype(int)
+    data.xfrc_applied[wet] = 0.0
+    acceleration = solve(model, data)
+    for link in water:
+        J, b, A = jacobian_of(model, data, link), bias_of(model, data, link), inertia_of(link)
+        wrench = force_of(model, data, link) - A @ (J @ acceleration + b)
+        data.xfrc_applied[int(link["body"])] += _applied(data, link, wrench)
+
+
+def solve(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+    """Return q'' (nv,) of (M + sum J^T A J) q'' = tau - c + sum J^T (f - A b), dense."""
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
     mujoco.mj_fwdActuation(model, data)  # qfrc_actuator is that of the step before
     force = data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied - data.qfrc_bias
-    forces = []
-    for index, (J, b, A) in enumerate(zip(jacobians, biases, masses, strict=True)):
-        water["u"][index], water["v"][index], water["w"][index] = J @ data.qvel
-        forces.append(np.add(drag(water[index]), gyroscopic(water[index])))
+    for link in unpack(blocks.numbers(model)):
+        J, b, A = jacobian_of(model, data, link), bias_of(model, data, link), inertia_of(link)
         inertia += J.T @ A @ J
-        force += J.T @ (forces[-1] - A @ b)
-    acceleration = np.linalg.solve(inertia, force)
-    for body, J, b, A, f in zip(bodies, jacobians, biases, masses, forces, strict=True):
-        _apply(data, body, f - A @ (J @ acceleration + b))
+        force += J.T @ (force_of(model, data, link) - A @ b)
+    return np.linalg.solve(inertia, force)
+
+
+def axes_of(data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return the axes (3, 3) of the link's strips in the world, as columns."""
+    return data.xmat[int(link["body"])].reshape(3, 3) @ link["turn"].reshape(3, 3).T
+
+
+def origin_of(data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return the origin (3,) of the link's strips in the world."""
+    body = int(link["body"])
+    return data.xpos[body] + data.xmat[body].reshape(3, 3) @ link["origin"]
+
+
+def jacobian_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return J (6, nv): velocity of the strips' origin, then angular velocity, in the strips' frame."""
+    linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, linear, angular, origin_of(data, link), int(link["body"]))
+    axes = axes_of(data, link)
+    return np.vstack([axes.T @ linear, axes.T @ angular])
+
+
+def bias_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return b (6,) with J q'' + b the rate of the velocity relative to the water, in the turning strips' frame.
+
+    There, the rate of v - c is the acceleration in the world less w x (v - c), the current c being steady.
+    """
+    linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    body, origin, axes = int(link["body"]), origin_of(data, link), axes_of(data, link)
+    mujoco.mj_jac(model, data, linear, angular, origin, body)
+    velocity, omega = linear @ data.qvel, angular @ data.qvel
+    mujoco.mj_jacDot(model, data, linear, angular, origin, body)
+    turning = np.cross(omega, velocity - model.opt.wind)
+    return np.concatenate([axes.T @ (linear @ data.qvel - turning), axes.T @ (angular @ data.qvel)])
 
 
 def inertia_of(link: RecordArray) -> FloatArray:
-    """Return the added mass (3, 3) of a link about its joint; none along the body."""
-    a0, a1, a2 = added_mass(link)
-    return np.array([[0.0, 0.0, 0.0], [0.0, a0, a1], [0.0, a1, a2]])
+    """Return the added mass (6, 6) of a link about the origin of its strips; none along them."""
+    (y0, y1, y2), (z0, z1, z2) = link["c_m"] * link["added"], link["c_m"] * link["added_width"]
+    A = np.zeros((6, 6))
+    A[1, 1], A[1, 5], A[5, 1], A[5, 5] = y0, y1, y1, y2
+    A[2, 2], A[2, 4], A[4, 2], A[4, 4] = z0, -z1, -z1, z2
+    A[3, 3] = link["c_m"] * link["added_roll"]
+    return A
 
 
-def _to_link(data: mujoco.MjData, body: int, linear: FloatArray, angular: FloatArray) -> FloatArray:
-    """Return world vectors (3, ...) as (u, v, w) of the link: its plane is that of the body's x and y."""
-    turn = data.xmat[body].reshape(3, 3)
-    planar = np.stack([turn[:, 0] @ linear, turn[:, 1] @ linear, turn[:, 2] @ angular], axis=-1)
-    return frames.flip(planar).T
+def force_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return drag, gyroscopic, Munk and buoyancy force (6,) in the strips' frame, about their origin."""
+    axes = axes_of(data, link)
+    vx, vy, vz, wx, wy, wz = jacobian_of(model, data, link) @ data.qvel - np.append(
+        axes.T @ model.opt.wind, np.zeros(3)
+    )
+    force = np.add(spatial_drag(link, vx, vy, vz, wx, wy, wz), spatial_gyroscopic(link, vy, vz, wx, wy, wz))
+    force[3:] += spatial_munk(link, vx, vy, vz, wy, wz)
+    if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:
+        body = int(link["body"])
+        lift = -link["density"] * link["volume"] * model.opt.gravity
+        arm = data.xmat[body].reshape(3, 3) @ (link["center"] - link["origin"])
+        force += np.concatenate([axes.T @ lift, axes.T @ np.cross(arm, lift)])
+    return force
 
 
-def jacobian_of(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> FloatArray:
-    """Return J (3, nv) with (u, v, w) = J qvel at the link's origin."""
-    linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-    mujoco.mj_jac(model, data, linear, angular, data.xpos[body], body)
-    return _to_link(data, body, linear, angular)
-
-
-def _bias(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> FloatArray:
-    """Return b (3,) with (u', v', w') = J qacc + b; u' and v' are taken in the turning frame, hence omega x v."""
-    linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-    mujoco.mj_jac(model, data, linear, angular, data.xpos[body], body)
-    velocity, omega = linear @ data.qvel, angular @ data.qvel
-    mujoco.mj_jacDot(model, data, linear, angular, data.xpos[body], body)
-    return _to_link(data, body, linear @ data.qvel - np.cross(omega, velocity), angular @ data.qvel)
-
-
-def _apply(data: mujoco.MjData, body: int, wrench: FloatArray) -> None:
-    """Assign a wrench about the link's origin, in the link's frame; MuJoCo takes it at the body's com, in the world."""
-    turn = data.xmat[body].reshape(3, 3)
-    fx, fy, mz = frames.flip(wrench)
-    force = turn @ [fx, fy, 0.0]
-    arm = data.xpos[body] - data.xipos[body]
-    data.xfrc_applied[body, :3] = force
-    data.xfrc_applied[body, 3:] = turn @ [0.0, 0.0, mz] + np.cross(arm, force)
+def _applied(data: mujoco.MjData, link: RecordArray, wrench: FloatArray) -> FloatArray:
+    """Return a wrench in the strips' frame as MuJoCo takes it: at the body's centre of mass, in the world's axes."""
+    axes = axes_of(data, link)
+    force = axes @ wrench[:3]
+    arm = origin_of(data, link) - data.xipos[int(link["body"])]
+    return np.concatenate([force, axes @ wrench[3:] + np.cross(arm, force)])

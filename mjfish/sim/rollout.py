@@ -14,11 +14,21 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
-from mjfish.sim.callback import installed
-from mjfish.sim.planar import ROOT, Integrator, model
+from mjfish.sim.compatible import Coupling
+from mjfish.sim.fluid import StripFluid
+from mjfish.sim.planar import ROOT, Integrator, swimmer
 
 #: A run has diverged once a velocity passes this [m/s or rad/s]: no fish does.
 DIVERGED = 1e3
+
+#: The second half of MuJoCo's step, by integrator.
+_ADVANCE = {
+    mujoco.mjtIntegrator.mjINT_EULER: mujoco.mj_Euler,
+    mujoco.mjtIntegrator.mjINT_RK4: lambda model, data: mujoco.mj_RungeKutta(model, data, 4),
+    mujoco.mjtIntegrator.mjINT_IMPLICIT: mujoco.mj_implicit,
+    mujoco.mjtIntegrator.mjINT_IMPLICITFAST: mujoco.mj_implicit,
+    mujoco.mjtIntegrator.mjINT_DISCRETE: mujoco.mj_step,  # does the first half once more
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +90,7 @@ def simulate(
     values: Mapping[str, float] | None = None,
     velocity: FloatArray | None = None,
     integrator: Integrator = "RK4",
+    coupling: Coupling | None = None,
 ) -> SimRollout:
     """Run the fish in MuJoCo, its servos following `command`, from rest or from `velocity`.
 
@@ -93,6 +104,7 @@ def simulate(
         values: coefficients by name that replace the fish's.
         velocity: (3,) surge, sway [m/s], yaw rate [rad/s] at the start; None: at rest.
         integrator: of MuJoCo.
+        coupling: of the water, see `mjfish.sim.coupling`; None: the one that is right.
 
     Returns:
         The run; one that diverges has ``status == "diverged"`` and ends there.
@@ -101,8 +113,8 @@ def simulate(
         raise InputError(f"the command has {command.joints} joints, {fish.name} has {fish.joints}")
     if not np.all(np.isfinite(command.angle)):
         raise InputError("the command has angles that are no finite numbers; check the drive")
-    fluid = model(fish, values=values, integrator=integrator)
-    data = mujoco.MjData(fluid)
+    fluid = swimmer(fish, values=values, integrator=integrator, coupling=coupling)
+    data = mujoco.MjData(fluid.model)
     data.qpos[ROOT:] = command.angle[0, 0]
     if velocity is not None:
         data.qvel[:ROOT] = velocity
@@ -129,27 +141,25 @@ def simulate(
     )
 
 
-def _steps(fluid: mujoco.MjModel, data: mujoco.MjData, command: JointMotion) -> FloatArray:
+def _steps(fluid: StripFluid, data: mujoco.MjData, command: JointMotion) -> FloatArray:
     """Return qpos, qvel, qacc (3, n, nv) at the boundaries of the steps, until the first that has diverged."""
+    model = fluid.model
     widths = np.diff(command.time)
     asked = command.angle.reshape(len(widths), -1)
-    history = np.empty((3, len(widths) + 1, fluid.nv))
-    rk4 = fluid.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    with installed(fluid):
+    history = np.empty((3, len(widths) + 1, model.nv))
+    advance = _ADVANCE[mujoco.mjtIntegrator(model.opt.integrator)]
+    with fluid.installed():
         for step, width in enumerate(widths):
-            fluid.opt.timestep = width
+            model.opt.timestep = width
             data.userdata[0] = data.time
             data.userdata[1:] = asked[step]
             # The two halves of mj_step: between them, the accelerations are those at the start of the step.
-            mujoco.mj_forward(fluid, data)
+            mujoco.mj_forward(model, data)
             _record(history[:, step], data)
             if not _swims(data.qvel):
                 return history[:, : step + 1]
-            if rk4:
-                mujoco.mj_RungeKutta(fluid, data, 4)
-            else:
-                mujoco.mj_Euler(fluid, data)
-        mujoco.mj_forward(fluid, data)
+            advance(model, data)
+        mujoco.mj_forward(model, data)
         _record(history[:, -1], data)
     return history
 

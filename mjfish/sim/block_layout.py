@@ -1,0 +1,91 @@
+"""Layout of the numbers of one model's water, all float64, that compiled code reads: see `mjfish.sim.blocks`.
+
+HEADER numbers; then a row of CARRIER numbers for every body of the trees that water acts on, parents first; then a row
+of TREE numbers for every such tree; then one `SPATIAL` record a link.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from mjfish.arrays import FloatArray, RecordArray
+from mjfish.hydro.outline import outline
+from mjfish.hydro.spatial_link import SPATIAL
+from mjfish.sim.strip_link import StripLink
+
+#: Number of links, carriers and trees; 1 for the coupling "inertia"; 1 where userdata holds the servo commands.
+HEADER = 5
+#: Id of the body, row of its parent or -1, first dof, number of dofs.
+CARRIER = 4
+#: First dof, number of dofs.
+TREE = 2
+
+
+def records(links: Sequence[StripLink], density: float) -> RecordArray:
+    """Return one `SPATIAL` record a link; the ids of bodies are not in it yet."""
+    made = np.zeros(len(links), dtype=SPATIAL)
+    for record, link in zip(made, links, strict=True):
+        integrals = outline(link.outline, density, link.start, link.start + link.length)
+        for field in SPATIAL.names or ():
+            if hasattr(integrals, field):
+                record[field] = getattr(integrals, field)
+        for field in ("length", "c_m", "c_d", "c_f", "roll_damping", "origin"):
+            record[field] = getattr(link, field)
+        record["munk"] = link.munk_moment
+        record["density"] = density
+        record["turn"] = link.frame.ravel()
+        if link.volume is not None:
+            record["volume"] = link.volume
+        middle = np.array(link.origin) + integrals.centroid * link.frame[0]
+        record["center"] = middle if link.buoyancy_center is None else link.buoyancy_center
+    return made
+
+
+def carriers(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Return the rows of carriers (c, CARRIER) and trees (t, TREE): the trees, whole, in which `bodies` hang."""
+    roots = np.unique(model.body_rootid[list(bodies)])
+    ids = np.flatnonzero(np.isin(model.body_rootid, roots) & (np.arange(model.nbody) > 0))
+    row_of = {int(body): row for row, body in enumerate(ids)}
+    rows = [
+        (body, row_of.get(int(model.body_parentid[body]), -1), model.body_dofadr[body], model.body_dofnum[body])
+        for body in ids
+    ]
+    trees = [_dofs(model, ids[model.body_rootid[ids] == root]) for root in roots]
+    moving = [tree for tree in trees if tree[1] > 0]
+    return np.array(rows, dtype=np.float64), np.array(moving, dtype=np.float64).reshape(-1, TREE)
+
+
+def _dofs(model: mujoco.MjModel, bodies: FloatArray) -> tuple[int, int]:
+    """Return first dof and number of dofs of a tree; they are contiguous."""
+    first = [int(model.body_dofadr[body]) for body in bodies if model.body_dofnum[body]]
+    return (min(first) if first else 0), int(model.body_dofnum[bodies].sum())
+
+
+def pack(
+    model: mujoco.MjModel, links: Sequence[StripLink], density: float, *, inertia: bool, commanded: bool
+) -> FloatArray:
+    """Return the numbers of the water on `links` of `model`; every body must be in it.
+
+    Args:
+        model: the model.
+        links: the links.
+        density: of the water [kg/m3].
+        inertia: coupling of the added mass: in the inertia, or in the forces.
+        commanded: userdata holds the servo commands of each step.
+    """
+    bodies = [model.body(link.body).id for link in links]
+    rows, trees = carriers(model, bodies)
+    water = records(links, density)
+    water["body"] = bodies
+    water["carrier"] = np.searchsorted(rows[:, 0], bodies)
+    header = [len(links), len(rows), len(trees), float(inertia), float(commanded)]
+    return np.concatenate([header, rows.ravel(), trees.ravel(), water.view(np.float64).ravel()])
+
+
+def unpack(numbers: FloatArray) -> RecordArray:
+    """Return the `SPATIAL` records in the numbers of a model's water, a view."""
+    n, c, t = (int(count) for count in numbers[:3])
+    return numbers[HEADER + CARRIER * c + TREE * t :].view(SPATIAL)[:n]
