@@ -46,9 +46,8 @@ def test_the_printed_terms_exit_with_1(run: Run, tmp_path: Path) -> None:
 def test_a_run_that_diverges_exits_with_1_and_its_json_is_valid(run: Run, tmp_path: Path) -> None:
     """A range that nobody reached is null, for JSON has no NaN."""
     text = fishes.shipped()["pike"].read_text(encoding="utf-8")
-    old = "tail = { value = 2.5, start = 2.0, low = 0.1, high = 4.0 }"
-    assert old in text
-    wild = text.replace(old, "tail = { value = 1e9, start = 2.0, low = 0.1, high = 1e10 }")
+    assert "beta = 60.0" in text
+    wild = text.replace("beta = 60.0", "beta = 600.0")
     (tmp_path / "wild.toml").write_text(wild, encoding="utf-8")
     shown = run("check --fish wild.toml --mode v1 --json out.json", exit_code=1).stdout
     assert "v1: diverged" in shown

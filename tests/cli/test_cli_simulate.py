@@ -78,15 +78,13 @@ def test_a_run_that_diverges_is_written_as_far_as_it_went_and_exits_with_1(
     """The message names the time and the coefficients."""
     _own_fish(
         tmp_path,
-        (
-            "tail = { value = 2.5, start = 2.0, low = 0.1, high = 4.0 }",
-            "tail = { value = 1e9, start = 2.0, low = 0.1, high = 1e10 }",
-        ),
+        ("beta = 60.0", "beta = 6000.0"),
+        ("high = 4.0 }\ntail = { value = 2.5", "high = 4.0 }\ntail = { value = 3.5"),
     )
     result = run(f"simulate --fish mine.toml --engine {engine} --duration 1 --out a", exit_code=1)
     assert "diverged: diverged at 0." in result.stderr
     assert " s with c_m.head = 0.01" in result.stderr
-    assert "c_d.tail = 1e+09" in result.stderr
+    assert "c_d.tail = 3.5" in result.stderr
     table = read_table(tmp_path / "a" / "rollout.csv")
     assert 1 <= len(table["time"]) < 101
     assert "wrote" not in result.stdout
