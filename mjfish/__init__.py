@@ -8,4 +8,26 @@ A fish swims (drive -> body -> water -> camera), a measured fish swims too, and 
 - `mjfish.effects`, `mjfish.model`, `mjfish.identify`, `mjfish.diagnose`: causes, the extended model, its fit,
   the verdict;
 - `mjfish.report`, `mjfish.viewlog`, `mjfish.cli`: how it is shown.
+
+The water is there for any MuJoCo model, too: `mjfish.StripFluid`, described in `mjfish.sim`.
 """
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mjfish.sim import StripFluid, StripLink
+
+__all__ = ["StripFluid", "StripLink"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import MuJoCo and the compiler only for those who ask for the water."""
+    if name not in __all__:
+        raise AttributeError(f"module 'mjfish' has no attribute '{name}'")
+    from mjfish import sim
+
+    return getattr(sim, name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
