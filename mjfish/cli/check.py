@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich import box
 from rich.table import Table
 
 from mjfish import fish as fishes
 from mjfish.cli import console
 from mjfish.drive import modes
+from mjfish.errors import UnknownNameError
 from mjfish.files import check_file, write_json
+from mjfish.fish import Fish
 from mjfish.frames import CHANNELS, UNITS
 
 #: Checked where no mode is named: a straight run, a change of frequency, a turn.
@@ -36,6 +39,14 @@ def register(app: typer.Typer) -> None:
 def check(
     fish: Annotated[str, typer.Option(help="A shipped fish or a fish TOML.")] = "pike",
     mode: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(modes.MODES)}; repeatable.")] = None,
+    all_: Annotated[
+        bool,
+        typer.Option("--all", help="Every engine, coupling and integrator, on prescribed joints; takes half a minute."),
+    ] = False,
+    reference: Annotated[
+        Path | None,
+        typer.Option(help="With --all: folder of reference trajectories, CSV files.", envvar="MJFISH_REFERENCE"),
+    ] = None,
     coriolis: Annotated[
         Coriolis, typer.Option(help="The paper's printed form must be seen to fail.")
     ] = Coriolis.CORRECTED,
@@ -45,6 +56,9 @@ def check(
     from mjfish import crosscheck
 
     body = fishes.load(fish)
+    if all_:
+        _check_all(body, mode, reference, json_)
+        return
     names = mode or MODES
     for name in names:
         modes.drive(name)  # refuses an unknown mode before any work is done
@@ -72,5 +86,48 @@ def check(
     if json_ is not None:
         entries = [{**asdict(result), "passed": result.passed} for result in results]
         write_json(json_, {"schema": 1, "passed": passed, "checks": entries})
+    if not passed:
+        raise typer.Exit(console.NOT_GOOD)
+
+
+def _check_all(body: Fish, names: list[str] | None, reference: Path | None, json_: Path | None) -> None:
+    """Compare every engine on every case, or on those of the named modes."""
+    from mjfish import crosscheck
+
+    cases = tuple(case for case in crosscheck.CASES if not names or case.mode in names)
+    for name in names or []:
+        if name not in (case.mode for case in cases):
+            raise UnknownNameError("mode of --all", name, [case.mode for case in crosscheck.CASES])
+    if json_ is not None:
+        check_file(json_)
+    with console.progress_bar() as tell:
+        rows = list(crosscheck.engines(body, cases=cases, reference=reference, tell=tell))
+    table = Table(
+        title=f"{body.name}, joints prescribed: largest differences in velocity",
+        caption="to ODE: relative to the channel's range; to ref.: in m/s and rad/s; step in ms",
+        box=box.SIMPLE,
+        collapse_padding=True,
+        pad_edge=False,
+        show_edge=False,
+    )
+    texts, numbers = ("mode", "engine", "coupling", "integrator"), ("step", "to ODE", "to ref.", "order")
+    for heading in (*texts, *numbers, "verdict"):
+        table.add_column(heading, justify="right" if heading in numbers else "left", no_wrap=True)
+    for index, row in enumerate(rows):
+        measured = (f"{1e3 * row.step:.3g}", f"{row.to_ode:.1e}", f"{row.to_reference:.1e}", f"{row.order:.2f}")
+        shown = ("-" if text == "nan" else text for text in measured)
+        colour = "green" if row.passed else "red"
+        engine = (row.mode, row.engine, row.coupling, row.integrator)
+        table.add_row(*engine, *shown, f"[bold {colour}]{row.status}[/]")
+        if index + 1 < len(rows) and rows[index + 1].case != row.case:
+            table.add_section()
+    console.out.print(table)
+    if reference is None:
+        console.out.print("no reference trajectories: name their folder by --reference or MJFISH_REFERENCE")
+    passed = all(row.passed for row in rows)
+    if json_ is not None:
+        write_json(
+            json_, {"schema": 1, "passed": passed, "rows": [{**asdict(row), "passed": row.passed} for row in rows]}
+        )
     if not passed:
         raise typer.Exit(console.NOT_GOOD)

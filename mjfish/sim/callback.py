@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import functools
 import threading
 from collections.abc import Iterator
@@ -95,7 +94,7 @@ def _with(before: Any) -> Any:
     ours = _control()
     if before is None:
         return ours
-    if isinstance(before, ctypes._CFuncPtr):
+    if hasattr(before, "restype"):  # a C function, of ctypes
 
         def both(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             before(model._address, data._address)

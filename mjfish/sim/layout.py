@@ -114,12 +114,13 @@ def verify() -> None:
     for live, struct, fields in ((model, "mjModel", _MODEL_FIELDS), (data, "mjData", _DATA_FIELDS)):
         memory = structure(struct).from_address(live._address)
         for field in fields:
-            there, here = live, memory
+            there: Any = live
+            here: Any = memory
             for part in field.split("."):
                 there, here = getattr(there, part), getattr(here, part)
             found = there if isinstance(there, (int, float)) else there.ctypes.data
-            here = ctypes.addressof(here) if isinstance(here, ctypes.Array) else here
-            if found != here and getattr(there, "size", 1) > 0:
+            expected = ctypes.addressof(here) if isinstance(here, ctypes.Array) else here
+            if found != expected and getattr(there, "size", 1) > 0:
                 raise MjfishError(
                     f"MuJoCo {mujoco.__version__}: {struct}.{field} is not where its headers say; "
                     "install a MuJoCo version that mjfish supports"

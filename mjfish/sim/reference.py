@@ -29,26 +29,35 @@ def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 def solve(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     """Return q'' (nv,) of (M + sum J^T A J) q'' = tau - c + sum J^T (f - A b), dense."""
-    inertia = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, inertia)
     mujoco.mj_fwdActuation(model, data)  # qfrc_actuator is that of the step before
     force = data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied - data.qfrc_bias
     for link in unpack(blocks.numbers(model)):
         J, b, A = jacobian_of(model, data, link), bias_of(model, data, link), inertia_of(link)
-        inertia += J.T @ A @ J
         force += J.T @ (force_of(model, data, link) - A @ b)
-    return np.linalg.solve(inertia, force)
+    return np.linalg.solve(inertia(model, data), force)
+
+
+def inertia(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+    """Return M + sum J^T A J (nv, nv), where mjData's own inertia is without water (`mj_makeM`)."""
+    total = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, total)
+    for link in unpack(blocks.numbers(model)):
+        J = jacobian_of(model, data, link)
+        total += J.T @ inertia_of(link) @ J
+    return total
 
 
 def axes_of(data: mujoco.MjData, link: RecordArray) -> FloatArray:
     """Return the axes (3, 3) of the link's strips in the world, as columns."""
-    return data.xmat[int(link["body"])].reshape(3, 3) @ link["turn"].reshape(3, 3).T
+    axes: FloatArray = data.xmat[int(link["body"])].reshape(3, 3) @ link["turn"].reshape(3, 3).T
+    return axes
 
 
 def origin_of(data: mujoco.MjData, link: RecordArray) -> FloatArray:
     """Return the origin (3,) of the link's strips in the world."""
     body = int(link["body"])
-    return data.xpos[body] + data.xmat[body].reshape(3, 3) @ link["origin"]
+    origin: FloatArray = data.xpos[body] + data.xmat[body].reshape(3, 3) @ link["origin"]
+    return origin
 
 
 def jacobian_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> FloatArray:

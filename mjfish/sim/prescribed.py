@@ -1,0 +1,118 @@
+"""MuJoCo's fish with joints that do what they are told: what the head-frame model assumes, for comparison with it.
+
+Each joint carries a flywheel, an armature so large that nothing in the water disturbs it, driven by a torque of
+armature times asked acceleration. A jump of the joints' rate sets the root off as momentum demands: no force acts from
+outside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from mjfish import frames
+from mjfish.arrays import FloatArray
+from mjfish.drive.motion import JointMotion
+from mjfish.fish import Fish
+from mjfish.sim import reference
+from mjfish.sim.compatible import Coupling
+from mjfish.sim.fluid import StripFluid
+from mjfish.sim.layout import compile_aside
+from mjfish.sim.planar import ROOT, Integrator, prepared, spec, strips
+from mjfish.sim.rollout import DIVERGED
+
+#: Inertia of a flywheel [kg m2]: torques of the water, below 10 N m, change the asked acceleration by 1e-8 rad/s2.
+_FLYWHEEL = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class Prescribed:
+    """A run with prescribed joints.
+
+    Attributes:
+        time: (n,) boundaries of the steps [s].
+        velocity: (n, 3) surge, sway [m/s], yaw rate [rad/s] of the nose in the forward frame.
+        status: ``ok`` or ``diverged``.
+    """
+
+    time: FloatArray
+    velocity: FloatArray
+    status: Literal["ok", "diverged"]
+
+
+def swimmer(
+    fish: Fish,
+    *,
+    values: Mapping[str, float] | None = None,
+    integrator: Integrator = "RK4",
+    coupling: Coupling | None = None,
+) -> StripFluid:
+    """Compile the planar fish with a flywheel on every joint; its commands are accelerations [rad/s2]."""
+    specification = prepared(fish, spec(fish), 0.001, integrator)
+    for actuator in specification.actuators:
+        actuator.set_to_motor()
+        actuator.gear[0] = _FLYWHEEL
+        specification.joint(actuator.target).armature = _FLYWHEEL
+    return StripFluid(
+        compile_aside(specification), strips(fish, values), density=fish.density, coupling=coupling, commanded=True
+    )
+
+
+def simulate(
+    fish: Fish,
+    motion: JointMotion,
+    *,
+    values: Mapping[str, float] | None = None,
+    integrator: Integrator = "RK4",
+    coupling: Coupling | None = None,
+) -> Prescribed:
+    """Run the fish in MuJoCo from rest, its joints moving as `motion` has it, exactly so at every boundary of a step.
+
+    Args:
+        fish: the fish.
+        motion: joint motion on the half-step grid; its grid gives the steps.
+        values: coefficients by name that replace the fish's.
+        integrator: of MuJoCo.
+        coupling: of the water; None: the one that is right.
+    """
+    fluid = swimmer(fish, values=values, integrator=integrator, coupling=coupling)
+    model, data = fluid.model, mujoco.MjData(fluid.model)
+    speed = np.empty((len(motion.time), ROOT))
+    heading = np.empty(len(motion.time))
+    data.qpos[ROOT:], data.qvel[ROOT:] = motion.angle[0, 0], motion.rate[0, 0]
+    done = 0
+    with fluid.installed():
+        for step, width in enumerate(np.diff(motion.time)):
+            if step and np.any(motion.rate[step, 0] != motion.rate[step - 1, 2]):
+                _jump(model, data, motion.rate[step, 0])
+            speed[step], heading[step] = data.qvel[:ROOT], data.qpos[ROOT - 1]
+            model.opt.timestep = width
+            data.userdata[0] = data.time
+            data.userdata[1:] = motion.acceleration[step].ravel()
+            mujoco.mj_step(model, data)
+            data.qpos[ROOT:], data.qvel[ROOT:] = motion.angle[step, 2], motion.rate[step, 2]
+            done = step + 1
+            if not np.abs(data.qvel).max() < DIVERGED:
+                break
+    speed[done], heading[done] = data.qvel[:ROOT], data.qpos[ROOT - 1]
+    kept = slice(done + 1)
+    nose = frames.to_body(speed[kept, :2], heading[kept])
+    good = done == len(motion.time) - 1 and np.abs(speed[done]).max() < DIVERGED
+    return Prescribed(
+        time=motion.time[kept],
+        velocity=np.column_stack([nose, speed[kept, 2]]),
+        status="ok" if good else "diverged",
+    )
+
+
+def _jump(model: mujoco.MjModel, data: mujoco.MjData, rate: FloatArray) -> None:
+    """Set the joints to a new rate; the root's momentum stays: dq_root = -H_rr^-1 H_rj dq_joints."""
+    mujoco.mj_fwdPosition(model, data)
+    inertia = reference.inertia(model, data)
+    change = rate - data.qvel[ROOT:]
+    data.qvel[:ROOT] -= np.linalg.solve(inertia[:ROOT, :ROOT], inertia[:ROOT, ROOT:] @ change)
+    data.qvel[ROOT:] = rate
