@@ -9,13 +9,13 @@ inertia, one that knows no added mass, and the error is large (the thrust may ch
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Literal, get_args
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mjfish.errors import InputError
+from mjfish.errors import InputError, UnknownNameError
 from mjfish.sim.block_layout import carriers
 
 Coupling = Literal["inertia", "xfrc"]
@@ -32,8 +32,11 @@ def choose(model: mujoco.MjModel, bodies: list[int], asked: Coupling | None) -> 
     """Return the coupling to use: the one asked for, or ``inertia`` where it is right, else ``xfrc``.
 
     Raises:
+        UnknownNameError: no such coupling.
         InputError: what was asked for, or everything, would be wrong; every reason and its remedy.
     """
+    if asked is not None and asked not in get_args(Coupling):
+        raise UnknownNameError("coupling", asked, get_args(Coupling), "or leave the choice to mjfish")
     common = list(_common(model))
     reasons = {"inertia": list(_not_inertia(model, bodies)), "xfrc": list(_not_xfrc(model))}
     allowed: tuple[Coupling, ...] = ("inertia", "xfrc") if asked is None else (asked,)

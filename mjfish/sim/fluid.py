@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.sim import callback, strip_link
+from mjfish.sim import blocks, callback, strip_link
 from mjfish.sim.block_layout import pack
 from mjfish.sim.blocks import MAGIC, Block
 from mjfish.sim.compatible import Coupling, choose
@@ -82,24 +83,22 @@ class StripFluid:
             InputError: a link is not described well, or the force would be wrong in this model.
             UnknownNameError: no body of that name.
         """
-        if not isinstance(model, mujoco.MjModel):
-            raise InputError(f"expected a compiled mujoco.MjModel, found {type(model).__name__}; compile it first")
+        _check_compiled(model)
         if links is None:
             water = strip_link.read_custom(model)
             links, density = water.links, water.density if density is None else density
-        made = tuple(one if isinstance(one, StripLink) else StripLink(**one) for one in links)
-        if not made:
-            raise InputError("no links; name at least one body that the water acts on")
         self.model = model
-        self.links = made
-        self.density = 1000.0 if density is None else float(density)
-        if not (np.isfinite(self.density) and self.density > 0.0):
-            raise InputError(f"density is {self.density:g} kg/m3; expected a positive number")
-        self._asked = coupling
-        self.coupling: Coupling = choose(model, self._bodies(), coupling)
+        self.links = _made(links)
+        density = 1000.0 if density is None else density
+        if not (isinstance(density, Real) and np.isfinite(density) and density > 0.0):
+            raise InputError(f"density is {density!r} kg/m3; expected a positive number")
+        self.density = float(density)
+        if commanded and model.nuserdata != 1 + 3 * model.nu:
+            raise InputError(f"userdata has {model.nuserdata} numbers, expected {1 + 3 * model.nu} for the commands")
+        self.coupling: Coupling = choose(model, _bodies(model, self.links), coupling)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        numbers = pack(model, made, self.density, inertia=self.coupling == "inertia", commanded=commanded)
-        self._block = Block(numbers)
+        numbers = pack(model, self.links, self.density, inertia=self.coupling == "inertia", commanded=commanded)
+        self._block: Block = Block(numbers)
         self._block.tag(model)
 
     @classmethod
@@ -109,15 +108,10 @@ class StripFluid:
         Raises:
             InputError, UnknownNameError: as above, and where the file is none.
         """
+        _check_compiled(model)
         water = strip_link.read(path)
+        _bodies(model, water.links, f"body in {path}")
         return cls(model, water.links, density=water.density, coupling=coupling)
-
-    def _bodies(self) -> list[int]:
-        names = [self.model.body(index).name for index in range(1, self.model.nbody)]
-        for one in self.links:
-            if one.body not in names:
-                raise UnknownNameError("body", one.body, filter(None, names), "name a body of this model")
-        return [self.model.body(one.body).id for one in self.links]
 
     @contextmanager
     def installed(self) -> Iterator[None]:
@@ -127,13 +121,20 @@ class StripFluid:
         afterwards all is as it was. Do not install one inside the block: it would replace the water.
 
         Raises:
-            InputError: the model was changed so that the force would now be wrong.
+            InputError: the model was changed so that the force would now be wrong, or given other water.
         """
-        if self.model.opt.o_solimp[0] != MAGIC:
-            raise InputError("opt.o_solimp of the model was overwritten, where its water is noted; leave it alone")
-        choose(self.model, self._bodies(), self.coupling)
+        self._still_there()
+        choose(self.model, _bodies(self.model, self.links), self.coupling)
         with callback.installed():
             yield
+
+    def _still_there(self) -> None:
+        if self.model.opt.o_solimp[0] != MAGIC:
+            raise InputError("opt.o_solimp of the model was overwritten, where its water is noted; leave it alone")
+        if blocks.numbers(self.model) is not self._block.numbers:
+            raise InputError(
+                "another StripFluid has taken the place of this one on its model; use that one, with the links of both"
+            )
 
     def wrenches(self, data: mujoco.MjData) -> dict[str, FloatArray]:
         """Return the force of the water on each link by part, at the state and acceleration that `data` is in.
@@ -143,7 +144,11 @@ class StripFluid:
         Returns:
             ``drag``, ``added_mass`` (inertial and gyroscopic), ``munk``, ``buoyancy``, ``total``: (links, 6) each,
             force [N] and moment about the body's centre of mass [N m] in the world's axes, as in `xfrc_applied`.
+
+        Raises:
+            InputError: another StripFluid has taken the place of this one.
         """
+        self._still_there()
         parts = wrenches(self.model, data, self._block.numbers)
         named = {name: readonly(part) for name, part in zip(PARTS, parts, strict=True)}
         return {**named, "total": readonly(parts.sum(axis=0))}
@@ -166,3 +171,29 @@ class StripFluid:
             "check the coefficients; if it never was, the StripFluid of a copied model is gone (keep it, or make a new "
             'one), or coupling "xfrc" met a constraint or an implicit integrator (use coupling="inertia")',
         )
+
+
+def _check_compiled(model: object) -> None:
+    if not isinstance(model, mujoco.MjModel):
+        raise InputError(f"expected a compiled mujoco.MjModel, found {type(model).__name__}; compile it first")
+
+
+def _bodies(model: mujoco.MjModel, links: Iterable[StripLink], kind: str = "body") -> list[int]:
+    """Return the ids of the bodies; `kind` says of an unknown one what it is."""
+    ids = {model.body(index).name: index for index in range(1, model.nbody)}
+    for one in links:
+        if one.body not in ids:
+            raise UnknownNameError(kind, one.body, filter(None, ids), "name a body of this model")
+    return [ids[one.body] for one in links]
+
+
+def _made(links: Sequence[StripLink | Mapping[str, Any]]) -> tuple[StripLink, ...]:
+    if isinstance(links, (str, Mapping, StripLink)) or not isinstance(links, Iterable):
+        raise InputError(f"links: expected a list of StripLink or of tables, found a {type(links).__name__}")
+    links = tuple(links)
+    if not links:
+        raise InputError("no links; name at least one body that the water acts on")
+    for number, one in enumerate(links, start=1):
+        if not isinstance(one, (StripLink, Mapping)):
+            raise InputError(f"links.{number}: expected a StripLink or a table of its keys, found {one!r}; correct it")
+    return tuple(one if isinstance(one, StripLink) else StripLink(**one) for one in links)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
+from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,7 +14,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray
-from mjfish.errors import InputError
+from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import NotNegative, Positive, Section
 from mjfish.parameter import Parameter
 from mjfish.tomlfile import Table
@@ -35,16 +37,31 @@ _EXACT = 1e-9  # stations this close are the same [m]
 Vector = tuple[float, float, float]
 
 
-def _floats(value: object) -> object:
-    """Take arrays and lists for tuples of numbers, a number for a link of one height."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    return tuple(float(item) for item in value) if isinstance(value, list) else value
+def _plain(value: object) -> object:
+    """Take arrays for tuples."""
+    return tomlfile.frozen(value.tolist()) if isinstance(value, np.ndarray) else value
 
 
-Numbers = Annotated[tuple[float, ...], BeforeValidator(_floats)]
-Extent = Annotated[float | tuple[float, ...], BeforeValidator(_floats)]
-Point = Annotated[Vector, BeforeValidator(_floats)]
+def _extent(value: object) -> object:
+    """Take a number, or one a station; said in one sentence, where pydantic would complain of either."""
+    value = _plain(value)
+    for item in value if isinstance(value, tuple) else (value,):
+        if isinstance(item, bool) or not isinstance(item, Real) or not math.isfinite(item):
+            found = f"; found {value}" if isinstance(value, tuple) else ""
+            raise ValueError(f"expected a finite number, or a list of them, one a station{found}; correct it")
+    return value
+
+
+def _point(value: object) -> object:
+    value = _plain(value)
+    if isinstance(value, tuple) and len(value) != 3:
+        raise ValueError(f"expected three numbers x, y, z in the body's frame, found {len(value)}; correct it")
+    return value
+
+
+Numbers = Annotated[tuple[float, ...], BeforeValidator(_plain)]
+Extent = Annotated[float | tuple[float, ...], BeforeValidator(_extent)]
+Point = Annotated[Vector, BeforeValidator(_point)]
 
 
 class StripLink(Table):
@@ -53,8 +70,8 @@ class StripLink(Table):
     Attributes:
         body: name of the body in the MuJoCo model.
         length: of the strips' axis [m].
-        station: where `height` and `width` are given [m], linear in between, from 0 to `length`; not needed for a link
-            of one section.
+        station: where `height` and `width` are given [m], linear in between, from 0 to `length`; not needed where these
+            are one number, or two, one at either end.
         height, width: one number, or one a station [m].
         sections: pieces of the outline instead of the three above, as in a fish's TOML.
         start: station of `sections` where this link begins [m]: links may share one outline.
@@ -116,7 +133,7 @@ class StripLink(Table):
         first, last, end = pieces[0].start, pieces[-1].end, self.start + self.length
         if first > self.start + _EXACT or last < end - _EXACT or (self.station and last > end + _EXACT):
             raise ValueError(
-                f"sections are given from {first:g} to {last:g} m, the body runs from {self.start:g} to {end:g} m; "
+                f"sections are given from {first:g} to {last:g} m, the link runs from {self.start:g} to {end:g} m; "
                 "give them over its whole length"
             )
         self.frame  # noqa: B018 - raises where axis and up are parallel
@@ -130,19 +147,23 @@ class StripLink(Table):
         station = self.station or (0.0, self.length)
         heights, widths = (self._at_stations(name, len(station)) for name in ("height", "width"))
         if len(station) < 2 or any(b <= a for a, b in pairwise(station)):
-            raise ValueError(f"stations must be two at least, and grow; found {station}")
+            raise ValueError(f"stations must be two at least, and grow; found {station}; correct them")
         return tuple(
-            Section(start=a, end=b, height=h, width=w)
+            Section.model_validate({"from": a, "to": b, "height": h, "width": w})
             for (a, b), h, w in zip(pairwise(station), pairwise(heights), pairwise(widths), strict=True)
         )
 
     def _at_stations(self, name: Literal["height", "width"], stations: int) -> tuple[float, ...]:
         value = getattr(self, name)
+        if value == ():
+            raise ValueError(f"{name}: this key is missing; add it")
         extents = (value,) * stations if isinstance(value, float) else value
         if len(extents) != stations:
             raise ValueError(f"{len(extents)} values of {name} for {stations} stations; give one a station")
-        if min(extents) < 0.0 or max(extents) <= 0.0:
-            raise ValueError(f"{name} must be 0 at least, and above 0 somewhere; found {extents}")
+        if min(extents) < 0.0 or any(max(ends) <= 0.0 for ends in pairwise(extents)):
+            raise ValueError(
+                f"{name} must be 0 at least, and above 0 at one end of each piece; found {value}; correct it"
+            )
         return tuple(extents)
 
     @property
@@ -151,7 +172,7 @@ class StripLink(Table):
         x, up = np.array(self.axis), np.array(self.up)
         z = up - x * (x @ up) / max(float(x @ x), 1e-300)
         if not np.linalg.norm(x) > _EXACT or not np.linalg.norm(z) > 1e-6 * np.linalg.norm(up):
-            raise ValueError(f"axis {self.axis} and up {self.up} must be two directions")
+            raise ValueError(f"axis {self.axis} and up {self.up} must be two directions; choose others")
         x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
         return np.array([x, np.cross(z, x), z])
 
@@ -179,7 +200,7 @@ def read_custom(model: mujoco.MjModel) -> Water:
     KEY is any number or list of numbers that a `StripLink` takes: ``length``, ``station``, ``height``, ``c_d``, ...
 
     Raises:
-        InputError: there are none, or a key is broken.
+        InputError, UnknownNameError: there are none, or a key is broken.
     """
     links: dict[str, dict[str, object]] = {}
     water: dict[str, object] = {}
@@ -195,6 +216,8 @@ def read_custom(model: mujoco.MjModel) -> Water:
             links.setdefault(body, {"body": body})[key] = value
         else:
             water[key] = value
+    for key in water.keys() - {"density"}:
+        raise UnknownNameError("custom numeric", f"{PREFIX}/{key}", [f"{PREFIX}/density", f"{PREFIX}/BODY/KEY"])
     if not links:
         raise InputError(
             f"the model has no custom numeric '{PREFIX}/BODY/KEY'; describe its bodies there, or give the links"
