@@ -27,7 +27,7 @@ _ROWS = 1 << 16
 #: A row each: address of the block, or 0; how often the row was given away.
 TABLE = np.zeros((_ROWS, 2), dtype=np.uint64)
 
-_lock = threading.Lock()
+_lock = threading.RLock()  # the collector may free a block while one is made
 _free = list(range(_ROWS - 1, -1, -1))
 
 
