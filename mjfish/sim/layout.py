@@ -128,13 +128,22 @@ def verify() -> None:
 
 
 def compile_aside(source: str | mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile also where a control callback in Python is installed: MuJoCo takes a test step, which fails there."""
+    """Compile also where a control callback in Python is installed: MuJoCo takes a test step, which fails there.
+
+    One in C stays, for other threads that step meanwhile.
+    """
     before = mujoco.get_mjcb_control()
+    if before is None or hasattr(before, "restype"):
+        return _compile(source)
     mujoco.set_mjcb_control(None)
     try:
-        return source.compile() if isinstance(source, mujoco.MjSpec) else mujoco.MjModel.from_xml_string(source)
+        return _compile(source)
     finally:
         mujoco.set_mjcb_control(before)
+
+
+def _compile(source: str | mujoco.MjSpec) -> mujoco.MjModel:
+    return source.compile() if isinstance(source, mujoco.MjSpec) else mujoco.MjModel.from_xml_string(source)
 
 
 def _load_library() -> None:
