@@ -14,9 +14,13 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.sim import free as space
+from mjfish.sim import planar
+from mjfish.sim.attitude import euler_angles, yaw_rate
 from mjfish.sim.compatible import Coupling
 from mjfish.sim.fluid import StripFluid
-from mjfish.sim.planar import ROOT, Integrator, swimmer
+from mjfish.sim.free import Trim
+from mjfish.sim.mjcf import Integrator
 
 #: A run has diverged once a velocity passes this [m/s or rad/s]: no fish does.
 DIVERGED = 1e3
@@ -40,6 +44,8 @@ class SimRollout:
         time: (n,) [s].
         velocity: (n, 3) surge, sway [m/s], yaw rate [rad/s] of the nose in the forward frame.
         pose: (n, 3) x, y [m], yaw [rad] of the nose in the world.
+        attitude: (n, 3) roll, pitch [rad] of the head and heave [m] of the nose, see `mjfish.sim.attitude`; zero in the
+            plane. `velocity` is that of the horizontal pose also of a fish that rolls: what a camera above sees.
         joint_angle: (n, joints) realised [rad].
         joint_rate: (n, joints) [rad/s].
         joint_acceleration: (n, joints) [rad/s2].
@@ -51,6 +57,7 @@ class SimRollout:
     time: FloatArray
     velocity: FloatArray
     pose: FloatArray
+    attitude: FloatArray
     joint_angle: FloatArray
     joint_rate: FloatArray
     joint_acceleration: FloatArray
@@ -59,8 +66,23 @@ class SimRollout:
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
-        for name in ("time", "velocity", "pose", "joint_angle", "joint_rate", "joint_acceleration"):
+        for name in ("time", "velocity", "pose", "attitude", "joint_angle", "joint_rate", "joint_acceleration"):
             object.__setattr__(self, name, readonly(getattr(self, name)))
+
+    @property
+    def roll(self) -> FloatArray:
+        """Roll (n,) of the head [rad], positive with the port side up."""
+        return self.attitude[:, 0]
+
+    @property
+    def pitch(self) -> FloatArray:
+        """Pitch (n,) of the head [rad], positive with the nose down."""
+        return self.attitude[:, 1]
+
+    @property
+    def heave(self) -> FloatArray:
+        """Height (n,) of the nose over its start [m]."""
+        return self.attitude[:, 2]
 
     def motion(self) -> JointMotion:
         """Return the realised joint motion on the half-step grid.
@@ -91,6 +113,7 @@ def simulate(
     velocity: FloatArray | None = None,
     integrator: Integrator = "RK4",
     coupling: Coupling | None = None,
+    free: Trim | None = None,
 ) -> SimRollout:
     """Run the fish in MuJoCo, its servos following `command`, from rest or from `velocity`.
 
@@ -105,6 +128,7 @@ def simulate(
         velocity: (3,) surge, sway [m/s], yaw rate [rad/s] at the start; None: at rest.
         integrator: of MuJoCo.
         coupling: of the water, see `mjfish.sim.coupling`; None: the one that is right.
+        free: None: in the plane; else free to roll, pitch and heave, trimmed like that; it starts level.
 
     Returns:
         The run; one that diverges has ``status == "diverged"`` and ends there.
@@ -113,11 +137,14 @@ def simulate(
         raise InputError(f"the command has {command.joints} joints, {fish.name} has {fish.joints}")
     if not np.all(np.isfinite(command.angle)):
         raise InputError("the command has angles that are no finite numbers; check the drive")
-    fluid = swimmer(fish, values=values, integrator=integrator, coupling=coupling)
+    if free is None:
+        fluid = planar.swimmer(fish, values=values, integrator=integrator, coupling=coupling)
+    else:
+        fluid = space.swimmer(fish, values=values, trim=free, integrator=integrator, coupling=coupling)
     data = mujoco.MjData(fluid.model)
-    data.qpos[ROOT:] = command.angle[0, 0]
+    data.qpos[-fish.joints :] = command.angle[0, 0]
     if velocity is not None:
-        data.qvel[:ROOT] = velocity
+        data.qvel[[0, 1, 2 if free is None else 5]] = velocity
     position, speed, acceleration = _steps(fluid, data, command)
     kept = len(speed)
     message = ""
@@ -127,26 +154,39 @@ def simulate(
             f"diverged at {command.time[kept - 1]:.3f} s with {named}; take a shorter step, softer servos, "
             "or check the coefficients and the drive"
         )
-    nose = frames.to_body(speed[:, :2], position[:, 2])
+    root, pose, attitude = _root(position[:, : -fish.joints], speed[:, : -fish.joints])
     return SimRollout(
         command=command,
         time=command.time[:kept],
-        velocity=np.column_stack([nose, speed[:, 2]]),
-        pose=position[:, :ROOT],
-        joint_angle=position[:, ROOT:],
-        joint_rate=speed[:, ROOT:],
-        joint_acceleration=acceleration[:, ROOT:],
+        velocity=root,
+        pose=pose,
+        attitude=attitude,
+        joint_angle=position[:, -fish.joints :],
+        joint_rate=speed[:, -fish.joints :],
+        joint_acceleration=acceleration[:, -fish.joints :],
         status="diverged" if message else "ok",
         message=message,
     )
 
 
-def _steps(fluid: StripFluid, data: mujoco.MjData, command: JointMotion) -> FloatArray:
-    """Return qpos, qvel, qacc (3, n, nv) at the boundaries of the steps, until the first that has diverged."""
+def _root(position: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return velocity, pose and attitude (n, 3) from position and speed of the root, planar or free."""
+    attitude = np.zeros((len(speed), 3))
+    yaw, turning = position[:, 2], speed[:, 2]
+    if speed.shape[1] > planar.ROOT:
+        angles = euler_angles(position[:, 3:7])
+        attitude[:, :2], attitude[:, 2] = angles[:, :2], position[:, 2]
+        yaw, turning = angles[:, 2], yaw_rate(angles, speed[:, 3:6])
+    nose = frames.to_body(speed[:, :2], yaw)
+    return np.column_stack([nose, turning]), np.column_stack([position[:, :2], yaw]), attitude
+
+
+def _steps(fluid: StripFluid, data: mujoco.MjData, command: JointMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return qpos (n, nq), qvel and qacc (n, nv) at the boundaries of the steps, until the first that has diverged."""
     model = fluid.model
     widths = np.diff(command.time)
     asked = command.angle.reshape(len(widths), -1)
-    history = np.empty((3, len(widths) + 1, model.nv))
+    history = tuple(np.empty((len(widths) + 1, size)) for size in (model.nq, model.nv, model.nv))
     advance = _ADVANCE[mujoco.mjtIntegrator(model.opt.integrator)]
     with fluid.installed():
         for step, width in enumerate(widths):
@@ -155,20 +195,22 @@ def _steps(fluid: StripFluid, data: mujoco.MjData, command: JointMotion) -> Floa
             data.userdata[1:] = asked[step]
             # The two halves of mj_step: between them, the accelerations are those at the start of the step.
             mujoco.mj_forward(model, data)
-            _record(history[:, step], data)
+            _record(history, step, data)
             if not _swims(data.qvel):
-                return history[:, : step + 1]
+                break
             advance(model, data)
-        mujoco.mj_forward(model, data)
-        _record(history[:, -1], data)
-    return history
+        else:
+            step = len(widths)
+            mujoco.mj_forward(model, data)
+            _record(history, step, data)
+    position, speed, acceleration = (rows[: step + 1] for rows in history)
+    return position, speed, acceleration
 
 
 def _swims(speed: FloatArray) -> bool:
     return bool(np.abs(speed).max() < DIVERGED)  # false for NaN
 
 
-def _record(row: FloatArray, data: mujoco.MjData) -> None:
-    row[0] = data.qpos
-    row[1] = data.qvel
-    row[2] = data.qacc
+def _record(history: tuple[FloatArray, ...], step: int, data: mujoco.MjData) -> None:
+    for rows, now in zip(history, (data.qpos, data.qvel, data.qacc), strict=True):
+        rows[step] = now
