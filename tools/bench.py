@@ -9,57 +9,21 @@ from __future__ import annotations
 
 import argparse
 import json
-import statistics
 import sys
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
-import mujoco
+import bench_mujoco
 import numpy as np
+from comparison import REPEATS, Comparison, Side, measure
 from plain_model import PlainModel
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
 from mjfish import fish as fishes
-from mjfish import ode, sim
+from mjfish import ode
 from mjfish.drive import cpg, modes
-
-#: Interleaved repeats of a comparison; the medians count.
-REPEATS = 7
-
-
-@dataclass(frozen=True)
-class Side:
-    """One side of a comparison: `run` is called `times` times in a row and timed."""
-
-    about: str
-    run: Callable[[], object]
-    times: int = 1
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Two sides; the ratio is time of `top` over time of `bottom`.
-
-    Attributes:
-        top, bottom: the sides.
-        target: bound on the ratio.
-        at_least: whether the ratio must be above the target, or below it.
-        clock: CPU time by default, which a busy machine disturbs least.
-    """
-
-    top: Side
-    bottom: Side
-    target: float
-    at_least: bool
-    clock: Callable[[], float] = time.process_time
-
-    def met(self, ratio: float) -> bool:
-        """Return whether the target is met."""
-        return ratio >= self.target if self.at_least else ratio <= self.target
 
 
 def ode_vs_solve_ivp() -> Comparison:
@@ -85,51 +49,7 @@ def ode_vs_solve_ivp() -> Comparison:
     )
 
 
-def mujoco_force_euler() -> Comparison:
-    """10 s of the swimming fish in MuJoCo, Euler, step 1 ms: with the compiled force, against none."""
-    fish = fishes.load("pike")
-    model = sim.model(fish, step=0.001, integrator="Euler")
-    command = cpg.joint_motion(fish.cpg, modes.drive("v1"), 10.0, 0.01).angle[:, 0]
-    data = mujoco.MjData(model)
-
-    def swim() -> None:
-        mujoco.mj_resetData(model, data)
-        for angles in command:
-            data.ctrl[:] = angles
-            data.userdata[1:] = np.tile(angles, 3)
-            mujoco.mj_step(model, data, 10)
-        if not np.abs(data.qvel).max() < 100.0:
-            raise SystemExit("mujoco_force_euler: the fish diverged")
-
-    def wet() -> None:
-        with sim.installed(model):
-            swim()
-
-    return Comparison(
-        top=Side("with the force of the water", wet, times=4),
-        bottom=Side("the same model without", swim, times=4),
-        target=3.0,
-        at_least=False,
-    )
-
-
-COMPARISONS: tuple[Callable[[], Comparison], ...] = (ode_vs_solve_ivp, mujoco_force_euler)
-
-
-def measure(comparison: Comparison, tick: Callable[[], None]) -> tuple[float, float]:
-    """Return the median seconds a call of top and bottom, measured in turns."""
-    sides = (comparison.top, comparison.bottom)
-    seconds: tuple[list[float], list[float]] = ([], [])
-    for side in sides:
-        side.run()  # compiles, fills caches
-    for _ in range(REPEATS):
-        for side, taken in zip(sides, seconds, strict=True):
-            start = comparison.clock()
-            for _ in range(side.times):
-                side.run()
-            taken.append((comparison.clock() - start) / side.times)
-        tick()
-    return statistics.median(seconds[0]), statistics.median(seconds[1])
+COMPARISONS: tuple[Callable[[], Comparison], ...] = (ode_vs_solve_ivp, *bench_mujoco.COMPARISONS)
 
 
 def main() -> int:
@@ -159,6 +79,9 @@ def main() -> int:
                 "met" if met else "MISSED",
             )
     Console().print(table)
+    for name, (seconds, bound) in bench_mujoco.first_use().items():
+        good = good and seconds <= bound
+        print(f"{name}: {seconds:.2g} s of at most {bound:g} s: {'met' if seconds <= bound else 'MISSED'}")
     if json_file is not None:
         json_file.write_text(json.dumps({"ratios": ratios}, indent=2) + "\n", encoding="utf-8")
     return 0 if good else 1

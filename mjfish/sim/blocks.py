@@ -24,11 +24,12 @@ MAGIC = 7267091.0
 #: Second number: of this process only.
 TOKEN = float(secrets.randbits(52))
 _ROWS = 1 << 16
-#: A row each: address of the block, or 0; how often the row was given away.
+#: First row: the token. Then a row each: address of the block, or 0; how often the row was given away.
 TABLE = np.zeros((_ROWS, 2), dtype=np.uint64)
+TABLE[0, 0] = np.uint64(TOKEN)
 
 _lock = threading.RLock()  # the collector may free a block while one is made
-_free = list(range(_ROWS - 1, -1, -1))
+_free = list(range(_ROWS - 1, 0, -1))
 
 
 class Block:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import llvmlite.binding
 import mujoco
 import numpy as np
 from numba import carray, types
@@ -22,13 +23,19 @@ _MAGIC = blocks.MAGIC
 _EULER, _RK4 = 0, 1  # mjtIntegrator
 
 
+#: Symbol of a function that returns the address of the table: machine code on disk must not know the number itself.
+_TABLE = "mjfish_table_of_blocks"
+_table = types.ExternalFunction(_TABLE, types.uint64())
+
+
 @compiled
-def find(model: Any, table: Any, token: float) -> tuple[bool, int]:
+def find(model: Any) -> tuple[bool, int]:
     """Return whether the model is tagged, and the address of its block; 0 where the tag leads nowhere."""
     tag = model.o_solimp
     if tag[0] != _MAGIC:
         return False, 0
-    if tag[1] != token:
+    table = _table()
+    if tag[1] != float(carray(counts(table), 2)[0]):
         return True, 0
     row = carray(counts(table + 16 * int(tag[2])), 2)
     return True, (row[0] if float(row[1]) == tag[3] else 0)
@@ -44,12 +51,11 @@ def _command(model: Any, data: Any) -> None:
         ctrl[k] = user[1 + stage * model.nu + k]
 
 
-@compiled
-def act(model_pointer: Any, data_pointer: Any, table: int, token: float) -> None:
+def _act(model_pointer: Any, data_pointer: Any) -> None:
     """Let the water act on one model, where it has any; what cannot be right is spoilt, so that it is seen."""
     model = carray(model_pointer, 1)[0]
     data = carray(data_pointer, 1)[0]
-    tagged, address = find(model, table, token)
+    tagged, address = find(model)
     if not tagged:
         return
     if address == 0:
@@ -79,19 +85,17 @@ def _spoil(model: Any, data: Any) -> None:
 
 @functools.cache
 def _control() -> Any:
-    """Compile the callback of this process: the place of its table is a number in it."""
-    table, token = blocks.TABLE.ctypes.data, blocks.TOKEN
-
-    def control(model_pointer: Any, data_pointer: Any) -> None:
-        act(model_pointer, data_pointer, table, token)
-
+    """Compile the callback, or load it from disk, for the table of this process; return both its functions."""
     verify()
-    return c_callback(types.void(MODEL_POINTER, DATA_POINTER), cached=False)(control).ctypes
+    address = blocks.TABLE.ctypes.data
+    table = c_callback(types.uint64(), cached=False)(lambda: address)
+    llvmlite.binding.add_symbol(_TABLE, table.address)
+    return c_callback(types.void(MODEL_POINTER, DATA_POINTER))(_act), table  # the second must not be collected
 
 
 def _with(before: Any) -> Any:
     """Return a callback that first does what was installed before, such as a user's controller."""
-    ours = _control()
+    ours = _control()[0].ctypes
     if before is None:
         return ours
     if hasattr(before, "restype"):  # a C function, of ctypes

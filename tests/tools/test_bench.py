@@ -22,5 +22,9 @@ def test_bench_meets_its_targets_and_writes_the_ratios(tmp_path: Path) -> None:
     assert ran.returncode == 0, ran.stdout + ran.stderr
     ratios = json.loads(written.read_text(encoding="utf-8"))["ratios"]
     assert ratios["ode_vs_solve_ivp"] >= 500.0
-    assert 1.0 < ratios["mujoco_force_euler"] <= 3.0
+    assert 1.0 < ratios["mujoco_force_euler"] <= 2.5
+    assert 1.0 < ratios["mujoco_force_implicitfast"] <= 2.5
+    assert 1.0 < ratios["mujoco_force_rk4"] <= 2.6
+    assert ratios["compiled_vs_numpy_callback"] >= 50.0
+    assert ratios["two_threads"] > 1.0  # 1.6 and more on two free cores
     assert all(name in ran.stdout for name in ratios)
