@@ -111,6 +111,7 @@ def verify() -> None:
         '<body><joint type="ball"/><geom size="1"/></body></body></worldbody></mujoco>'
     )
     data = mujoco.MjData(model)
+    data.time = 0.25  # unlike its neighbours
     for live, struct, fields in ((model, "mjModel", _MODEL_FIELDS), (data, "mjData", _DATA_FIELDS)):
         memory = structure(struct).from_address(live._address)
         for field in fields:
