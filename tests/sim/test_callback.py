@@ -1,65 +1,145 @@
-"""The callback of the process: put in, taken out, refused where it would be wrong; and the memory layout below it."""
+"""The callback of the process: what was there before goes first and comes back; blocks nest, overlap and fail."""
 
 from __future__ import annotations
 
+import ctypes
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
+import numba
 import numpy as np
 import pytest
+from numba import carray, types
+from wet_models import stirred, tree
 
-from mjfish.errors import InputError, MjfishError
-from mjfish.fish import Fish
-from mjfish.sim import installed, layout, planar
+from mjfish.sim import StripFluid, callback, layout
+from mjfish.sim.layout import DATA_POINTER, MODEL_POINTER, floats
 
-_BITS = mujoco.mjtDisableBit
-
-
-@pytest.fixture(autouse=True)
-def _clean() -> Iterator[None]:
-    yield
-    mujoco.set_mjcb_control(None)
+_C_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+_ASKED = 0.7
 
 
-def test_callback_that_was_there_before_is_there_again(pike: Fish) -> None:
-    calls: list[int] = []
+def _python() -> Callable[..., None]:
+    def control(_model: Any, data: mujoco.MjData) -> None:
+        data.ctrl[0] = _ASKED
 
-    def mine(_model: Any, _data: Any) -> None:
-        calls.append(1)
-
-    mujoco.set_mjcb_control(mine)
-    model = planar.model(pike)
-    data = mujoco.MjData(model)
-    mujoco.mj_resetData(model, data)
-    assert not calls
-    with installed(model):
-        mujoco.mj_forward(model, data)
-        assert not calls
-    assert mujoco.get_mjcb_control() is mine
-    mujoco.mj_forward(model, data)
-    assert calls == [1]
+    return control
 
 
-def test_callback_is_removed_after_an_error(pike: Fish) -> None:
-    with pytest.raises(ZeroDivisionError), installed(planar.model(pike)):
-        raise ZeroDivisionError
+def _of_numba() -> Any:
+    def control(_model: Any, data: Any) -> None:
+        carray(floats(carray(data, 1)[0].ctrl), 1)[0] = _ASKED
+
+    return numba.cfunc(types.void(MODEL_POINTER, DATA_POINTER))(control)
+
+
+def _of_ctypes() -> Any:
+    mirror = layout.structure("mjData")
+
+    def control(_model: int, data: int) -> None:
+        ctrl = mirror.from_address(data).ctrl  # type: ignore[attr-defined]
+        ctypes.c_double.from_address(ctrl).value = _ASKED
+
+    return _C_TYPE(control)
+
+
+def _acceleration(fluid: StripFluid, asked: float | None) -> Any:
+    data = stirred(fluid.model)
+    if asked is not None:
+        data.ctrl[0] = asked
+    with fluid.installed():
+        mujoco.mj_forward(fluid.model, data)
+    return data.qacc.copy()
+
+
+@pytest.mark.parametrize("coupling", ["inertia", "xfrc"])
+@pytest.mark.parametrize("kind", ["python", "numba", "ctypes"])
+def test_controller_that_was_there_before_goes_first_and_is_there_again(kind: str, coupling: str) -> None:
+    """Catches a controller that is lost, or called behind water that has solved for its command already."""
+    fluid = tree(coupling)
+    expected, without = _acceleration(fluid, _ASKED), _acceleration(fluid, None)
+    assert np.abs(expected - without).max() > 0.1
+    keep = {"python": _python, "numba": _of_numba, "ctypes": _of_ctypes}[kind]()
+    before = keep.ctypes if kind == "numba" else keep
+    mujoco.set_mjcb_control(before)
+    with fluid.installed():
+        assert mujoco.get_mjcb_control() is not before
+    assert mujoco.get_mjcb_control() is before
+    np.testing.assert_array_equal(_acceleration(fluid, None), expected)
+    assert mujoco.get_mjcb_control() is before
+
+
+def test_no_callback_before_is_none_again_and_the_water_is_compiled_code() -> None:
+    """A callback in Python would hold the GIL in every step of every thread."""
+    with tree().installed():
+        assert hasattr(mujoco.get_mjcb_control(), "restype")
     assert mujoco.get_mjcb_control() is None
 
 
-def test_blocks_that_overlap_in_two_threads_keep_the_water_until_the_last_ends(pike: Fish) -> None:
+@pytest.mark.parametrize("before", [None, _python()])
+def test_callback_is_as_it_was_after_an_error_in_the_block(before: Any) -> None:
+    mujoco.set_mjcb_control(before)
+    with pytest.raises(ZeroDivisionError), tree().installed():
+        raise ZeroDivisionError
+    assert mujoco.get_mjcb_control() is before
+
+
+def test_error_of_the_users_controller_arrives_and_the_callback_is_as_it_was() -> None:
+    def broken(_model: Any, _data: Any) -> None:
+        raise ArithmeticError("out of hay")
+
+    fluid = tree()
+    mujoco.set_mjcb_control(broken)
+    with pytest.raises(ArithmeticError, match="out of hay"), fluid.installed():
+        mujoco.mj_step(fluid.model, mujoco.MjData(fluid.model))
+    assert mujoco.get_mjcb_control() is broken
+
+
+def test_layout_that_is_refused_leaves_the_callback_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse() -> None:
+        raise ArithmeticError
+
+    before = _python()
+    mujoco.set_mjcb_control(before)
+    monkeypatch.setattr(callback, "_control", refuse)
+    with pytest.raises(ArithmeticError), tree().installed():
+        pass
+    assert mujoco.get_mjcb_control() is before
+    monkeypatch.undo()
+    with tree().installed():  # and no user was counted who never came in
+        assert mujoco.get_mjcb_control() is not before
+    assert mujoco.get_mjcb_control() is before
+
+
+def test_nested_blocks_keep_the_water_until_the_outer_ends() -> None:
+    """Catches an inner block that restores, and a controller that is called twice."""
+    calls: list[float] = []
+    mujoco.set_mjcb_control(lambda _model, data: calls.append(data.time))
+    one, other = tree(), tree(c_d=0.0)
+    with one.installed():
+        ours = mujoco.get_mjcb_control()
+        with other.installed(), pytest.raises(ZeroDivisionError), one.installed():
+            raise ZeroDivisionError
+        assert mujoco.get_mjcb_control() is ours
+        mujoco.mj_forward(one.model, mujoco.MjData(one.model))
+    assert calls == [0.0]
+    assert mujoco.get_mjcb_control() is not ours
+
+
+def test_blocks_that_overlap_in_two_threads_keep_the_water_until_the_last_ends() -> None:
     """Catches the restore of the thread that ends first while the other still steps."""
-    model = planar.model(pike)
+    fluid = tree()
     entered, leave = threading.Event(), threading.Event()
 
     def other() -> None:
-        with installed(model):
+        with fluid.installed():
             entered.set()
             leave.wait(10.0)
 
     thread = threading.Thread(target=other)
-    with installed(model):
+    with fluid.installed():
         thread.start()
         assert entered.wait(10.0)
     assert mujoco.get_mjcb_control() is not None
@@ -68,94 +148,36 @@ def test_blocks_that_overlap_in_two_threads_keep_the_water_until_the_last_ends(p
     assert mujoco.get_mjcb_control() is None
 
 
-def _damped(model: mujoco.MjModel) -> None:
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    model.dof_damping[4] = 0.3
+def test_compiling_in_one_thread_leaves_the_water_of_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Catches a callback that is taken away while a model compiles: the other thread would step without water."""
+    seen: list[Any] = []
+    fluid = tree()
+    with fluid.installed():
+        ours = mujoco.get_mjcb_control()
+        monkeypatch.setattr(layout, "_compile", lambda _source: seen.append(mujoco.get_mjcb_control()))
+        layout.compile_aside("<mujoco/>")
+        assert seen == [ours]
+        assert mujoco.get_mjcb_control() is ours
 
 
-def _limited(model: mujoco.MjModel) -> None:
-    model.jnt_limited[3] = 1
-
-
-def _rubbing(model: mujoco.MjModel) -> None:
-    model.dof_frictionloss[5] = 0.1
-
-
-def _deaf(model: mujoco.MjModel) -> None:
-    model.opt.disableflags |= _BITS.mjDSBL_ACTUATION
-
-
-def _resetting(model: mujoco.MjModel) -> None:
-    model.opt.disableflags &= ~int(_BITS.mjDSBL_AUTORESET)
-
-
-def _touching(model: mujoco.MjModel) -> None:
-    model.opt.disableflags &= ~int(_BITS.mjDSBL_CONTACT)
-    model.geom_contype[:] = 1
-
-
-@pytest.mark.parametrize(
-    ("spoil", "message"),
-    [
-        (_damped, r'damping of joint_2 implicitly.*eulerdamp="disable".*RK4'),
-        (_limited, r"joint limits of joint_1; remove their range"),
-        (_rubbing, r"frictionloss of joint_3; remove it"),
-        (_deaf, r'remove <flag actuation="disable"/>'),
-        (_resetting, r'set <flag autoreset="disable"/>'),
-        (_touching, r'geoms that can touch; set contype="0"'),
-    ],
-)
-def test_model_that_spoils_the_force_is_refused_with_the_remedy(pike: Fish, spoil: Any, message: str) -> None:
-    model = planar.model(pike)
-    with installed(model):
-        pass  # the model as it comes is fine
-    spoil(model)
-    with pytest.raises(InputError, match=message), installed(model):
-        pass
-    assert mujoco.get_mjcb_control() is None
-
-
-@pytest.mark.parametrize("name", ["implicit", "implicitfast", "discrete"])
-def test_implicit_integrators_are_refused_by_name(pike: Fish, name: str) -> None:
-    model = planar.model(pike)
-    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")
-    with pytest.raises(InputError, match=rf"integrator '{name}' treats damping implicitly.*RK4"), installed(model):
-        pass
-
-
-def test_euler_with_explicit_damping_is_accepted(pike: Fish) -> None:
-    model = planar.model(pike, integrator="Euler")
-    model.dof_damping[4] = 0.3
-    model.opt.disableflags |= _BITS.mjDSBL_EULERDAMP
-    with installed(model):
-        assert mujoco.get_mjcb_control() is not None
-
-
-def test_layout_agrees_with_this_mujoco() -> None:
-    """Every allocated array of model and data that compiled code touches lies where the layout says."""
-    layout.verify()
-    assert {"xfrc_applied", "M", "cdof_dot"} <= set(layout.DATA.fields)
-
-
-def test_another_layout_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = layout.structure
-
-    def shifted(name: str) -> Any:
-        fields = [("new_in_some_version", layout._C_TYPES["mjtSize"]), *real(name)._fields_]  # type: ignore[misc]
-        return type(name, (real(name).__base__,), {"_fields_": fields})
-
-    monkeypatch.setattr(layout, "structure", shifted)
-    with pytest.raises(MjfishError, match=r"MuJoCo \d.*: mjModel\.nv is not where its headers say"):
-        layout.verify()
+def test_a_model_compiles_beside_a_controller_in_python() -> None:
+    """MuJoCo alone refuses: it calls the controller in a test step."""
+    before = _python()
+    mujoco.set_mjcb_control(before)
+    with pytest.raises(ValueError, match="Python exception"):
+        mujoco.MjModel.from_xml_string("<mujoco><worldbody><body><joint/><geom size='1'/></body></worldbody></mujoco>")
+    assert layout.compile_aside("<mujoco/>").nv == 0
+    assert mujoco.get_mjcb_control() is before
 
 
 def test_models_without_water_are_left_alone() -> None:
     model = mujoco.MjModel.from_xml_string(
-        '<mujoco><option><flag autoreset="disable"/></option><custom><numeric name="mine" size="5000"/></custom>'
+        '<mujoco><custom><numeric name="mine" size="5000"/></custom>'
         '<worldbody><body><joint type="slide"/><geom size=".1"/></body></worldbody></mujoco>'
     )
     data = mujoco.MjData(model)
     data.xfrc_applied[1, 2] = 7.0
-    with installed():
+    with tree().installed():
         mujoco.mj_step(model, data)
     np.testing.assert_array_equal(data.xfrc_applied[1], [0, 0, 7, 0, 0, 0])
+    assert np.all(np.isfinite(data.qacc))
