@@ -66,6 +66,14 @@ def compiled(xml: str, *, integrator: str | None = None, **options: str) -> mujo
     return compile_aside(spec)
 
 
+def with_custom(entries: dict[str, Any]) -> mujoco.MjModel:
+    """Return the tree with custom numerics."""
+    spec = mujoco.MjSpec.from_string(TREE)
+    for name, value in entries.items():
+        spec.add_numeric(name=name, data=np.atleast_1d(np.asarray(value, dtype=float)))
+    return spec.compile()
+
+
 def tree(coupling: str | None = None, *, integrator: str | None = None, **coefficients: float) -> StripFluid:
     """Return the tree in water."""
     return StripFluid(compiled(TREE, integrator=integrator), tree_links(**coefficients), coupling=coupling)  # type: ignore[arg-type]
