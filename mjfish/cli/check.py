@@ -101,7 +101,7 @@ def _check_all(body: Fish, names: list[str] | None, reference: Path | None, json
     if json_ is not None:
         check_file(json_)
     with console.progress_bar() as tell:
-        rows = list(crosscheck.engines(body, cases=cases, reference=reference, tell=tell))
+        rows = list(crosscheck.check_all(body, cases=cases, reference=reference, tell=tell))
     table = Table(
         title=f"{body.name}, joints prescribed: largest differences in velocity",
         caption="to ODE: relative to the channel's range; to ref.: in m/s and rad/s; step in ms",

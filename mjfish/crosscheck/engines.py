@@ -120,7 +120,7 @@ ENGINES: tuple[Engine, ...] = (
 )
 
 
-def engines(
+def check_all(
     fish: Fish,
     *,
     cases: tuple[Case, ...] = CASES,
