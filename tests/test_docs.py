@@ -10,14 +10,11 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
+from doc_blocks import ROOT, blocks
 
-ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-
-
-def _blocks(page: Path, language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
 def _run(command: str, folder: Path, codes: tuple[int, ...] = (0,)) -> str:
@@ -31,7 +28,7 @@ def _run(command: str, folder: Path, codes: tuple[int, ...] = (0,)) -> str:
 
 def test_readme_commands_and_python_run(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
-    commands = [line for line in _blocks(ROOT / "README.md", "sh")[1].splitlines() if line]
+    commands = [line for line in blocks(ROOT / "README.md", "sh")[1].splitlines() if line]
     assert all(command.startswith("mjfish ") for command in commands)
     for command in commands:
         told = _run(command, tmp_path)
@@ -39,7 +36,7 @@ def test_readme_commands_and_python_run(tmp_path: Path) -> None:
             assert "The cause is servo_lag" in told
     for name in ("diagnosis.json", "report.html", "fish.rrd", "turn/rollout.csv", "turn/rollout.rrd"):
         assert (tmp_path / "out" / name).stat().st_size > 0, name
-    (script,) = _blocks(ROOT / "README.md", "python")
+    (script,) = blocks(ROOT / "README.md", "python")
     (tmp_path / "example.py").write_text(script)
     told = _run("python example.py", tmp_path)
     assert "The cause is servo_lag" in told
@@ -49,21 +46,86 @@ def test_readme_commands_and_python_run(tmp_path: Path) -> None:
 
 def test_readme_makes_targets_that_exist() -> None:
     makefile = (ROOT / "Makefile").read_text()
-    for command in re.findall(r"^make (\S+)", _blocks(ROOT / "README.md", "sh")[0], re.MULTILINE):
+    for command in re.findall(r"^make (\S+)", blocks(ROOT / "README.md", "sh")[0], re.MULTILINE):
         assert re.search(rf"^{command}:", makefile, re.MULTILINE), command
 
 
 def test_a_cause_of_ones_own_goes_through_all_of_it(tmp_path: Path) -> None:
     """The how-to's file and commands, as they stand."""
     page = ROOT / "docs" / "own-cause.md"
-    source, force = _blocks(page, "python")
+    source, force = blocks(page, "python")
     (tmp_path / "my_effects.py").write_text(source)
     (tmp_path / "force.py").write_text(force)
     (tmp_path / "out").mkdir()
     _run("python force.py", tmp_path)
-    told = [_run(command, tmp_path) for command in _blocks(page, "sh")[0].splitlines()]
+    told = [_run(command, tmp_path) for command in blocks(page, "sh")[0].splitlines()]
     assert "camera_scale" in told[0]
     assert "The cause is camera_scale" in told[2]
+
+
+def _told(page: Path, folder: Path) -> list[str]:
+    """Run a page's Python blocks one after another, from the root; return what each of them printed.
+
+    A block that begins with a comment ``# name.py`` is a file that others import.
+    """
+    told = []
+    for number, block in enumerate(blocks(page, "python")):
+        named = re.match(r"# (\w+\.py)\n", block)
+        path = folder / (named[1] if named else f"block_{number}.py")
+        path.write_text(block)
+        if not named:
+            told.append(_run(f"{sys.executable} -W error {path}", ROOT))
+    return told
+
+
+def _assert_alike(told: str, written: str) -> None:
+    """The same words; numbers to a unit or so of the last digit, and below 1e-12 if they are rounding errors."""
+    number = r"-?\d+(?:\.\d+)?(?:e-?\d+)?"
+    assert re.sub(number, "#", told) == re.sub(number, "#", written)
+    pairs = [[float(text) for text in re.findall(number, page)] for page in (told, written)]
+    np.testing.assert_allclose(*pairs, rtol=5e-3, atol=1e-12)
+
+
+def test_plug_in_page_does_what_it_says(tmp_path: Path) -> None:
+    """Its scripts print what the page shows; the three ways to describe a plate describe the same one."""
+    page = ROOT / "docs" / "mujoco-plugin.md"
+    _, swimmer, plate = _told(page, tmp_path)
+    shown = blocks(page, "text")
+    _assert_alike(swimmer, shown[0])
+    _assert_alike(plate, shown[1])
+
+
+def test_fitter_page_recovers_what_it_says(tmp_path: Path) -> None:
+    """The fitter prints its iterations first."""
+    page = ROOT / "docs" / "mujoco-sysid.md"
+    (told,) = _told(page, tmp_path)
+    found = "".join(line for line in told.splitlines(keepends=True) if line.startswith("c_"))
+    _assert_alike(found, blocks(page, "text")[0])
+    for (value, half), truth in zip(re.findall(r"= (\S+) \+- (\S+)", found), (1.9, 1.0), strict=True):
+        assert abs(float(value) - truth) < 2.0 * float(half) < 0.03
+
+
+def test_plug_in_page_describes_one_plate_in_three_ways(tmp_path: Path) -> None:
+    import mujoco
+
+    from mjfish import StripFluid
+
+    page = ROOT / "docs" / "mujoco-plugin.md"
+    scene = ROOT / "models" / "xml" / "towed_plate.xml"
+    (toml,) = blocks(page, "toml")
+    (tmp_path / "water.toml").write_text(toml)
+    spec = mujoco.MjSpec.from_file(str(scene))
+    named: dict[str, object] = {"__name__": "page"}
+    exec(blocks(page, "python")[0].replace("models/xml/towed_plate.xml", scene.as_posix()), named)  # noqa: S102
+    by_python = named["fluid"]
+    assert isinstance(by_python, StripFluid)
+    by_toml = StripFluid.from_toml(spec.compile(), tmp_path / "water.toml")
+    by_mjcf = StripFluid(spec.compile())
+    assert by_toml.links == by_mjcf.links == by_python.links
+    assert by_toml.density == by_mjcf.density == by_python.density
+    (custom,) = blocks(page, "xml")
+    lines = {line.strip() for line in scene.read_text().splitlines()}
+    assert {line.strip() for line in custom.splitlines()} <= lines
 
 
 @pytest.mark.real
@@ -71,7 +133,7 @@ def test_the_measured_fish_is_imported_and_diagnosed(fishsim: Path, tmp_path: Pa
     """The import page's commands, on the measured files; f1_25 is held out."""
     for file in fishsim.glob("markers_*.csv"):
         (tmp_path / file.name).symlink_to(file)
-    imported, diagnosed = _blocks(ROOT / "docs" / "import-fishsim.md", "sh")[0].splitlines()
+    imported, diagnosed = blocks(ROOT / "docs" / "import-fishsim.md", "sh")[0].splitlines()
     _run(imported, tmp_path)
     roles = tomllib.loads((tmp_path / "swimming" / "dataset.toml").read_text())["trials"]
     assert {trial["name"]: trial["role"] for trial in roles} == {"f0_50": "fit", "f1_00": "fit", "f1_25": "held_out"}
