@@ -16,7 +16,10 @@ from mjfish import fish as fishes
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
-from mjfish.sim import parameters, planar
+from mjfish.sim import planar
+from mjfish.sim.block_layout import unpack
+from mjfish.sim.blocks import numbers
+from mjfish.sim.mjcf import INTEGRATORS
 
 _ROOT = Path(__file__).parents[2]
 #: What only the geoms, there for looks, decide.
@@ -40,7 +43,7 @@ def test_hand_written_and_built_pike_are_the_same_model(pike: Fish) -> None:
 
 
 def test_bodies_carry_the_masses_of_table_i(pike: Fish) -> None:
-    model = planar.model(pike)
+    model = planar.swimmer(pike).model
     for link in pike.links:
         body = model.body(link.name)
         assert body.mass[0] == link.mass
@@ -51,18 +54,22 @@ def test_bodies_carry_the_masses_of_table_i(pike: Fish) -> None:
 
 def test_a_fish_of_another_body_is_built_and_not_taken_from_the_file(pike: Fish) -> None:
     heavy = pike.model_copy(update={"links": (pike.links[0].model_copy(update={"mass": 2.0}), *pike.links[1:])})
-    assert planar.model(heavy).body("head").mass[0] == 2.0
-    assert planar.model(pike).body("head").mass[0] == 1.528
+    assert planar.swimmer(heavy).model.body("head").mass[0] == 2.0
+    assert planar.swimmer(pike).model.body("head").mass[0] == 1.528
 
 
 @pytest.mark.parametrize("name", sorted(fishes.shipped()))
 def test_every_shipped_fish_compiles_with_its_water(name: str) -> None:
     fish = fishes.load(name)
-    model = planar.model(fish)
-    bodies, records = parameters.read(model)
-    assert [model.body(body).name for body in bodies] == [link.name for link in fish.links]
-    np.testing.assert_array_equal(records, link_records(fish))
-    assert model.nv == planar.ROOT + fish.joints
+    fluid = planar.swimmer(fish)
+    assert [link.body for link in fluid.links] == [link.name for link in fish.links]
+    assert fluid.coupling == "inertia"
+    assert fluid.model.nv == planar.ROOT + fish.joints
+    water, planar_water = unpack(numbers(fluid.model)), link_records(fish)
+    names = set(water.dtype.names) & set(planar_water.dtype.names)
+    assert {"length", "c_m", "c_d", "c_f", "munk", "density", "added", "wetted", "height_moment"} <= names
+    for field in names:
+        np.testing.assert_allclose(water[field], planar_water[field], rtol=1e-14, err_msg=field)
 
 
 def test_default_servo_has_the_stated_decay(pike: Fish) -> None:
@@ -82,16 +89,20 @@ def test_file_that_is_not_there_lists_those_that_are() -> None:
         planar.xml("shark.xml")
 
 
-def test_flexible_tail_and_implicit_integrator_are_refused(pike: Fish) -> None:
+def test_flexible_tail_unknown_integrator_and_coefficient_are_refused(pike: Fish) -> None:
     with pytest.raises(InputError, match=r"tail_compliance is 0\.1 .* set tail_compliance = 0"):
-        planar.model(pike.model_copy(update={"tail_compliance": 0.1}))
-    with pytest.raises(UnknownNameError, match="'implicitfast'; known: Euler, RK4"):
-        planar.model(pike, integrator="implicitfast")  # type: ignore[arg-type]
+        planar.swimmer(pike.model_copy(update={"tail_compliance": 0.1}))
+    with pytest.raises(UnknownNameError, match="'Heun'; known: Euler, RK4, discrete, implicit, implicitfast"):
+        planar.swimmer(pike, integrator="Heun")  # type: ignore[arg-type]
+    with pytest.raises(UnknownNameError, match=r"'c_d\.fin'; known: c_d\.body"):
+        planar.swimmer(pike, values={"c_d.fin": 1.0})
 
 
-def test_parameters_of_a_model_without_water_name_the_remedy() -> None:
-    with pytest.raises(InputError, match="no numeric 'strip_fluid'"):
-        parameters.read(mujoco.MjModel.from_xml_string("<mujoco/>"))
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_every_integrator_takes_the_swimmer(pike: Fish, integrator: planar.Integrator) -> None:
+    model = planar.swimmer(pike, integrator=integrator, step=0.0005).model
+    assert mujoco.mjtIntegrator(model.opt.integrator).name.lower() == f"mjint_{integrator}".lower()
+    assert model.opt.timestep == 0.0005
 
 
 @pytest.mark.slow
@@ -103,7 +114,8 @@ def test_installed_wheel_finds_the_hand_written_pike(tmp_path: Path) -> None:
         wheel.extractall(tmp_path / "site")
     code = (
         "from mjfish import fish; from mjfish.sim import planar; import mjfish; print(mjfish.__file__);"
-        "planar.spec(fish.load('pike')).compile().geom('fin_upper'); print(planar.xml('pike_planar.xml'))"
+        "planar.spec(fish.load('pike')).compile().geom('fin_upper'); print(planar.xml('pike_planar.xml'));"
+        "print(planar.xml('pike_free.xml'))"
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
     ran = subprocess.run(
