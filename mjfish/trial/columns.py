@@ -12,8 +12,10 @@ from mjfish.frames import CHANNELS
 from mjfish.frames import UNITS as VELOCITY_UNITS
 
 POSE = ("x", "y", "yaw")
+#: Of a fish that is free in space: roll is positive with the port side up, pitch with the nose down.
+ATTITUDE = ("roll", "pitch", "heave")
 #: Unit of every column but the joints'.
-UNITS = {"time": "s", **VELOCITY_UNITS, "x": "m", "y": "m", "yaw": "rad", "roll": "rad"}
+UNITS = {"time": "s", **VELOCITY_UNITS, "x": "m", "y": "m", "yaw": "rad", "roll": "rad", "pitch": "rad", "heave": "m"}
 #: Columns that every trial must have.
 REQUIRED = ("time", *CHANNELS)
 

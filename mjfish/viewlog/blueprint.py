@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import rerun as rr
 import rerun.blueprint as rrb
 
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.viewlog.scene import Run
+
+#: Of a fish that is free in space, and their units.
+ATTITUDE = {"roll": "rad", "pitch": "rad", "heave": "m"}
 
 
 def blueprint(runs: Sequence[Run]) -> rrb.Blueprint:
@@ -28,6 +31,8 @@ def _tab(run: Run) -> rrb.Horizontal:
     curves = [_curves(f"{root}/velocity", "")]
     if run.residuals():
         curves.append(_curves(f"{root}/residual", " residual"))
+    if any(swim.attitude is not None for swim in run.swims):
+        curves.append(_curves(f"{root}/attitude", "", ATTITUDE))
     left = rrb.Vertical(_swimming(root, run), rrb.TextDocumentView(origin="/about", name="About"), row_shares=[4, 1])
     return rrb.Horizontal(
         left,
@@ -55,15 +60,15 @@ def _swimming(root: str, run: Run) -> rrb.Spatial3DView:
     )
 
 
-def _curves(root: str, kind: str) -> rrb.Vertical:
+def _curves(root: str, kind: str, units: Mapping[str, str] = UNITS) -> rrb.Vertical:
     """Return one plot a channel; the first has the legend."""
     return rrb.Vertical(
         *(
             rrb.TimeSeriesView(
                 origin=f"{root}/{channel}",
-                name=f"{channel.replace('_', ' ')}{kind} [{UNITS[channel]}]",
+                name=f"{channel.replace('_', ' ')}{kind} [{unit}]",
                 plot_legend=rrb.PlotLegend(rrb.Corner2D.RightBottom, visible=channel == CHANNELS[0]),
             )
-            for channel in CHANNELS
+            for channel, unit in units.items()
         )
     )

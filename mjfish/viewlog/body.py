@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mjfish.arrays import FloatArray
 from mjfish.fish import Fish
@@ -62,14 +63,19 @@ def _normals(vertices: FloatArray, triangles: NDArray[np.uint32]) -> FloatArray:
     return np.asarray(total / np.where(size > 0.0, size, 1.0))
 
 
-def link_poses(fish: Fish, pose: FloatArray, joint_angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+def link_poses(
+    fish: Fish, pose: FloatArray, joint_angle: FloatArray, attitude: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Return places (n, links, 3) [m] and quaternions x, y, z, w (n, links, 4) of the links' frames in the world.
 
     Args:
         fish: the fish.
         pose: (n, 3) of the nose in the forward frame.
         joint_angle: (n, joints) [rad].
+        attitude: (n, 3) roll, pitch [rad] and heave [m]; None: in the plane.
     """
+    if attitude is not None:
+        return _in_space(pose, attitude, *link_poses(fish, np.zeros_like(pose), joint_angle))
     bend = np.concatenate([np.zeros((len(pose), 1)), np.cumsum(joint_angle, axis=1)], axis=1)
     heading = pose[:, 2:] + bend + np.pi  # a link's x axis runs towards the tail
     axis = np.stack([np.cos(heading), np.sin(heading)], axis=2)
@@ -81,3 +87,15 @@ def link_poses(fish: Fish, pose: FloatArray, joint_angle: FloatArray) -> tuple[F
     turn = np.zeros((len(pose), len(length), 4))
     turn[..., 2], turn[..., 3] = np.sin(0.5 * heading), np.cos(0.5 * heading)
     return place, turn
+
+
+def _in_space(
+    pose: FloatArray, attitude: FloatArray, place: FloatArray, turn: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return places and quaternions in the world of those in the frame of the head: yaw, then pitch, then roll."""
+    head = Rotation.from_euler("ZYX", np.column_stack([pose[:, 2], attitude[:, 1], attitude[:, 0]]))
+    nose = np.column_stack([pose[:, :2], attitude[:, 2]])
+    links = place.shape[1]
+    every = Rotation.from_quat(np.repeat(head.as_quat(), links, axis=0))
+    turned = (every * Rotation.from_quat(turn.reshape(-1, 4))).as_quat()
+    return nose[:, None] + every.apply(place.reshape(-1, 3)).reshape(place.shape), turned.reshape(turn.shape)

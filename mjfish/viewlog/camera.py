@@ -18,9 +18,9 @@ _SPACING, _DEPTH, _MARGIN = 0.5, 0.25, 3.0
 
 def camera_path(swim: Swim, fish: Fish) -> FloatArray:
     """Return the point that the camera looks at (n, 3) [m]: the middle of the body, its wagging smoothed away."""
-    middle = np.column_stack([swim.pose[:, :2], np.zeros(len(swim.time))])
+    middle = swim.nose
     if swim.joint_angle is not None:
-        middle = link_poses(fish, swim.pose, swim.joint_angle)[0].mean(axis=1)
+        middle = link_poses(fish, swim.pose, swim.joint_angle, swim.attitude)[0].mean(axis=1)
     if len(swim.time) < 2:
         return middle
     step = float(np.median(np.diff(swim.time)))
@@ -34,7 +34,7 @@ def floor_lines(run: Run) -> list[FloatArray]:
     places = np.concatenate([swim.pose[:, :2] for swim in run.swims])
     low = np.floor((places.min(axis=0) - _MARGIN * length) / spacing)
     high = np.ceil((places.max(axis=0) + _MARGIN * length) / spacing)
-    z = -_DEPTH * length
+    z = min(float(swim.nose[:, 2].min()) for swim in run.swims) - _DEPTH * length
     (x0, y0), (x1, y1) = spacing * low, spacing * high
     along = [np.array([[x0, y, z], [x1, y, z]]) for y in spacing * np.arange(low[1], high[1] + 1)]
     across = [np.array([[x, y0, z], [x, y1, z]]) for x in spacing * np.arange(low[0], high[0] + 1)]

@@ -23,6 +23,7 @@ def write_rollout_log(
     pose: FloatArray,
     joint_angle: FloatArray,
     *,
+    attitude: FloatArray | None = None,
     name: str = "run",
 ) -> None:
     """Write a simulated run to an .rrd file, with the forces on its links.
@@ -37,12 +38,13 @@ def write_rollout_log(
         velocity: (n, 3) surge, sway [m/s], yaw rate [rad/s].
         pose: (n, 3) x, y [m], yaw [rad].
         joint_angle: (n, joints) [rad].
+        attitude: (n, 3) roll, pitch [rad] and heave [m] of a fish that is free in space; no forces are shown then.
         name: of the run in the log.
     """
     forces = None
-    if len(time) > _DEGREE:
+    if len(time) > _DEGREE and attitude is None:
         forces = link_forces(fish, _interpolated(time, joint_angle), np.column_stack([velocity, pose]))
-    swim = Swim("simulated", time, velocity, pose, joint_angle, forces)
+    swim = Swim("simulated", time, velocity, pose, joint_angle, forces, attitude)
     about = f"**{fish.name}**, {name}: mean surge {velocity[:, 0].mean():.3f} m/s over {time[-1] - time[0]:.1f} s."
     write_log(path, [Run(name, fish, (swim,))], about=about)
 

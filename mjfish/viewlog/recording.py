@@ -13,7 +13,7 @@ from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 from mjfish.ode.forces import LinkForces
-from mjfish.viewlog.blueprint import blueprint
+from mjfish.viewlog.blueprint import ATTITUDE, blueprint
 from mjfish.viewlog.body import link_mesh, link_poses
 from mjfish.viewlog.camera import camera_path, floor_lines
 from mjfish.viewlog.scene import Run, Swim
@@ -29,7 +29,8 @@ def write_log(path: Path, runs: Sequence[Run], *, name: str = "", about: str = "
 
     Per run: ``/RUN/world/SWIMMER/link_K`` the body with a transform over time, ``/RUN/world/SWIMMER/path``,
     ``/RUN/world/SWIMMER/force/drag`` and ``.../added_mass``, ``/RUN/velocity/CHANNEL/SWIMMER`` and
-    ``/RUN/residual/CHANNEL/SWIMMER``, all on the duration timeline ``sim_time``.
+    ``/RUN/residual/CHANNEL/SWIMMER``, of a fish in space ``/RUN/attitude/roll/SWIMMER`` and so on, all on the duration
+    timeline ``sim_time``.
 
     Args:
         path: of the file; one that is there is replaced.
@@ -65,6 +66,8 @@ def _record(path: Path, runs: Sequence[Run], name: str, about: str) -> None:
         for swim in run.swims:
             _swim(recording, f"{root}/world/{swim.swimmer}", run, swim, scale)
             _series(recording, f"{root}/velocity", swim.swimmer, swim.time, swim.velocity)
+            if swim.attitude is not None:
+                _series(recording, f"{root}/attitude", swim.swimmer, swim.time, swim.attitude, tuple(ATTITUDE))
         for swimmer, (time, residual) in run.residuals().items():
             _series(recording, f"{root}/residual", swimmer, time, residual)
     recording.flush()
@@ -88,8 +91,7 @@ def _water(recording: rr.RecordingStream, root: str, run: Run) -> None:
 def _swim(recording: rr.RecordingStream, root: str, run: Run, swim: Swim, scale: float) -> None:
     """Log the body (or the nose alone), the path of the nose and the arrows of the forces."""
     colour = COLOURS[swim.swimmer]
-    depth = np.zeros(len(swim.time))
-    path = np.column_stack([swim.pose[:, :2], depth])
+    path = swim.nose
     recording.log(f"{root}/path", rr.LineStrips3D([path], colors=[colour], radii=rr.Radius.ui_points(1.2)), static=True)
     at = [rr.TimeColumn(TIMELINE, duration=swim.time)]
     if swim.joint_angle is None:
@@ -97,7 +99,7 @@ def _swim(recording: rr.RecordingStream, root: str, run: Run, swim: Swim, scale:
         recording.log(f"{root}/nose", rr.Points3D.from_fields(colors=[colour], radii=[radius]), static=True)
         recording.send_columns(f"{root}/nose", at, rr.Points3D.columns(positions=path))
         return
-    place, turn = link_poses(run.fish, swim.pose, swim.joint_angle)
+    place, turn = link_poses(run.fish, swim.pose, swim.joint_angle, swim.attitude)
     for k in range(len(run.fish.links)):
         vertices, triangles, normals = link_mesh(run.fish, k)
         body = rr.Mesh3D(
@@ -132,9 +134,16 @@ def _arrows(recording: rr.RecordingStream, root: str, time: FloatArray, forces: 
         )
 
 
-def _series(recording: rr.RecordingStream, root: str, swimmer: str, time: FloatArray, values: FloatArray) -> None:
+def _series(
+    recording: rr.RecordingStream,
+    root: str,
+    swimmer: str,
+    time: FloatArray,
+    values: FloatArray,
+    channels: Sequence[str] = CHANNELS,
+) -> None:
     """Log one curve a channel."""
-    for k, channel in enumerate(CHANNELS):
+    for k, channel in enumerate(channels):
         entity = f"{root}/{channel}/{swimmer}"
         style = rr.SeriesLines(names=swimmer, colors=COLOURS[swimmer], widths=1.6)  # type: ignore[index]
         recording.log(entity, style, static=True)

@@ -28,6 +28,7 @@ class Swim:
         pose: (n, 3) x, y [m], yaw [rad] of the nose.
         joint_angle: (n, joints) [rad]; None: nobody knows the shape, and only the nose is drawn.
         forces: on the links at the same instants, or None.
+        attitude: (n, 3) roll, pitch [rad] and heave [m] of a fish that is free in space; None: in the plane.
     """
 
     swimmer: Swimmer
@@ -36,6 +37,13 @@ class Swim:
     pose: FloatArray
     joint_angle: FloatArray | None = None
     forces: LinkForces | None = None
+    attitude: FloatArray | None = None
+
+    @property
+    def nose(self) -> FloatArray:
+        """Place (n, 3) of the nose [m]."""
+        depth = np.zeros(len(self.time)) if self.attitude is None else self.attitude[:, 2]
+        return np.column_stack([self.pose[:, :2], depth])
 
 
 @dataclass(frozen=True, eq=False)
