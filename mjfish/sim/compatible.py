@@ -37,7 +37,7 @@ def choose(model: mujoco.MjModel, bodies: list[int], asked: Coupling | None) -> 
     """
     if asked is not None and asked not in get_args(Coupling):
         raise UnknownNameError("coupling", asked, get_args(Coupling), "or leave the choice to mjfish")
-    common = list(_common(model))
+    common = list(_common(model, bodies))
     reasons = {"inertia": list(_not_inertia(model, bodies)), "xfrc": list(_not_xfrc(model))}
     allowed: tuple[Coupling, ...] = ("inertia", "xfrc") if asked is None else (asked,)
     for coupling in allowed:
@@ -59,8 +59,14 @@ def _names(model: mujoco.MjModel, kind: mujoco.mjtObj, ids: _Ids) -> str:
     return ", ".join(sorted({mujoco.mj_id2name(model, kind, int(i)) or f"#{i}" for i in ids}))
 
 
-def _common(model: mujoco.MjModel) -> Iterator[str]:
+def _common(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
     """What spoils either coupling."""
+    led = [body for body in bodies if model.body_mocapid[model.body_rootid[body]] >= 0]
+    if led:
+        yield (
+            f"{_names(model, mujoco.mjtObj.mjOBJ_BODY, np.array(led))} hangs on a mocap body, whose velocity MuJoCo "
+            "does not know; lead it by joints with servos, or by a weld to the mocap body"
+        )
     if _disabled(model, mujoco.mjtDisableBit.mjDSBL_ACTUATION):
         yield 'actuation is disabled, so that MuJoCo never asks for the force; remove <flag actuation="disable"/>'
     if _enabled(model, mujoco.mjtEnableBit.mjENBL_OVERRIDE):

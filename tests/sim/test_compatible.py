@@ -166,6 +166,17 @@ def test_body_alone_about_its_centre_of_mass_has_no_room_for_inertia_until_that_
     assert StripFluid(compiled(PLATE), [PLATE_LINK]).coupling == "inertia"
 
 
+def test_body_that_hangs_on_a_mocap_body_is_refused() -> None:
+    """It would be led through the water without drag: MuJoCo moves it, and knows no velocity of it."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="hand" mocap="true"><body name="plate"><joint/>
+        <geom type="box" size=".1 .01 .1"/></body></body></worldbody></mujoco>"""
+    )
+    for body in ("hand", "plate"):
+        with pytest.raises(InputError, match=f"{body} hangs on a mocap body, whose velocity .*; lead it by joints"):
+            StripFluid(model, [{**PLATE_LINK, "body": body}])
+
+
 def test_where_neither_is_right_every_reason_is_told() -> None:
     model = _alone("0 0 0")
     model.opt.integrator = _INTEGRATORS.mjINT_IMPLICITFAST

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from wet_models import TREE, compiled, stirred, tree, tree_links
+from wet_models import PLATE_LINK, TREE, compiled, stirred, tree, tree_links
 
 from mjfish.errors import InputError
 from mjfish.sim import StripFluid
@@ -110,6 +110,20 @@ def test_parts_are_what_they_are_called() -> None:
     np.testing.assert_array_equal(moving["buoyancy"], rest["buoyancy"])
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_GRAVITY
     assert np.all(fluid.wrenches(data)["buoyancy"] == 0.0)
+
+
+def test_plate_held_in_a_current_is_pushed_as_on_paper() -> None:
+    """1/2 rho c_d A v^2 in the middle of the plate; a body that cannot move may have water, too."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0" wind="0 2 0"/><worldbody><body name="plate">
+        <geom type="box" size=".15 .002 .1" pos="-.15 0 0"/></body></worldbody></mujoco>"""
+    )
+    fluid = StripFluid(model, [{**PLATE_LINK, "c_d": 1.9}])
+    data = mujoco.MjData(model)
+    with fluid.installed():
+        mujoco.mj_forward(model, data)
+    total = fluid.wrenches(data)["total"][0]
+    np.testing.assert_allclose(total, [0, 0.5 * 1000 * 1.9 * 0.06 * 2**2, 0, 0, 0, 0], rtol=1e-12, atol=1e-10)
 
 
 def test_two_links_on_one_body_add_up() -> None:
