@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from proofs import derivation
 
@@ -14,12 +15,15 @@ def test_added_mass_force_is_minus_the_rate_of_the_slices_momentum(kappa: float)
     assert derivation.inertial_difference(kappa) < 1e-9
 
 
-def test_drag_is_the_integral_over_the_slices() -> None:
-    """Both components change sign inside the link in every other state, where Gauss strips are worst.
+@pytest.mark.parametrize(("roots", "median", "worst"), [(0, 1e-11, 1e-9), (1, 1e-5, 2e-3), (2, 1e-4, 3e-3)])
+def test_drag_is_the_integral_over_the_slices(roots: int, median: float, worst: float) -> None:
+    """Gauss strips are worst where both components change sign on the link.
 
     Catches a moment about the wrong axis, height for width, |q_y| for |q|.
     """
-    assert derivation.drag_difference() < 5e-4
+    found = derivation.drag_differences(roots)
+    assert np.median(found) < median
+    assert found.max() < worst
 
 
 def test_without_heave_pitch_and_roll_the_drag_is_that_of_the_plane() -> None:

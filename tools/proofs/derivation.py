@@ -68,19 +68,25 @@ def _moving(
     return motion
 
 
-def drag_difference(states: int = 40) -> float:
-    """Return the largest difference of drag and friction from adaptive quadrature, of the largest; roots inside too."""
+def drag_differences(roots: int, states: int = 40) -> FloatArray:
+    """Return the differences (states,) of drag and friction from adaptive quadrature, of the largest in each state.
+
+    Args:
+        roots: how many of the two components across change sign inside the link.
+        states: how many.
+    """
     link, one = record(TAPERED), strips(TAPERED)
     random = np.random.default_rng(4)
-    worst = 0.0
-    for case in range(states):
-        v, w = random.normal(size=3), 6.0 * random.normal(size=3)
-        if case % 2:  # both components change sign inside the link
-            v[1:] = -w[2] * random.uniform(0.02, 0.28), w[1] * random.uniform(0.02, 0.28)
+    worst = []
+    for _ in range(states):
+        w = 6.0 * random.normal(size=3)
+        inside, outside = random.uniform(0.02, 0.28, size=2), random.uniform(0.35, 0.8, size=2)
+        at = np.where(np.arange(2) < roots, inside, outside)
+        v = np.array([random.normal(), -w[2] * at[0], w[1] * at[1]])
         expected = drag_wrench(one, Motion(np.zeros(3), np.eye(3), v, w))
         found = np.array(spatial_drag(link, *v, *w))
-        worst = max(worst, parts.relative(found[:3], expected[:3]), parts.relative(found[3:], expected[3:]))
-    return worst
+        worst.append(max(parts.relative(found[:3], expected[:3]), parts.relative(found[3:], expected[3:])))
+    return np.array(worst)
 
 
 def planar_difference() -> float:
