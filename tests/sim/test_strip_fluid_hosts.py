@@ -89,6 +89,19 @@ def test_both_halves_of_a_step_are_a_step(coupling: str, integrator: str) -> Non
     np.testing.assert_array_equal(full_state(fluid.model, data), _loop(fluid)[-1])
 
 
+@pytest.mark.parametrize("coupling", ["inertia", "xfrc"])
+def test_forward_that_skips_the_position_is_a_forward(coupling: str) -> None:
+    """So do MuJoCo's derivatives; catches added mass that piles up in an inertia that is not made anew."""
+    fluid = tree(coupling)
+    data, again = stirred(fluid.model), stirred(fluid.model)
+    with fluid.installed():
+        mujoco.mj_forward(fluid.model, data)
+        mujoco.mj_forward(fluid.model, again)
+        for stage in (mujoco.mjtStage.mjSTAGE_POS, mujoco.mjtStage.mjSTAGE_VEL):
+            mujoco.mj_forwardSkip(fluid.model, again, stage, 0)
+            np.testing.assert_array_equal(again.qacc, data.qacc)
+
+
 @pytest.mark.parametrize("threads", [1, 2, 4])
 @pytest.mark.parametrize("coupling", ["inertia", "xfrc"])
 def test_rollout_in_threads_is_a_loop(coupling: str, threads: int) -> None:

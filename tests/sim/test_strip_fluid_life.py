@@ -14,7 +14,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from wet_models import TREE, compiled, stirred, tree, tree_links
+from wet_models import PLATE, PLATE_LINK, TREE, compiled, stirred, tree, tree_links
 
 from mjfish.errors import InputError, MjfishError
 from mjfish.sim import StripFluid, blocks
@@ -191,6 +191,18 @@ def test_state_that_is_no_number_is_a_status_and_no_reset(
     found = fluid.state(data)
     assert found.status == "diverged"
     assert "at 0.0120 s; take a shorter step" in found.message
+
+
+def test_state_beyond_all_sense_is_a_status_though_it_is_a_number() -> None:
+    fluid = StripFluid(compiled(PLATE), [{**PLATE_LINK, "c_d": 0.0, "c_f": 0.0}])
+    data = mujoco.MjData(fluid.model)
+    data.qvel[0] = 1e11
+    with fluid.installed():
+        mujoco.mj_step(fluid.model, data)
+    assert np.all(np.isfinite(data.qacc))
+    assert fluid.state(data).status == "diverged"
+    mujoco.mj_resetData(fluid.model, data)  # by the user, who starts again
+    assert fluid.state(data).status == "ok"
 
 
 def test_step_that_is_too_long_is_a_status_and_no_reset() -> None:
