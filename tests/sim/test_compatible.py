@@ -106,6 +106,30 @@ def test_what_breaks_xfrc_is_refused_and_inertia_taken_instead(name: str) -> Non
     assert StripFluid(model, tree_links()).coupling == "inertia"
 
 
+_FIXED = '<tendon><fixed {}><joint joint="tail" coef="1"/></fixed></tendon>'
+ADDED = {
+    "equality": ('<equality><joint joint1="tail"/></equality>', "there may be equality constraints, solved without"),
+    "tendon limit": (_FIXED.format('limited="true" range="-1 1"'), "there may be limits or frictionloss of tendons"),
+    "tendon friction": (_FIXED.format('frictionloss=".1"'), "there may be limits or frictionloss of tendons"),
+    "tendon armature": (_FIXED.format('armature=".1"'), "tendons have armature, which couples branches of a tree"),
+    "tendon damping": (_FIXED.format('damping=".1"'), "integrator 'Euler' treats the damping of actuators and tendons"),
+    "actuator damping": (
+        '<actuator><motor joint="tail" damping=".1"/></actuator>',
+        "integrator 'Euler' treats the damping of actuators and tendons",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ADDED)
+def test_what_else_breaks_xfrc_is_refused_and_inertia_taken_instead(name: str) -> None:
+    element, message = ADDED[name]
+    xml = TREE.replace("</mujoco>", element + "</mujoco>")
+    integrator = "euler" if name.endswith("damping") else "rk4"
+    with pytest.raises(InputError, match=message):
+        StripFluid(compiled(xml, integrator=integrator), tree_links(), coupling="xfrc")
+    assert StripFluid(compiled(xml, integrator=integrator), tree_links()).coupling == "inertia"
+
+
 CURED = {
     "Euler without eulerdamp": (_disable(_OFF.mjDSBL_EULERDAMP), XFRC["Euler"][0]),
     "limits disabled": (_disable(_OFF.mjDSBL_LIMIT), _limited),
