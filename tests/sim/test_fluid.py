@@ -110,6 +110,21 @@ def test_compiled_and_numpy_callback_agree_in_space(coupling: Coupling) -> None:
             _assert_same(data.xfrc_applied, wrench)
 
 
+def test_armature_of_tendons_stays_in_the_inertia() -> None:
+    """Catches an inertia that is made anew without it."""
+    tendon = """<tendon><fixed armature="2"><joint joint="tail" coef="1"/><joint joint="weight" coef="2"/></fixed>
+    </tendon></mujoco>"""
+    fluid = StripFluid(compiled(TREE.replace("</mujoco>", tendon)), tree_links())
+    data, without = stirred(fluid.model), stirred(fluid.model)
+    with fluid.installed():
+        mujoco.mj_forward(fluid.model, data)
+    _assert_same(data.qacc, _numpy_solution(fluid.model, data)[1])
+    free = StripFluid(compiled(TREE), tree_links())
+    with free.installed():
+        mujoco.mj_forward(free.model, without)
+    assert np.abs(data.qacc - without.qacc).max() > 1.0
+
+
 def _free_chain(pike: Fish, munk: float, coupling: Coupling) -> StripFluid:
     """Return the pike without drag and with limp joints, c_m = 1."""
     still = {name: 1.0 if name.startswith("c_m") else 0.0 for name in COEFFICIENTS}
