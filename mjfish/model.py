@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -17,6 +17,7 @@ from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Cpg, Fish, Link
+from mjfish.hydro.load import Load
 from mjfish.hydro.outline import outlines
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
 from mjfish.parameter import Parameter
@@ -105,38 +106,80 @@ class Model:
             velocity: (3,) velocity at the start, in the forward frame; None: at rest.
             offset: clock offset of this trial, a nuisance [s].
         """
+        run = self.prepare(trial, values, offset=offset)
+        rollout = ode.simulate(
+            run.fish, run.motion, values=run.coefficients, velocity=velocity, coriolis=self.coriolis, loads=run.loads
+        )
+        state = headed(rollout.at(np.minimum(run.time, run.motion.time[-1])), trial)
+        for effect, own in run.active:
+            state = effect.reading(state, own)
+        message = rollout.message
+        if message and run.active:
+            message += f" (with {', '.join(f'{e.name}.{k} = {v:g}' for e, own in run.active for k, v in own.items())})"
+        return Prediction(state[:, :3], rollout.status, message, rollout)
+
+    def prepare(
+        self, trial: Trial, values: Mapping[str, float], *, offset: float = 0.0, keep: Sequence[str] = ()
+    ) -> Prepared:
+        """Return what is simulated for a trial: the fish and its motion, through the hooks of every effect.
+
+        Args:
+            trial, values, offset: as in `predict`.
+            keep: names of effects that act even at their null values, for derivatives there.
+        """
         active = [(effect, self._of(effect, values)) for effect in self.effects]
-        active = [(effect, own) for effect, own in active if not effect.is_null(own)]
+        active = [(effect, own) for effect, own in active if effect.name in keep or not effect.is_null(own)]
         fish = self.fish
         for effect, own in active:
             fish = effect.body(fish, own)
         servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.family == "drive")
         step = _refined(self.step, fish, asked_motion(self.fish.cpg, trial, self.step), values)
-        motion = joint_motion(self.fish.cpg, trial, servos, step)
-        rollout = ode.simulate(
-            fish,
-            motion,
-            values={p.name: values[p.name] for p in self.fish.parameters},
-            velocity=velocity,
-            coriolis=self.coriolis,
-            loads=[(effect.load, list(own.values())) for effect, own in active if effect.load is not None],
-        )
         time = trial.time + offset
         for effect, own in active:
             time = effect.clock(time, own)
-        state = rollout.at(np.minimum(time, motion.time[-1]))
-        if trial.pose is not None:
-            state[:, 5] += trial.pose[0, 2] - state[0, 5]  # the heading is the measured one at the first sample
-        for effect, own in active:
-            state = effect.reading(state, own)
-        message = rollout.message
-        if message and active:
-            message += f" (with {', '.join(f'{e.name}.{k} = {v:g}' for e, own in active for k, v in own.items())})"
-        return Prediction(state[:, :3], rollout.status, message, rollout)
+        return Prepared(
+            active=tuple(active),
+            fish=fish,
+            motion=joint_motion(self.fish.cpg, trial, servos, step),
+            coefficients={p.name: values[p.name] for p in self.fish.parameters},
+            loads=tuple((effect.load, tuple(own.values())) for effect, own in active if effect.load is not None),
+            time=time,
+            step=step,
+        )
 
     @staticmethod
     def _of(effect: Effect, values: Mapping[str, float]) -> Values:
         return {p.short: values[p.name] for p in effect.parameters}
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What is simulated for one trial.
+
+    Attributes:
+        active: the effects that act, with their values by short names.
+        fish: as it really is.
+        motion: of its joints, as it really is.
+        coefficients: the nine, by name.
+        loads: of the active effects that have one, with their parameters.
+        time: (n,) at which the samples were really taken [s].
+        step: longest step [s].
+    """
+
+    active: tuple[tuple[Effect, Values], ...]
+    fish: Fish
+    motion: JointMotion
+    coefficients: dict[str, float]
+    loads: tuple[tuple[Load, tuple[float, ...]], ...]
+    time: FloatArray
+    step: float
+
+
+def headed(state: FloatArray, trial: Trial) -> FloatArray:
+    """Turn states (n, 8) so that the heading is the measured one at the first sample, where it was measured."""
+    if trial.pose is not None:
+        state[:, 5] += trial.pose[0, 2] - state[0, 5]
+    return state
 
 
 @functools.lru_cache(maxsize=256)

@@ -1,5 +1,8 @@
 """Morison force on the strips of one link, [Yu2016] eqs. (7)-(13), in the plane; exact, compiled.
 
+Everything here also works on complex numbers whose imaginary part is a derivative (`mjfish.ode.tangent`), which is why
+signs and comparisons look at real parts.
+
 In the link's frame (x towards the tail, origin at the front joint) a strip at r moves across at q = v + w r. With
 m_a = c_m rho pi h^2 / 4 per length, added momentum is p_y = INT m_a q dr, and
 
@@ -12,6 +15,8 @@ The inertial part, -m_a q', is not here: it goes into the inertia matrix, solved
 from __future__ import annotations
 
 from typing import Any
+
+import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import inlined
@@ -38,7 +43,13 @@ def drag(link: Any) -> tuple[float, float, float]:
     force, moment = crossflow(link.v, link.w, link.length, link.node_height, link.height_moment)
     across = -0.5 * link.density * link.c_d
     along = -0.5 * link.density * link.c_f * link.wetted
-    return along * abs(link.u) * link.u, across * force, across * moment
+    return along * magnitude(link.u) * link.u, across * force, across * moment
+
+
+@inlined
+def magnitude(x: Any) -> Any:
+    """Return |x| of a real number, and its analytic continuation off the real line."""
+    return x if x.real >= 0.0 else -x
 
 
 @inlined
@@ -61,10 +72,10 @@ def crossflow(v: float, w: float, length: float, node: FloatArray, table: FloatA
     full = table[INTERVALS]
     force = vv * full[0] + vw * full[1] + ww * full[2]
     moment = vv * full[1] + vw * full[2] + ww * full[3]
-    sign = 1.0 if v + 0.5 * w * length >= 0.0 else -1.0
-    if v * (v + w * length) < 0.0:
+    sign = 1.0 if (v + 0.5 * w * length).real >= 0.0 else -1.0
+    if v.real * (v + w * length).real < 0.0:
         h0, h1, h2, h3 = partial_moments(-v / w, length, node, table)
-        sign = 1.0 if w > 0.0 else -1.0  # behind r* the strip moves with w
+        sign = 1.0 if w.real > 0.0 else -1.0  # behind r* the strip moves with w
         force -= 2.0 * (vv * h0 + vw * h1 + ww * h2)
         moment -= 2.0 * (vv * h1 + vw * h2 + ww * h3)
     return sign * force, sign * moment
@@ -76,8 +87,8 @@ def partial_moments(r: float, length: float, node: FloatArray, table: FloatArray
 
     Nodes are equally spaced in xi = sqrt(r / length): at a blunt nose h goes as xi, and H_0 is then a cubic.
     """
-    xi = INTERVALS * (r / length) ** 0.5
-    left = min(int(xi), INTERVALS - 1)
+    xi = INTERVALS * np.sqrt(r / length)
+    left = min(int(xi.real), INTERVALS - 1)
     s = xi - left
     keep = (1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s)
     slope_left = s * (1.0 - s) * (1.0 - s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -77,3 +78,16 @@ def link_records(fish: Fish, values: Mapping[str, float] | None = None) -> Recor
             if link.group == group:
                 record[kind] = value
     return records
+
+
+def column(name: str) -> int:
+    """Return where a field of `LINK` starts in a row of numbers."""
+    fields: Any = LINK.fields
+    return int(fields[name][1]) // 8
+
+
+#: The same record of complex numbers, in the same order: imaginary parts are derivatives, see `mjfish.ode.tangent`.
+COMPLEX_LINK = np.dtype(
+    [(name, np.complex128, LINK[name].shape) for name in LINK.names or ()],
+    align=True,
+)

@@ -101,7 +101,7 @@ def fit(
         return problem.residual(y * scale)
 
     def jacobian_of(y: FloatArray) -> FloatArray:
-        return np.asarray(-problem.jacobian(y * scale, central=False) * scale)
+        return np.asarray(-problem.jacobian(y * scale) * scale)
 
     solution = optimize.least_squares(
         residual_of,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -14,12 +15,11 @@ from mjfish.frames import CHANNELS, UNITS
 from mjfish.identify.noise import Noise
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.parameter import Parameter
+from mjfish.sensitivity import one_sided, sensitivities
 from mjfish.trial import Trial
 
 #: Residual of a sample that the rollout did not reach, in units of sigma: worse than any honest misfit.
 _DIVERGED = 1e3
-#: Finite-difference step in units of a parameter's scale.
-_STEP = 1e-3
 #: Scale and half-range of start velocities around the measured ones [m/s, m/s, rad/s], and of clock offsets [s].
 _START_SCALE = (0.01, 0.01, 0.05)
 _START_RANGE = (0.1, 0.1, 0.5)
@@ -78,50 +78,47 @@ class Problem:
         lost = [(trial, one) for trial, one in predicted if not np.all(np.isfinite(one.velocity))]
         return "; ".join(f"{trial.name} {one.message}" for trial, one in lost)
 
-    def jacobian(self, x: FloatArray, *, central: bool = True) -> FloatArray:
+    def jacobian(self, x: FloatArray) -> FloatArray:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters."""
-        return self.whiten(self.sensitivities(x, central=central))
+        return self.whiten(self.sensitivities(x))
 
     def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
         """Whiten blocks (n_r, 3, k), one a trial, and stack them to (n, k)."""
         whitened = [self.noise.whiten(block) for block in blocks]
         return np.concatenate([block.reshape(-1, block.shape[2]) for block in whitened])
 
-    def sensitivities(
-        self, x: FloatArray, only: Sequence[str] | None = None, *, central: bool = True
-    ) -> list[FloatArray]:
+    def sensitivities(self, x: FloatArray, only: Sequence[str] | None = None) -> list[FloatArray]:
         """Return, per trial, the derivative (n_r, 3, k) of the prediction by the free parameters or those in `only`.
 
-        Central differences of a thousandth of each parameter's scale (forward ones cost half and serve on the way to an
-        optimum); at a bound that the model must not cross, where an amplitude cannot be negative, a one-sided
-        difference of second order over a tenth of the scale.
+        Exact (`mjfish.sensitivity`); at a bound where the model changes its form, such as a servo without lag, a
+        one-sided difference of second order over a tenth of the parameter's scale.
         """
         parameters = self.parameters
         chosen = [i for i, p in enumerate(parameters) if only is None or p.name in only]
         here = self.named(x)
-        tasks = [(trial, here) for trial in self.trials]
-        plan: list[tuple[int, int, list[tuple[float, int]]]] = []
-        for k, column in enumerate(chosen):
-            p = parameters[column]
-            stencil = _stencil(p, float(x[column]), central)
-            for i, trial in enumerate(self.trials):
-                if _elsewhere(p, trial):
-                    continue
-                weights = []
-                for shift, weight in stencil:
-                    if shift == 0.0:
-                        weights.append((weight, i))
-                        continue
-                    weights.append((weight, len(tasks)))
-                    tasks.append((trial, {**here, p.name: float(x[column]) + shift}))
-                plan.append((k, i, weights))
-        results = self._run(tasks)
+        tasks = [
+            (i, k, parameters[column], float(x[column]))
+            for i, trial in enumerate(self.trials)
+            for k, column in enumerate(chosen)
+            if not _elsewhere(parameters[column], trial)
+        ]
+        slopes = self._map(lambda task: self._slope(self.trials[task[0]], here, task[2], task[3]), tasks)
         masks = [self.mask(i) for i in range(len(self.trials))]
         blocks = [np.zeros((int(np.count_nonzero(keep)), 3, len(chosen))) for keep in masks]
-        for k, i, weights in plan:
-            slope = sum(weight * results[task] for weight, task in weights)
-            blocks[i][:, :, k] = np.nan_to_num(np.asarray(slope)[masks[i]])
+        for (i, k, _, _), slope in zip(tasks, slopes, strict=True):
+            blocks[i][:, :, k] = np.nan_to_num(slope)[masks[i]]
         return blocks
+
+    def _slope(self, trial: Trial, here: Mapping[str, float], p: Parameter, at: float) -> FloatArray:
+        """Return the derivative (n_r, 3) of one trial's prediction by one parameter."""
+        name = p.name.removeprefix(f"{trial.name}:")
+        if one_sided(self.model, name, at):
+            h = 0.1 * p.scale
+            stencil = ((0.0, -1.5 / h), (h, 2.0 / h), (2.0 * h, -0.5 / h))
+            parts = [w * self._predict((trial, {**here, p.name: at + shift})) for shift, w in stencil]
+            return np.asarray(sum(parts))
+        velocity, offset = self._start(trial, here)
+        return sensitivities(self.model, trial, here, [name], velocity=velocity, offset=offset)[:, :, 0]
 
     def mask(self, index: int) -> BoolArray:
         """Return which samples (n_r,) of a trial count.
@@ -161,20 +158,28 @@ class Problem:
         return np.concatenate(parts)
 
     def _run(self, tasks: list[tuple[Trial, dict[str, float]]]) -> list[FloatArray]:
+        return self._map(self._predict, tasks)
+
+    def _map(self, function: Callable[[Any], FloatArray], tasks: Sequence[Any]) -> list[FloatArray]:
         if self.jobs > 1 and len(tasks) > 1:
             with ThreadPoolExecutor(self.jobs) as pool:
-                return list(pool.map(self._predict, tasks))
-        return [self._predict(task) for task in tasks]
+                return list(pool.map(function, tasks))
+        return [function(task) for task in tasks]
 
     def _predict(self, task: tuple[Trial, dict[str, float]]) -> FloatArray:
         return self._prediction(*task).velocity
 
     def _prediction(self, trial: Trial, values: Mapping[str, float]) -> Prediction:
-        start = None
+        velocity, offset = self._start(trial, values)
+        return self.model.predict(trial, values, velocity=velocity, offset=offset)
+
+    @staticmethod
+    def _start(trial: Trial, values: Mapping[str, float]) -> tuple[FloatArray | None, float]:
+        """Return velocity (3,) at the start, None at rest, and the clock offset [s] of a trial."""
+        velocity = None
         if not trial.starts_at_rest:
-            start = np.array([values[f"{trial.name}:start.{channel}"] for channel in CHANNELS])
-        offset = values.get(f"{trial.name}:clock.offset", 0.0)
-        return self.model.predict(trial, values, velocity=start, offset=offset)
+            velocity = np.array([values[f"{trial.name}:start.{channel}"] for channel in CHANNELS])
+        return velocity, values.get(f"{trial.name}:clock.offset", 0.0)
 
 
 def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:
@@ -208,14 +213,3 @@ def _elsewhere(parameter: Parameter, trial: Trial) -> bool:
     """Return whether the parameter is a nuisance of another trial."""
     owner, separator, _ = parameter.name.rpartition(":")
     return bool(separator) and owner != trial.name
-
-
-def _stencil(p: Parameter, at: float, central: bool) -> list[tuple[float, float]]:
-    """Return shifts and weights of the finite difference of one parameter at one value."""
-    h = _STEP * p.scale
-    if p.default == p.low and at - h < p.low:
-        h = 0.1 * p.scale
-        return [(0.0, -1.5 / h), (h, 2.0 / h), (2.0 * h, -0.5 / h)]
-    if central:
-        return [(-h, -0.5 / h), (h, 0.5 / h)]
-    return [(0.0, -1.0 / h), (h, 1.0 / h)]

@@ -15,7 +15,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, inlined
 from mjfish.hydro.force import added_mass, drag, gyroscopic
-from mjfish.hydro.load import apply_loads
+from mjfish.hydro.load_tangent import loads_on
 
 #: u, v, w [m/s, m/s, rad/s] of the nose, x, y [m], yaw [rad], tail deflection [rad], its rate [rad/s]; model's frame.
 STATES = 8
@@ -74,7 +74,7 @@ def _derivative(
     gx = 0.0
     gy = 0.0
     j = 0.0
-    flexible = tail[0] > 0.0
+    flexible = tail[0].real > 0.0
     for i in range(n):
         if i > 0:
             joint = i - 1
@@ -113,7 +113,7 @@ def _derivative(
         if not printed:
             mz -= mc * w * u
         if hooks.shape[0] > 0:
-            load_x, load_y, load_z = apply_loads(links, i, hooks, hook_parameters, scratch)
+            load_x, load_y, load_z = loads_on(links, i, hooks, hook_parameters, scratch)
             fx += load_x
             fy += load_y
             mz += load_z
@@ -168,8 +168,10 @@ def _derivative(
     out[0] = scale * (c00 * g0 + c01 * g1 + c02 * g2)
     out[1] = scale * (c01 * g0 + c11 * g1 + c12 * g2)
     out[2] = scale * (c02 * g0 + c12 * g1 + c22 * g2)
-    heading_cos = np.cos(state[5])
-    heading_sin = np.sin(state[5])
+    yaw = state[5].real
+    ahead = state[5] - yaw  # of a complex state, its derivative; else 0
+    heading_cos = np.cos(yaw) - np.sin(yaw) * ahead
+    heading_sin = np.sin(yaw) + np.cos(yaw) * ahead
     out[3] = heading_cos * state[0] - heading_sin * state[1]
     out[4] = heading_sin * state[0] + heading_cos * state[1]
     out[5] = state[2]

@@ -47,14 +47,15 @@ def integrate(
     steps = time.shape[0] - 1
     joints = rate.shape[2]
     state = start.copy()
-    trial = np.empty(STATES)
-    total = np.empty(STATES)
-    k = np.empty(STATES)
+    trial = np.empty_like(start)
+    total = np.empty_like(start)
+    k = np.empty_like(start)
     scratch = np.zeros(3)
-    still = np.zeros(joints)
-    jump = np.empty(joints)
+    still = np.zeros_like(rate[0, 0])
+    jump = np.empty_like(rate[0, 0])
     no_hooks = hooks[:0]
-    slack = np.array([tail[0], 0.0, 0.0])
+    slack = np.zeros_like(tail)
+    slack[0] = tail[0]
     for step in range(steps):
         h = time[step + 1] - time[step]
         if step > 0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -53,12 +53,13 @@ class Rollout:
     def at(self, time: FloatArray) -> FloatArray:
         """Return the state (m, 8) at any times, by cubic Hermite interpolation; at a jump, the value after it.
 
-        Before the start it is the state at the start; after the end it is NaN.
+        Before the start it is the state at the start; after the end it is NaN. Times may be complex, their imaginary
+        part a derivative (`mjfish.ode.tangent`).
         """
-        edges = self.time
-        index = np.clip(np.searchsorted(edges, time + 1e-12, side="right") - 1, 0, len(self.state) - 1)
+        edges, when = self.time, time.real
+        index = np.clip(np.searchsorted(edges, when + 1e-12, side="right") - 1, 0, len(self.state) - 1)
         width = (edges[index + 1] - edges[index])[:, None]
-        s = np.maximum((time - edges[index])[:, None] / width, 0.0)
+        s = np.where(when < edges[0], 0.0, time - edges[index])[:, None] / width
         left, right = self.state[index, 0], self.state[index, 1]
         slope_left, slope_right = self.derivative[index, 0] * width, self.derivative[index, 1] * width
         values = (
@@ -67,7 +68,7 @@ class Rollout:
             + s**2 * (3 - 2 * s) * right
             + s**2 * (s - 1) * slope_right
         )
-        return np.where((time > edges[-1] + 1e-9)[:, None], np.nan, values)
+        return np.where((when > edges[-1] + 1e-9)[:, None], np.nan, values)
 
 
 def simulate(
@@ -98,15 +99,13 @@ def simulate(
     start = np.zeros(STATES)
     if velocity is not None:
         start[:3] = frames.flip(np.asarray(velocity, dtype=np.float64))
-    flexible = fish.tail_compliance > 0.0
-    tail = np.array([float(flexible), 1.0 / fish.tail_compliance if flexible else 0.0, fish.tail_damping])
     addresses, parameters = load_table(loads)
     states, rates = np.zeros((steps, 2, STATES)), np.zeros((steps, 2, STATES))
     cos, sin = motion.trigonometry
     done = integrate(
         link_records(fish, values), motion.time, cos, sin, motion.rate, motion.acceleration,
-        np.ascontiguousarray(motion.angle[:, :, -1]), start, tail, coriolis == "printed", addresses, parameters,
-        states, rates,
+        np.ascontiguousarray(motion.angle[:, :, -1]), start, tail_of(fish), coriolis == "printed", addresses,
+        parameters, states, rates,
     )  # fmt: skip
     message = ""
     if done < steps:
@@ -115,13 +114,19 @@ def simulate(
     kept = max(done, 1)
     return Rollout(
         motion=motion,
-        state=_to_forward(states[:kept]),
-        derivative=_to_forward(rates[:kept]),
+        state=to_forward(states[:kept]),
+        derivative=to_forward(rates[:kept]),
         status="ok" if done == steps else "diverged",
         message=message,
     )
 
 
-def _to_forward(states: FloatArray) -> FloatArray:
+def tail_of(fish: Fish) -> FloatArray:
+    """Return flexible (0 or 1), stiffness [N m/rad] and damping [N m s/rad] of the last joint's deflection (3,)."""
+    flexible = fish.tail_compliance > 0.0
+    return np.array([float(flexible), 1.0 / fish.tail_compliance if flexible else 0.0, fish.tail_damping])
+
+
+def to_forward(states: Any) -> Any:
     """Turn velocity and pose from the model's frame to the forward frame; deflections keep their sign."""
-    return np.asarray(states * _TO_FORWARD)
+    return states * _TO_FORWARD
