@@ -16,8 +16,9 @@ from mjfish.hydro.outline import outline
 from mjfish.hydro.spatial_link import SPATIAL
 from mjfish.sim.strip_link import StripLink
 
-#: Number of links, carriers and trees; 1 for the coupling "inertia"; 1 where userdata holds the servo commands.
-HEADER = 5
+#: Number of links, carriers and trees; 1 for the coupling "inertia"; 1 where userdata holds the servo commands; number of
+#: bodies and dofs of the model, by which a tag on another model is seen.
+HEADER = 7
 #: Id of the body, row of its parent or -1, first dof, number of dofs.
 CARRIER = 4
 #: First dof, number of dofs.
@@ -81,7 +82,7 @@ def pack(
     water = records(links, density)
     water["body"] = bodies
     water["carrier"] = np.searchsorted(rows[:, 0], bodies)
-    header = [len(links), len(rows), len(trees), float(inertia), float(commanded)]
+    header = [len(links), len(rows), len(trees), float(inertia), float(commanded), model.nbody, model.nv]
     return np.concatenate([header, rows.ravel(), trees.ravel(), water.view(np.float64).ravel()])
 
 

@@ -62,6 +62,9 @@ def _act(model_pointer: Any, data_pointer: Any) -> None:
         _spoil(model, data)
         return
     header = carray(floats(address), HEADER)
+    if header[5] != model.nbody or header[6] != model.nv:
+        _spoil(model, data)
+        return
     n, c, t = int(header[0]), int(header[1]), int(header[2])
     inertia = header[3] > 0.0
     if header[4] > 0.0:

@@ -47,6 +47,8 @@ class StripFluid:
     in `mujoco.rollout`, `mujoco.batch` and the viewer, in every thread. A second `StripFluid` on a model replaces the
     first; other coefficients on a copy of a model leave the original alone.
 
+    A model compiled anew, by `MjSpec.compile` or `recompile`, has none: put it there again.
+
     Two things in the model change: `opt.o_solimp`, which is unused, leads to the water, and autoreset is disabled, so
     that a run which diverges is seen (`state`) and not silently started again.
 
