@@ -16,8 +16,8 @@ from mjfish.hydro.outline import outline
 from mjfish.hydro.spatial_link import SPATIAL
 from mjfish.sim.strip_link import StripLink
 
-#: Number of links, carriers and trees; 1 for the coupling "inertia"; 1 where userdata holds the servo commands; number of
-#: bodies and dofs of the model, by which a tag on another model is seen.
+#: Number of links, carriers and trees; 1 for the coupling "inertia"; 1 where userdata holds the servo commands; number
+#: of bodies and dofs of the model, by which a tag on another model is seen.
 HEADER = 7
 #: Id of the body, row of its parent or -1, first dof, number of dofs.
 CARRIER = 4
