@@ -9,13 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mjfish import files, tomlfile
+from mjfish import files, fish_toml, toml_text, tomlfile
 from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError, MjfishError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
-from mjfish.trial import columns, place, schema, toml_text
+from mjfish.trial import columns, place, schema
 from mjfish.trial.read import build_trial
 from mjfish.trial.schema import Bounds, DatasetTable
 from mjfish.trial.table import check_finite, write_table
@@ -53,8 +53,7 @@ def save(dataset: Dataset, folder: str | Path, *, suffix: Literal[".csv", ".parq
         for file, table in tables.items():
             write_table(partial / file, {columns.header(name): values for name, values in table.items()})
         if raw["fish"] == _FISH_FILE:
-            text = toml_text.dumps(dataset.fish.model_dump(by_alias=True))
-            (partial / _FISH_FILE).write_text(text, encoding="utf-8")
+            (partial / _FISH_FILE).write_text(fish_toml.text(dataset.fish), encoding="utf-8")
         (partial / schema.FILE).write_text(f"{MARK}\n{toml_text.dumps(raw)}", encoding="utf-8")
         _publish(partial, folder, stale)
     except (OSError, UnicodeEncodeError) as error:

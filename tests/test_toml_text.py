@@ -5,10 +5,11 @@ from __future__ import annotations
 import tomllib
 from typing import Any
 
+import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mjfish.trial import toml_text
+from mjfish import toml_text
 
 text = st.text(st.characters(exclude_categories=["Cs"]))
 numbers = st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False) | st.booleans()
@@ -36,3 +37,8 @@ def test_layout_is_the_one_a_person_would_write() -> None:
     assert toml_text.dumps(table) == (
         '\n[a]\n"b.c" = { low = 0.1 }\n\n[[t]]\nname = "x"\n\n[[t.drive]]\nstart = 0.0\nbias = [0, 1]\n'
     )
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    """Their own text names their type."""
+    assert toml_text.dumps({"a": np.float64(0.1), "b": [np.float64(1e-7)]}) == "a = 0.1\nb = [1e-07]\n"

@@ -50,8 +50,10 @@ def _address(keys: Sequence[str]) -> str:
 def _value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, int | float):
-        return repr(value)
+    if isinstance(value, int):
+        return repr(int(value))
+    if isinstance(value, float):
+        return repr(float(value))  # a number of numpy says its type in its own
     if isinstance(value, str):
         return _string(value)
     if isinstance(value, Mapping):

@@ -1,0 +1,49 @@
+"""A fish as a TOML file that `mjfish.fish.load` reads back as the same fish, to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mjfish import files, toml_text, tomlfile
+from mjfish.errors import InputError
+from mjfish.fish import Fish
+
+
+def text(fish: Fish, comments: Sequence[str] = ()) -> str:
+    """Return the fish as TOML.
+
+    Args:
+        fish: the fish.
+        comments: lines at the top, such as where the numbers come from.
+
+    Raises:
+        InputError: the fish breaks its own schema, so that it could not be read back.
+    """
+    table = fish.model_dump(by_alias=True)
+    if tomlfile.parse(table, Fish, f"fish '{fish.name}'") != fish:
+        raise InputError(f"fish '{fish.name}' holds values of types that TOML does not keep; build it by Fish(...)")
+    lines = [f"# {line}".rstrip() for comment in comments for line in _printable(comment).splitlines()]
+    return "\n".join([*lines, toml_text.dumps(table)])
+
+
+def write(path: str | Path, fish: Fish, comments: Sequence[str] = ()) -> None:
+    """Write the fish to the TOML file `path`, whole or not at all.
+
+    Args:
+        path: with the suffix ``.toml``, by which `mjfish.fish.load` knows a file from a name.
+        fish: the fish.
+        comments: lines at the top.
+
+    Raises:
+        InputError: another suffix, the file cannot be written, or the fish could not be read back.
+    """
+    path = Path(path)
+    if path.suffix != ".toml":
+        raise InputError(f"{path}: the name ends in '{path.suffix}', expected .toml; rename it")
+    files.write_text(path, text(fish, comments))
+
+
+def _printable(comment: str) -> str:
+    """Leave out control characters but line ends: TOML forbids them in comments."""
+    return "".join(character if character.isprintable() or character == "\n" else " " for character in comment)
