@@ -36,7 +36,9 @@ def test_readme_commands_and_python_run(tmp_path: Path) -> None:
             assert "The cause is servo_lag" in told
     for name in ("diagnosis.json", "report.html", "fish.rrd", "turn/rollout.csv", "turn/rollout.rrd"):
         assert (tmp_path / "out" / name).stat().st_size > 0, name
-    (script,) = blocks(ROOT / "README.md", "python")
+    plate, script = blocks(ROOT / "README.md", "python")
+    (tmp_path / "plate.py").write_text(plate)
+    assert _run("python plate.py", tmp_path) == "0.35 m/s2, added-mass force -0.82 N\n"  # 1 / (0.5 + rho pi/4 h^2 L)
     (tmp_path / "example.py").write_text(script)
     told = _run("python example.py", tmp_path)
     assert "The cause is servo_lag" in told
