@@ -14,7 +14,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.sim import blocks, callback, strip_link
+from mjfish.sim import blocks, callback, custom, strip_link
 from mjfish.sim.block_layout import pack
 from mjfish.sim.blocks import MAGIC, Block
 from mjfish.sim.compatible import Coupling, choose
@@ -87,7 +87,7 @@ class StripFluid:
         """
         _check_compiled(model)
         if links is None:
-            water = strip_link.read_custom(model)
+            water = custom.read(model)
             links, density = water.links, water.density if density is None else density
         self.model = model
         self.links = _made(links)

@@ -44,10 +44,16 @@ def xml(name: str) -> Traversable:
 
 def written(fish: Fish, kind: Literal["planar", "free"]) -> mujoco.MjSpec | None:
     """Return the hand-written MJCF of a fish whose body is that of a shipped one, else None."""
+    text = hand_written(fish, kind)
+    return None if text is None else mujoco.MjSpec.from_string(text)
+
+
+def hand_written(fish: Fish, kind: Literal["planar", "free"]) -> str | None:
+    """Return the text of that MJCF, else None."""
     if fish.name not in fishes.shipped() or _body(fish) != _body(fishes.load(fish.name)):
         return None
     try:
-        return mujoco.MjSpec.from_string(xml(f"{fish.name}_{kind}.xml").read_text(encoding="utf-8"))
+        return xml(f"{fish.name}_{kind}.xml").read_text(encoding="utf-8")
     except UnknownNameError:
         return None  # shipped as TOML only
 

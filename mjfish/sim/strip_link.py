@@ -1,4 +1,7 @@
-"""What the water must know of a body: its sections along an axis, and its coefficients. Python, TOML or MJCF."""
+"""What the water must know of a body: its sections along an axis, and its coefficients.
+
+Given in Python or TOML; in an MJCF: `mjfish.sim.custom`.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,12 @@ from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import mujoco
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray
-from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors import InputError
 from mjfish.fish import NotNegative, Positive, Section
 from mjfish.parameter import Parameter
 from mjfish.tomlfile import Table
@@ -30,8 +32,6 @@ COEFFICIENTS = {
         Parameter("roll_damping", "-", 1.0, 0.0, 100.0, 1.0, 0.1, "drag in roll, of that of a turning plate"),
     )
 }
-#: Custom numerics of an MJCF that describe links: ``strip_fluid/BODY/KEY``, and ``strip_fluid/density``.
-PREFIX = "strip_fluid"
 _EXACT = 1e-9  # stations this close are the same [m]
 
 Vector = tuple[float, float, float]
@@ -192,34 +192,3 @@ def read(path: str | Path) -> Water:
         InputError: every broken key, by name.
     """
     return tomlfile.read(Path(path), Water)
-
-
-def read_custom(model: mujoco.MjModel) -> Water:
-    """Read the water from the custom numerics of a model: ``strip_fluid/BODY/KEY``, and ``strip_fluid/density``.
-
-    KEY is any number or list of numbers that a `StripLink` takes: ``length``, ``station``, ``height``, ``c_d``, ...
-
-    Raises:
-        InputError, UnknownNameError: there are none, or a key is broken.
-    """
-    links: dict[str, dict[str, object]] = {}
-    water: dict[str, object] = {}
-    for index in range(model.nnumeric):
-        numeric = model.numeric(index)
-        prefix, _, name = numeric.name.partition("/")
-        if prefix != PREFIX:
-            continue
-        numbers = numeric.data.tolist()
-        value = numbers[0] if len(numbers) == 1 else numbers
-        body, _, key = name.rpartition("/")
-        if body:
-            links.setdefault(body, {"body": body})[key] = value
-        else:
-            water[key] = value
-    for key in water.keys() - {"density"}:
-        raise UnknownNameError("custom numeric", f"{PREFIX}/{key}", [f"{PREFIX}/density", f"{PREFIX}/BODY/KEY"])
-    if not links:
-        raise InputError(
-            f"the model has no custom numeric '{PREFIX}/BODY/KEY'; describe its bodies there, or give the links"
-        )
-    return tomlfile.parse({**water, "links": list(links.values())}, Water, f"custom numeric {PREFIX}")
