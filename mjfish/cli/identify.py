@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast, get_args
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
 from mjfish.cli import console
+from mjfish.errors import InputError
 from mjfish.files import check_file, write_json
 from mjfish.identify.report import Identification, identify
+from mjfish.identify.settings import Loss, Settings, Weights
 from mjfish.trial import load
 
 #: Correlations beyond this are printed.
@@ -25,22 +27,58 @@ def register(app: typer.Typer) -> None:
 
 def identify_(
     dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml.")],
+    free: Annotated[list[str] | None, typer.Option(help="Pattern of what is fitted, e.g. 'c_d.*'; repeatable.")] = None,
+    fix: Annotated[
+        list[str] | None, typer.Option(help="Not fitted: NAME, or NAME=VALUE; patterns too; repeatable.")
+    ] = None,
+    bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOW:HIGH, one may be left out; repeatable.")] = None,
+    start: Annotated[list[str] | None, typer.Option(help="NAME=VALUE where the fit starts; repeatable.")] = None,
+    loss: Annotated[str, typer.Option(help=f"One of {', '.join(get_args(Loss))}.")] = "linear",
+    weights: Annotated[str, typer.Option(help="'noise', or 'paper' for its weight matrix.")] = "noise",
+    starts: Annotated[int, typer.Option(min=1, help="Fits from a Latin hypercube over the bounds.")] = 16,
+    seed: Annotated[int, typer.Option(min=0, help="Of the hypercube.")] = 0,
     json_: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Fit the hydrodynamic coefficients to all fit trials at once, and score the held-out ones."""
     if json_ is not None:
         check_file(json_)
+    settings = Settings(
+        free=tuple(free or ("*",)),
+        fixed=_fixed(fix or []),
+        bounds=dict(_bounds(text) for text in bounds or []),
+        start=console.assignments(start or [], "--start"),
+        loss=cast("Loss", loss),
+        weights=cast("Weights", weights),
+        starts=starts,
+        seed=seed,
+    )
     measured = load(dataset)
     with console.progress_bar() as tell:
-        tell("fitting", 0.1)
-        result = identify(measured, jobs=jobs)
+        result = identify(measured, settings, jobs=jobs, tell=lambda done: tell("fitting", done))
     _show(result)
     if json_ is not None:
         write_json(json_, result.to_dict())
     if result.fit.status != "converged":
         console.err.print(f"[bold red]{result.fit.status}:[/] {escape(result.fit.message)}", soft_wrap=True)
         raise typer.Exit(console.NOT_GOOD)
+
+
+def _fixed(texts: list[str]) -> dict[str, float | None]:
+    bare = [text.strip() for text in texts if "=" not in text]
+    return {
+        **dict.fromkeys(bare),
+        **console.assignments([text for text in texts if "=" in text], "--fix"),
+    }
+
+
+def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:
+    name, _, ends = text.partition("=")
+    low, colon, high = ends.partition(":")
+    if not (name and colon and (low or high)):
+        raise InputError(f"--bounds: found '{text}', expected NAME=LOW:HIGH, e.g. c_d.head=0.5:3; correct it")
+    what = f"--bounds {name}"
+    return name, tuple(console.numbers(end, 1, what)[0] if end else None for end in (low, high))  # type: ignore[return-value]
 
 
 def _show(result: Identification) -> None:

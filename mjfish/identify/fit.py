@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +11,7 @@ from scipy import optimize
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.identify.problem import Problem
+from mjfish.identify.settings import Loss
 from mjfish.parameter import Parameter
 
 #: 97.5 % point of the standard normal distribution.
@@ -35,6 +37,7 @@ class Fit:
         status: ``converged`` or ``stopped`` (too many evaluations) or ``diverged``.
         message: of the optimiser; which trial diverged, when and with which parameters, where one did.
         evaluations: of the residual.
+        cost: what was minimised: `sse`, or its robust form.
     """
 
     parameters: tuple[Parameter, ...]
@@ -48,6 +51,7 @@ class Fit:
     status: Literal["converged", "stopped", "diverged"]
     message: str
     evaluations: int
+    cost: float = math.nan
 
     @property
     def values(self) -> dict[str, float]:
@@ -81,6 +85,8 @@ def fit(
     *,
     tolerance: float = 1e-8,
     evaluations: int = _MAX_EVALUATIONS,
+    loss: Loss = "linear",
+    loss_scale: float = 1.0,
 ) -> Fit:
     """Minimise the sum of squared whitened residuals within the bounds, by `scipy.optimize.least_squares` (trf).
 
@@ -89,6 +95,8 @@ def fit(
         start: (p,) where to start; None: the declared starts.
         tolerance: relative change of the cost at which it stops.
         evaluations: of the residual, at most.
+        loss, loss_scale: robust loss of each whitened residual; what the result says of the data (`residual`,
+            `jacobian`, covariances) is then weighted as the loss weighs it at the optimum.
     """
     parameters = problem.parameters
     scale = np.array([p.scale for p in parameters])
@@ -114,10 +122,14 @@ def fit(
         xtol=1e-8,
         gtol=1e-10,
         max_nfev=evaluations,
+        loss=loss,
+        f_scale=loss_scale,
     )
     x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
     residual = problem.residual(x)
     jacobian = problem.jacobian(x)
+    weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
+    residual, jacobian = residual * weight, jacobian * weight[:, None]
     divergence = problem.divergence(x)
     return Fit(
         parameters=parameters,
@@ -131,7 +143,19 @@ def fit(
         status="diverged" if divergence else ("converged" if solution.status > 0 else "stopped"),
         message=divergence or str(solution.message),
         evaluations=int(solution.nfev),
+        cost=2.0 * float(solution.cost),
     )
+
+
+def slope(loss: Loss, z: FloatArray) -> FloatArray:
+    """Return rho'(z) of a loss rho of z = (r / scale)^2, as `scipy.optimize.least_squares` has them."""
+    if loss == "soft_l1":
+        return np.asarray(1.0 / np.sqrt(1.0 + z))
+    if loss == "huber":
+        return np.asarray(np.where(z > 1.0, 1.0 / np.sqrt(np.maximum(z, 1.0)), 1.0))
+    if loss == "cauchy":
+        return np.asarray(1.0 / (1.0 + z))
+    return np.asarray(1.0 / (1.0 + z**2) if loss == "arctan" else np.ones_like(z))
 
 
 def _settle(x: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
+from mjfish.errors import InputError
+from mjfish.frames import CHANNELS
 from mjfish.identify.fit import Fit, fit
+from mjfish.identify.multistart import MultiStart, multistart
 from mjfish.identify.noise import Noise, floor
 from mjfish.identify.problem import Problem
 from mjfish.identify.score import predict_held_out
+from mjfish.identify.settings import Settings
 from mjfish.model import Model
 from mjfish.trial import Dataset, Trial
 
@@ -79,34 +84,93 @@ class Identification:
         }
 
 
-def identify(dataset: Dataset, *, jobs: int | None = None) -> Identification:
-    """Fit the nine coefficients to all fit trials at once ([Yu2016] eq. (21)).
+def pose(dataset: Dataset, settings: Settings | None = None, *, jobs: int | None = None) -> Problem:
+    """Return the least-squares problem of a dataset's fit trials, weighted by the stated noise or a first guess of it.
 
-    Weights come from the noise: the stated one, or else the RMS of the residual, fitted again until they agree.
+    Raises:
+        UnknownNameError, ParameterError: see `Settings.choose`.
+        InputError: fewer data than parameters, or see `Settings.choose`.
     """
-    fitted, held = dataset.split()
-    stated = dataset.noise
+    settings = settings or Settings()
+    fitted, _ = dataset.split()
+    model = Model(dataset.fish)
+    fixed, declared = settings.choose(model.parameters)
+    noise = dataset.noise if dataset.noise is not None else first_sigma(fitted)
     problem = Problem(
-        Model(dataset.fish),
+        model,
         fitted,
-        Noise.white(stated if stated is not None else first_sigma(fitted)),
+        Noise.white(settings.sigma(noise)),
+        fixed=fixed,
+        declared=declared,
         free_clock=dataset.clock == "free",
         jobs=jobs or os.cpu_count() or 1,
     )
-    one = fit(problem)
-    remarks: tuple[str, ...] = ()
-    for _ in range(2 if stated is None else 0):
+    samples, free = 3 * sum(int(np.count_nonzero(problem.mask(i))) for i in range(len(fitted))), len(problem.parameters)
+    if samples <= free:
+        raise InputError(
+            f"{dataset.name}: {samples} numbers for {free} free parameters; give more data, or fix parameters"
+        )
+    return problem
+
+
+def identify(
+    dataset: Dataset,
+    settings: Settings | None = None,
+    *,
+    jobs: int | None = None,
+    tell: Callable[[float], None] | None = None,
+) -> Identification:
+    """Fit the nine coefficients to all fit trials at once ([Yu2016] eq. (21)).
+
+    Weights come from the noise: the stated one, or else the RMS of the residual, fitted again until they agree.
+
+    Args:
+        dataset: its fit trials are fitted, the others scored.
+        settings: of the fit; None: everything free, 16 starts.
+        jobs: threads; the result does not depend on them.
+        tell: called with the share of the starts that is done.
+
+    Raises:
+        MjfishError: see `pose`.
+    """
+    settings = settings or Settings()
+    fitted, held = dataset.split()
+    stated = dataset.noise
+    problem = pose(dataset, settings, jobs=jobs)
+    robust = {"loss": settings.loss, "loss_scale": settings.loss_scale}
+    many = multistart(problem, settings.starts, seed=settings.seed, tell=tell, **robust)  # type: ignore[arg-type]
+    one = many.best
+    remarks = tuple(_remarks(fitted, many, settings))
+    for _ in range(2 if stated is None and settings.weights == "noise" else 0):
         if one.status == "diverged":
             break
         residual = np.concatenate(problem.raw(one.x))
-        problem = replace(problem, noise=Noise.white(np.maximum(np.sqrt(np.mean(residual**2, axis=0)), floor(fitted))))
-        one = fit(problem, one.x)
-        remarks = ("noise: none stated; the weights are the RMS of the residual",)
+        problem = replace(problem, noise=Noise.white(np.maximum(_spread(residual, settings.loss), floor(fitted))))
+        one = fit(problem, one.x, **robust)  # type: ignore[arg-type]
+    if stated is None and settings.weights == "noise":
+        remarks += ("noise: none stated; the weights are the RMS of the residual",)
     scores = [_score(t, "fit", r) for t, r in zip(fitted, problem.raw(one.x), strict=True)]
     if held:
         parts = predict_held_out(problem, one.values, held)
         scores += [_score(t, "held_out", r) for t, r in zip(held, parts.residuals, strict=True)]
     return Identification(dataset, one, np.asarray(problem.noise.sigma), tuple(scores), remarks)
+
+
+def _spread(residual: FloatArray, loss: str) -> FloatArray:
+    """Return the sigma (3,) of residuals (n, 3): their RMS, or where outliers are expected 1.4826 of their median."""
+    if loss == "linear":
+        return np.asarray(np.sqrt(np.mean(residual**2, axis=0)))
+    return np.asarray(1.4826 * np.median(np.abs(residual), axis=0))
+
+
+def _remarks(trials: tuple[Trial, ...], many: MultiStart, settings: Settings) -> Iterator[str]:
+    for trial in trials:
+        for channel, spread in zip(CHANNELS, np.ptp(trial.velocity, axis=0), strict=True):
+            if spread == 0.0:
+                yield f"{trial.name}: {channel} does not vary; check the recording, or leave the trial out"
+    if settings.starts > 1:
+        count = round(many.reached * settings.starts)
+        yield f"{count} of {settings.starts} starts reached the best optimum"
 
 
 def first_sigma(trials: tuple[Trial, ...]) -> FloatArray:
