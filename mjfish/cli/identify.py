@@ -99,6 +99,8 @@ def _show(result: Identification) -> None:
     console.out.print(scores)
     for first, second, value in result.strong_correlations(_STRONG):
         console.out.print(f"{first} and {second} are hard to tell apart on these data: correlation {value:.2f}")
+    if result.starts > 1:
+        console.out.print(f"{round(result.reached * result.starts)} of {result.starts} starts reached the best optimum")
     for remark in result.remarks:
         console.out.print(remark)
     console.out.print(f"fit {result.fit.status} after {result.fit.evaluations} evaluations")

@@ -13,7 +13,7 @@ from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 from mjfish.identify.fit import Fit, fit
-from mjfish.identify.multistart import MultiStart, multistart
+from mjfish.identify.multistart import multistart
 from mjfish.identify.noise import Noise, floor
 from mjfish.identify.problem import Problem
 from mjfish.identify.score import predict_held_out
@@ -41,6 +41,8 @@ class Identification:
         noise: sigma (3,) of the measured velocities that the weights are made of.
         scores: of every trial; held-out ones without what their own nuisance parameters were fitted on.
         remarks: what a reader should know.
+        starts: fits from a Latin hypercube.
+        reached: share of them that reached the best optimum.
     """
 
     dataset: Dataset
@@ -48,6 +50,8 @@ class Identification:
     noise: FloatArray
     scores: tuple[TrialScore, ...]
     remarks: tuple[str, ...]
+    starts: int = 1
+    reached: float = 1.0
 
     def strong_correlations(self, limit: float) -> list[tuple[str, str, float]]:
         """Return pairs of estimates that are correlated beyond `limit`, strongest first."""
@@ -65,6 +69,8 @@ class Identification:
             "message": one.message,
             "evaluations": one.evaluations,
             "cost": one.sse,
+            "starts": self.starts,
+            "reached": self.reached,
             "samples": len(one.residual),
             "noise": self.noise.tolist(),
             "parameters": {
@@ -140,7 +146,7 @@ def identify(
     robust = {"loss": settings.loss, "loss_scale": settings.loss_scale}
     many = multistart(problem, settings.starts, seed=settings.seed, tell=tell, **robust)  # type: ignore[arg-type]
     one = many.best
-    remarks = tuple(_remarks(fitted, many, settings))
+    remarks = tuple(_remarks(fitted))
     for _ in range(2 if stated is None and settings.weights == "noise" else 0):
         if one.status == "diverged":
             break
@@ -153,7 +159,9 @@ def identify(
     if held:
         parts = predict_held_out(problem, one.values, held)
         scores += [_score(t, "held_out", r) for t, r in zip(held, parts.residuals, strict=True)]
-    return Identification(dataset, one, np.asarray(problem.noise.sigma), tuple(scores), remarks)
+    return Identification(
+        dataset, one, np.asarray(problem.noise.sigma), tuple(scores), remarks, settings.starts, many.reached
+    )
 
 
 def _spread(residual: FloatArray, loss: str) -> FloatArray:
@@ -163,14 +171,11 @@ def _spread(residual: FloatArray, loss: str) -> FloatArray:
     return np.asarray(1.4826 * np.median(np.abs(residual), axis=0))
 
 
-def _remarks(trials: tuple[Trial, ...], many: MultiStart, settings: Settings) -> Iterator[str]:
+def _remarks(trials: tuple[Trial, ...]) -> Iterator[str]:
     for trial in trials:
         for channel, spread in zip(CHANNELS, np.ptp(trial.velocity, axis=0), strict=True):
             if spread == 0.0:
                 yield f"{trial.name}: {channel} does not vary; check the recording, or leave the trial out"
-    if settings.starts > 1:
-        count = round(many.reached * settings.starts)
-        yield f"{count} of {settings.starts} starts reached the best optimum"
 
 
 def first_sigma(trials: tuple[Trial, ...]) -> FloatArray:

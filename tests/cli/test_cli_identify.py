@@ -40,7 +40,7 @@ def _edit(pool: Path, old: str, new: str, file: str = "dataset.toml") -> None:
 
 def test_estimates_are_shown_and_written(run: Run, pool: Path, tmp_path: Path) -> None:
     """The folder or its dataset.toml; brackets in the name of the dataset are no markup."""
-    shown = run("identify pool --json out.json --jobs 1").stdout
+    shown = run("identify pool --json out.json --jobs 1 --starts 2").stdout
     assert "pool [/]: estimates with 95 % intervals" in shown
     told = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
     assert told["status"] == "converged"
@@ -52,13 +52,13 @@ def test_estimates_are_shown_and_written(run: Run, pool: Path, tmp_path: Path) -
         assert abs(entry["estimate"] - TRUTH[name]) < 4.0 * (entry["standard_error"] or np.inf)
     assert [score["role"] for score in told["scores"]] == ["fit", "fit", "held_out"]
     assert "held_out" in shown
-    again = run("identify pool/dataset.toml --jobs 1").stdout
+    again = run("identify pool/dataset.toml --jobs 1 --starts 2").stdout
     assert again == shown
 
 
 def test_an_estimate_at_its_bound_is_marked(run: Run, pool: Path, tmp_path: Path) -> None:
     _edit(pool, "[[trials]]", "[start]\nc_d.head = { start = 1.0, high = 1.2 }\n\n[[trials]]")
-    shown = run("identify pool --json out.json --jobs 1").stdout
+    shown = run("identify pool --json out.json --jobs 1 --starts 2").stdout
     entry = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["parameters"]["c_d.head"]
     assert (entry["estimate"], entry["standard_error"], entry["at_bound"]) == (1.2, 0.0, True)
     assert "rests on its bound" in next(line for line in shown.splitlines() if "c_d.head" in line)
@@ -66,7 +66,7 @@ def test_an_estimate_at_its_bound_is_marked(run: Run, pool: Path, tmp_path: Path
 
 def test_a_fit_that_diverges_exits_with_1_and_says_when_and_with_what(run: Run, pool: Path, tmp_path: Path) -> None:
     _edit(pool, "[[trials]]", "[start]\nc_d.tail = { start = 1e8, low = 1e7, high = 1e9 }\n\n[[trials]]")
-    result = run("identify pool --json out.json --jobs 1", exit_code=1)
+    result = run("identify pool --json out.json --jobs 1 --starts 2", exit_code=1)
     assert "diverged: v1 diverged at 0." in result.stderr
     assert "c_d.tail = 1e+08" in result.stderr
     told = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))

@@ -15,6 +15,7 @@ from mjfish.files import write_json
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.identify import Identification, identify
 from mjfish.identify.report import first_sigma
+from mjfish.identify.settings import Settings
 from mjfish.trial import Dataset, Trial
 
 
@@ -25,7 +26,7 @@ def planted(pike: Fish) -> Dataset:
 
 @pytest.fixture(scope="module")
 def found(planted: Dataset) -> Identification:
-    return identify(planted, jobs=1)
+    return identify(planted, Settings(starts=1), jobs=1)
 
 
 def test_it_fits_the_fit_trials_and_scores_all(found: Identification) -> None:
@@ -47,7 +48,7 @@ def test_nrmse_is_the_rms_of_the_residual_over_the_range_of_the_measurement(
 
 
 def test_noise_that_is_not_stated_is_estimated(planted: Dataset) -> None:
-    found = identify(replace(planted, noise=None), jobs=1)
+    found = identify(replace(planted, noise=None), Settings(starts=1), jobs=1)
     np.testing.assert_allclose(found.noise, SIGMA, rtol=0.2)
     assert "none stated" in found.remarks[0]
     assert np.max(np.abs(off_truth(found.fit.values, found.fit.sigma))) < 4.5
@@ -97,7 +98,7 @@ def test_a_start_that_diverges_is_reported_not_raised(pike: Fish, planted: Datas
         {p.name: p.rebound(low=1e7, high=1e9, start=1e8) for p in pike.parameters if p.name == "c_d.tail"}
     )
     for noise in (planted.noise, None):
-        lost = identify(replace(planted, fish=wild, noise=noise), jobs=1)
+        lost = identify(replace(planted, fish=wild, noise=noise), Settings(starts=1), jobs=1)
         assert lost.fit.status == "diverged"
         assert "c_d.tail = 1e+08" in lost.fit.message
         assert all(np.all(np.isnan(score.nrmse)) for score in lost.scores)
@@ -106,6 +107,6 @@ def test_a_start_that_diverges_is_reported_not_raised(pike: Fish, planted: Datas
 
 
 def test_threads_do_not_change_the_answer(planted: Dataset, found: Identification) -> None:
-    threaded = identify(planted, jobs=2)
+    threaded = identify(planted, Settings(starts=1), jobs=2)
     assert threaded.fit.x.tobytes() == found.fit.x.tobytes()
     assert threaded.scores == found.scores
