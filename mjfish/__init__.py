@@ -7,6 +7,7 @@ A fish swims (drive -> body -> water -> camera), a measured fish swims too, and 
 - `mjfish.trial`, `mjfish.importers`, `mjfish.plant`: measured, imported and planted datasets;
 - `mjfish.effects`, `mjfish.model`, `mjfish.identify`, `mjfish.diagnose`: causes, the extended model, its fit,
   the verdict;
+- `mjfish.compare`: anyone's rollouts against measurements;
 - `mjfish.report`, `mjfish.viewlog`, `mjfish.cli`: how it is shown.
 
 The water is there for any MuJoCo model, too: `mjfish.StripFluid`, described in `mjfish.sim`.

@@ -31,6 +31,20 @@ def times(time: FloatArray, path: Path) -> None:
     """
     if len(time) < 2:
         raise InputError(f"{path}: has 1 row, expected a recording of at least one beat; record longer")
+    steps = increasing(time, path)
+    median = float(np.median(steps))
+    gaps = np.flatnonzero(steps > GAP * median)
+    if gaps.size:
+        index = int(gaps[0]) + 1
+        raise InputError(
+            f"{place.row(path, index)}: a gap of {steps[index - 1]:.6g} s from row {index} ({time[index - 1]:.9g} s) "
+            f"to row {index + 1} ({time[index]:.9g} s), expected steps of about {median:.6g} s; cut the recording "
+            f"there into two trials, or fill in the missing rows ({gaps.size} gaps in the file)"
+        )
+
+
+def increasing(time: FloatArray, path: Path) -> FloatArray:
+    """Refuse times (n,) [s] that do not increase or repeat; return the steps (n - 1,) between them."""
     with np.errstate(over="ignore"):
         steps = np.diff(time)
     wrong = np.flatnonzero(steps <= 0.0)
@@ -43,15 +57,7 @@ def times(time: FloatArray, path: Path) -> None:
             f"{place.row(path, index)}, column 'time [s]': {here:.9g} s {how} row {index}, expected increasing times; "
             f"{what}"
         )
-    median = float(np.median(steps))
-    gaps = np.flatnonzero(steps > GAP * median)
-    if gaps.size:
-        index = int(gaps[0]) + 1
-        raise InputError(
-            f"{place.row(path, index)}: a gap of {steps[index - 1]:.6g} s from row {index} ({time[index - 1]:.9g} s) "
-            f"to row {index + 1} ({time[index]:.9g} s), expected steps of about {median:.6g} s; cut the recording "
-            f"there into two trials, or fill in the missing rows ({gaps.size} gaps in the file)"
-        )
+    return np.asarray(steps)
 
 
 def angles(time: FloatArray, angle: FloatArray, path: Path) -> None:

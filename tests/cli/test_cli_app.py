@@ -14,7 +14,19 @@ from command_line import Run
 from mjfish.cli import application, console
 from mjfish.effects import catalogue
 
-COMMANDS = ("simulate", "export", "check", "generate", "import", "identify", "diagnose", "effects", "demo", "view")
+COMMANDS = (
+    "simulate",
+    "export",
+    "check",
+    "generate",
+    "import",
+    "compare",
+    "identify",
+    "diagnose",
+    "effects",
+    "demo",
+    "view",
+)
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
 MAIN = "from mjfish.cli import main; main()"
 
