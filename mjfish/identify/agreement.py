@@ -96,7 +96,7 @@ def agreement(
     rows = []
     for residual in residuals:
         own = noise
-        if own is None and not residual.diverged:
+        if own is None and horizons and not residual.diverged:
             own = noise_at(residuals, residual.interval)
         where = parts(residual.trial, settling)
         left: dict[int | None, FloatArray] = {None: residual.values}

@@ -41,7 +41,7 @@ def _of(diagnosis: Diagnosis, overlay: Overlay) -> TrialFigure:
         held_out=overlay.held_out,
         duration=float(trial.time[-1] - trial.time[0]),
         changes=changes,
-        spec={"data": _curves(diagnosis, overlay), "layout": _layout(changes)},
+        spec={"data": _curves(diagnosis, overlay), "layout": panels(changes)},
     )
 
 
@@ -61,7 +61,8 @@ def _curves(diagnosis: Diagnosis, overlay: Overlay) -> list[figure.Trace]:
     return data
 
 
-def _layout(changes: tuple[float, ...]) -> dict[str, Any]:
+def panels(changes: tuple[float, ...]) -> dict[str, Any]:
+    """Return the layout: velocities on the left, residuals on the right, a line at each change of the drive [s]."""
     count = len(CHANNELS)
     height = (1.0 - _GAP * (count - 1)) / count
     axes: dict[str, Any] = {}
