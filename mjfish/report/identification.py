@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from mjfish.files import make_folder
 from mjfish.frames import CHANNELS
 from mjfish.identify.agreement import agreement
 from mjfish.identify.residual import Residual
 from mjfish.identify.residual_tests import ResidualTests
 from mjfish.identify.whiteness import ALL
-from mjfish.report.residuals import INPUT_NAMES, autocorrelation_figure, cross_correlation_figure, simulated_figure
+from mjfish.report.residuals import autocorrelation_figure, cross_correlation_figure, simulated_figure
 from mjfish.report.sheet import Block, Sheet, write_sheet
 from mjfish.report.words import CHANNEL_NAMES, chance
 
@@ -76,10 +78,15 @@ def _cross_correlation(name: str, tests: ResidualTests) -> Sheet:
     blocks: list[Block] = []
     for trial in [ALL, *dict.fromkeys(t.trial for t in tests.independence if t.trial != ALL)]:
         own = [t for t in tests.independence if t.trial == trial]
-        told = [f"{CHANNEL_NAMES[t.channel]}, {INPUT_NAMES[t.input]}: p {chance(t.p_value)}" for t in own]
+        least = min((t.p_value for t in own if np.isfinite(t.p_value)), default=np.nan)
         heading = "All trials" if trial == ALL else trial
         blocks.append(
-            Block(heading, "; ".join(told), cross_correlation_figure(tests.independence, trial), trial == ALL)
+            Block(
+                heading,
+                f"smallest p {chance(least)} of {len(own)}",
+                cross_correlation_figure(tests.independence, trial),
+                trial == ALL,
+            )
         )
     return Sheet(
         f"{name}: is the residual independent of the input?",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,7 +14,7 @@ from mjfish.identify.inputs import INPUTS
 from mjfish.identify.residual import Residual
 from mjfish.identify.whiteness import ALL, Autocorrelation
 from mjfish.report import figure, series
-from mjfish.report.words import CHANNEL_NAMES
+from mjfish.report.words import CHANNEL_NAMES, chance
 
 #: What the inputs are, for headings.
 INPUT_NAMES = {"beat": "last joint", "double_beat": "last joint, squared"}
@@ -56,16 +57,17 @@ def autocorrelation_figure(tests: Sequence[Autocorrelation]) -> dict[str, Any]:
 def cross_correlation_figure(tests: Sequence[CrossCorrelation], trial: str = ALL) -> dict[str, Any]:
     """Return the cross-correlation of the residual with every input, a row a channel, of one trial or over all."""
     data = []
+    headings = [[f"{CHANNEL_NAMES[channel]}, {INPUT_NAMES[name]}" for name in INPUTS] for channel in CHANNELS]
     for row, channel in enumerate(CHANNELS):
         for column, name in enumerate(INPUTS):
             panel = row * len(INPUTS) + column + 1
             for test in tests:
                 if (test.trial, test.channel, test.input) == (trial, channel, name):
+                    headings[row][column] += f": p {html.escape(chance(test.p_value))}"
                     data.append(figure.band(test.lag, -test.band, test.band, "@nominal-soft", panel))
                     data.append(
                         {**figure.curve(test.lag, test.value, "@nominal", panel, width=1.8), "name": "residual"}
                     )
-    headings = [[f"{CHANNEL_NAMES[channel]}, {INPUT_NAMES[name]}" for name in INPUTS] for channel in CHANNELS]
     return {"data": data, "layout": _grid(headings, "residual behind the input [s]")}
 
 

@@ -20,6 +20,7 @@ from mjfish.plant import plant
 from mjfish.report.identification import write_identification_figures
 from mjfish.report.residuals import autocorrelation_figure, cross_correlation_figure, simulated_figure
 from mjfish.report.sheet import Block, Sheet, write_sheet
+from mjfish.report.words import chance
 
 SIGMA = readonly([0.01, 0.01, 0.05])
 EVIL = "</script><img src=x onerror=alert(1)>"
@@ -84,7 +85,7 @@ def test_cross_correlations_have_a_panel_for_each_channel_and_input(tests_: Resi
     for k, test in enumerate(own):
         np.testing.assert_allclose(lines["y" if k == 0 else f"y{k + 1}"], test.value, rtol=1e-4)
     texts = [note["text"] for note in spec["layout"]["annotations"]]
-    assert texts[5] == "yaw rate, last joint, squared"
+    assert texts[5] == f"yaw rate, last joint, squared: p {chance(own[5].p_value)}"
 
 
 def test_files_are_written_and_named_and_hold_every_trial(
