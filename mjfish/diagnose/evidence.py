@@ -172,7 +172,7 @@ def whitened_omnibus(problem: Problem) -> FloatArray:
     column = 0
     for index, blocks in enumerate(parts):
         keep = problem.mask(index)
-        joined = problem.noise.whiten(np.concatenate(blocks, axis=2)[keep])
+        joined = problem.noise.whiten(np.concatenate(blocks, axis=2)[keep], problem.stretches(index))
         padded = np.zeros((joined.shape[0] * 3, width))
         padded[:, column : column + joined.shape[2]] = joined.reshape(-1, joined.shape[2])
         column += joined.shape[2]

@@ -45,15 +45,20 @@ class Noise:
         """Autoregressive order p."""
         return int(self.phi.shape[1])
 
-    def whiten(self, block: FloatArray) -> FloatArray:
+    def whiten(self, block: FloatArray, starts: Sequence[int] = (0,)) -> FloatArray:
         """Whiten columns that belong to one trial.
 
         Args:
-            block: (n, 3, ...) residuals or sensitivities at equally spaced times, channels second.
+            block: (n, 3, ...) residuals or sensitivities, channels second.
+            starts: rows at which a stretch of equally spaced times begins; the first p rows of each are dropped.
 
         Returns:
-            (n - p, 3, ...), of unit variance and white where the model holds.
+            (m, 3, ...), of unit variance and white where the model holds; m = n - p where there is one stretch.
         """
+        pieces = np.split(block, list(starts)[1:])
+        return np.concatenate([self._whiten(piece) for piece in pieces])
+
+    def _whiten(self, block: FloatArray) -> FloatArray:
         whitened = [
             signal.lfilter(
                 np.concatenate([[1.0], -self.phi[channel]]), [self.sigma[channel]], block[:, channel], axis=0

@@ -17,6 +17,7 @@ from mjfish.model import MARGIN, Model, Prediction
 from mjfish.parameter import Parameter
 from mjfish.sensitivity import one_sided, sensitivities
 from mjfish.trial import Trial
+from mjfish.trial.check import GAP
 
 #: Residual of a sample that the rollout did not reach, in units of sigma: worse than any honest misfit.
 _DIVERGED = 1e3
@@ -84,7 +85,7 @@ class Problem:
 
     def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
         """Whiten blocks (n_r, 3, k), one a trial, and stack them to (n, k)."""
-        whitened = [self.noise.whiten(block) for block in blocks]
+        whitened = [self.noise.whiten(block, self.stretches(i)) for i, block in enumerate(blocks)]
         return np.concatenate([block.reshape(-1, block.shape[2]) for block in whitened])
 
     def sensitivities(self, x: FloatArray, only: Sequence[str] | None = None) -> list[FloatArray]:
@@ -139,6 +140,13 @@ class Problem:
             keep &= (trial.time >= window[0]) & (trial.time <= window[1])
         return keep
 
+    def stretches(self, index: int) -> list[int]:
+        """Return where, among the samples of a trial that count, a stretch without a missing sample begins."""
+        time = self.trials[index].time
+        steps = np.diff(time)
+        stretch = np.concatenate([[0], np.cumsum(steps > GAP * np.median(steps))])[self.mask(index)]
+        return [0, *(np.flatnonzero(np.diff(stretch)) + 1).tolist()]
+
     def start(self, given: Mapping[str, float] | None = None) -> FloatArray:
         """Return the start vector: `given` by name where it has one, else each parameter's declared start."""
         return np.array([(given or {}).get(p.name, p.start) for p in self.parameters])
@@ -152,9 +160,10 @@ class Problem:
         for i, (trial, velocity) in enumerate(zip(self.trials, predicted, strict=True)):
             keep = self.mask(i)
             if np.all(np.isfinite(velocity)):
-                parts.append(self.noise.whiten((trial.velocity - velocity)[keep]).ravel())
+                parts.append(self.noise.whiten((trial.velocity - velocity)[keep], self.stretches(i)).ravel())
             else:
-                parts.append(np.full(3 * (int(np.count_nonzero(keep)) - self.noise.order), _DIVERGED))
+                lost = np.zeros((int(np.count_nonzero(keep)), len(CHANNELS)))
+                parts.append(np.full_like(self.noise.whiten(lost, self.stretches(i)).ravel(), _DIVERGED))
         return np.concatenate(parts)
 
     def _run(self, tasks: list[tuple[Trial, dict[str, float]]]) -> list[FloatArray]:

@@ -22,8 +22,8 @@ _FEWEST = 7
 _BEAT_TOLERANCE = 0.05
 
 
-def times(time: FloatArray, path: Path) -> None:
-    """Refuse times that do not increase, repeat, or leave a gap.
+def times(time: FloatArray, path: Path, *, gaps: bool = False) -> None:
+    """Refuse times that do not increase, repeat, or, unless `gaps` are allowed, leave a gap.
 
     Args:
         time: (n,) finite [s].
@@ -33,13 +33,14 @@ def times(time: FloatArray, path: Path) -> None:
         raise InputError(f"{path}: has 1 row, expected a recording of at least one beat; record longer")
     steps = increasing(time, path)
     median = float(np.median(steps))
-    gaps = np.flatnonzero(steps > GAP * median)
-    if gaps.size:
-        index = int(gaps[0]) + 1
+    wide = np.flatnonzero(steps > GAP * median)
+    if wide.size and not gaps:
+        index = int(wide[0]) + 1
         raise InputError(
             f"{place.row(path, index)}: a gap of {steps[index - 1]:.6g} s from row {index} ({time[index - 1]:.9g} s) "
             f"to row {index + 1} ({time[index]:.9g} s), expected steps of about {median:.6g} s; cut the recording "
-            f"there into two trials, or fill in the missing rows ({gaps.size} gaps in the file)"
+            f"there into two trials, fill in the missing rows, or, where a CPG drives the fish, say gaps = true in its "
+            f"entry ({wide.size} gaps in the file)"
         )
 
 

@@ -42,7 +42,7 @@ def load(path: str | Path) -> Dataset:
     for number, entry in enumerate(table.trials, start=1):
         source = file.parent / entry.file
         with place.named(f"{file}: trials.{number}"):
-            numbers = read_table(source)
+            numbers = read_table(source, missing=CHANNELS if entry.gaps else ())
         trials.append(build_trial(entry, numbers, fish, source, f"{file}: trials.{number}"))
     return Dataset(
         name=table.name,
@@ -59,7 +59,7 @@ def build_trial(entry: TrialTable, numbers: Mapping[str, FloatArray], fish: Fish
 
     Args:
         entry: of ``[[trials]]``.
-        numbers: columns by name, each (n,) and finite.
+        numbers: columns by name, each (n,) and finite; with `gaps` in the entry, velocities may be NaN.
         fish: that swam.
         source: file of the columns, for messages.
         key: of the entry in its file, for messages.
@@ -71,8 +71,15 @@ def build_trial(entry: TrialTable, numbers: Mapping[str, FloatArray], fish: Fish
     if missing:
         found = ", ".join(map(columns.header, numbers))
         raise InputError(f"{source}: column '{columns.header(missing[0])}' is missing; found {found}; add it")
+    if entry.gaps and not entry.drive:
+        raise InputError(
+            f"{key}.gaps: samples may be missing only where a CPG drives the fish, for the joints move on meanwhile; "
+            "cut the recording into two trials"
+        )
+    if entry.gaps:
+        numbers = _recorded(numbers, source)
     time = numbers["time"]
-    check.times(time, source)
+    check.times(time, source, gaps=entry.gaps)
     drive = tuple(DriveSegment(segment.start, segment.omega, segment.bias) for segment in entry.drive)
     joints = _joints(numbers, fish, source)
     _check_one_drive(drive, joints, fish, source, key)
@@ -91,7 +98,16 @@ def build_trial(entry: TrialTable, numbers: Mapping[str, FloatArray], fish: Fish
         pose=_pose(numbers, source),
         roll=numbers.get("roll"),
         source=source,
+        gaps=entry.gaps,
     )
+
+
+def _recorded(numbers: Mapping[str, FloatArray], source: Path) -> Mapping[str, FloatArray]:
+    """Leave out samples whose velocity is missing: where a CPG drives the fish, its motion is known without them."""
+    kept = np.all(np.isfinite([numbers[name] for name in CHANNELS]), axis=0)
+    if not kept.any():
+        raise InputError(f"{source}: no row has all of surge, sway and yaw rate; give a recording of the three")
+    return {name: readonly(values[kept]) for name, values in numbers.items()}
 
 
 def _check_one_drive(

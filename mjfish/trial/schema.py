@@ -85,11 +85,15 @@ class Drive(Table):
 
 
 class TrialTable(Table):
-    """One entry of ``[[trials]]``; `file` is relative to the folder of dataset.toml."""
+    """One entry of ``[[trials]]``; `file` is relative to the folder of dataset.toml.
+
+    `gaps`: samples are missing, rows or velocities in rows; only where a CPG drives the fish, whose motion is known.
+    """
 
     name: Annotated[str, AfterValidator(_safe)]
     file: Annotated[str, AfterValidator(_path)]
     role: Role | None = None
+    gaps: bool = False
     drive: tuple[Drive, ...] = ()
 
 

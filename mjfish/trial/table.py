@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -24,14 +24,15 @@ SUFFIXES = (".csv", ".parquet")
 _LONGEST_SHOWN = 40
 
 
-def read_table(path: str | Path) -> dict[str, FloatArray]:
+def read_table(path: str | Path, *, missing: Collection[str] = ()) -> dict[str, FloatArray]:
     """Read a CSV or Parquet file whose columns are those of trials and rollouts.
 
     Args:
         path: with the suffix ``.csv`` or ``.parquet``.
+        missing: names of columns whose cells may be empty or NaN; they are NaN then.
 
     Returns:
-        Columns of equal length by name (without unit), in the order of the file; finite and read-only.
+        Columns of equal length by name (without unit), in the order of the file; finite but for those, and read-only.
 
     Raises:
         InputError: the file is absent, empty or damaged, a header is wrong, a cell is empty, no number or not finite.
@@ -40,7 +41,7 @@ def read_table(path: str | Path) -> dict[str, FloatArray]:
     check_suffix(path)
     try:
         read = _read_csv if path.suffix.lower() == ".csv" else _read_parquet
-        table = read(path)
+        table = read(path, missing)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; correct its name or put it there") from None
     except (OSError, UnicodeDecodeError, csv.Error, pa.ArrowException) as error:
@@ -48,7 +49,7 @@ def read_table(path: str | Path) -> dict[str, FloatArray]:
     if not next(iter(table.values())).size:
         raise InputError(f"{path}: has a header and no rows; expected a row for every sample")
     for name, values in table.items():
-        check_finite(name, values, path)
+        check_finite(name, np.nan_to_num(values, posinf=np.inf, neginf=-np.inf) if name in missing else values, path)
     return table
 
 
@@ -100,7 +101,7 @@ def _write_parquet(file: BinaryIO, table: Mapping[str, FloatArray]) -> None:
     pa.parquet.write_table(pa.table(arrays), file, write_page_checksum=True)
 
 
-def _read_csv(path: Path) -> dict[str, FloatArray]:
+def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
     """Parse every cell as text first: only so can a message show what stood in the file."""
     text = _text(path)
     headers = next(csv.reader([text.partition("\n")[0]]))
@@ -132,7 +133,7 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
             f"{place.row(path, row.number - 2)}: {row.actual_columns} cells, expected {row.expected_columns} as in the "
             f"header; found '{_short(row.text)}'; complete or remove the row"
         ) from None
-    return {name: _numbers(name, table.column(name), path) for name in names}
+    return {name: _numbers(name, table.column(name), path, name in missing) for name in names}
 
 
 def _text(path: Path) -> str:
@@ -148,12 +149,13 @@ def _text(path: Path) -> str:
     return text
 
 
-def _numbers(name: str, cells: Any, path: Path) -> FloatArray:
+def _numbers(name: str, cells: Any, path: Path, missing: bool) -> FloatArray:
     """Convert a column of text; look for the cell at fault only where the fast way fails."""
     try:
         return readonly(cells.cast(pa.float64()).to_numpy())
     except pa.ArrowInvalid:
-        return readonly([_number(name, cell, index, path) for index, cell in enumerate(cells.to_pylist())])
+        texts = enumerate(cells.to_pylist())
+        return readonly([np.nan if missing and not text.strip() else _number(name, text, k, path) for k, text in texts])
 
 
 def _number(name: str, cell: str, index: int, path: Path) -> float:
@@ -173,7 +175,7 @@ def _short(text: str) -> str:
     return line if len(line) <= _LONGEST_SHOWN else f"{line[:_LONGEST_SHOWN]}..."
 
 
-def _read_parquet(path: Path) -> dict[str, FloatArray]:
+def _read_parquet(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
     with pa.parquet.ParquetFile(path, page_checksum_verification=True) as file:
         table = file.read(use_threads=False)
     if not table.num_columns:
@@ -185,7 +187,7 @@ def _read_parquet(path: Path) -> dict[str, FloatArray]:
             raise InputError(
                 f"{path}: column '{columns.header(name)}' has type {cells.type}, expected float64; convert it"
             )
-        if cells.null_count:
+        if cells.null_count and name not in missing:
             _number(name, "", int(np.argmax(cells.is_null().to_numpy())), path)
         result[name] = readonly(cells.cast(pa.float64()).to_numpy())
     return result

@@ -28,6 +28,7 @@ class Trial:
         pose: (n, 3) x [m], y [m], yaw [rad] in the world, or None; yaw alone may be given (x, y are NaN then).
         roll: (n,) [rad], or None.
         source: the file it was read from.
+        gaps: samples are missing, and known to be: times may have gaps.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Trial:
     pose: FloatArray | None = None
     roll: FloatArray | None = None
     source: Path | None = None
+    gaps: bool = False
 
     @property
     def starts_at_rest(self) -> bool:

@@ -83,6 +83,7 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
             "name": trial.name,
             "file": f"{trial.name}{suffix}",
             "role": trial.role,
+            "gaps": trial.gaps,
             "drive": [
                 {"start": float(part.start), "omega": float(part.omega), "bias": [float(bias) for bias in part.bias]}
                 for part in trial.drive

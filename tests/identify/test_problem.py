@@ -207,3 +207,20 @@ def test_a_trial_from_rest_on_a_good_clock_has_no_nuisance_parameters(posed: Pro
     declared = nuisances(measured, free_clock=True)
     assert [p.name for p in declared] == [*(f"v1:start.{channel}" for channel in CHANNELS), "v1:clock.offset"]
     assert [p.start for p in declared[:3]] == measured.velocity[0].tolist()
+
+
+def test_whitening_starts_anew_behind_missing_samples(posed: Problem) -> None:
+    """Across a gap a filter would subtract the wrong past: samples behind it would be off."""
+    trial = posed.trials[0]
+    kept = np.r_[0:40, 43 : len(trial.time)]
+    lacking = replace(trial, time=trial.time[kept], velocity=trial.velocity[kept], gaps=True)
+    coloured = Noise(SIGMA, np.array([[0.5, 0.2]] * 3))
+    gapped = replace(posed, trials=(lacking,), noise=coloured)
+    x = gapped.start(TRUTH)
+    assert gapped.stretches(0) == [0, 40]
+    whole = replace(posed, trials=(trial,), noise=coloured)
+    expected = whole.residual(whole.start(TRUTH)).reshape(-1, 3)  # of samples 2, 3, ...
+    np.testing.assert_allclose(
+        gapped.residual(x).reshape(-1, 3), np.concatenate([expected[:38], expected[43:]]), atol=1e-9
+    )
+    assert gapped.jacobian(x).shape == (3 * (len(kept) - 4), 9)

@@ -6,7 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from mjfish import trial
+from mjfish.errors import InputError
 from mjfish.trial import Dataset, Trial
 
 Edit = Callable[[str], str]
@@ -139,3 +142,10 @@ def same(a: Dataset, b: Dataset) -> bool:
         _bits(b.noise),
         [_content(trial) for trial in b.trials],
     )
+
+
+def refusal(folder: Path) -> str:
+    """Return why a dataset is refused."""
+    with pytest.raises(InputError) as caught:
+        trial.load(folder)
+    return str(caught.value)

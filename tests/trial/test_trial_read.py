@@ -7,17 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import ROWS, TOML, cell, cpg_csv, lines, swap, with_column, write_folder
+from recordings import ROWS, TOML, cell, cpg_csv, lines, refusal, swap, with_column, write_folder
 
 from mjfish import trial
 from mjfish.drive.cpg import DriveSegment
-from mjfish.errors import InputError
-
-
-def refusal(folder: Path) -> str:
-    with pytest.raises(InputError) as caught:
-        trial.load(folder)
-    return str(caught.value)
 
 
 def test_reads_what_is_written_down(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from recordings import (
     cpg_csv,
     lines,
     measured_csv,
+    refusal,
     swap,
     with_column,
     without_column,
@@ -19,7 +20,7 @@ from recordings import (
 )
 
 from mjfish import trial
-from mjfish.errors import InputError, MjfishError, ParameterError, UnknownNameError
+from mjfish.errors import MjfishError, ParameterError, UnknownNameError
 
 
 def degrees(text: str) -> str:
@@ -143,12 +144,6 @@ TOML_FILE: dict[str, tuple[Edit, tuple[str, ...]]] = {
     "start negative": (swap("c_d.head = 1.5", "c_d.head = -1"), ("start.c_d.head.start: must be at least 0",)),
     "start misspelled": (swap("c_d.head = 1.5", "c_d.head = { begin = 1.5 }"), ("start.c_d.head.begin: unknown key",)),
 }
-
-
-def refusal(folder: Path) -> str:
-    with pytest.raises(InputError) as caught:
-        trial.load(folder)
-    return str(caught.value)
 
 
 @pytest.mark.parametrize("case", CPG_FILE)
