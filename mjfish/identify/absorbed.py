@@ -7,6 +7,7 @@ With prediction yhat = J x near the estimate, whitening filter F and weights W =
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,7 @@ class Absorbed:
     Attributes:
         noise: that made the weights.
         masks: (n_r,) samples of every trial that the fit looked at.
+        starts: where, among those, a stretch without a missing sample begins.
         slopes: (n_r', 3, p) of every trial, at those samples, scaled.
         left: (n', k) orthonormal basis of F J.
         map: (p, k): F J map = left.
@@ -35,6 +37,7 @@ class Absorbed:
 
     noise: Noise
     masks: tuple[BoolArray, ...]
+    starts: tuple[tuple[int, ...], ...]
     slopes: tuple[FloatArray, ...]
     left: FloatArray
     map: FloatArray
@@ -45,12 +48,14 @@ class Absorbed:
         along = sum(np.einsum("ncp,ncd->pd", j, u) for j, u in zip(self.slopes, inside, strict=True))
         taken = self.left @ (self.map.T @ along)
         result, first = [], 0
-        for block, mask, u in zip(columns, self.masks, inside, strict=True):
-            last = first + 3 * (len(u) - self.noise.order)
-            cleared = block.copy()
-            cleared[mask] -= _unwhiten(self.noise, taken[first:last].reshape(-1, 3, block.shape[2]))
+        for block, mask, starts, u in zip(columns, self.masks, self.starts, inside, strict=True):
+            cleared, pieces = block.copy(), []
+            for begin, end in itertools.pairwise([*starts, len(u)]):
+                last = first + 3 * max(end - begin - self.noise.order, 0)
+                pieces.append(_unwhiten(self.noise, taken[first:last].reshape(-1, 3, block.shape[2]), end - begin))
+                first = last
+            cleared[mask] -= np.concatenate(pieces)
             result.append(cleared)
-            first = last
         return result
 
 
@@ -63,18 +68,17 @@ def absorbed(problem: Problem, fit: Fit) -> Absorbed:
     left, singular, right = np.linalg.svd(problem.whiten(slopes), full_matrices=False)
     kept = singular > _FLOOR * singular.max(initial=0.0)
     masks = tuple(problem.mask(i) for i in range(len(problem.trials)))
-    return Absorbed(problem.noise, masks, tuple(slopes), left[:, kept], right[kept].T / singular[kept])
+    starts = tuple(tuple(problem.stretches(i)) for i in range(len(problem.trials)))
+    return Absorbed(problem.noise, masks, starts, tuple(slopes), left[:, kept], right[kept].T / singular[kept])
 
 
-def _unwhiten(noise: Noise, block: FloatArray) -> FloatArray:
-    """Apply the transpose of `mjfish.identify.noise.Noise.whiten` to (n - p, 3, d): the filter, backwards in time."""
+def _unwhiten(noise: Noise, block: FloatArray, samples: int) -> FloatArray:
+    """Apply the transpose of whitening to one stretch, (m, 3, d) to (samples, 3, d): the filter, backwards in time."""
     if noise.order == 0:
         return np.asarray(block / noise.sigma[:, None])
-    padded = np.concatenate([np.zeros((noise.order, *block.shape[1:])), block])
+    padded = np.concatenate([np.zeros((samples - len(block), *block.shape[1:])), block])
     channels = [
-        signal.lfilter(
-            np.concatenate([[1.0], -noise.phi[c]]), [noise.sigma[c]], padded[::-1, c], axis=0
-        )[::-1]
+        signal.lfilter(np.concatenate([[1.0], -noise.phi[c]]), [noise.sigma[c]], padded[::-1, c], axis=0)[::-1]
         for c in range(3)
-    ]  # fmt: skip
+    ]
     return np.asarray(np.stack(channels, axis=1))

@@ -116,15 +116,22 @@ def test_an_input_is_the_command_of_the_last_joint_and_lags_are_those_of_the_res
 
 
 def test_cleared_columns_see_of_the_noise_what_the_residual_shows(pike: Fish) -> None:
-    """u'(I - J (J'WJ)^+ J'W) v = u~'v for coloured weights, dense. Catches a transpose, a filter run the wrong way."""
-    dataset = swimming(pike, ("v1", "v3"), duration=1.0)
+    """u'(I - J (J'WJ)^+ J'W) v = u~'v, dense. Catches a transpose, a filter run the wrong way or over a gap.
+
+    Coloured weights; in one trial rows are missing, twice, and one stretch is shorter than the filter.
+    """
+    first, second = swimming(pike, ("v1", "v3"), duration=1.06).trials
+    there = np.ones(54, dtype=np.bool_)
+    there[[20, 22, 23]] = False
+    second = replace(second, time=second.time[there], velocity=readonly(second.velocity[there]))
+    dataset = replace(swimming(pike, ("v1",), duration=1.0), trials=(first, second))
     noise = Noise(readonly(SIGMA), readonly([[0.5, 0.2], [0.3, 0.1], [-0.4, 0.0]]))
     posed = problem(dataset, noise=noise)
     one = fit(posed, posed.start(TRUTH), evaluations=1)
     clear = absorbed(posed, one).clear
     rng = np.random.default_rng(26)
-    noises = [rng.standard_normal((51, 3)) for _ in dataset.trials]
-    columns = [rng.standard_normal((51, 3, 4)) for _ in dataset.trials]
+    noises = [rng.standard_normal((len(trial.time), 3)) for trial in dataset.trials]
+    columns = [rng.standard_normal((len(trial.time), 3, 4)) for trial in dataset.trials]
     slopes = posed.sensitivities(one.x)
     white = posed.whiten([v[:, :, None] for v in noises])[:, 0]
     step = np.linalg.lstsq(posed.whiten(slopes)[:, ~one.at_bound], white, rcond=None)[0]
