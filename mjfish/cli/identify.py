@@ -7,17 +7,19 @@ from typing import Annotated, cast, get_args
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
-from mjfish.cli import console
-from mjfish.errors import InputError
+from mjfish import fish_toml
+from mjfish.cli import console, identified
+from mjfish.diagnose.progress import Progress
+from mjfish.errors import InputError, UnknownNameError
 from mjfish.files import check_file, write_json
-from mjfish.identify.report import Identification, identify
+from mjfish.identify.identified import identified_fish, origin
+from mjfish.identify.profile import Profile, profile
+from mjfish.identify.report import Identification, identify, pose
 from mjfish.identify.settings import Loss, Settings, Weights
+from mjfish.identify.tables import write_coefficients
 from mjfish.trial import load
-
-#: Correlations beyond this are printed.
-_STRONG = 0.9
+from mjfish.trial.table import check_suffix
 
 
 def register(app: typer.Typer) -> None:
@@ -37,12 +39,23 @@ def identify_(
     weights: Annotated[str, typer.Option(help="'noise', or 'paper' for its weight matrix.")] = "noise",
     starts: Annotated[int, typer.Option(min=1, help="Fits from a Latin hypercube over the bounds.")] = 16,
     seed: Annotated[int, typer.Option(min=0, help="Of the hypercube.")] = 0,
+    profiled: Annotated[
+        list[str] | None, typer.Option("--profile", help="Profile the likelihood of this parameter; repeatable.")
+    ] = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
+    table: Annotated[Path | None, typer.Option(help="Write the coefficients as CSV or Parquet.")] = None,
+    figures: Annotated[Path | None, typer.Option(help="Folder for figures, HTML.")] = None,
+    fish: Annotated[Path | None, typer.Option(help="Write the identified fish, .toml or .xml (MuJoCo).")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
-    """Fit the hydrodynamic coefficients to all fit trials at once, and score the held-out ones."""
-    if json_ is not None:
-        check_file(json_)
+    """Fit the hydrodynamic coefficients to all fit trials at once, say what the data say, score held-out trials."""
+    for file in (json_, table, fish):
+        if file is not None:
+            check_file(file)
+    if fish is not None and fish.suffix not in (".toml", ".xml"):
+        raise InputError(f"--fish: {fish} ends in '{fish.suffix}', expected .toml or .xml; rename it")
+    if table is not None:
+        check_suffix(table)
     settings = Settings(
         free=tuple(free or ("*",)),
         fixed=_fixed(fix or []),
@@ -54,14 +67,68 @@ def identify_(
         seed=seed,
     )
     measured = load(dataset)
+    known = [p.name for p in pose(measured, settings).parameters]
+    for name in profiled or []:
+        if name not in known:
+            raise UnknownNameError("free parameter of --profile", name, known)
     with console.progress_bar() as tell:
         result = identify(measured, settings, jobs=jobs, tell=lambda done: tell("fitting", done))
-    _show(result)
-    if json_ is not None:
-        write_json(json_, result.to_dict())
+        profiles = _profiles(result, profiled or [], tell)
+    identified.show(result, profiles)
+    _write(result, profiles, json_, table, figures, fish)
     if result.fit.status != "converged":
         console.err.print(f"[bold red]{result.fit.status}:[/] {escape(result.fit.message)}", soft_wrap=True)
         raise typer.Exit(console.NOT_GOOD)
+
+
+def _profiles(result: Identification, names: list[str], tell: Progress) -> list[Profile]:
+    if result.assessment is None or result.problem is None:
+        return []
+    made = []
+    for done, name in enumerate(names):
+        tell(f"profiling {name}", done / len(names))
+        made.append(profile(result.problem, result.fit, name, known=result.assessment.intervals))
+    return made
+
+
+def _write(
+    result: Identification,
+    profiles: list[Profile],
+    json_: Path | None,
+    table: Path | None,
+    figures: Path | None,
+    fish: Path | None,
+) -> None:
+    """Write what was asked for, and say what was written."""
+    told = result.assessment
+    written: list[Path] = []
+    if json_ is not None:
+        write_json(json_, {**result.to_dict(), "profiles": [one.to_dict() for one in profiles]})
+        written.append(json_)
+    if table is not None:
+        write_coefficients(table, result.fit, None if told is None else told.intervals)
+        written.append(table)
+    if figures is not None and told is not None:
+        from mjfish.report.identification import write_identification_figures
+
+        written += write_identification_figures(figures, result.dataset.name, told.residuals, told.tests, profiles)
+    if fish is not None:
+        _write_fish(result, fish)
+        written.append(fish)
+    if written:
+        console.out.print(f"wrote {', '.join(escape(str(file)) for file in written)}", soft_wrap=True)
+
+
+def _write_fish(result: Identification, file: Path) -> None:
+    fixed = result.problem.fixed if result.problem is not None else {}
+    fish = identified_fish(result.dataset.fish, result.fit, fixed)
+    comments = origin(result.dataset.name, result.fit, fixed)
+    if file.suffix == ".toml":
+        fish_toml.write(file, fish, comments)
+        return
+    from mjfish.sim import export
+
+    export.write(file, fish, comments=comments)
 
 
 def _fixed(texts: list[str]) -> dict[str, float | None]:
@@ -79,28 +146,3 @@ def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:
         raise InputError(f"--bounds: found '{text}', expected NAME=LOW:HIGH, e.g. c_d.head=0.5:3; correct it")
     what = f"--bounds {name}"
     return name, tuple(console.numbers(end, 1, what)[0] if end else None for end in (low, high))  # type: ignore[return-value]
-
-
-def _show(result: Identification) -> None:
-    table = Table(title=f"{escape(result.dataset.name)}: estimates with 95 % intervals")
-    for heading in ("parameter", "estimate", "standard error", "low", "high", "remark"):
-        table.add_column(heading, justify="left" if heading in ("parameter", "remark") else "right")
-    for p, at_bound in zip(result.fit.parameters, result.fit.at_bound, strict=True):
-        low, high = result.fit.interval(p.name)
-        remark = "rests on its bound" if at_bound else ""
-        cells = (f"{v:.4g}" for v in (result.fit.values[p.name], result.fit.sigma[p.name], low, high))
-        table.add_row(p.name, *cells, remark)
-    console.out.print(table)
-    scores = Table(title="nRMSE (RMSE over the range of the channel)")
-    for heading in ("trial", "role", "surge", "sway", "yaw_rate"):
-        scores.add_column(heading, justify="left" if heading in ("trial", "role") else "right")
-    for row in result.scores:
-        scores.add_row(row.trial, row.role, *(f"{v:.4f}" for v in row.nrmse))
-    console.out.print(scores)
-    for first, second, value in result.strong_correlations(_STRONG):
-        console.out.print(f"{first} and {second} are hard to tell apart on these data: correlation {value:.2f}")
-    if result.starts > 1:
-        console.out.print(f"{round(result.reached * result.starts)} of {result.starts} starts reached the best optimum")
-    for remark in result.remarks:
-        console.out.print(remark)
-    console.out.print(f"fit {result.fit.status} after {result.fit.evaluations} evaluations")

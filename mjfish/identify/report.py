@@ -12,6 +12,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
+from mjfish.identify.assessment import Assessment, assess
 from mjfish.identify.fit import Fit, fit
 from mjfish.identify.multistart import multistart
 from mjfish.identify.noise import Noise, floor
@@ -43,6 +44,8 @@ class Identification:
         remarks: what a reader should know.
         starts: fits from a Latin hypercube.
         reached: share of them that reached the best optimum.
+        problem: that was fitted, with its final weights.
+        assessment: what the data say about the fit; None where it diverged.
     """
 
     dataset: Dataset
@@ -52,6 +55,8 @@ class Identification:
     remarks: tuple[str, ...]
     starts: int = 1
     reached: float = 1.0
+    problem: Problem | None = None
+    assessment: Assessment | None = None
 
     def strong_correlations(self, limit: float) -> list[tuple[str, str, float]]:
         """Return pairs of estimates that are correlated beyond `limit`, strongest first."""
@@ -87,6 +92,7 @@ class Identification:
             "correlation": {"names": [p.name for p in one.parameters], "matrix": one.correlation.tolist()},
             "scores": [vars(score) for score in self.scores],  # NaN after a divergence
             "remarks": list(self.remarks),
+            "assessment": None if self.assessment is None else self.assessment.to_dict(),
         }
 
 
@@ -160,8 +166,9 @@ def identify(
         parts = predict_held_out(problem, one.values, held)
         scores += [_score(t, "held_out", r) for t, r in zip(held, parts.residuals, strict=True)]
     return Identification(
-        dataset, one, np.asarray(problem.noise.sigma), tuple(scores), remarks, settings.starts, many.reached
-    )
+        dataset, one, np.asarray(problem.noise.sigma), tuple(scores), remarks, settings.starts, many.reached,
+        problem, assess(problem, one, held),
+    )  # fmt: skip
 
 
 def _spread(residual: FloatArray, loss: str) -> FloatArray:

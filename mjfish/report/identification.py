@@ -10,16 +10,22 @@ import numpy as np
 from mjfish.files import make_folder
 from mjfish.frames import CHANNELS
 from mjfish.identify.agreement import agreement
+from mjfish.identify.profile import Profile
 from mjfish.identify.residual import Residual
 from mjfish.identify.residual_tests import ResidualTests
 from mjfish.identify.whiteness import ALL
+from mjfish.report.profiles import profile_figure
 from mjfish.report.residuals import autocorrelation_figure, cross_correlation_figure, simulated_figure
 from mjfish.report.sheet import Block, Sheet, write_sheet
 from mjfish.report.words import CHANNEL_NAMES, chance
 
 
 def write_identification_figures(
-    folder: Path, name: str, residuals: Sequence[Residual], tests: ResidualTests
+    folder: Path,
+    name: str,
+    residuals: Sequence[Residual],
+    tests: ResidualTests,
+    profiles: Sequence[Profile] = (),
 ) -> tuple[Path, ...]:
     """Write the figures of an identification to a folder, which is made where it is not there.
 
@@ -28,10 +34,11 @@ def write_identification_figures(
         name: of the dataset, for titles.
         residuals: of the trials, fitted and held out.
         tests: of the residuals of the fit.
+        profiles: of parameters, if any.
 
     Returns:
-        The files: ``simulated.html``, ``autocorrelation.html``, ``cross_correlation.html``; the last two only where
-        a rollout could be tested.
+        The files: ``simulated.html``; ``autocorrelation.html`` and ``cross_correlation.html`` where a rollout could be
+        tested; ``profiles.html`` where there are profiles.
 
     Raises:
         InputError: a file cannot be written.
@@ -41,6 +48,14 @@ def write_identification_figures(
     if tests.status != "untested":
         sheets["autocorrelation.html"] = _autocorrelation(name, tests)
         sheets["cross_correlation.html"] = _cross_correlation(name, tests)
+    if profiles:
+        sheets["profiles.html"] = Sheet(
+            f"{name}: profile likelihoods",
+            "How much worse the best fit gets as one parameter is held elsewhere; the line is the 95 % threshold, the "
+            "parabola behind it what estimate and standard error say.",
+            {"nominal": "profile"},
+            (Block("Profiles", "", profile_figure(profiles)),),
+        )
     for file, sheet in sheets.items():
         write_sheet(folder / file, sheet)
     return tuple(folder / file for file in sheets)
