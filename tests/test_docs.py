@@ -52,6 +52,24 @@ def test_readme_makes_targets_that_exist() -> None:
         assert re.search(rf"^{command}:", makefile, re.MULTILINE), command
 
 
+def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
+    """Its commands and its Python, in their order; what it says of their output is so."""
+    page = ROOT / "docs" / "identification.md"
+    (tmp_path / "out").mkdir()
+    commands = [line for block in blocks(page, "sh") for line in block.splitlines()]
+    told = [_run(command, tmp_path, (1,) if " compare " in command else (0,)) for command in commands]
+    fitted, compared = told[1], told[-1]
+    assert fitted.count("rests on its") == 5
+    assert "residuals: passed" in fitted
+    assert "4 of 4 starts reached the best optimum" in fitted
+    assert compared.count("absent") == 3
+    for name in ("coefficients.csv", "identified.json", "my_fish.toml", "figures/profiles.html"):
+        assert (tmp_path / "out" / name).stat().st_size > 0, name
+    (script,) = blocks(page, "python")
+    (tmp_path / "own.py").write_text(script)
+    assert "'c_m.tail': np.float64(0.061)" in _run("python own.py", tmp_path)
+
+
 def test_a_cause_of_ones_own_goes_through_all_of_it(tmp_path: Path) -> None:
     """The how-to's file and commands, as they stand."""
     page = ROOT / "docs" / "own-cause.md"

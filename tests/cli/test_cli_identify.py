@@ -53,7 +53,51 @@ def test_estimates_are_shown_and_written(run: Run, pool: Path, tmp_path: Path) -
     assert [score["role"] for score in told["scores"]] == ["fit", "fit", "held_out"]
     assert "held_out" in shown
     again = run("identify pool/dataset.toml --jobs 1 --starts 2").stdout
-    assert again == shown
+    assert again == shown.replace("wrote out.json\n", "")
+
+
+def test_everything_that_can_be_written_is(run: Run, pool: Path, tmp_path: Path) -> None:
+    """Profile, table, figures and the fish, which is read again and swims with the estimates."""
+    shown = run(
+        "identify pool --starts 1 --fix c_f.* --fix c_m.head=0.4 --bounds c_d.head=0.5:3 --start c_d.head=1 "
+        "--profile c_d.tail --json out.json --table out.parquet --figures figures --fish mine.toml"
+    ).stdout
+    told = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    assert [one["name"] for one in told["profiles"]] == ["c_d.tail"]
+    assert "profile of c_d.tail" in shown
+    assert set(told["parameters"]) == {"c_m.body", "c_m.tail", "c_d.head", "c_d.body", "c_d.tail"}
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {
+        "simulated.html", "autocorrelation.html", "cross_correlation.html", "profiles.html",
+    }  # fmt: skip
+    mine = fishes.load(tmp_path / "mine.toml")
+    assert mine.values["c_d.tail"] == told["parameters"]["c_d.tail"]["estimate"]
+    assert mine.values["c_m.head"] == 0.4
+    assert (tmp_path / "out.parquet").stat().st_size > 0
+    for part in ("intervals", "agreement", "table", "residual_tests", "criteria", "stability"):
+        assert told["assessment"][part]
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ("--fix c_x", "unknown parameter of fix 'c_x'; known: c_d.body"),
+        ("--free nothing", "unknown parameter of free 'nothing'"),
+        ("--bounds c_d.head=3", "--bounds: found 'c_d.head=3', expected NAME=LOW:HIGH"),
+        ("--bounds c_d.head=a:3", "--bounds c_d.head: found 'a', expected a number"),
+        ("--start c_d.head=9", "c_d.head: start 9 - is outside its bounds"),
+        ("--loss square", "unknown loss 'square'"),
+        ("--weights mine", "unknown weights 'mine'"),
+        ("--profile c_x", "unknown free parameter of --profile 'c_x'"),
+        ("--fix c_d.head --profile c_d.head", "unknown free parameter of --profile 'c_d.head'"),
+        ("--fish mine.yaml", "ends in '.yaml', expected .toml or .xml"),
+        ("--table out.txt", "ends in '.txt', expected .csv or .parquet"),
+        ("--fix *", "every parameter is fixed; leave one free"),
+    ],
+)
+def test_settings_that_cannot_be_meant_are_refused_before_the_fit(
+    refuse: Callable[[str], str], pool: Path, options: str, complaint: str
+) -> None:
+    assert complaint in refuse(f"identify pool {options}")
 
 
 def test_an_estimate_at_its_bound_is_marked(run: Run, pool: Path, tmp_path: Path) -> None:
