@@ -10,7 +10,7 @@ need e to be stationary, but is much the noisier of the two.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft
@@ -25,7 +25,7 @@ _RUN = 5
 #: Longest window, as a share of the shortest trial.
 _LONGEST = 0.25
 #: Rounds of giving back what the fit took out of the covariances.
-_ROUNDS = 2
+_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,16 +92,21 @@ class Serial:
         total = sum(np.einsum("tci,tcj->ij", a, self.times(r, a)) for r, a in enumerate(columns))
         return np.asarray(total)
 
-    def freedom(self, columns: Sequence[FloatArray]) -> FloatArray:
+    def freedom(self, columns: Sequence[FloatArray], *, total: bool = False) -> FloatArray:
         """Return how many degrees of freedom (k,) the diagonal of `quadratic` has, by Satterthwaite.
 
         A variance v = e'T e that is estimated from Gaussian e has var(v) = 2 tr(T Omega T Omega) and counts like a sum
         of 2 v^2 / var(v) squares; T is Toeplitz, with the tapered autocorrelation of the column on its diagonals.
+
+        Args:
+            columns: A_r (n, 3, k) of every trial.
+            total: of the sum of the diagonal, (1,).
         """
         value, spread = 0.0, 0.0
         for r, a in enumerate(columns):
             n, length = len(a), self.lengths[r]
             power = np.abs(fft.rfft(a, length, axis=0)) ** 2
+            power = power.sum(axis=2, keepdims=True) if total else power
             own = np.einsum("lcc->lc", self.tapers[r])[:, :, None]
             weight = fft.rfft(fft.irfft(power, length, axis=0) * own, axis=0).real
             shares = weight * np.einsum("fcc->fc", self.spectra[r]).real[:, :, None]
@@ -112,7 +117,7 @@ class Serial:
         return np.asarray(2.0 * value**2 / np.maximum(spread, 1e-300))
 
 
-def serial(blocks: Sequence[Block], free: BoolArray) -> Serial:
+def serial(blocks: Sequence[Block], free: BoolArray, *, apart: bool = False) -> Serial:
     """Estimate the covariance of the residuals in time.
 
     What the fit of the free parameters took out of the residual, e = (1 - U U') u, is given back:
@@ -124,26 +129,47 @@ def serial(blocks: Sequence[Block], free: BoolArray) -> Serial:
     Args:
         blocks: of a fit.
         free: (p,) which parameters were free and off their bounds.
+        apart: whether they were fitted to each trial alone.
     """
     longest = int(_LONGEST * min(len(block.residual) for block in blocks))
     lengths = tuple(fft.next_fast_len(len(block.residual) + longest + 1, real=True) for block in blocks)
     pairs = list(zip(blocks, lengths, strict=True))
     sums = [_lag_sums(block.residual[:, :, None], block.residual[:, :, None], n) for block, n in pairs]
     counts = [_lag_sums(block.counted[:, None, None], block.counted[:, None, None], n)[:, 0, 0] for block, n in pairs]
-    reach = _windows(blocks, sums, counts, longest)
-    tapers = tuple(
-        _taper(reach[b.step], n) / np.maximum(c, 0.5)[:, None, None] for (b, n), c in zip(pairs, counts, strict=True)
-    )
-    windows = np.max([np.diag(reach[block.step]) * block.step for block in blocks], axis=0)
-    basis = by_trial(np.linalg.svd(stacked(blocks, free), full_matrices=False)[0], blocks)
-    found = Serial(_spectra(sums, tapers), tapers, lengths, windows)
+    basis = [u for group in ([[b] for b in blocks] if apart else [blocks]) for u in _basis(group, free)]
+    found = _smoothed(blocks, sums, counts, lengths, longest)
     for _ in range(_ROUNDS):
-        middle = found.quadratic(basis)
-        halves = [found.times(r, u) - 0.5 * u @ middle for r, u in enumerate(basis)]
+        turned = [found.times(r, u) for r, u in enumerate(basis)]
+        middles = [np.einsum("tci,tcj->ij", u, w) for u, w in zip(basis, turned, strict=True)]
+        if not apart:
+            middles = [sum(middles, np.zeros_like(middles[0]))] * len(blocks)
+        halves = [w - 0.5 * u @ m for u, w, m in zip(basis, turned, middles, strict=True)]
         taken = [_lag_sums(u, w, n) for u, w, n in zip(basis, halves, lengths, strict=True)]
         whole = [s + t + _turned(t) for s, t in zip(sums, taken, strict=True)]
-        found = replace(found, spectra=_spectra(whole, tapers))
+        found = _smoothed(blocks, whole, counts, lengths, longest)
     return found
+
+
+def _smoothed(
+    blocks: Sequence[Block],
+    sums: Sequence[FloatArray],
+    counts: Sequence[FloatArray],
+    lengths: tuple[int, ...],
+    longest: int,
+) -> Serial:
+    """Return the spectra of lag sums under the window that they choose."""
+    reach = _windows(blocks, sums, counts, longest)
+    tapers = tuple(
+        _taper(reach[block.step], length) / np.maximum(count, 0.5)[:, None, None]
+        for block, length, count in zip(blocks, lengths, counts, strict=True)
+    )
+    windows = np.max([np.diag(reach[block.step]) * block.step for block in blocks], axis=0)
+    return Serial(tuple(_spectrum(s * w) for s, w in zip(sums, tapers, strict=True)), tapers, lengths, windows)
+
+
+def _basis(blocks: Sequence[Block], free: BoolArray) -> list[FloatArray]:
+    """Return an orthonormal basis of the span of the free columns, by trial."""
+    return by_trial(np.linalg.qr(stacked(blocks, free))[0], blocks)
 
 
 def stacked(blocks: Sequence[Block], free: BoolArray) -> FloatArray:
@@ -200,10 +226,6 @@ def _taper(reach: FloatArray, length: int) -> FloatArray:
 def _turned(sums: FloatArray) -> FloatArray:
     """Return the lag sums with the two series swapped: lag l of c and d becomes lag -l of d and c."""
     return np.swapaxes(np.roll(sums[::-1], 1, axis=0), 1, 2)
-
-
-def _spectra(sums: Sequence[FloatArray], tapers: Sequence[FloatArray]) -> tuple[RecordArray, ...]:
-    return tuple(_spectrum(s * w) for s, w in zip(sums, tapers, strict=True))
 
 
 def _spectrum(covariance: FloatArray) -> RecordArray:
