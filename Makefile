@@ -36,7 +36,7 @@ format: env
 	$(BIN)/ruff check --fix .
 
 bench: env
-	$(BIN)/python tools/bench.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/bench.py
 
 clean:
 	rm -rf $(VENV) out build dist

@@ -8,14 +8,16 @@ A comparison is one function that returns a `Comparison`; add yours to `COMPARIS
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import bench_identify
 import bench_mujoco
 import numpy as np
-from comparison import REPEATS, Comparison, Side, measure
+from comparison import Comparison, Side, measure
 from plain_model import PlainModel
 from rich.console import Console
 from rich.progress import Progress
@@ -49,7 +51,11 @@ def ode_vs_solve_ivp() -> Comparison:
     )
 
 
-COMPARISONS: tuple[Callable[[], Comparison], ...] = (ode_vs_solve_ivp, *bench_mujoco.COMPARISONS)
+COMPARISONS: tuple[Callable[[], Comparison], ...] = (
+    ode_vs_solve_ivp,
+    *bench_identify.COMPARISONS,
+    *bench_mujoco.COMPARISONS,
+)
 
 
 def main() -> int:
@@ -63,10 +69,11 @@ def main() -> int:
     ratios: dict[str, float] = {}
     missed: list[str] = []
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("bench", total=REPEATS * len(COMPARISONS))
+        task = progress.add_task("bench", total=len(COMPARISONS))
         for make in COMPARISONS:
             comparison = make()
-            top, bottom = measure(comparison, lambda: progress.advance(task))
+            share = 1.0 / comparison.repeats
+            top, bottom = measure(comparison, functools.partial(progress.advance, task, share))
             ratio = ratios[make.__name__] = top / bottom
             met = comparison.met(ratio)
             missed += [] if met else [make.__name__]

@@ -115,8 +115,8 @@ class PlainModel:
             Gamma += T.T @ (link.inertia @ b - link.force(V))
         return np.linalg.solve(M, -Gamma)
 
-    def velocity(self, time: FloatArray) -> FloatArray:
-        """Return surge, sway, yaw rate (n, 3) at `time`, from rest, by `solve_ivp` (RK45, rtol 1e-6)."""
+    def velocity(self, time: FloatArray, rtol: float = 1e-6) -> FloatArray:
+        """Return surge, sway, yaw rate (n, 3) at `time`, from rest, by `solve_ivp` (RK45)."""
         start = np.concatenate([np.zeros(6), np.full(self.joints, ZETA_START), np.zeros(self.joints)])
-        solution = solve_ivp(self, (0.0, float(time[-1])), start, method="RK45", rtol=1e-6, t_eval=time)
+        solution = solve_ivp(self, (0.0, float(time[-1])), start, method="RK45", rtol=rtol, t_eval=time)
         return frames.flip(solution.y[:3].T)

@@ -52,14 +52,23 @@ def swimmer(
     coupling: Coupling | None = None,
 ) -> StripFluid:
     """Compile the planar fish with a flywheel on every joint; its commands are accelerations [rad/s2]."""
-    specification = prepared(fish, spec(fish), 0.001, integrator)
-    for actuator in specification.actuators:
+    return StripFluid(
+        compile_aside(specification(fish, integrator)),
+        strips(fish, values),
+        density=fish.density,
+        coupling=coupling,
+        commanded=True,
+    )
+
+
+def specification(fish: Fish, integrator: Integrator = "RK4", step: float = 0.001) -> mujoco.MjSpec:
+    """Return the MJCF without water of the planar fish with a flywheel and a motor on every joint."""
+    made = prepared(fish, spec(fish), step, integrator)
+    for actuator in made.actuators:
         actuator.set_to_motor()
         actuator.gear[0] = _FLYWHEEL
-        specification.joint(actuator.target).armature = _FLYWHEEL
-    return StripFluid(
-        compile_aside(specification), strips(fish, values), density=fish.density, coupling=coupling, commanded=True
-    )
+        made.joint(actuator.target).armature = _FLYWHEEL
+    return made
 
 
 def simulate(

@@ -25,6 +25,8 @@ def test_bench_meets_its_targets_and_writes_the_ratios(tmp_path: Path) -> None:
     assert ran.returncode == (1 if told["missed"] else 0)
     ratios = told["ratios"]
     assert ratios["ode_vs_solve_ivp"] >= 500.0
+    assert ratios["fit_vs_mujoco_sysid"] >= 10.0
+    assert ratios["fit_vs_solve_ivp"] >= 100.0
     assert 1.0 < ratios["mujoco_force_euler"] <= 2.5
     assert 1.0 < ratios["mujoco_force_implicitfast"] <= 2.5
     assert 1.0 < ratios["mujoco_force_rk4"] <= 2.6
