@@ -8,6 +8,9 @@ this adds, K is what the common fit leaves, K = (1 - J J^+) diag_r(J_r). The sum
 where the model holds, with Omega the residuals' own covariance in time (`mjfish.identify.serial`). The statistic is
 F = Q / sum lambda, with degrees of freedom (sum lambda)^2 / sum lambda^2 ([Satterthwaite1946], [Rao1981]) over those
 that the estimate of sum lambda has. White noise gives the F test of [Chow1960].
+
+Of AR(1) noise of 0.8 on a stable fish, 5.7 % of 300 draws are below 0.05 in four trials of 10.4 s, 6.5 % of 400 in four
+of 6 s, 8 % of 400 in three of 4 s.
 """
 
 from __future__ import annotations
