@@ -35,8 +35,8 @@ class Problem:
         model: the model.
         trials: all fitted together.
         noise: gives the weights.
-        fixed: parameters that are not free, with their values; the rest of the model's parameters are free.
-        declared: other declarations (bounds, starts) for parameters of the model, by name.
+        fixed: parameters that are not free, with their values; all others are, those of single trials too.
+        declared: other declarations (bounds, starts) for parameters, by name.
         free_clock: whether each trial has a clock offset of its own.
         windows: per trial, the times [s] between which samples count; None: all of it.
         jobs: threads.
@@ -54,8 +54,8 @@ class Problem:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The free parameters: the model's, then the nuisance parameters of every trial."""
-        own = tuple(self.declared.get(p.name, p) for p in self.model.parameters if p.name not in self.fixed)
-        return (*own, *(p for trial in self.trials for p in nuisances(trial, self.free_clock)))
+        every = (*self.model.parameters, *(p for trial in self.trials for p in nuisances(trial, self.free_clock)))
+        return tuple(self.declared.get(p.name, p) for p in every if p.name not in self.fixed)
 
     def residual(self, x: FloatArray) -> FloatArray:
         """Return whitened residuals (measured - predicted), all trials and channels stacked."""

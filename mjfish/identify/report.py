@@ -106,17 +106,16 @@ def pose(dataset: Dataset, settings: Settings | None = None, *, jobs: int | None
     settings = settings or Settings()
     fitted, _ = dataset.split()
     model = Model(dataset.fish)
-    fixed, declared = settings.choose(model.parameters)
     noise = dataset.noise if dataset.noise is not None else first_sigma(fitted)
     problem = Problem(
         model,
         fitted,
         Noise.white(settings.sigma(noise)),
-        fixed=fixed,
-        declared=declared,
         free_clock=dataset.clock == "free",
         jobs=jobs or os.cpu_count() or 1,
     )
+    fixed, declared = settings.choose(problem.parameters)
+    problem = replace(problem, fixed=fixed, declared=declared)
     samples, free = 3 * sum(int(np.count_nonzero(problem.mask(i))) for i in range(len(fitted))), len(problem.parameters)
     if samples <= free:
         raise InputError(

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from planted_swimming import as_measured, swimming
 
 from mjfish.errors import InputError, MjfishError, ParameterError, UnknownNameError
 from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.identify.report import pose
 from mjfish.identify.settings import PAPER_SIGMA, Settings
 
 
@@ -72,3 +76,19 @@ def test_the_papers_weights_are_those_of_its_matrix() -> None:
     np.testing.assert_allclose(1.0 / sigma**2, [1e4, 1e4, (180.0 / np.pi) ** 2])
     np.testing.assert_array_equal(Settings().sigma(np.array([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0])
     assert PAPER_SIGMA[0] == 0.01
+
+
+def test_what_belongs_to_a_trial_can_be_fixed_too(pike: Fish) -> None:
+    """A start velocity at its first sample, a clock that is known; the other trial keeps its own."""
+    dataset = swimming(pike, ("v1", "v3"))
+    trials = tuple(replace(as_measured(trial, pike), role="fit") for trial in dataset.trials)
+    measured = replace(dataset, trials=trials, clock="free")
+    settings = Settings(fixed={"v1:start.*": None, "v1:clock.offset": 0.02, "c_*": None}, starts=1)
+    posed = pose(measured, settings, jobs=1)
+    assert [p.name for p in posed.parameters] == [
+        "v3:start.surge", "v3:start.sway", "v3:start.yaw_rate", "v3:clock.offset",
+    ]  # fmt: skip
+    assert posed.fixed["v1:start.surge"] == trials[0].velocity[0, 0]
+    held = replace(posed, trials=trials[:1], fixed={**posed.fixed, "v1:clock.offset": 0.0})
+    here = replace(held, fixed=posed.fixed)
+    assert not np.array_equal(held.predictions(np.zeros(0))[0], here.predictions(np.zeros(0))[0])
