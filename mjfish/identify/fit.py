@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 from scipy import optimize
+from threadpoolctl import threadpool_limits
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.identify.problem import Problem
@@ -111,20 +112,21 @@ def fit(
     def jacobian_of(y: FloatArray) -> FloatArray:
         return np.asarray(-problem.jacobian(y * scale) * scale)
 
-    solution = optimize.least_squares(
-        residual_of,
-        x0 / scale,
-        jac=jacobian_of,
-        bounds=(low / scale, high / scale),
-        method="trf",
-        x_scale="jac",
-        ftol=tolerance,
-        xtol=1e-8,
-        gtol=1e-10,
-        max_nfev=evaluations,
-        loss=loss,
-        f_scale=loss_scale,
-    )
+    with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
+        solution = optimize.least_squares(
+            residual_of,
+            x0 / scale,
+            jac=jacobian_of,
+            bounds=(low / scale, high / scale),
+            method="trf",
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=1e-8,
+            gtol=1e-10,
+            max_nfev=evaluations,
+            loss=loss,
+            f_scale=loss_scale,
+        )
     x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
     residual = problem.residual(x)
     jacobian = problem.jacobian(x)
