@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import linalg, signal
+from scipy import signal
 
-from mjfish.arrays import FloatArray, readonly
-from mjfish.identify.noise import MAX_ORDER, WHITE_FLOOR, Noise
+from mjfish.arrays import FloatArray
+from mjfish.identify.noise import MAX_ORDER, Noise, by_order, lagged_products
 
 #: Rounds until model and notch agree: the notch is a small part, every round gains a digit or more.
 _ROUNDS = 4
@@ -38,12 +38,12 @@ def background(residuals: Sequence[FloatArray], bases: Sequence[FloatArray], los
     cleared = [
         (e := np.nan_to_num(block)) - basis @ (basis.T @ e) for block, basis in zip(residuals, bases, strict=True)
     ]
-    noise = Noise.white(np.sqrt(_covariances(cleared, 0)[:, 0] / total) + 1e-150)
+    noise = Noise.white(np.sqrt(lagged_products(cleared, 0)[:, 0] / total) + 1e-150)
     for _ in range(_ROUNDS):
-        products = _covariances(cleared, highest)
+        products = lagged_products(cleared, highest)
         for c in range(3):
             products[c] += sum(_expected(noise, c, basis, highest) for basis in bases)
-        noise = _by_order(products / max(total - lost, 0.1 * total), total)
+        noise = by_order(products / max(total - lost, 0.1 * total), total)
     return noise
 
 
@@ -59,30 +59,8 @@ def coloured(noise: Noise, channel: int, columns: FloatArray) -> FloatArray:
     return np.asarray(signal.lfilter([noise.sigma[channel]], denominator, longer[::-1], axis=0))
 
 
-def _covariances(blocks: Sequence[FloatArray], highest: int) -> FloatArray:
-    """Return sums of lagged products (3, highest + 1) of zero-mean blocks (m, 3)."""
-    lags = range(highest + 1)
-    return np.array([[sum(b[k:, c] @ b[: len(b) - k, c] for b in blocks) for k in lags] for c in range(3)], dtype=float)
-
-
 def _expected(noise: Noise, channel: int, basis: FloatArray, highest: int) -> FloatArray:
     """Return the lagged products (highest + 1,) that the noise has in the span of a basis."""
     shaped = coloured(noise, channel, basis)
     spread = basis @ (shaped.T @ shaped)
     return np.array([np.sum(spread[k:] * basis[: len(basis) - k]) for k in range(highest + 1)])
-
-
-def _by_order(covariances: FloatArray, total: int) -> Noise:
-    """Solve the Yule-Walker equations of autocovariances (3, h + 1), order by BIC as in `mjfish.identify.noise`."""
-    fits = [[_yule_walker(row, p) for row in covariances] for p in range(covariances.shape[1])]
-    cost = [sum(total * np.log(s) for _, s in row) + 3 * p * np.log(total) for p, row in enumerate(fits)]
-    chosen = fits[int(np.argmin(cost))]
-    return Noise(readonly(np.sqrt([s for _, s in chosen])), readonly(np.stack([phi for phi, _ in chosen])))
-
-
-def _yule_walker(covariance: FloatArray, order: int) -> tuple[FloatArray, float]:
-    """Return phi (order,) and the innovations' variance."""
-    raised = covariance[: order + 1].copy()
-    raised[0] = max(raised[0] * (1.0 + (WHITE_FLOOR if order else 0.0)), 1e-300)
-    phi = linalg.solve_toeplitz(raised[:order], covariance[1 : order + 1]) if order else np.zeros(0)
-    return phi, float(max(raised[0] - phi @ covariance[1 : order + 1], 1e-300))

@@ -86,20 +86,27 @@ def estimate(residuals: Sequence[FloatArray], lost: float = 0.0) -> Noise:
     total = sum(len(block) for block in residuals)
     inflate = total / max(total - lost, 0.1 * total)
     highest = min(MAX_ORDER, min(len(block) for block in residuals) // 8)
-    covariances = np.array([_autocovariance([block[:, c] for block in residuals], highest) for c in range(3)])
-    covariances *= inflate
-    fits = [[_yule_walker(covariance, p) for p in range(highest + 1)] for covariance in covariances]
-    cost = [sum(total * np.log(fits[c][p][1]) for c in range(3)) + 3 * p * np.log(total) for p in range(highest + 1)]
-    order = int(np.argmin(cost))
-    phi = np.array([fits[c][order][0] for c in range(3)]).reshape(3, order)
-    return Noise(readonly(np.sqrt([fits[c][order][1] for c in range(3)])), readonly(phi))
+    # Divided by the same number at every lag: biased, which keeps the Toeplitz matrix positive.
+    return by_order(lagged_products(residuals, highest) / total * inflate, total)
 
 
-def _autocovariance(blocks: list[FloatArray], highest: int) -> FloatArray:
-    """Pool the autocovariance of zero-mean blocks over lags 0..highest."""
-    pairs = [sum(float(b[lag:] @ b[: len(b) - lag]) for b in blocks) for lag in range(highest + 1)]
-    counts = [sum(len(b) for b in blocks)] * (highest + 1)  # biased: keeps the Toeplitz matrix positive
-    return np.asarray(np.array(pairs) / np.array(counts))
+def lagged_products(blocks: Sequence[FloatArray], highest: int) -> FloatArray:
+    """Return the sums of lagged products (3, highest + 1) of zero-mean blocks (m, 3), lags 0..highest."""
+    lags = range(highest + 1)
+    return np.array([[sum(b[k:, c] @ b[: len(b) - k, c] for b in blocks) for k in lags] for c in range(3)], dtype=float)
+
+
+def by_order(covariances: FloatArray, total: int) -> Noise:
+    """Solve the Yule-Walker equations of the autocovariances of every channel, order by BIC.
+
+    Args:
+        covariances: (3, h + 1), lags 0..h; orders up to h are tried.
+        total: samples that they were estimated from.
+    """
+    fits = [[_yule_walker(row, p) for row in covariances] for p in range(covariances.shape[1])]
+    cost = [sum(total * np.log(s) for _, s in row) + 3 * p * np.log(total) for p, row in enumerate(fits)]
+    chosen = fits[int(np.argmin(cost))]
+    return Noise(readonly(np.sqrt([s for _, s in chosen])), readonly(np.stack([phi for phi, _ in chosen])))
 
 
 def _yule_walker(covariance: FloatArray, order: int) -> tuple[FloatArray, float]:
