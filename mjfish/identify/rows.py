@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from mjfish.errors import InputError
-from mjfish.trial.table import check_suffix
+from mjfish.trial.table import check_suffix, whole
 
 
 def write_rows(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -31,13 +30,5 @@ def write_rows(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
         raise InputError(f"{path}: {len(rows)} rows, expected one or more with the same columns; correct the rows")
     table = pa.Table.from_pylist([dict(row) for row in rows])
     write = pa.csv.write_csv if path.suffix.lower() == ".csv" else pa.parquet.write_table
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        with partial.open("wb") as file:
-            write(table, file)
-        partial.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error}; choose another place") from None
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink()
+    with whole(path) as file:
+        write(table, file)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -70,11 +70,22 @@ def write_table(path: str | Path, table: Mapping[str, FloatArray]) -> None:
     shapes = {header: np.shape(values) for header, values in table.items()}
     if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
         raise InputError(f"{path}: columns of shapes {shapes}, expected one-dimensional columns of one length")
+    write = _write_csv if path.suffix.lower() == ".csv" else _write_parquet
+    with whole(path) as file:
+        write(file, table)
+
+
+@contextlib.contextmanager
+def whole(path: Path) -> Iterator[BinaryIO]:
+    """Open a file that appears under its name when the block is done, complete or not at all.
+
+    Raises:
+        InputError: it cannot be written.
+    """
     partial = path.with_name(f".{path.name}.partial")
     try:
-        write = _write_csv if path.suffix.lower() == ".csv" else _write_parquet
         with partial.open("wb") as file:
-            write(file, table)
+            yield file
         partial.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error}; choose another place") from None
