@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
 from typing import Any
 
-import jinja2
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
-
 from mjfish.diagnose import Diagnosis
 from mjfish.files import write_text
+from mjfish.report import template
 from mjfish.report.beat import beat_figure
 from mjfish.report.candidates import candidate_views, parameter_views
 from mjfish.report.coefficients import coefficient_views
@@ -33,18 +29,7 @@ def write_report(diagnosis: Diagnosis, path: Path) -> None:
 
 def render(diagnosis: Diagnosis) -> str:
     """Return the report of a diagnosis as HTML: self-contained, everything that came from a user escaped."""
-    return _environment().get_template("page.html.j2").render(_view(diagnosis), plotly_js=Markup(get_plotlyjs()))  # noqa: S704
-
-
-@functools.cache
-def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
-        loader=jinja2.PackageLoader("mjfish.report"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    return template.render("page.html.j2", **_view(diagnosis))
 
 
 def _view(diagnosis: Diagnosis) -> dict[str, Any]:

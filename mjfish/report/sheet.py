@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
-
 from mjfish.files import write_text
+from mjfish.report.template import render
 
 
 @dataclass(frozen=True)
@@ -54,16 +50,4 @@ def write_sheet(path: Path, sheet: Sheet) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    template = _environment().get_template("sheet.html.j2")
-    write_text(path, template.render(sheet=sheet, plotly_js=Markup(get_plotlyjs())))  # noqa: S704
-
-
-@functools.cache
-def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
-        loader=jinja2.PackageLoader("mjfish.report"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    write_text(path, render("sheet.html.j2", sheet=sheet))
