@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.effects.effect import Effect
 from mjfish.frames import CHANNELS
@@ -67,13 +68,15 @@ def _one(
     effect = _owner(model, name)
     run = model.prepare(trial, values, offset=offset, keep=() if effect is None else (effect.name,))
     direction, rate_of_time = _direction(model, trial, values, name, run, offset)
-    moves = effect is None or effect.load is not None or any(_overrides(effect, hook) for hook in ("drive", "body"))
-    if name == "clock.offset" or not moves:
-        direction = Direction()
-    rollout = simulate_along(
-        run.fish, run.motion, direction, values=run.coefficients, velocity=velocity, coriolis=model.coriolis,
-        loads=run.loads,
-    )  # fmt: skip
+    if direction is None:
+        rollout = ode.simulate(
+            run.fish, run.motion, values=run.coefficients, velocity=velocity, coriolis=model.coriolis, loads=run.loads
+        )
+    else:
+        rollout = simulate_along(
+            run.fish, run.motion, direction, values=run.coefficients, velocity=velocity, coriolis=model.coriolis,
+            loads=run.loads,
+        )  # fmt: skip
     return _read(model, trial, values, name, run, rollout, rate_of_time)
 
 
@@ -88,14 +91,14 @@ def _overrides(effect: Effect, hook: str) -> bool:
 
 def _direction(
     model: Model, trial: Trial, values: Mapping[str, float], name: str, run: Prepared, offset: float
-) -> tuple[Direction, FloatArray]:
-    """Return what the rollout is derived by, and the rate (n,) of the times at which it is read."""
+) -> tuple[Direction | None, FloatArray]:
+    """Return what the rollout is derived by, None where nothing moves it, and the rate (n,) of the times of reading."""
     still = np.zeros(len(trial.time))
     kind, _, short = name.partition(".")
     if kind == "start":
         return Direction(velocity=np.eye(len(CHANNELS))[CHANNELS.index(short)]), still
     if name == "clock.offset":
-        return Direction(), still + 1.0
+        return None, still + 1.0
     effect = _owner(model, name)
     if effect is None:
         rows = np.zeros_like(numbers_of(run.fish))
@@ -123,6 +126,8 @@ def _direction(
         row = [one.load for one, _ in run.active if one.load is not None].index(effect.load)
         loads[row, [own.short for own in effect.parameters].index(short)] = 1.0
     when = vary(lambda one: one.time) if _overrides(effect, "clock") else still
+    if all(part is None for part in (links, tail, motion, loads)):
+        return None, when
     return Direction(links=links, tail=tail, motion=motion, loads=loads), when
 
 

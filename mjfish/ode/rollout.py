@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -95,38 +95,61 @@ def simulate(
     """
     if motion.joints != fish.joints:
         raise InputError(f"the motion has {motion.joints} joints, {fish.name} has {fish.joints}")
-    steps = len(motion.time) - 1
-    start = np.zeros(STATES)
-    if velocity is not None:
-        start[:3] = frames.flip(np.asarray(velocity, dtype=np.float64))
-    addresses, parameters = load_table(loads)
-    states, rates = np.zeros((steps, 2, STATES)), np.zeros((steps, 2, STATES))
     cos, sin = motion.trigonometry
-    done = integrate(
-        link_records(fish, values), motion.time, cos, sin, motion.rate, motion.acceleration,
-        np.ascontiguousarray(motion.angle[:, :, -1]), start, tail_of(fish), coriolis == "printed", addresses,
-        parameters, states, rates,
-    )  # fmt: skip
-    message = ""
-    if done < steps:
-        named = ", ".join(f"{name} = {value:g}" for name, value in {**fish.values, **(values or {})}.items())
-        message = f"diverged at {motion.time[done]:.3f} s with {named}; check the coefficients and the drive"
+    moving = (cos, sin, motion.rate, motion.acceleration, np.ascontiguousarray(motion.angle[:, :, -1]))
+    rollout = integrated(
+        motion, link_records(fish, values), moving, start_of(velocity), tail_of(fish), coriolis, load_table(loads)
+    )
+    if rollout.status == "ok":
+        return rollout
+    named = ", ".join(f"{name} = {value:g}" for name, value in {**fish.values, **(values or {})}.items())
+    return replace(rollout, message=f"{rollout.message} with {named}; check the coefficients and the drive")
+
+
+def integrated(
+    motion: JointMotion,
+    links: Any,
+    moving: tuple[Any, ...],
+    start: Any,
+    tail: Any,
+    coriolis: Coriolis,
+    loads: tuple[Any, Any],
+) -> Rollout:
+    """Integrate, in the model's frame, numbers or complex numbers (`mjfish.ode.tangent`); return the forward frame's.
+
+    Args:
+        motion: gives the steps.
+        links: (links,) records.
+        moving: cosine, sine, rate, acceleration of the joints (n, 3, joints) and the angle of the last (n, 3).
+        start: (STATES,).
+        tail: (3,) of the flexible tail.
+        coriolis: form of the gyroscopic terms.
+        loads: addresses and parameters of `mjfish.hydro.load.load_table`.
+    """
+    steps = len(motion.time) - 1
+    states = np.zeros((steps, 2, STATES), dtype=start.dtype)
+    rates = np.zeros_like(states)
+    run: Any = integrate  # also compiled for complex numbers
+    done = run(links, motion.time, *moving, start, tail, coriolis == "printed", *loads, states, rates)
     kept = max(done, 1)
     return Rollout(
         motion=motion,
-        state=to_forward(states[:kept]),
-        derivative=to_forward(rates[:kept]),
+        state=states[:kept] * _TO_FORWARD,
+        derivative=rates[:kept] * _TO_FORWARD,
         status="ok" if done == steps else "diverged",
-        message=message,
+        message="" if done == steps else f"diverged at {motion.time[done]:.3f} s",
     )
+
+
+def start_of(velocity: FloatArray | None) -> FloatArray:
+    """Return the state (STATES,) at the start, in the model's frame: at rest, or with a velocity of the forward one."""
+    start = np.zeros(STATES)
+    if velocity is not None:
+        start[:3] = frames.flip(np.asarray(velocity, dtype=np.float64))
+    return start
 
 
 def tail_of(fish: Fish) -> FloatArray:
     """Return flexible (0 or 1), stiffness [N m/rad] and damping [N m s/rad] of the last joint's deflection (3,)."""
     flexible = fish.tail_compliance > 0.0
     return np.array([float(flexible), 1.0 / fish.tail_compliance if flexible else 0.0, fish.tail_damping])
-
-
-def to_forward(states: Any) -> Any:
-    """Turn velocity and pose from the model's frame to the forward frame; deflections keep their sign."""
-    return states * _TO_FORWARD

@@ -13,21 +13,17 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.link import COMPLEX_LINK, LINK, link_records
 from mjfish.hydro.load import Load, load_table
 from mjfish.hydro.load_tangent import TINY
-from mjfish.ode.equation import STATES
-from mjfish.ode.integrate import integrate
-from mjfish.ode.rollout import Coriolis, Rollout, tail_of, to_forward
+from mjfish.ode.rollout import Coriolis, Rollout, integrated, start_of, tail_of
 
 ComplexArray = NDArray[np.complex128]
 _NUMBERS = LINK.itemsize // 8
@@ -74,29 +70,15 @@ def simulate_along(
         A rollout of complex numbers: the imaginary part of `state`, `derivative` and `at(time)` is TINY times the
         derivative along `direction`; the real part is the rollout.
     """
-    steps = len(motion.time) - 1
-    links = _along(numbers_of(fish, values), direction.links).view(COMPLEX_LINK).ravel()
-    start = np.zeros(STATES, dtype=np.complex128)
-    if velocity is not None:
-        start[:3] = frames.flip(np.asarray(velocity, dtype=np.float64))
-    if direction.velocity is not None:
-        start[:3] += 1j * TINY * frames.flip(direction.velocity)
     addresses, parameters = load_table(loads)
-    moving = _still(motion) if direction.motion is None else _moving(motion, direction.motion)
-    states = np.zeros((steps, 2, STATES), dtype=np.complex128)
-    rates = np.zeros_like(states)
-    run: Any = integrate  # compiled for complex numbers as well
-    done = run(
-        links, motion.time, *moving, start, _along(tail_of(fish), direction.tail), coriolis == "printed", addresses,
-        _along(parameters, direction.loads), states, rates,
-    )  # fmt: skip
-    kept = max(done, 1)
-    return Rollout(
-        motion=motion,
-        state=to_forward(states[:kept]),
-        derivative=to_forward(rates[:kept]),
-        status="ok" if done == steps else "diverged",
-        message="" if done == steps else f"diverged at {motion.time[done]:.3f} s",
+    return integrated(
+        motion,
+        _along(numbers_of(fish, values), direction.links).view(COMPLEX_LINK).ravel(),
+        _still(motion) if direction.motion is None else _moving(motion, direction.motion),
+        _along(start_of(velocity), None if direction.velocity is None else start_of(direction.velocity)),
+        _along(tail_of(fish), direction.tail),
+        coriolis,
+        (addresses, _along(parameters, direction.loads)),
     )
 
 
