@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from mjfish.identify import residual as left
 from mjfish.identify.agreement import Agreement, agreement
 from mjfish.identify.criteria import Criteria, criteria
 from mjfish.identify.fit import Fit
@@ -16,7 +15,6 @@ from mjfish.identify.residual_tests import ResidualTests, residual_tests
 from mjfish.identify.stability import Stability, stability
 from mjfish.identify.table_iv import Row, table_iv
 from mjfish.identify.weak import Weakness, weaknesses
-from mjfish.trial import Trial
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,24 +54,24 @@ class Assessment:
         }
 
 
-def assess(problem: Problem, fit: Fit, held: tuple[Trial, ...]) -> Assessment | None:
+def assess(problem: Problem, fit: Fit, residuals: tuple[Residual, ...]) -> Assessment | None:
     """Assess a fit; None where it diverged, for then the data say nothing about it.
 
     Args:
         problem: that was fitted.
         fit: of it.
-        held: trials that had no part in it.
+        residuals: of its trials, then of those that had no part in it.
     """
     if fit.status == "diverged":
         return None
-    residuals = (*left.fitted(problem, fit.x), *(left.held_out(problem, fit.values, held) if held else ()))
+    own = residuals[: len(problem.trials)]
     return Assessment(
         residuals=residuals,
         intervals=intervals(problem, fit),
         weaknesses=weaknesses(fit),
         agreements=tuple(agreement(residuals)),
         table=table_iv(residuals),
-        tests=residual_tests(problem, fit),
-        criteria=criteria(problem, fit),
+        tests=residual_tests(problem, fit, own),
+        criteria=criteria(problem, fit, own),
         stability=stability(problem, fit),
     )

@@ -55,18 +55,25 @@ class Criteria:
         return asdict(self)
 
 
-def criteria(problem: Problem, fit: Fit, *, noise: Literal["estimated", "stated"] = "estimated") -> Criteria:
+def criteria(
+    problem: Problem,
+    fit: Fit,
+    residuals: Sequence[Residual] | None = None,
+    *,
+    noise: Literal["estimated", "stated"] = "estimated",
+) -> Criteria:
     """Return the criteria of a fit.
 
     Args:
         problem: that was fitted.
         fit: its result. Parameters that rest on a bound are not counted: they were not fitted to the data.
+        residuals: of the fit, made here where they are not given.
         noise: ``stated``: the noise of the problem is known; compare only fits with the same one. ``estimated``: sigma
             of every channel is the root mean square of the innovations, which is its most likely value, and it and
             the autoregressive coefficients count as parameters.
     """
     free = int(np.count_nonzero(~fit.at_bound))
-    return of_residuals(fitted(problem, fit.x), problem.noise, free, stated=noise == "stated")
+    return of_residuals(residuals or fitted(problem, fit.x), problem.noise, free, stated=noise == "stated")
 
 
 def of_residuals(residuals: Sequence[Residual], noise: Noise, free: int, *, stated: bool) -> Criteria:

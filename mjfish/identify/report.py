@@ -12,12 +12,13 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
+from mjfish.identify import residual as left
 from mjfish.identify.assessment import Assessment, assess
 from mjfish.identify.fit import Fit, fit
 from mjfish.identify.multistart import multistart
 from mjfish.identify.noise import Noise, floor
 from mjfish.identify.problem import Problem
-from mjfish.identify.score import predict_held_out
+from mjfish.identify.residual import Residual
 from mjfish.identify.settings import Settings
 from mjfish.model import Model
 from mjfish.trial import Dataset, Trial
@@ -160,13 +161,10 @@ def identify(
         one = fit(problem, one.x, **robust)  # type: ignore[arg-type]
     if stated is None and settings.weights == "noise":
         remarks += ("noise: none stated; the weights are the RMS of the residual",)
-    scores = [_score(t, "fit", r) for t, r in zip(fitted, problem.raw(one.x), strict=True)]
-    if held:
-        parts = predict_held_out(problem, one.values, held)
-        scores += [_score(t, "held_out", r) for t, r in zip(held, parts.residuals, strict=True)]
+    residuals = (*left.fitted(problem, one.x), *left.held_out(problem, one.values, held))
     return Identification(
-        dataset, one, np.asarray(problem.noise.sigma), tuple(scores), remarks, settings.starts, many.reached,
-        problem, assess(problem, one, held),
+        dataset, one, np.asarray(problem.noise.sigma), tuple(_score(residual) for residual in residuals), remarks,
+        settings.starts, many.reached, problem, assess(problem, one, residuals),
     )  # fmt: skip
 
 
@@ -193,6 +191,7 @@ def first_sigma(trials: tuple[Trial, ...]) -> FloatArray:
     return np.asarray(np.maximum(np.sqrt(np.mean(differences**2, axis=0) / 20.0), floor(trials)))
 
 
-def _score(trial: Trial, role: str, residual: FloatArray) -> TrialScore:
-    nrmse = np.sqrt(np.mean(residual**2, axis=0)) / np.maximum(np.ptp(trial.velocity, axis=0), 1e-12)
-    return TrialScore(trial.name, role, (float(nrmse[0]), float(nrmse[1]), float(nrmse[2])))
+def _score(residual: Residual) -> TrialScore:
+    error = residual.values[residual.scored]
+    nrmse = np.sqrt(np.mean(error**2, axis=0)) / np.maximum(np.ptp(residual.trial.velocity, axis=0), 1e-12)
+    return TrialScore(residual.trial.name, residual.role, (float(nrmse[0]), float(nrmse[1]), float(nrmse[2])))

@@ -57,11 +57,12 @@ class ResidualTests:
         }
 
 
-def residual_tests(problem: Problem, fit: Fit, *, lags: int = LAGS) -> ResidualTests:
-    """Test the residuals of a fit."""
-    if fit.status == "diverged":
-        return examine(fitted(problem, fit.x), problem.noise, problem.model.fish.cpg, lags=lags)
-    return examine(fitted(problem, fit.x), problem.noise, problem.model.fish.cpg, absorbed(problem, fit), lags=lags)
+def residual_tests(
+    problem: Problem, fit: Fit, residuals: Sequence[Residual] | None = None, *, lags: int = LAGS
+) -> ResidualTests:
+    """Test the residuals of a fit, which are made here where they are not given."""
+    taken = None if fit.status == "diverged" else absorbed(problem, fit)
+    return examine(residuals or fitted(problem, fit.x), problem.noise, problem.model.fish.cpg, taken, lags=lags)
 
 
 def examine(
