@@ -21,7 +21,7 @@ import numpy as np
 from numba import carray
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled
+from mjfish.compiled import compiled, inlined
 from mjfish.sim.kinematics import FRAME, accelerations, add_wrench, place, to_world
 from mjfish.sim.layout import factor_inertia, floats, fwd_actuation, integers, make_inertia
 from mjfish.sim.water import added_inertia, inertial, other
@@ -86,15 +86,11 @@ def _inject(model: Any, data: Any, carriers: FloatArray, composite: FloatArray) 
     for row in range(carriers.shape[0]):
         first = int(carriers[row, 2])
         for dof in range(first, first + int(carriers[row, 3])):
-            p0, p1, p2, p3, p4, p5 = _momentum(data, dof, composite[row])
+            momentum = _momentum(data, dof, composite[row])
             at = starts[dof] + counts[dof] - 1
             column = dof
             while column >= 0:
-                axis = carray(floats(data.cdof + 48 * column), 6)
-                entry = carray(floats(data.M + 8 * at), 1)
-                entry[0] += (
-                    p0 * axis[0] + p1 * axis[1] + p2 * axis[2] + p3 * axis[3] + p4 * axis[4] + p5 * axis[5]
-                )  # fmt: skip
+                carray(floats(data.M + 8 * at), 1)[0] += _along(data, column, momentum)
                 at -= 1
                 column = above[column]
 
@@ -112,6 +108,16 @@ def _momentum(data: Any, dof: int, inertia: FloatArray) -> tuple[float, float, f
         inertia[24] * a + inertia[25] * b + inertia[26] * c + inertia[27] * d + inertia[28] * e + inertia[29] * f,
         inertia[30] * a + inertia[31] * b + inertia[32] * c + inertia[33] * d + inertia[34] * e + inertia[35] * f,
     )
+
+
+@inlined
+def _along(data: Any, dof: int, momentum: tuple[float, float, float, float, float, float]) -> float:
+    """Return what of a spatial momentum is along one dof: an entry of J^T A J."""
+    axis = carray(floats(data.cdof + 48 * dof), 6)
+    return (  # type: ignore[no-any-return]
+        momentum[0] * axis[0] + momentum[1] * axis[1] + momentum[2] * axis[2]
+        + momentum[3] * axis[3] + momentum[4] * axis[4] + momentum[5] * axis[5]
+    )  # fmt: skip
 
 
 @compiled
@@ -189,13 +195,10 @@ def _solve(
         if lowest < first or lowest >= end:
             continue
         for dof in range(lowest, lowest + int(carriers[row, 3])):
-            p0, p1, p2, p3, p4, p5 = _momentum(data, dof, composite[row])
+            momentum = _momentum(data, dof, composite[row])
             column = dof
             while column >= 0:
-                axis = carray(floats(data.cdof + 48 * column), 6)
-                matrix[dof - first, column - first] += (
-                    p0 * axis[0] + p1 * axis[1] + p2 * axis[2] + p3 * axis[3] + p4 * axis[4] + p5 * axis[5]
-                )
+                matrix[dof - first, column - first] += _along(data, column, momentum)
                 column = above[column]
     for k in range(end - 1, first - 1, -1):
         i = above[k]

@@ -11,18 +11,13 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.sim import StripFluid, reference
+from mjfish.sim import StripFluid, mjcf, reference
 from mjfish.sim.compatible import Coupling
 
 Joint = Literal["free", "ball", "hinge", "slide", "none"]
 
-INTEGRATORS = {
-    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
-    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
-    "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
-    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
-}
+#: Of MuJoCo, in the order of the tables.
+INTEGRATORS = {name: mjcf.INTEGRATORS[name] for name in ("Euler", "implicitfast", "implicit", "discrete", "RK4")}
 #: Every coupling with every integrator that it is right under, where nothing damps.
 VALID: tuple[tuple[Coupling, str], ...] = (
     *(("inertia", name) for name in INTEGRATORS),
