@@ -112,7 +112,7 @@ class Model:
         )
         state = headed(rollout.at(np.minimum(run.time, run.motion.time[-1])), trial)
         for effect, own in run.active:
-            state = effect.reading(state, own)
+            state = effect.reading(state, own, trial)
         message = rollout.message
         if message and run.active:
             message += f" (with {', '.join(f'{e.name}.{k} = {v:g}' for e, own in run.active for k, v in own.items())})"

@@ -163,7 +163,7 @@ def _read(
         moved = real + shift * along
         for effect, own in readers:
             here = {**own, p.short: own[p.short] + shift} if effect is owner else own
-            moved = effect.reading(moved.copy(), here)
+            moved = effect.reading(moved.copy(), here, trial)
         return moved[:, :3]
 
     return difference(seen, p, 0.0)

@@ -4,6 +4,6 @@ To add a cause, add a file with a subclass of `Effect`; nothing else changes. A 
 """
 
 from mjfish.effects.catalogue import catalogue, find
-from mjfish.effects.effect import Effect
+from mjfish.effects.effect import Effect, Fingerprint
 
-__all__ = ["Effect", "catalogue", "find"]
+__all__ = ["Effect", "Fingerprint", "catalogue", "find"]

@@ -10,7 +10,7 @@ from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.effects.effect import Effect, Family, Values
 from mjfish.parameter import Parameter
-from mjfish.trial import Dataset
+from mjfish.trial import Dataset, Trial
 
 
 class AmbientCurrent(Effect):
@@ -37,8 +37,9 @@ class AmbientCurrent(Effect):
         unknown = [t.name for t in dataset.trials if t.joint_angle is not None and t.pose is None]
         return f"the heading was not measured (no yaw column) in {', '.join(unknown)}" if unknown else ""
 
-    def reading(self, state: FloatArray, values: Values) -> FloatArray:
+    def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Add the current in the body frame to the velocity relative to the water."""
+        del trial
         current = np.array([values["x"], values["y"]])
         read = state.copy()
         read[:, :2] += frames.to_body(np.broadcast_to(current, (len(state), 2)), state[:, 5])

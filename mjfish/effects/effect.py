@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
 
 from mjfish.arrays import FloatArray
@@ -12,13 +13,33 @@ from mjfish.errors import ParameterError, UnknownNameError
 from mjfish.fish import KINDS, Fish
 from mjfish.hydro.load import PARAMETERS, Load
 from mjfish.parameter import Parameter
-from mjfish.trial import Dataset
+from mjfish.trial import Dataset, Trial
 
 #: Values of an effect's parameters by their short names, e.g. ``{"offset": 0.02}``.
 Values = Mapping[str, float]
-Family = Literal["data", "drive", "body", "water"]
+Family = Literal["data", "drive", "body", "water", "out_of_plane"]
+Part = Literal["start-up", "transition", "steady", "turn", "everywhere"]
 _DECLARED = ("name", "family", "summary", "parameters", "source", "signature", "confirm")
 _HOOKS = ("drive", "body", "clock", "reading")
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """How the discrepancy looks that a cause leaves; None where the physics does not say.
+
+    The nominal model has two exact symmetries: time scaling, V(t; f) = f U(f t) where the joints move alike, and, in
+    straight swimming, the glide reflection (surge, sway, yaw rate)(t + T/2) = (surge, -sway, -yaw rate)(t). A cause
+    breaks or keeps each in a known way.
+
+    Attributes:
+        exponent: q, the nondimensional discrepancy goes as the beat frequency to the power q; 0 keeps the scaling.
+        odd: whether it breaks the glide reflection.
+        part: the part of a run where most of it sits.
+    """
+
+    exponent: float | None = None
+    odd: bool | None = None
+    part: Part | None = None
 
 
 class Effect(ABC):
@@ -36,6 +57,8 @@ class Effect(ABC):
         source: where the physics comes from.
         signature: what the residual looks like if this is the cause.
         confirm: the experiment that would confirm it.
+        fingerprint: how its discrepancy scales, what symmetry it breaks, where it sits.
+        smooth: whether predictions are differentiable in its amplitudes at the null value; else it is always refitted.
         load: force on every link from outside the Morison model, compiled; its parameters come in declared order.
     """
 
@@ -46,6 +69,8 @@ class Effect(ABC):
     source: ClassVar[str]
     signature: ClassVar[str]
     confirm: ClassVar[str]
+    fingerprint: ClassVar[Fingerprint] = Fingerprint()
+    smooth: ClassVar[bool] = True
     load: ClassVar[Load | None] = None
 
     def not_applicable(self, dataset: Dataset) -> str:
@@ -68,9 +93,12 @@ class Effect(ABC):
         del values
         return time
 
-    def reading(self, state: FloatArray, values: Values) -> FloatArray:
-        """Return what the camera reads, from the state (n, 8) in the forward frame (see `mjfish.ode.Rollout`)."""
-        del values
+    def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
+        """Return what the camera reads in `trial`, from the state (n, 8) in the forward frame (see `mjfish.ode.Rollout`).
+
+        Its rows are the trial's samples.
+        """
+        del values, trial
         return state
 
     @classmethod

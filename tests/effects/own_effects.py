@@ -7,6 +7,7 @@ from mjfish.effects import Effect
 from mjfish.effects.effect import Family, Values
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
+from mjfish.trial import Trial
 
 
 class CameraScale(Effect):
@@ -22,8 +23,9 @@ class CameraScale(Effect):
     signature: ClassVar[str] = "surge and sway are off by the same factor, the yaw rate is right [all else equal]"
     confirm: ClassVar[str] = "film a ruler"
 
-    def reading(self, state: FloatArray, values: Values) -> FloatArray:
+    def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Scale the translations."""
+        del trial
         read = state.copy()
         read[:, :2] *= 1.0 + values["error"]
         return read

@@ -137,7 +137,7 @@ def test_hooks_are_pure(effect: Effect, pike: Fish, turning: Trial) -> None:
             [a.tobytes() for a in _arrays(effect.drive(motion, values))],
             effect.body(pike, values).model_dump(),
             effect.clock(time, values).tobytes(),
-            effect.reading(state, values).tobytes(),
+            effect.reading(state, values, turning).tobytes(),
         )
         for _ in range(2)
     )
