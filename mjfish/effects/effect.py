@@ -94,7 +94,7 @@ class Effect(ABC):
         return time
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
-        """Return what the camera reads in `trial`, from the state (n, 8) in the forward frame (see `mjfish.ode.Rollout`).
+        """Return what the camera reads in `trial`, from the state (n, 8) (forward frame, see `mjfish.ode.Rollout`).
 
         Its rows are the trial's samples.
         """
