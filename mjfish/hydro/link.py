@@ -14,7 +14,8 @@ from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.outline import INTERVALS, STRIPS, outlines
 
 #: One link; every field is a float64, so that a record is also a plain row of numbers.
-#: mass, com, inertia, length: of the body. density, c_m, c_d, c_f, munk: of the water on it.
+#: mass, com, inertia, length: of the body; last: 1 of the last link, else 0.
+#: density, c_m, c_d, c_f, munk: of the water on it.
 #: added, wetted, height_moment, node_height, strip_*: integrals, see `mjfish.hydro.outline.LinkOutline`.
 #: u, v, w: velocity of the link's origin relative to the water in the link's frame (x towards the tail).
 LINK = np.dtype(
@@ -23,6 +24,7 @@ LINK = np.dtype(
         ("com", "f8"),
         ("inertia", "f8"),
         ("length", "f8"),
+        ("last", "f8"),
         ("density", "f8"),
         ("c_m", "f8"),
         ("c_d", "f8"),
@@ -59,6 +61,7 @@ def _template(fish: Fish) -> RecordArray:
             record[kind] = fish.values[f"{kind}.{link.group}"]
         record["density"] = fish.density
         record["munk"] = fish.munk_moment
+    records[-1]["last"] = 1.0
     records.flags.writeable = False
     return records
 
