@@ -8,7 +8,7 @@ import numpy as np
 
 from mjfish import frames
 from mjfish.arrays import FloatArray
-from mjfish.effects.effect import Effect, Family, Values
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
 from mjfish.trial import Dataset, Trial
 
@@ -31,6 +31,7 @@ class AmbientCurrent(Effect):
     source: ClassVar[str] = "Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), sec. 8.3"
     signature: ClassVar[str] = "an offset of surge and sway that turns with the heading; it is there at rest too"
     confirm: ClassVar[str] = "let the fish drift without drive, or swim the same run in the opposite heading"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-1.0, odd=None, part="everywhere")
 
     def not_applicable(self, dataset: Dataset) -> str:
         """A current needs the heading in the world: that of CPG trials starts at 0, that of others must be measured."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from mjfish.effects.effect import Effect, Family, Values
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -25,6 +25,7 @@ class MunkMoment(Effect):
     source: ClassVar[str] = "Lamb, Hydrodynamics (1932), art. 124; Munk, NACA report 184 (1924)"
     signature: ClassVar[str] = "yaw rate and sway, growing with forward speed times sideways speed; none at rest"
     confirm: ClassVar[str] = "tow the fish, joints held, at a small angle and measure the yaw moment against speed"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Add kappa to the fish's own share."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from mjfish.effects.effect import Effect, Family
+from mjfish.effects.effect import Effect, Family, Fingerprint
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
 
@@ -49,4 +49,5 @@ class ReynoldsDrag(Effect):
     source: ClassVar[str] = "[Yu2016] sec. V-B; Schlichting, Boundary-Layer Theory (1979), ch. VII"
     signature: ClassVar[str] = "forward speed against beat frequency is bent; start-ups are slower than simulated"
     confirm: ClassVar[str] = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-0.5, odd=False, part="everywhere")
     load: ClassVar[Load | None] = _excess

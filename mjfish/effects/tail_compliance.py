@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from mjfish.effects.effect import Effect, Family, Values
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -30,6 +30,8 @@ class TailCompliance(Effect):
         "the tail lags and gives way in proportion to its load: the error grows as frequency squared"
     )
     confirm: ClassVar[str] = "hold the peduncle, load the fin with a spring balance and read the deflection"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=2.0, odd=False, part="everywhere")
+    smooth: ClassVar[bool] = False
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Add the compliance to the fish's own."""

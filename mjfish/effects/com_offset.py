@@ -1,0 +1,45 @@
+"""A centre of mass of the head that is not where the table has it."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.fish import Fish
+from mjfish.parameter import Parameter
+from mjfish.trial import Dataset
+
+
+class ComOffset(Effect):
+    """The head's centre of mass lies `shift` further towards the tail; its inertia about it stays.
+
+    Only the head's: battery, ballast and electronics sit there, and are moved whenever the fish is trimmed or charged.
+    A joint link is a servo in a shell, whose centre its drawing gives. About the nose the head's moment of mass becomes
+    m (c + shift), its inertia I + m (c + shift)^2.
+    """
+
+    name: ClassVar[str] = "com_offset"
+    family: ClassVar[Family] = "body"
+    summary: ClassVar[str] = "the head's centre of mass is elsewhere"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("com_offset.shift", "m", 0.0, -0.08, 0.08, 0.0, 0.005, about="of the head's com, towards the tail"),
+    )
+    source: ClassVar[str] = "parallel-axis theorem (Steiner); [Yu2016] eq. (6): moment of mass m c of a link"
+    signature: ClassVar[str] = "sway and yaw rate within the beat shift against each other, alike at every frequency"
+    confirm: ClassVar[str] = "balance the head on an edge and read its centre of mass"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+
+    def not_applicable(self, dataset: Dataset) -> str:
+        """A head so short that the bounds reach out of it cannot have this cause."""
+        head, (shift,) = dataset.fish.links[0], self.parameters
+        if shift.low <= -head.com or head.com + shift.high >= head.length:
+            return (
+                f"shifts of {shift.high:g} m either way leave the head, {head.length:g} m long with com {head.com:g} m"
+            )
+        return ""
+
+    def body(self, fish: Fish, values: Values) -> Fish:
+        """Move the head's centre of mass."""
+        head = fish.links[0]
+        moved = head.model_copy(update={"com": head.com + values["shift"]})
+        return fish.model_copy(update={"links": (moved, *fish.links[1:])})

@@ -1,0 +1,45 @@
+"""Circulatory lift of the caudal fin."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from mjfish.effects.effect import Effect, Family, Fingerprint
+from mjfish.hydro.load import Load, load
+from mjfish.parameter import Parameter
+
+
+@load
+def _lift(link: Any, parameters: Any) -> tuple[float, float, float]:
+    """Return the lift of the last link, none of the others."""
+    if link.last == 0.0:
+        return 0.0, 0.0, 0.0
+    area = 0.0
+    for k in range(link.strip_r.shape[0]):
+        area += link.strip_weight[k] * link.strip_height[k]
+    downwash = link.v + 0.75 * link.length * link.w
+    force = -0.5 * link.density * parameters[0] * area * abs(link.u) * downwash
+    return 0.0, force, 0.25 * link.length * force
+
+
+class FinLift(Effect):
+    """The last link is a foil in a stream: fy = -1/2 rho S C |u| q(3/4 l), acting at l/4 behind its joint.
+
+    Quasi-steady thin-foil theory: the Kutta condition sets the circulation by the sideways velocity q = v + w r at
+    three quarters of the chord, the force acts at one quarter. S = INT h dr is the area and C the slope of the lift
+    coefficient: 2 pi of a foil of infinite span, 2 pi / (1 + 2 / A) at an aspect ratio A. The force is normal to the
+    chord: no suction at the leading edge, which lies behind the body. Neither added mass nor crossflow drag has it: it
+    is their cross term in the speed along and across.
+    """
+
+    name: ClassVar[str] = "fin_lift"
+    family: ClassVar[Family] = "water"
+    summary: ClassVar[str] = "the caudal fin has circulatory lift"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("fin_lift.slope", "-", 0.0, 0.0, 8.0, 0.0, 0.05, about="C, slope of the lift coefficient"),
+    )
+    source: ClassVar[str] = "Katz, Plotkin, Low-Speed Aerodynamics (2001), ch. 5 and sec. 13.8: thin foil, quasi-steady"
+    signature: ClassVar[str] = "sway and yaw rate of the beat, growing with forward speed; little at rest"
+    confirm: ClassVar[str] = "hold the fin at small angles in a stream and measure its side force against the angle"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    load: ClassVar[Load | None] = _lift
