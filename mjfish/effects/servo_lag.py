@@ -9,7 +9,8 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.effect import Effect, Family, Values
+from mjfish.effects.commanded import nothing_between
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
 from mjfish.trial import Dataset
 
@@ -35,12 +36,12 @@ class ServoLag(Effect):
     source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
     signature: ClassVar[str] = "late and smaller with frequency; steps of the command come out smooth"
     confirm: ClassVar[str] = "log the joint angles on the bench while the command steps"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
+    smooth: ClassVar[bool] = False
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Measured joint angles leave nothing between command and joint."""
-        if all(trial.joint_angle is not None for trial in dataset.trials):
-            return "the joint angles were measured, so no servo stands between them and the model"
-        return ""
+        return nothing_between(dataset)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Filter the motion; the rate no longer jumps."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from mjfish.arrays import FloatArray
-from mjfish.effects.effect import Effect, Family, Values
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
 from mjfish.trial import Dataset
 
@@ -27,6 +27,7 @@ class TimeOffset(Effect):
     source: ClassVar[str] = "Data compatibility check, Jategaonkar, Flight Vehicle System Identification (2006), ch. 10"
     signature: ClassVar[str] = "every channel is shifted by the same time; the phase error grows with frequency"
     confirm: ClassVar[str] = "flash a light in the camera's view when the drive starts"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
 
     def not_applicable(self, dataset: Dataset) -> str:
         """A free clock makes the offset a nuisance of every trial."""

@@ -1,0 +1,42 @@
+"""Axes of the camera's body frame that are turned against the fish's."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from mjfish import frames
+from mjfish.arrays import FloatArray
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.parameter import Parameter
+from mjfish.trial import Trial
+
+
+class FrameMisalignment(Effect):
+    """The axis taken for the fish's is turned by a constant angle a about z: V_recorded = R(a)^T V.
+
+    So surge_recorded = cos a surge + sin a sway and sway_recorded = cos a sway - sin a surge: with a > 0 the recorded
+    x axis points to port of the head's, and a fish that swims straight seems to drift to starboard. The rate of a
+    constant angle is zero, so that the yaw rate is right.
+    """
+
+    name: ClassVar[str] = "frame_misalignment"
+    family: ClassVar[Family] = "data"
+    summary: ClassVar[str] = "the axis taken for the fish's is turned"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("frame_misalignment.angle", "rad", 0.0, -0.5, 0.5, 0.0, 0.01, about="of the recorded axis, to port"),
+    )
+    source: ClassVar[str] = (
+        "Misalignment of a sensor: Groves, Principles of GNSS and Inertial Navigation (2013), sec. 4.4"
+    )
+    signature: ClassVar[str] = "a constant share of the forward speed shows up as sway, to the same side in every run"
+    confirm: ClassVar[str] = "push the stretched fish along a straight rail in the camera's view"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=True, part="everywhere")
+
+    def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
+        """Turn the translations."""
+        del trial
+        read = state.copy()
+        read[:, :2] = frames.to_body(state[:, :2], np.full(len(state), values["angle"]))
+        return read

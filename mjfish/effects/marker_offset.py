@@ -1,0 +1,49 @@
+"""A tracked point that is not the nose."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from mjfish.arrays import FloatArray
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.parameter import Parameter
+from mjfish.trial import Trial
+
+
+class MarkerOffset(Effect):
+    """The tracked point of the head lies at r_m = (along, across) from the nose: V_recorded = V + omega x r_m.
+
+    In the forward frame, so `along` is positive AHEAD of the nose (a marker on the head has a negative one) and
+    `across` is positive to port: surge_recorded = surge - omega across, sway_recorded = sway + omega along. The head
+    is rigid, so the yaw rate is that of the nose.
+
+    In straight swimming `along` keeps the glide reflection and `across` breaks it; the fingerprint leaves it open.
+    """
+
+    name: ClassVar[str] = "marker_offset"
+    family: ClassVar[Family] = "data"
+    summary: ClassVar[str] = "the tracked point is not the nose"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "marker_offset.along", "m", 0.0, -0.5, 0.2, 0.0, 0.005, about="of the tracked point, ahead of the nose"
+        ),
+        Parameter("marker_offset.across", "m", 0.0, -0.1, 0.1, 0.0, 0.005, about="of the tracked point, to port"),
+    )
+    source: ClassVar[str] = (
+        "Velocity of a point of a rigid body: Goldstein et al., Classical Mechanics (2002), sec. 4.9"
+    )
+    signature: ClassVar[str] = (
+        "surge or sway is off by a length times the yaw rate; nothing where the fish does not turn"
+    )
+    confirm: ClassVar[str] = (
+        "measure where the marker sits, or turn the fish by hand about its nose in the camera's view"
+    )
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, part="everywhere")
+
+    def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
+        """Add omega x r_m."""
+        del trial
+        read = state.copy()
+        read[:, 0] -= values["across"] * state[:, 2]
+        read[:, 1] += values["along"] * state[:, 2]
+        return read

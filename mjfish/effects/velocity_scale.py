@@ -1,0 +1,39 @@
+"""Wrong scale of the camera."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from mjfish.arrays import FloatArray
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.parameter import Parameter
+from mjfish.trial import Trial
+
+
+class VelocityScale(Effect):
+    """Lengths are read (1 + error) times too long: (surge, sway)_recorded = (1 + error) (surge, sway).
+
+    The scale of a camera that looks at a plane in parallel is one number. Angles do not depend on it, so the yaw rate
+    is right.
+    """
+
+    name: ClassVar[str] = "velocity_scale"
+    family: ClassVar[Family] = "data"
+    summary: ClassVar[str] = "the scale of the camera is off"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("velocity_scale.error", "-", 0.0, -0.3, 0.3, 0.0, 0.01, about="relative error of the camera's scale"),
+    )
+    source: ClassVar[str] = (
+        "Scale factor of a sensor: Jategaonkar, Flight Vehicle System Identification (2006), ch. 10; Hartley and "
+        "Zisserman, Multiple View Geometry in Computer Vision (2004), ch. 6"
+    )
+    signature: ClassVar[str] = "surge and sway are off by the same factor at every speed; the yaw rate is right"
+    confirm: ClassVar[str] = "film a ruler at the depth of the marker, or integrate the speed along a known distance"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+
+    def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
+        """Scale the translations."""
+        del trial
+        read = state.copy()
+        read[:, :2] *= 1.0 + values["error"]
+        return read
