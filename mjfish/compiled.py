@@ -20,7 +20,7 @@ import numba
 F = TypeVar("F", bound=Callable[..., Any])
 
 #: Where functions are compiled; sources elsewhere do not end up in machine code.
-_COMPILED_FOLDERS = ("drive", "hydro", "ode", "sim", "effects")
+_COMPILED_FOLDERS = ("drive", "hydro", "ode", "sim", "effects", "diagnose/noise")
 
 
 @functools.cache
@@ -29,9 +29,8 @@ def cache_folder() -> Path:
     digest = hashlib.sha256()
     for library in ("numba", "llvmlite", "numpy", "mujoco"):
         digest.update(f"{library} {version(library)}\n".encode())
-    digest.update(Path(__file__).read_bytes())  # how functions are compiled
     package = Path(__file__).parent
-    digest.update(Path(__file__).read_bytes())
+    digest.update(Path(__file__).read_bytes())  # how functions are compiled
     for folder in _COMPILED_FOLDERS:
         for source in sorted((package / folder).rglob("*.py")):
             digest.update(source.read_bytes())

@@ -74,6 +74,7 @@ def diagnosis(
         remarks=("c_f.head of the nominal model rests on its bound",),
         causes=(Cause(cause, find(cause).summary, own),) if verdict == "named" else (),
         rivals=((cause, "time_offset"),) if verdict == "cannot_tell" else (),
+        alternatives={"named": ((cause,),), "cannot_tell": ((cause,), ("time_offset",))}.get(verdict, ()),
         candidates=_candidates(verdict),
         best=cause if wrong else None,
         where=_where(names) if wrong else None,

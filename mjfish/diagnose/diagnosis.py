@@ -15,7 +15,8 @@ from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Candidate, Cause, Diagnosis, Estimate, Overlay
 from mjfish.diagnose.search import Findings, search
 from mjfish.diagnose.select import Standing, chance, standings
-from mjfish.diagnose.verdict import Ruling, rule
+from mjfish.diagnose.several import several
+from mjfish.diagnose.verdict import Hearing, Ruling, rule
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
 from mjfish.identify import Fit, Noise, Problem
@@ -64,38 +65,35 @@ def diagnose(
     findings, noise_remark = search(problem, applicable, stated, rng, progress)
     evidence, refitted = findings.evidence, findings.refits
 
-    progress("comparing the candidates", 0.9)
-    standing = standings(evidence, refitted, applicable, rng) if refitted else {}
-    scores: dict[str | None, Score] = {}
-    if held:
-        scores[None] = predict_held_out(evidence.problem, evidence.fit.values, held)
-    gained: dict[str, float | None] = {}
-    for name, one in refitted.items():
-        gained[name] = None
-        if held and standing[name].in_set:
-            scores[name] = predict_held_out(one.problem, one.fit.values, held)
-            gained[name] = 0.5 * (sum(scores[None].whitened_sse) - sum(scores[name].whitened_sse))
-    ruling = rule(findings.p_wrong, refitted, standing, gained)
-    best = _best(ruling, refitted)
-    gain = None
-    if best is not None and held:
-        if best not in scores:
-            scores[best] = predict_held_out(refitted[best].problem, refitted[best].fit.values, held)
-        gain = heldout.gain(scores[None], scores[best], held, rng)
+    progress("comparing the candidates", 0.75)
+    scores = _Scores(evidence, held)
+    standing = standings(refitted, applicable, rng) if refitted else {}
+    single = Hearing(
+        {(name,): one for name, one in refitted.items()},
+        {(name,): one for name, one in standing.items()},
+        {(name,): scores.gained(refitted[name], None) for name, one in standing.items() if one.in_set},
+    )
+    several_ = None
+    if refitted and not single.staying(clean=True):
+        several_ = _several(refitted, applicable, scores, rng, progress)
+    ruling = rule(findings.p_wrong, single, several_)
+    best = _best(ruling, single, several_)
+    gain = heldout.gain(scores.of(None), scores.of(best), held, rng) if best is not None and held else None
     progress("done", 1.0)
 
-    final = refitted[best].fit if best is not None else evidence.fit
-    extended_problem = refitted[best].problem if best is not None else evidence.problem
+    final = evidence.fit if best is None else best.fit
+    extended_problem = evidence.problem if best is None else best.problem
     return Diagnosis(
         dataset=dataset,
         verdict=ruling.verdict,
         message=ruling.message,
         status="ok" if {evidence.fit.status, final.status} == {"converged"} else "fit_not_converged",
         remarks=_remarks(noise_remark, evidence, held),
-        causes=tuple(_cause(refitted[name]) for name in ruling.names) if ruling.verdict == "named" else (),
-        rivals=(ruling.names,) if ruling.verdict == "cannot_tell" else (),
-        candidates=_candidates(candidates, reasons, evidence, refitted, standing, gained),
-        best=best,
+        causes=_causes(best) if ruling.verdict == "named" else (),
+        rivals=_rivals(ruling),
+        alternatives=ruling.sets,
+        candidates=_candidates(candidates, reasons, evidence, refitted, standing, single),
+        best=None if best is None else " with ".join(best.names),
         where=_where(findings),
         p_wrong=findings.p_wrong,
         gain=gain,
@@ -108,11 +106,67 @@ def diagnose(
     )
 
 
-def _best(ruling: Ruling, refitted: Mapping[str, Refit]) -> str | None:
-    """Return whose extended model is shown: the named one's, else that of the largest gain."""
-    if ruling.names:
-        return ruling.names[0]
-    return max(refitted, key=lambda name: refitted[name].gain) if refitted else None
+class _Scores:
+    """Held-out scores of models, each made once."""
+
+    def __init__(self, evidence: Evidence, held: tuple[Trial, ...]) -> None:
+        self.evidence, self.held = evidence, held
+        self.known: dict[tuple[str, ...], Score] = {}
+
+    def of(self, one: Refit | None) -> Score:
+        """Return the score of a refit, None: of the nominal model."""
+        names = () if one is None else one.names
+        if names not in self.known:
+            problem, fitted = (self.evidence.problem, self.evidence.fit) if one is None else (one.problem, one.fit)
+            self.known[names] = predict_held_out(problem, fitted.values, self.held)
+        return self.known[names]
+
+    def gained(self, one: Refit, against: Refit | None) -> float | None:
+        """Return the log-likelihood that a refit gains on the held-out trials; None where there are none."""
+        if not self.held:
+            return None
+        return 0.5 * (sum(self.of(against).whitened_sse) - sum(self.of(one).whitened_sse))
+
+
+def _several(
+    singles: Mapping[str, Refit],
+    candidates: Sequence[Effect],
+    scores: _Scores,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> Hearing | None:
+    def shown(what: str, done: float) -> None:
+        progress(what, 0.8 + 0.15 * done)
+
+    sets = several(singles, candidates, rng, shown)
+    if sets is None:
+        return None
+    staying = [names for names, one in sets.standings.items() if one.in_set]
+    held_out = {names: scores.gained(sets.refits[names], sets.parts[names]) for names in staying}
+    return Hearing(sets.refits, sets.standings, held_out)
+
+
+def _best(ruling: Ruling, single: Hearing, several_: Hearing | None) -> Refit | None:
+    """Return whose extended model is shown: the named one's, else that of the largest gain among single causes."""
+    for hearing in (single, several_):
+        if hearing is not None and ruling.sets and ruling.sets[0] in hearing.refits:
+            return hearing.refits[ruling.sets[0]]
+    return max(single.refits.values(), key=lambda one: one.gain) if single.refits else None
+
+
+def _causes(best: Refit | None) -> tuple[Cause, ...]:
+    if best is None:
+        return ()
+    return tuple(Cause(effect.name, effect.summary, _own(best, effect)) for effect in best.effects)
+
+
+def _rivals(ruling: Ruling) -> tuple[tuple[str, ...], ...]:
+    """Return the names in which the sets that stay differ."""
+    if ruling.verdict != "cannot_tell":
+        return ()
+    shared = set.intersection(*map(set, ruling.sets))
+    ordered = dict.fromkeys(name for names in ruling.sets for name in names if name not in shared)
+    return (tuple(ordered),)
 
 
 def _where(findings: Findings) -> Where | None:
@@ -134,13 +188,9 @@ def _estimates(one: Fit, model: Model) -> dict[str, Estimate]:
     return result
 
 
-def _own(one: Refit) -> dict[str, Estimate]:
+def _own(one: Refit, effect: Effect) -> dict[str, Estimate]:
     estimates = _estimates(one.fit, one.problem.model)
-    return {p.short: estimates[p.name] for p in one.effect.parameters}
-
-
-def _cause(one: Refit) -> Cause:
-    return Cause(one.effect.name, one.effect.summary, _own(one))
+    return {p.short: estimates[p.name] for p in effect.parameters}
 
 
 def _candidates(
@@ -149,7 +199,7 @@ def _candidates(
     evidence: Evidence,
     refitted: Mapping[str, Refit],
     standing: Mapping[str, Standing],
-    gained: Mapping[str, float | None],
+    single: Hearing,
 ) -> tuple[Candidate, ...]:
     result = []
     for effect in effects:
@@ -170,10 +220,10 @@ def _candidates(
                 p_value=chance(statistic, freedom),
                 rival_p=place.rival_p if place else None,
                 fit_p=min(place.saturated_p, place.omnibus_p) if place and place.in_set else None,
-                held_out_gain=gained.get(name),
+                held_out_gain=single.held_out.get((name,)),
                 absorbed=evidence.absorbed(name),
                 smallest_visible=evidence.smallest_visible(name),
-                parameters=_own(one) if one else None,
+                parameters=_own(one, effect) if one else None,
             )
         )
     return tuple(sorted(result, key=lambda candidate: -candidate.statistic))
@@ -190,16 +240,11 @@ def _remarks(noise: str, evidence: Evidence, held: Sequence[Trial]) -> tuple[str
 
 
 def _overlays(
-    evidence: Evidence,
-    extended: Problem,
-    final: Fit,
-    held: Sequence[Trial],
-    scores: Mapping[str | None, Score],
-    best: str | None,
+    evidence: Evidence, extended: Problem, final: Fit, held: Sequence[Trial], scores: _Scores, best: Refit | None
 ) -> tuple[Overlay, ...]:
     nominal, after = evidence.problem.predictions(evidence.fit.x), extended.predictions(final.x)
     overlays = [Overlay(t, False, a, b) for t, a, b in zip(evidence.problem.trials, nominal, after, strict=True)]
     if held:
-        pairs = zip(held, scores[None].predictions, scores[best].predictions, strict=True)
+        pairs = zip(held, scores.of(None).predictions, scores.of(best).predictions, strict=True)
         overlays += [Overlay(t, True, a, b) for t, a, b in pairs]
     return tuple(overlays)

@@ -118,6 +118,16 @@ class Evidence:
         """Return the p value of the omnibus basis, which knows no cause."""
         return float(stats.chi2.sf(*_quadratic(self.omnibus_score, self.omnibus_information)))
 
+    def saturated_excess(self) -> float:
+        """Return what all candidates jointly explain beyond chance: their statistic less its rank."""
+        statistic, rank = self.saturated()
+        return statistic - rank
+
+    def omnibus_excess(self) -> float:
+        """Return what the omnibus basis explains beyond chance."""
+        statistic, rank = _quadratic(self.omnibus_score, self.omnibus_information)
+        return statistic - rank
+
     def _freedom(self, name: str) -> int:
         block = self.blocks[name]
         return int(block.stop - block.start)
@@ -172,7 +182,7 @@ def whitened_omnibus(problem: Problem) -> FloatArray:
     column = 0
     for index, blocks in enumerate(parts):
         keep = problem.mask(index)
-        joined = problem.noise.whiten(np.concatenate(blocks, axis=2)[keep], problem.stretches(index))
+        joined = problem.whitened(index, np.concatenate(blocks, axis=2)[keep])
         padded = np.zeros((joined.shape[0] * 3, width))
         padded[:, column : column + joined.shape[2]] = joined.reshape(-1, joined.shape[2])
         column += joined.shape[2]

@@ -62,12 +62,9 @@ def locate(evidence: Evidence, directed: bool) -> Where:
     energy = ((span @ (span.T @ z))[:, 0] ** 2).reshape(-1, 3)
     labels = [_labels(problem.model.fish.cpg, trial) for trial in problem.trials]
     counted = [problem.mask(i) for i in range(len(problem.trials))]
-    order = problem.noise.order
-    names = np.concatenate(
-        [np.full(int(k.sum()) - order, t.name) for k, t in zip(counted, problem.trials, strict=True)]
-    )
-    parts = np.concatenate([part[k][order:] for (part, _), k in zip(labels, counted, strict=True)])
-    phases = np.concatenate([phase[k][order:] for (_, phase), k in zip(labels, counted, strict=True)])
+    names = np.concatenate([np.full(int(k.sum()), t.name) for k, t in zip(counted, problem.trials, strict=True)])
+    parts = np.concatenate([part[k] for (part, _), k in zip(labels, counted, strict=True)])
+    phases = np.concatenate([phase[k] for (_, phase), k in zip(labels, counted, strict=True)])
     per_sample = energy.sum(axis=1)
     total = max(float(per_sample.sum()), 1e-300)
     channels = {name: float(v) / total for name, v in zip(CHANNELS, energy.sum(axis=0), strict=True)}

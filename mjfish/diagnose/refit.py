@@ -1,4 +1,4 @@
-"""Refits: every candidate fitted together with the coefficients, from several sizes of the effect."""
+"""Refits: causes fitted together with the coefficients, from several sizes of the effect."""
 
 from __future__ import annotations
 
@@ -23,29 +23,43 @@ TOLERANCE = 1e-5
 COARSE = 5
 #: Mean square of the whitened residual above which a refit is tried from afresh.
 _MISFIT = 1.1
+#: How many candidates are refitted for their score alone.
+_BEST = 5
+#: A candidate that a refit of the coefficients hides to this share is refitted where its score is within _NEAR.
+_HIDDEN, _NEAR = 0.9, 20.0
 
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """One candidate fitted together with the coefficients.
+    """Causes fitted together with the coefficients.
 
     Attributes:
-        effect: the candidate.
+        effects: the causes, the last one added last.
         problem: of the extended model.
         fit: its result.
-        gain: fall of the sum of squares against the baseline fit, LR.
-        freedom: number of parameters that the candidate adds.
+        gain: fall of the sum of squares against the fit of the nominal model, LR.
+        freedom: number of parameters that the causes add.
     """
 
-    effect: Effect
+    effects: tuple[Effect, ...]
     problem: Problem
     fit: Fit
     gain: float
     freedom: int
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the causes."""
+        return tuple(effect.name for effect in self.effects)
+
+    @property
+    def adjusted(self) -> float:
+        """The gain less two for every parameter beyond the first: what sets of different size compare on."""
+        return self.gain - 2.0 * (self.freedom - 1)
+
     def parameter_values(self) -> dict[str, float]:
-        """Return the estimates of the effect's parameters by name."""
-        return {p.name: self.fit.values[p.name] for p in self.effect.parameters}
+        """Return the estimates of the causes' parameters by name."""
+        return {p.name: self.fit.values[p.name] for effect in self.effects for p in effect.parameters}
 
 
 def refits(
@@ -54,33 +68,59 @@ def refits(
     progress: Progress = silent,
     before: Mapping[str, Refit] | None = None,
 ) -> dict[str, Refit]:
-    """Refit every candidate: a few steps each, then to the optimum those that are still in the running.
+    """Refit candidates: a few steps each, then to the optimum those that are still in the running.
 
     In the running is whoever removes at least half of what the best removes.
 
     Args:
-        evidence: of the model that they extend.
-        effects: candidates.
+        evidence: of the nominal model.
+        effects: candidates; those that the scores leave a chance are refitted (see `worth_refitting`).
         progress: told what is being done.
         before: refits under another noise, to start from as well.
     """
+    chosen = worth_refitting(evidence, effects)
     found = {}
-    for done, effect in enumerate(effects):
-        progress(f"refitting with {effect.name}", done / (len(effects) + 2))
-        found[effect.name] = _refit(evidence, effect, (before or {}).get(effect.name))
+    for done, effect in enumerate(chosen):
+        progress(f"refitting with {effect.name}", done / (len(chosen) + 2))
+        found[effect.name] = refit(evidence, effect, before=(before or {}).get(effect.name))
     ranked = sorted(found.values(), key=lambda one: -one.gain)
     running = [one for one in ranked if one.gain >= 0.5 * ranked[0].gain]
     for done, one in enumerate(running):
-        progress(f"refining the fit with {one.effect.name}", (len(effects) + done) / (len(effects) + len(running)))
-        found[one.effect.name] = _refine(evidence, one)
+        name = one.effects[-1].name
+        progress(f"refining the fit with {name}", (len(chosen) + done) / (len(chosen) + len(running)))
+        found[name] = refined(one)
     return found
 
 
-def _refit(evidence: Evidence, effect: Effect, before: Refit | None) -> Refit:
-    """Take a few steps from the best of several starts, the coefficients where the baseline left them.
+def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effect]:
+    """Return the candidates of the best scores, those whose score says little, and those nearly hidden but close.
+
+    A score says little of a cause that is not smooth at its null; of one that the coefficients absorb nearly, it is the
+    difference of large numbers.
+    """
+    scores = {effect.name: evidence.statistic(effect.name) for effect in effects}
+    ranked = sorted(effects, key=lambda effect: -scores[effect.name])
+    close = scores[ranked[0].name] - _NEAR
+    return [
+        effect
+        for place, effect in enumerate(ranked)
+        if place < _BEST
+        or not effect.smooth
+        or (scores[effect.name] > close and evidence.absorbed(effect.name) > _HIDDEN)
+    ]
+
+
+def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0, before: Refit | None = None) -> Refit:
+    """Add a cause to a fitted model: take a few steps from the best of several starts.
 
     The one-step estimate is right for a small effect; a large one may lie outside the reach of its linearisation:
-    multiples of it and of the declared scale are tried.
+    multiples of it and of the declared scale are tried, with the coefficients where they were.
+
+    Args:
+        evidence: of the model that it extends.
+        effect: the cause.
+        gained: what that model gained already against the nominal one.
+        before: a refit of the same cause to start from as well.
     """
     base = evidence.problem
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **_off_null(effect)})
@@ -89,10 +129,12 @@ def _refit(evidence: Evidence, effect: Effect, before: Refit | None) -> Refit:
         starts.append(problem.start(before.fit.values))
     costs = [float(np.sum(problem.residual(start) ** 2)) for start in starts]
     best = fit(problem, starts[int(np.argmin(costs))], tolerance=TOLERANCE, evaluations=COARSE)
-    return Refit(effect, problem, best, evidence.fit.sse - best.sse, len(effect.parameters))
+    added = problem.model.effects
+    freedom = sum(len(one.parameters) for one in added)
+    return Refit(added, problem, best, gained + evidence.fit.sse - best.sse, freedom)
 
 
-def _refine(evidence: Evidence, one: Refit) -> Refit:
+def refined(one: Refit) -> Refit:
     """Follow a refit to its optimum; where it still misfits, once more with the coefficients at their declared starts.
 
     A large effect drags the coefficients of the nominal model far off, and from there an optimum may be out of reach.
@@ -101,7 +143,7 @@ def _refine(evidence: Evidence, one: Refit) -> Refit:
     if best.sse > _MISFIT * len(best.residual):
         afresh = fit(problem, problem.start(one.parameter_values()), tolerance=TOLERANCE)
         best = min(best, afresh, key=lambda result: result.sse)
-    return replace(one, fit=best, gain=evidence.fit.sse - best.sse) if best.sse <= one.fit.sse else one
+    return replace(one, fit=best, gain=one.gain + one.fit.sse - best.sse) if best.sse <= one.fit.sse else one
 
 
 def _guesses(evidence: Evidence, effect: Effect) -> list[dict[str, float]]:

@@ -102,8 +102,9 @@ class Diagnosis:
         message: the verdict in one sentence.
         status: ``ok``, or what went wrong on the way (``fit_not_converged``).
         remarks: what a reader should know: noise, bounds, what was left out.
-        causes: named ones, at most one here.
+        causes: named ones, together.
         rivals: groups of names that the data cannot tell apart.
+        alternatives: every set of causes that stays: the named one, or those that the data cannot tell apart.
         candidates: every cause scored, best first.
         best: name of the best candidate, that the extended model has; None where nothing is wrong.
         where: where the discrepancy sits.
@@ -123,6 +124,7 @@ class Diagnosis:
     remarks: tuple[str, ...]
     causes: tuple[Cause, ...]
     rivals: tuple[tuple[str, ...], ...]
+    alternatives: tuple[tuple[str, ...], ...]
     candidates: tuple[Candidate, ...]
     best: str | None
     where: Where | None
@@ -148,6 +150,7 @@ class Diagnosis:
                 {"name": c.name, "summary": c.summary, "parameters": _estimates(c.parameters)} for c in self.causes
             ],
             "rivals": [list(group) for group in self.rivals],
+            "alternatives": [list(names) for names in self.alternatives],
             "candidates": [_candidate(candidate) for candidate in self.candidates],
             "p_wrong": self.p_wrong,
             "where": self.where.to_dict() if self.where else None,

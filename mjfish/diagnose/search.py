@@ -9,12 +9,12 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.evidence import Evidence, gather
-from mjfish.diagnose.noise import noise_of
+from mjfish.diagnose.noise.saturated import noise_of
 from mjfish.diagnose.progress import Progress
 from mjfish.diagnose.refit import Refit, refits
 from mjfish.diagnose.verdict import ALARM
 from mjfish.effects import Effect
-from mjfish.identify import Fit, Noise, Problem, fit
+from mjfish.identify import Noise, Problem, fit
 
 #: How often the noise is estimated again after the best cause is in the model.
 _ROUNDS = 1
@@ -49,38 +49,34 @@ def search(
     rng: np.random.Generator,
     progress: Progress,
 ) -> tuple[Findings, str]:
-    """Fit, test and refit; again with better noise, where the first noise does not hold once the best cause is in."""
-    remark = ""
+    """Fit, find the noise, test and refit; again where the noise looks otherwise with the best cause in the model."""
     progress("fitting the nominal model", 0.02)
     problem, start = _resolved(problem)
+    baseline = fit(problem, start, tolerance=1e-6)
+    noise, remark = noise_of(problem, baseline, candidates, stated)
     refitted: Mapping[str, Refit] = {}
     for round_ in range(_ROUNDS + 1):
-        progress("fitting the nominal model", 0.02)
-        baseline = fit(problem, start, tolerance=1e-6)
+        if round_ > 0 or not _same(noise, problem.noise):
+            progress("fitting the nominal model", 0.08)
+            problem = replace(problem, noise=noise)
+            baseline = fit(problem, baseline.x, tolerance=1e-6)
         evidence = gather(problem, baseline, candidates)
         progress("testing the residual", 0.15)
         directed, omnibus = evidence.directed_p(rng), evidence.omnibus_p()
         p_wrong = min(1.0, 2.0 * min(directed, omnibus))
-        wrong = p_wrong < ALARM
 
         def shown(what: str, done: float) -> None:
-            progress(what, 0.2 + 0.7 * done)
+            progress(what, 0.2 + 0.5 * done)
 
-        refitted = refits(evidence, candidates, shown, refitted) if wrong else {}
+        refitted = refits(evidence, candidates, shown, refitted) if p_wrong < ALARM else {}
         findings = Findings(evidence, refitted, p_wrong, directed < ALARM)
-        if round_ == _ROUNDS:
+        if round_ == _ROUNDS or not refitted:
             break
-        reference = max(refitted.values(), key=lambda one: one.gain) if refitted else None
-        noise, remark = noise_of(
-            replace(reference.problem if reference else problem, noise=_white(problem.noise)),
-            _reweighted(reference.problem if reference else problem, reference.fit if reference else baseline),
-            tuple(e for e in candidates if reference is None or e.name != reference.effect.name),
-            stated,
-        )
+        best = max(refitted.values(), key=lambda one: one.gain)
+        others = tuple(effect for effect in candidates if effect.name not in best.names)
+        noise, remark = noise_of(best.problem, best.fit, others, stated)
         if _same(noise, problem.noise):
             break
-        problem = replace(problem, noise=noise)
-        start = baseline.x
     return findings, remark
 
 
@@ -101,17 +97,12 @@ def _resolved(problem: Problem) -> tuple[Problem, FloatArray]:
     return problem, x
 
 
-def _white(noise: Noise) -> Noise:
-    return Noise.white(noise.sigma)
-
-
-def _reweighted(problem: Problem, one: Fit) -> Fit:
-    """Return the fit with residual and Jacobian in the white metric of its problem's sigma."""
-    if problem.noise.order == 0:
-        return one
-    white = replace(problem, noise=_white(problem.noise))
-    return replace(one, residual=white.residual(one.x), jacobian=white.jacobian(one.x))
-
-
 def _same(new: Noise, old: Noise) -> bool:
-    return new.order == old.order == 0 and bool(np.all(np.abs(new.sigma / old.sigma - 1.0) < _SAME))
+    """Return whether two noise models have the same spectrum, nearly."""
+    ratio = np.log(_spectrum(new) / _spectrum(old))
+    return bool(np.max(np.abs(ratio)) < 2.0 * _SAME)
+
+
+def _spectrum(noise: Noise) -> FloatArray:
+    waves = np.exp(-1j * np.outer(np.linspace(0.0, np.pi, 64), 1.0 + np.arange(noise.order)))
+    return np.asarray((noise.sigma / np.abs(1.0 - waves @ noise.phi.T)) ** 2)

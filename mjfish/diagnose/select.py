@@ -1,14 +1,21 @@
-"""Which cause: the confidence set by test inversion, and the goodness of fit of its members.
+"""Which causes: the confidence set by test inversion, and the goodness of fit of its members.
 
-A cause l stays in the set if, were l the truth, the best rival would beat it by the observed margin more often than in
-5 % of cases: D_l = max_k LR_k - LR_l against its distribution in the linear model, u ~ N(I_l psi_l, I) with all
-candidates' scores correlated as their signatures are.
+A set l of causes stays as long as, were l the truth, the best rival would beat it by the observed margin more often
+than in 5 % of cases. With whitened predictions eta_k at the refits and d_k = eta_k - eta_l,
+
+    LR_k - LR_l = 2 d_k' eps - |d_k|^2,    eps ~ N(0, 1),    were l true,
+
+jointly over all rivals k ([Cox1961] for separate families, here with the fitted curves themselves, so that causes which
+are not linear in their amplitudes, or not smooth, need no linearisation).
+
+[Cox1961] D. R. Cox, Tests of separate families of hypotheses, Proc. 4th Berkeley Symposium.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from scipy import stats
@@ -17,25 +24,31 @@ from mjfish.diagnose.evidence import Evidence, gather
 from mjfish.diagnose.refit import Refit
 from mjfish.effects.effect import Effect
 
+Key = TypeVar("Key", bound=Hashable)
 #: A cause is kept in the confidence set above this p value.
 KEEP = 0.05
 #: A cause that fits worse than this in either of two tests is no explanation: four true causes in a thousand are lost.
 GOODNESS = 0.002
+#: What is left may be this share of all there was to explain: a cause's form is a model, too.
+LEFT = 0.1
+DRAWS = 4000
 
 
 @dataclass(frozen=True)
 class Standing:
-    """How one refitted candidate stands against the others.
+    """How a refit stands against the others.
 
     Attributes:
         rival_p: p value of the margin by which the best rival beats it.
         saturated_p: of the joint score of all other candidates at its refit.
         omnibus_p: of the omnibus basis at its refit.
+        left: what is left at its refit beyond chance, as a share of all there was to explain.
     """
 
     rival_p: float
-    saturated_p: float
-    omnibus_p: float
+    saturated_p: float = 0.0
+    omnibus_p: float = 0.0
+    left: float = 1.0
 
     @property
     def in_set(self) -> bool:
@@ -43,55 +56,50 @@ class Standing:
         return self.rival_p >= KEEP
 
     @property
-    def fits(self) -> bool:
+    def clean(self) -> bool:
         """Whether nothing systematic is left once it is in the model."""
         return min(self.saturated_p, self.omnibus_p) >= GOODNESS
 
+    @property
+    def fits(self) -> bool:
+        """Whether nothing systematic is left that matters."""
+        return self.clean or self.left < LEFT
 
-def rival_p(evidence: Evidence, refits: Mapping[str, Refit], rng: np.random.Generator) -> dict[str, float]:
-    """Return, per refitted candidate, the p value of the margin by which the best rival beats it."""
-    adjusted = {name: one.gain - _extra(one) for name, one in refits.items()}
-    best = max(adjusted.values())
+
+def rival_p(refits: Mapping[Key, Refit], rng: np.random.Generator) -> dict[Key, float]:
+    """Return, per refit, the p value of the margin by which the best rival beats it."""
+    names = list(refits)
+    residuals = np.stack([refits[name].fit.residual for name in names])
+    gains = np.array([refits[name].adjusted for name in names])
     result = {}
-    for name, gain in adjusted.items():
-        mean = np.zeros(len(evidence.score))
-        block = evidence.blocks[name]
-        guess = _direction(evidence, name)
-        strength = float(guess @ evidence.information[block, block] @ guess)
-        if strength > 0.0 and gain > 0.0:
-            mean = evidence.information[:, block] @ guess * np.sqrt(gain / strength)
-        draws = evidence.statistics(evidence.null_draws(rng, mean))
-        margin = np.max([draws[k] for k in refits], axis=0) - draws[name]
-        result[name] = float((1 + np.count_nonzero(margin >= best - gain - 1e-9)) / (1 + len(margin)))
+    for index, name in enumerate(names):
+        apart = residuals[index] - residuals  # eta_k - eta_l
+        inner = apart @ apart.T
+        values, vectors = np.linalg.eigh(inner)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        margin = 2.0 * rng.standard_normal((DRAWS, len(names))) @ root.T - np.diag(inner)
+        observed = gains.max() - gains[index]
+        result[name] = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
     return result
+
+
+def standing(one: Refit, candidates: Sequence[Effect], rival: float = 1.0) -> tuple[Standing, Evidence]:
+    """Return the goodness of fit of a refit, and the evidence against it."""
+    after = gather(one.problem, one.fit, candidates)
+    excess = max(after.saturated_excess(), after.omnibus_excess(), 0.0)
+    left = excess / max(one.gain + excess, 1e-9)
+    return Standing(rival, after.saturated_p(), after.omnibus_p(), left), after
 
 
 def standings(
-    evidence: Evidence, refits: Mapping[str, Refit], candidates: Sequence[Effect], rng: np.random.Generator
+    refits: Mapping[str, Refit], candidates: Sequence[Effect], rng: np.random.Generator
 ) -> dict[str, Standing]:
     """Return the standing of every refitted candidate; the goodness of fit only of those in the confidence set."""
-    rivals = rival_p(evidence, refits, rng)
-    result = {}
-    for name, one in refits.items():
-        if rivals[name] < KEEP:
-            result[name] = Standing(rivals[name], 0.0, 0.0)
-            continue
-        after = gather(one.problem, one.fit, candidates)
-        result[name] = Standing(rivals[name], after.saturated_p(), after.omnibus_p())
-    return result
-
-
-def _extra(one: Refit) -> float:
-    """Expected gain of the shape parameters alone, which the linear model does not have: one each."""
-    return float(sum(p.shape for p in one.effect.parameters))
-
-
-def _direction(evidence: Evidence, name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return the candidate's one-step amplitudes in units of their scale; one scale where they are all zero."""
-    own = evidence.amplitudes_of(name)
-    guess = evidence.first_guess(name)
-    psi = np.array([(guess[p.name] - p.default) / p.scale for p in own])
-    return psi if np.any(psi) else np.ones(len(own))
+    rivals = rival_p(refits, rng)
+    return {
+        name: Standing(rivals[name]) if rivals[name] < KEEP else standing(one, candidates, rivals[name])[0]
+        for name, one in refits.items()
+    }
 
 
 def chance(statistic: float, freedom: int) -> float:

@@ -12,63 +12,87 @@ from mjfish.diagnose.select import Standing
 #: Something is wrong where the nominal model's p value is below this: two false alarms in a hundred.
 ALARM = 0.02
 
+Names = tuple[str, ...]
+
 
 @dataclass(frozen=True)
 class Ruling:
-    """A verdict with the names it rests on: the cause, or the rivals."""
+    """A verdict with the sets of causes it rests on: the one that is named, or those that stay."""
 
     verdict: Verdict
-    names: tuple[str, ...]
+    sets: tuple[Names, ...]
     message: str
 
 
-def rule(
-    p_wrong: float, refits: Mapping[str, Refit], standings: Mapping[str, Standing], held_out: Mapping[str, float | None]
-) -> Ruling:
+@dataclass(frozen=True, eq=False)
+class Hearing:
+    """Sets of causes of one size, and what speaks for them.
+
+    Attributes:
+        refits: of the sets.
+        standings: of the sets.
+        held_out: log-likelihood gained on held-out trials, against the best set with one member less; None where there
+            are none.
+    """
+
+    refits: Mapping[Names, Refit]
+    standings: Mapping[Names, Standing]
+    held_out: Mapping[Names, float | None]
+
+    def staying(self, *, clean: bool) -> tuple[Names, ...]:
+        """Return the sets that the data cannot tell from the best, that fit and gain on held-out trials, best first."""
+        kept = [
+            names
+            for names, one in self.standings.items()
+            if one.in_set and (one.clean if clean else one.fits) and not _loses(self.held_out.get(names))
+        ]
+        return tuple(sorted(kept, key=lambda names: -self.refits[names].adjusted))
+
+
+def rule(p_wrong: float, single: Hearing, several: Hearing | None) -> Ruling:
     """Decide.
 
     - the nominal model is not contradicted: ``nothing_wrong``;
-    - causes stay that the data cannot tell from the best, fit, and do not lose on held-out trials: one is ``named``,
-      several ``cannot_tell``;
-    - none stays: ``unexplained``.
+    - single causes stay that leave nothing: one is ``named``, several are ``cannot_tell``;
+    - else sets of several causes, and last single causes that leave little, in the same way;
+    - nothing stays: ``unexplained``.
 
     Args:
         p_wrong: p value of the nominal model.
-        refits: every candidate fitted together with the coefficients.
-        standings: of the candidates.
-        held_out: log-likelihood gained on held-out trials, None where there are none.
+        single: every candidate that was refitted, alone.
+        several: sets of two or three; None where none was to be seen.
     """
     if p_wrong >= ALARM:
         return Ruling(
             "nothing_wrong", (), f"Nothing wrong was found: the nominal model fits to within noise (p = {p_wrong:.2g})."
         )
-    close = [name for name, standing in standings.items() if standing.in_set]
-    staying = sorted(
-        (name for name in close if standings[name].fits and not _loses(held_out.get(name))),
-        key=lambda name: -refits[name].gain,
-    )
-    if len(staying) == 1:
-        name = staying[0]
-        return Ruling("named", (name,), f"The cause is {name}: {refits[name].effect.summary}.")
-    if staying:
-        listed = " or ".join(staying)
-        return Ruling("cannot_tell", tuple(staying), f"Something is wrong, but these data cannot tell {listed} apart.")
-    best = max(refits, key=lambda name: refits[name].gain) if refits else "none"
-    return Ruling(
-        "unexplained",
-        (),
-        f"Something is wrong that no known cause explains; the closest, {best}, {_why(best, standings, held_out)}.",
-    )
+    for hearing, clean in ((single, True), (several, False), (single, False)):
+        staying = hearing.staying(clean=clean) if hearing is not None else ()
+        if hearing is not None and len(staying) == 1:
+            return Ruling("named", staying, _named(hearing.refits[staying[0]]))
+        if staying:
+            listed = " or ".join(" with ".join(names) for names in staying)
+            return Ruling("cannot_tell", staying, f"Something is wrong, but these data cannot tell {listed} apart.")
+    best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
+    closest = f"; the closest, {best[0]}, {_why(best, single)}" if best else ""
+    return Ruling("unexplained", (), f"Something is wrong that no known cause explains{closest}.")
+
+
+def _named(one: Refit) -> str:
+    if len(one.effects) == 1:
+        return f"The cause is {one.names[0]}: {one.effects[0].summary}."
+    listed = " and ".join(f"{effect.name} ({effect.summary})" for effect in one.effects)
+    return f"{len(one.effects)} causes together: {listed}."
 
 
 def _loses(gained: float | None) -> bool:
     return gained is not None and gained <= 0.0
 
 
-def _why(best: str, standings: Mapping[str, Standing], held_out: Mapping[str, float | None]) -> str:
-    standing = standings.get(best)
+def _why(best: Names, hearing: Hearing) -> str:
+    standing = hearing.standings.get(best)
     if standing is not None and not standing.fits:
         return "leaves a systematic residual"
-    if _loses(held_out.get(best)):
+    if _loses(hearing.held_out.get(best)):
         return "does not hold on the held-out trials"
     return "does not hold"

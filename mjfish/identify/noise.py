@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, signal
 
-from mjfish.arrays import FloatArray, readonly
+from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.trial import Trial
 
 #: Highest autoregressive order that is tried (0.4 s at 50 Hz).
@@ -58,6 +58,11 @@ class Noise:
         pieces = np.split(block, list(starts)[1:])
         return np.concatenate([self._whiten(piece) for piece in pieces])
 
+    def of_trial(self, trial: Trial, mask: BoolArray, block: FloatArray, starts: Sequence[int]) -> FloatArray:
+        """Whiten columns (n, 3, ...) of the counted samples of a trial; noise that knows more of a trial overrides it."""
+        del trial, mask
+        return self.whiten(block, starts)
+
     def _whiten(self, block: FloatArray) -> FloatArray:
         whitened = [
             signal.lfilter(
@@ -76,18 +81,41 @@ def floor(trials: Sequence[Trial]) -> FloatArray:
     return np.asarray(_FLOOR * np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0) + 1e-9)
 
 
-def estimate(residuals: Sequence[FloatArray], lost: float = 0.0) -> Noise:
+def estimate(residuals: Sequence[FloatArray], lost: float = 0.0, seen: Sequence[BoolArray] | None = None) -> Noise:
     """Estimate the noise from residuals (n_r, 3) of several trials by Yule-Walker equations, order by BIC.
 
     Args:
         residuals: one array a trial.
         lost: degrees of freedom per channel that went into making them residuals.
+        seen: per trial, on a grid of equal steps, where its rows stand; None: there is no gap.
     """
     total = sum(len(block) for block in residuals)
     inflate = total / max(total - lost, 0.1 * total)
     highest = min(MAX_ORDER, min(len(block) for block in residuals) // 8)
     # Divided by the same number at every lag: biased, which keeps the Toeplitz matrix positive.
-    return by_order(lagged_products(residuals, highest) / total * inflate, total)
+    products = lagged_products(residuals, highest) / total
+    if seen is not None and any(not there.all() for there in seen):
+        products = _with_gaps(residuals, seen, highest)
+    return by_order(products * inflate, total)
+
+
+def _with_gaps(residuals: Sequence[FloatArray], seen: Sequence[BoolArray], highest: int) -> FloatArray:
+    """Return autocovariances (3, highest + 1) from the pairs that are there, tapered as without gaps."""
+    filled = [np.zeros((len(there), 3)) for there in seen]
+    for block, there, values in zip(filled, seen, residuals, strict=True):
+        block[there] = values
+    pairs = np.array(
+        [sum(float(there[k:] @ there[: len(there) - k]) for there in map(_real, seen)) for k in range(highest + 1)]
+    )
+    whole = np.array([sum(max(len(there) - k, 0) for there in seen) for k in range(highest + 1)])
+    covariances: FloatArray = lagged_products(filled, highest) / np.maximum(pairs, 1.0) * whole / whole[0]
+    for row in covariances:  # pairs that are missing may leave it indefinite
+        row[0] += max(1e-3 * row[0] - float(np.linalg.eigvalsh(linalg.toeplitz(row))[0]), 0.0)
+    return covariances
+
+
+def _real(there: BoolArray) -> FloatArray:
+    return there.astype(np.float64)
 
 
 def lagged_products(blocks: Sequence[FloatArray], highest: int) -> FloatArray:

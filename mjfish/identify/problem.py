@@ -85,8 +85,12 @@ class Problem:
 
     def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
         """Whiten blocks (n_r, 3, k), one a trial, and stack them to (n, k)."""
-        whitened = [self.noise.whiten(block, self.stretches(i)) for i, block in enumerate(blocks)]
+        whitened = [self.whitened(i, block) for i, block in enumerate(blocks)]
         return np.concatenate([block.reshape(-1, block.shape[2]) for block in whitened])
+
+    def whitened(self, index: int, block: FloatArray) -> FloatArray:
+        """Whiten columns (n_r, 3, ...) of the counted samples of one trial."""
+        return self.noise.of_trial(self.trials[index], self.mask(index), block, self.stretches(index))
 
     def sensitivities(self, x: FloatArray, only: Sequence[str] | None = None) -> list[FloatArray]:
         """Return, per trial, the derivative (n_r, 3, k) of the prediction by the free parameters or those in `only`.
@@ -160,10 +164,10 @@ class Problem:
         for i, (trial, velocity) in enumerate(zip(self.trials, predicted, strict=True)):
             keep = self.mask(i)
             if np.all(np.isfinite(velocity)):
-                parts.append(self.noise.whiten((trial.velocity - velocity)[keep], self.stretches(i)).ravel())
+                parts.append(self.whitened(i, (trial.velocity - velocity)[keep]).ravel())
             else:
                 lost = np.zeros((int(np.count_nonzero(keep)), len(CHANNELS)))
-                parts.append(np.full_like(self.noise.whiten(lost, self.stretches(i)).ravel(), _DIVERGED))
+                parts.append(np.full_like(self.whitened(i, lost).ravel(), _DIVERGED))
         return np.concatenate(parts)
 
     def _run(self, tasks: list[tuple[Trial, dict[str, float]]]) -> list[FloatArray]:

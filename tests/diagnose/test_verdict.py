@@ -8,21 +8,36 @@ from typing import Any
 import pytest
 
 from mjfish.diagnose.select import Standing
-from mjfish.diagnose.verdict import Ruling, rule
+from mjfish.diagnose.verdict import Hearing, Ruling, rule
 
-GOOD = Standing(rival_p=1.0, saturated_p=0.5, omnibus_p=0.5)
-RIVAL = Standing(rival_p=0.3, saturated_p=0.5, omnibus_p=0.5)
-BEATEN = Standing(rival_p=0.001, saturated_p=0.0, omnibus_p=0.0)
-MISFIT = Standing(rival_p=1.0, saturated_p=1e-5, omnibus_p=0.5)
-
-
-def _refit(name: str, gain: float) -> Any:
-    return SimpleNamespace(effect=SimpleNamespace(name=name, summary=f"{name} acts"), gain=gain)
+GOOD = Standing(rival_p=1.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
+RIVAL = Standing(rival_p=0.3, saturated_p=0.5, omnibus_p=0.5, left=0.0)
+BEATEN = Standing(rival_p=0.001)
+LITTLE = Standing(rival_p=1.0, saturated_p=1e-5, omnibus_p=0.5, left=0.02)
+MISFIT = Standing(rival_p=1.0, saturated_p=1e-5, omnibus_p=0.5, left=0.3)
 
 
-def _rule(standings: dict[str, Standing], held: dict[str, float | None] | None = None, p: float = 1e-6) -> Ruling:
-    refits = {name: _refit(name, 100.0 - k) for k, name in enumerate(standings)}
-    return rule(p, refits, standings, held or dict.fromkeys(standings, 5.0))
+def _refit(names: str, gain: float) -> Any:
+    effects = tuple(SimpleNamespace(name=name, summary=f"{name} acts") for name in names)
+    return SimpleNamespace(effects=effects, names=tuple(names), gain=gain, adjusted=gain)
+
+
+def _hearing(standings: dict[str, Standing], held: dict[str, float | None] | None = None) -> Hearing:
+    """Return a hearing of sets named by one letter a member."""
+    return Hearing(
+        {tuple(names): _refit(names, 100.0 - k) for k, names in enumerate(standings)},
+        {tuple(names): one for names, one in standings.items()},
+        {tuple(names): gained for names, gained in (held or dict.fromkeys(standings, 5.0)).items()},
+    )
+
+
+def _rule(
+    standings: dict[str, Standing],
+    held: dict[str, float | None] | None = None,
+    p: float = 1e-6,
+    several: dict[str, Standing] | None = None,
+) -> Ruling:
+    return rule(p, _hearing(standings, held), None if several is None else _hearing(several))
 
 
 def test_a_model_that_is_not_contradicted_has_nothing_wrong() -> None:
@@ -32,12 +47,12 @@ def test_a_model_that_is_not_contradicted_has_nothing_wrong() -> None:
 
 def test_one_cause_that_stays_is_named() -> None:
     ruling = _rule({"a": GOOD, "b": BEATEN})
-    assert (ruling.verdict, ruling.names) == ("named", ("a",))
+    assert (ruling.verdict, ruling.sets) == ("named", (("a",),))
 
 
 def test_several_that_stay_are_rivals() -> None:
     ruling = _rule({"a": GOOD, "b": RIVAL, "c": BEATEN})
-    assert (ruling.verdict, ruling.names) == ("cannot_tell", ("a", "b"))
+    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("a",), ("b",)))
 
 
 def test_a_best_cause_that_leaves_a_residual_is_no_explanation() -> None:
@@ -45,9 +60,28 @@ def test_a_best_cause_that_leaves_a_residual_is_no_explanation() -> None:
 
 
 def test_a_rival_that_fits_stands_in_for_a_best_that_does_not() -> None:
-    assert _rule({"a": MISFIT, "b": RIVAL}).names == ("b",)
+    assert _rule({"a": MISFIT, "b": RIVAL}).sets == (("b",),)
 
 
 @pytest.mark.parametrize(("held", "verdict"), [(-0.1, "unexplained"), (0.1, "named"), (None, "named")])
 def test_a_cause_must_not_lose_on_held_out_trials(held: float | None, verdict: str) -> None:
     assert _rule({"a": GOOD}, {"a": held}).verdict == verdict
+
+
+def test_several_causes_are_named_only_where_no_single_one_leaves_nothing() -> None:
+    """Catches a rule that prefers the larger set because it always explains more."""
+    assert _rule({"a": GOOD}, several={"ab": GOOD}).sets == (("a",),)
+    assert _rule({"a": MISFIT}, several={"ab": GOOD}).sets == (("a", "b"),)
+    assert _rule({"a": LITTLE}, several={"ab": GOOD}).sets == (("a", "b"),)
+
+
+def test_a_single_cause_that_leaves_little_is_named_where_no_set_does_better() -> None:
+    assert _rule({"a": LITTLE}).sets == (("a",),)
+    assert _rule({"a": LITTLE}, several={"ab": MISFIT}).sets == (("a",),)
+    assert _rule({"a": MISFIT}, several={"ab": MISFIT}).verdict == "unexplained"
+
+
+def test_sets_that_cannot_be_told_apart_are_all_listed() -> None:
+    ruling = _rule({"a": MISFIT}, several={"ab": GOOD, "ac": RIVAL})
+    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("a", "b"), ("a", "c")))
+    assert "a with b or a with c" in ruling.message

@@ -1,16 +1,19 @@
-"""Noise seen through the saturated model: what is left when every candidate and the omnibus basis are taken out.
+"""Noise seen through the saturated model: what is left when the coefficients and every candidate are taken out.
 
-Estimating the noise from the residual of the baseline would count the effect as noise; the saturated residual does not
-(docs/notes/004). A stated sigma is believed as long as the data do not contradict it.
+Estimating the noise from the residual of the baseline would count the effect as noise; the saturated residual does not,
+to first order (docs/notes/004). A stated sigma is believed as long as the data do not contradict it.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra
-from mjfish.diagnose.evidence import signatures, whitened_omnibus
+from mjfish.diagnose.evidence import signatures
+from mjfish.diagnose.noise.coloured import Coloured, grid
 from mjfish.effects.effect import Effect
 from mjfish.identify import Fit, Noise, Problem
 from mjfish.identify.noise import estimate, floor
@@ -22,19 +25,15 @@ _CONTRADICTED = 5.0
 def saturated_residuals(problem: Problem, fit: Fit, candidates: tuple[Effect, ...]) -> tuple[list[FloatArray], float]:
     """Return residuals (n_r, 3) per trial without anything that the saturated model explains, and the freedom it took.
 
-    The regression is done in the problem's metric and the result turned back into physical units; the problem's noise
-    must be white.
+    The regression weighs channels by sigma alone; the residuals are in physical units.
     """
-    explained = np.concatenate(
-        [
-            fit.jacobian[:, ~fit.at_bound],
-            problem.whiten(signatures(problem, fit.values, candidates)),
-            whitened_omnibus(problem),
-        ],
-        axis=1,
+    white = replace(problem, noise=Noise.white(problem.noise.sigma))
+    jacobian = white.whiten(white.sensitivities(fit.x))[:, ~fit.at_bound]
+    span = algebra.orthonormal(
+        np.concatenate([jacobian, white.whiten(signatures(white, fit.values, candidates))], axis=1)
     )
-    span = algebra.orthonormal(explained)
-    left = algebra.project_out(span, fit.residual[:, None])[:, 0].reshape(-1, 3) * problem.noise.sigma
+    residual = np.concatenate([(one / problem.noise.sigma).ravel() for one in problem.raw(fit.x)])
+    left = algebra.project_out(span, residual[:, None])[:, 0].reshape(-1, 3) * problem.noise.sigma
     sizes = [int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))]
     return np.split(left, np.cumsum(sizes)[:-1]), span.shape[1] / 3.0
 
@@ -45,24 +44,25 @@ def noise_of(
     """Return the noise model that the tests use, and a sentence on it where it is not the stated one.
 
     Args:
-        problem: with white noise.
-        fit: of the baseline.
-        candidates: every effect that may explain something.
+        problem: that was fitted.
+        fit: its result.
+        candidates: every effect that may explain something and is not in the model.
         stated: (3,) sigma that the dataset gives, or None.
     """
     residuals, lost = saturated_residuals(problem, fit, candidates)
-    found = estimate(residuals, lost)
+    seen = [grid(trial.time, problem.mask(i)) for i, trial in enumerate(problem.trials)]
+    found = estimate(residuals, lost, seen)
     if stated is None:
         least = floor(problem.trials)
         if np.any(found.sigma < least):
             found = Noise.white(np.maximum(found.sigma, least))
-        return found, _describe(found, "estimated from the data")
+        return Coloured.of(found), _describe(found, "estimated from the data")
     total = sum(len(block) for block in residuals)
     spread = np.sqrt(sum((block**2).sum(axis=0) for block in residuals) / (total - lost))
     off = np.abs(spread / stated - 1.0) * np.sqrt(2.0 * (total - lost))
     if found.order == 0 and np.all(off < _CONTRADICTED):
-        return Noise.white(stated), ""
-    return found, _describe(found, "the stated noise does not fit the data; estimated instead")
+        return Coloured.of(Noise.white(stated)), ""
+    return Coloured.of(found), _describe(found, "the stated noise does not fit the data; estimated instead")
 
 
 def _describe(noise: Noise, what: str) -> str:

@@ -1,0 +1,69 @@
+"""Autoregressive noise whitened exactly: no sample is given up for a past that was not seen, gaps are passed over."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import linalg, signal
+
+from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.diagnose.noise.kalman import Gains, gains, whitened
+from mjfish.identify import Noise
+from mjfish.trial import Trial
+
+
+class Coloured(Noise):
+    """Noise v_t = sum_k phi_k v_{t-k} + sigma eps_t, by a Kalman filter over its companion form.
+
+    The attributes are those of `mjfish.identify.Noise`; whitening keeps every sample (`order` of them are dropped by
+    the plain filter).
+    """
+
+    @staticmethod
+    def of(noise: Noise) -> Coloured:
+        """Return the same noise, whitened exactly."""
+        return Coloured(noise.sigma, noise.phi)
+
+    def of_trial(self, trial: Trial, mask: BoolArray, block: FloatArray, starts: Sequence[int]) -> FloatArray:
+        """Return the white innovations (n, 3, ...) of columns (n, 3, ...), one row a counted sample."""
+        del starts
+        if self.phi.shape[1] == 0:
+            return np.asarray(block / self.sigma.reshape(1, 3, *[1] * (block.ndim - 2)))
+        seen = grid(trial.time, mask)
+        flat = block.reshape(len(block), 3, -1)
+        parts = [
+            whitened(_filter(self.phi[c].tobytes(), float(self.sigma[c]), seen.tobytes()), seen, flat[:, c : c + 1])
+            for c in range(3)
+        ]
+        return np.concatenate(parts, axis=1).reshape(block.shape)
+
+    def draw(self, rng: np.random.Generator, seen: BoolArray) -> FloatArray:
+        """Return a draw (samples seen, 3) of the noise on a grid."""
+        warm = 20 * max(self.phi.shape[1], 1)
+        white = rng.standard_normal((warm + len(seen), 3)) * self.sigma
+        series = [signal.lfilter([1.0], np.concatenate([[1.0], -self.phi[c]]), white[:, c]) for c in range(3)]
+        return np.asarray(np.stack(series, axis=1)[warm:][seen])
+
+
+def grid(time: FloatArray, mask: BoolArray) -> BoolArray:
+    """Return, on a grid of equal steps from the first counted sample to the last, whether there is a counted sample."""
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    cell = np.rint((time - time[0]) / step).astype(np.int64)[mask]
+    seen = np.zeros(int(cell[-1] - cell[0]) + 1 if len(cell) else 0, dtype=np.bool_)
+    seen[cell - cell[:1]] = True
+    return seen
+
+
+@functools.lru_cache(maxsize=1024)
+def _filter(phi: bytes, sigma: float, seen: bytes) -> Gains:
+    rates = np.frombuffer(phi)
+    transition = linalg.companion([1.0, *-rates])
+    drive = np.zeros_like(transition)
+    drive[0, 0] = sigma**2
+    reading = np.eye(1, len(rates))
+    start = linalg.solve_discrete_lyapunov(transition, drive)
+    return gains(
+        transition[None], drive[None], reading, np.zeros((1, 1)), readonly(start), np.frombuffer(seen, dtype=np.bool_)
+    )

@@ -1,0 +1,134 @@
+"""Several causes at once: forward addition with a new linearisation at every step, then dropping and swapping.
+
+A set of causes is refitted, everything else is scored at that fit, the best few are added one by one and refitted. A
+member stays where the set without it explains less by a margin; sets of the same size that the data cannot tell apart
+are all kept (the lower boundary of [Ferrari2015]).
+
+[Ferrari2015] D. Ferrari, Y. Yang, Confidence sets for model selection by F-testing, Statistica Sinica 25.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mjfish.diagnose.evidence import Evidence
+from mjfish.diagnose.progress import Progress
+from mjfish.diagnose.refit import Refit, refined, refit
+from mjfish.diagnose.select import KEEP, Standing, rival_p, standing
+from mjfish.effects.effect import Effect
+
+#: Most causes that are claimed together.
+LARGEST = 3
+#: Refits that are extended, and additions that are refitted for each.
+_BASES, _ADDED = 2, 3
+#: An addition must be seen at this family-wise level,
+_SEEN = 0.01
+#: and every member must explain this much beyond the set without it, also as a share of what the set explains.
+MEMBER, SHARE = 40.0, 0.03
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Sets:
+    """Sets of causes of one size.
+
+    Attributes:
+        refits: of the sets, by sorted names.
+        standings: of those.
+        parts: best refit with one member less, by names of the set.
+    """
+
+    refits: Mapping[Names, Refit]
+    standings: Mapping[Names, Standing]
+    parts: Mapping[Names, Refit]
+
+
+def several(
+    singles: Mapping[str, Refit], candidates: Sequence[Effect], rng: np.random.Generator, progress: Progress
+) -> Sets | None:
+    """Return the smallest sets of two or three causes that are told from all smaller ones and explain the misfit.
+
+    Args:
+        singles: refits of single causes.
+        candidates: every cause.
+        rng: of the confidence set.
+        progress: told what is being done.
+
+    Returns:
+        The sets with their standings; None where no second cause is to be seen, or no set has earned all its members.
+    """
+    known: dict[Names, Refit] = {(name,): one for name, one in singles.items()}
+    bases = sorted(known.values(), key=lambda one: -one.gain)[:_BASES]
+    best: Sets | None = None
+    for size in range(2, LARGEST + 1):
+        progress(f"looking for {size} causes at once", 0.0)
+        found = _extended(bases, candidates, known, rng)
+        if not found:
+            return best
+        known.update(found)
+        leader = max(found.values(), key=lambda one: one.gain)
+        swaps = _without(leader, known)
+        known.update(more := _extended(swaps, candidates, known, rng))
+        found.update(more)
+        earned = {names: one for names, one in found.items() if _earned(one, known)}
+        if not earned:
+            return best
+        best = _standing(earned, candidates, known, rng)
+        if any(one.in_set and one.clean for one in best.standings.values()):
+            return best
+        bases = sorted(earned.values(), key=lambda one: -one.gain)[:_BASES]
+    return best
+
+
+def _extended(
+    bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
+) -> dict[Names, Refit]:
+    """Refit the bases with the best few additions to each; those near the best to the optimum."""
+    found: dict[Names, Refit] = {}
+    for base in bases:
+        _, after = standing(base, candidates)
+        if not after.candidates or after.directed_p(rng) > _SEEN:
+            continue
+        for effect in _shortlist(after):
+            names = tuple(sorted((*base.names, effect.name)))
+            if names not in known:
+                one = refit(after, effect, gained=base.gain)
+                if names not in found or one.gain > found[names].gain:
+                    found[names] = one
+    if found:
+        top = max(one.gain for one in found.values())
+        floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
+        found = {names: refined(one) if one.gain >= floor else one for names, one in found.items()}
+    return found
+
+
+def _shortlist(after: Evidence) -> list[Effect]:
+    return sorted(after.candidates, key=lambda effect: -after.statistic(effect.name))[:_ADDED]
+
+
+def _without(one: Refit, known: Mapping[Names, Refit]) -> list[Refit]:
+    """Return the known refits of the set less one member."""
+    parts = [tuple(sorted(name for name in one.names if name != out)) for out in one.names]
+    return [known[part] for part in parts if part in known]
+
+
+def _earned(one: Refit, known: Mapping[Names, Refit]) -> bool:
+    """Return whether every member explains more than its share beyond the set without it."""
+    worth = one.gain - max((part.gain for part in _without(one, known)), default=0.0)
+    return worth >= max(MEMBER, SHARE * one.gain)
+
+
+def _standing(
+    sets: Mapping[Names, Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
+) -> Sets:
+    rivals = rival_p(sets, rng)
+    standings = {
+        names: Standing(rivals[names]) if rivals[names] < KEEP else standing(one, candidates, rivals[names])[0]
+        for names, one in sets.items()
+    }
+    parts = {names: max(_without(one, known), key=lambda part: part.gain) for names, one in sets.items()}
+    return Sets(sets, standings, parts)
