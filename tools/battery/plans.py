@@ -1,0 +1,106 @@
+"""Plans of a day in the tank: which runs, how long, from where; drawn at random."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mjfish.drive.cpg import DriveSegment
+
+#: Bias of the joints in a full turn, nose first, [Yu2016] Table IV (t1).
+_TURN = np.array([0.0, 0.5, 1.0, 1.5])
+_OMEGA = (13.0, 28.0)
+#: Pause between two runs [s].
+_PAUSE = 40.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run as it is asked for.
+
+    Attributes:
+        name: of the trial.
+        drive: segments of the CPG.
+        duration: of the recording [s].
+        start: x, y [m], yaw [rad] in the tank.
+        held_out: not to be fitted.
+        session: when in the session it starts [s].
+        number: which run of the session it is.
+    """
+
+    name: str
+    drive: tuple[DriveSegment, ...]
+    duration: float
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    held_out: bool = False
+    session: float = 0.0
+    number: int = 0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Runs of a session, and whether the pose is recorded."""
+
+    runs: tuple[Run, ...]
+    pose: bool
+
+
+def draw(rng: np.random.Generator, *, pose: bool | None = None, runs: int | None = None) -> Plan:
+    """Draw a plan: 5 to 10 runs of 5 to 11 s, two or three of them held out at another frequency or turn."""
+    count = int(rng.integers(5, 11)) if runs is None else runs
+    seen = bool(rng.random() < 0.8) if pose is None else pose
+    out = 3 if count >= 8 and rng.random() < 0.5 else 2
+    kinds = ["straight", "turn", "step", *rng.choice(["straight", "turn", "step", "zigzag"], size=count)][: count - out]
+    kinds += list(rng.choice(["straight", "turn", "step", "zigzag"], size=out))
+    spread = np.linspace(*_OMEGA, count) + rng.uniform(-0.5, 0.5, size=count)
+    omegas = rng.permutation(spread)
+    drawn = []
+    session = 0.0
+    for number, (kind, omega) in enumerate(zip(kinds, omegas, strict=True)):
+        duration = round(float(rng.uniform(5.0, 11.0)) / 0.02) * 0.02
+        start = (*rng.uniform(-1.0, 1.0, size=2), rng.uniform(-np.pi, np.pi)) if seen else (0.0, 0.0, 0.0)
+        drawn.append(
+            Run(
+                name=f"run{number + 1:02d}",
+                drive=_drive(rng, str(kind), float(omega), duration),
+                duration=duration,
+                start=(float(start[0]), float(start[1]), float(start[2])),
+                held_out=number >= count - out,
+                session=session,
+                number=number,
+            )
+        )
+        session += duration + _PAUSE
+    order = rng.permutation(count)  # held-out runs are not the last of the session
+    sessions = [run.session for run in drawn]
+    places = {int(old): new for new, old in enumerate(order)}
+    return Plan(
+        tuple(
+            Run(r.name, r.drive, r.duration, r.start, r.held_out, sessions[places[r.number]], places[r.number])
+            for r in drawn
+        ),
+        seen,
+    )
+
+
+def _drive(rng: np.random.Generator, kind: str, omega: float, duration: float) -> tuple[DriveSegment, ...]:
+    """Return the segments of one run; frequencies and biases change as steps, on whole samples or not."""
+    none = np.zeros(4)
+    bend = rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.3) * _TURN
+    when = float(np.round(rng.uniform(0.35, 0.6) * duration, 3))
+    if kind == "straight":
+        return (_segment(0.0, omega, none),)
+    if kind == "turn":
+        first = none if rng.random() < 0.6 else bend
+        return (_segment(0.0, omega, first), _segment(when, omega, bend - first))
+    if kind == "step":
+        other = float(np.clip(omega + rng.choice([-1.0, 1.0]) * rng.uniform(4.0, 9.0), *_OMEGA))
+        return (_segment(0.0, omega, none), _segment(when, other, none))
+    every = float(np.round(rng.uniform(1.0, 2.0), 3))
+    starts = np.arange(0.0, duration - 0.5, every)
+    return tuple(_segment(float(t), omega, bend * (-1.0) ** i) for i, t in enumerate(starts))
+
+
+def _segment(start: float, omega: float, bias: np.ndarray) -> DriveSegment:
+    return DriveSegment(start, omega, tuple(float(b) for b in bias))

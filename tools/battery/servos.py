@@ -1,0 +1,127 @@
+"""What stands between the command and the joints: amplitude, stick, the servo itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from battery.compiled import compiled
+from battery.oscillator import Stretch
+from battery.plans import Run
+from mjfish.arrays import FloatArray
+
+#: Damping of the second-order servo; with it the delay at low frequency is 2 zeta / omega_n = 1.6 / omega_n.
+ZETA = 0.8
+#: The amplitude follows a change of its cause within this time [s].
+_SETTLE = 0.1
+#: Length and edge of one stick of a joint, and how often on average [s].
+_STICK, _EDGE, _EVERY = 0.16, 0.03, 1.2
+
+Psi = Mapping[str, float]
+
+
+def joints(asked: tuple[Stretch, ...], run: Run, psi: Psi) -> tuple[Stretch, ...]:
+    """Return what the joints did, from what the CPG asked."""
+    got = asked
+    if any(psi.get(name) for name in ("fading_battery.rate", "frequency_gain.size", "bad_run.size")):
+        got = _amplitude(got, run, psi)
+    if psi.get("sticking_joint.size"):
+        got = _stuck(got, run, psi)
+    if psi.get("servo_lag.time_constant"):
+        got = _second_order(got, psi["servo_lag.time_constant"])
+    return got
+
+
+def _nodes(part: Stretch) -> FloatArray:
+    """Return the times (steps, 3) of start, middle, end of every step."""
+    start = part.start + part.step * np.arange(part.steps)
+    return np.asarray(start[:, None] + part.step * np.array([0.0, 0.5, 1.0]))
+
+
+def _amplitude(asked: tuple[Stretch, ...], run: Run, psi: Psi) -> tuple[Stretch, ...]:
+    """Scale the strokes: exp(-rate t) over the session, 1 / (1 + a (omega / 20)^2), or one run that is weak."""
+    got = []
+    before = None
+    for part, segment in zip(asked, run.drive, strict=False):
+        bad = psi.get("bad_run.size", 0.0) if run.number == int(psi.get("bad_run.number", -1)) else 0.0
+        level = (1.0 - bad) / (1.0 + psi.get("frequency_gain.size", 0.0) * (segment.omega / 20.0) ** 2)
+        before = level if before is None else before
+        t = _nodes(part)[..., None]
+        settle = (before - level) * np.exp(-(t - part.start) / _SETTLE)
+        fade = psi.get("fading_battery.rate", 0.0)
+        left = np.exp(-fade * (run.session + t))
+        gain = (level + settle) * left
+        slope = -settle / _SETTLE * left - fade * gain
+        got.append(replace(part, angle=gain * part.angle, rate=gain * part.rate + slope * part.angle))
+        before = level
+    return tuple(got)
+
+
+def _stuck(asked: tuple[Stretch, ...], run: Run, psi: Psi) -> tuple[Stretch, ...]:
+    """Hold one joint now and then, for a tenth of a second, with smooth edges."""
+    joint = int(psi["sticking_joint.joint"])
+    rng = np.random.default_rng([int(psi["sticking_joint.seed"]), run.number])
+    times = np.cumsum(0.5 + rng.exponential(_EVERY - 0.5, size=40))
+    got = []
+    for part in asked:
+        angle, rate = part.angle.copy(), part.rate.copy()
+        t = _nodes(part)
+        for begin in times[(times > part.start) & (times < t[-1, -1] - _STICK)]:
+            x = (t - begin) / _EDGE
+            out = (begin + _STICK - t) / _EDGE
+            window = _ramp(x) * _ramp(out)
+            slope = (_ramp_rate(x) * _ramp(out) - _ramp(x) * _ramp_rate(out)) / _EDGE
+            held = np.interp(begin, t[:, 0], part.angle[:, 0, joint])
+            size = psi["sticking_joint.size"]
+            rate[..., joint] += size * (slope * (held - angle[..., joint]) - window * rate[..., joint])
+            angle[..., joint] += size * window * (held - angle[..., joint])
+        got.append(replace(part, angle=angle, rate=rate))
+    return tuple(got)
+
+
+def _ramp(x: FloatArray) -> FloatArray:
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.clip(x, 0.0, 1.0)))
+
+
+def _ramp_rate(x: FloatArray) -> FloatArray:
+    return np.asarray(np.where((x > 0.0) & (x < 1.0), 0.5 * np.pi * np.sin(np.pi * np.clip(x, 0.0, 1.0)), 0.0))
+
+
+def _second_order(asked: tuple[Stretch, ...], delay: float) -> tuple[Stretch, ...]:
+    """Theta'' = wn^2 (command - theta) - 2 zeta wn theta', from rest at the command; its delay is 2 zeta / wn."""
+    state = np.zeros((2, asked[0].angle.shape[2]))
+    state[0] = asked[0].angle[0, 0]
+    got = []
+    for part in asked:
+        angle, rate = np.empty_like(part.angle), np.empty_like(part.rate)
+        _follow(part.angle, part.rate, part.step, 2.0 * ZETA / delay, ZETA, state, angle, rate)
+        got.append(replace(part, angle=angle, rate=rate))
+    return tuple(got)
+
+
+@compiled
+def _follow(command, slope, h, wn, zeta, state, angle, rate):  # type: ignore[no-untyped-def]
+    """Integrate the servo by the midpoint rule, in substeps that resolve it; the command is a cubic per half step."""
+    d = 0.5 * h
+    count = int(np.ceil(d * wn / 0.05))
+    e = d / count
+    for n in range(command.shape[0]):
+        for node in range(3):
+            for j in range(command.shape[2]):
+                if node > 0:
+                    a = command[n, node - 1, j]
+                    b = command[n, node, j]
+                    p = slope[n, node - 1, j] * d
+                    q = slope[n, node, j] * d
+                    for m in range(count):
+                        s = (m + 0.5) / count
+                        asked = a + s * (p + s * ((3.0 * (b - a) - 2.0 * p - q) + s * (p + q - 2.0 * (b - a))))
+                        # Implicit midpoint, solved for the new rate: stable however stiff.
+                        pull = wn * wn * (asked - state[0, j] - 0.25 * e * state[1, j]) - zeta * wn * state[1, j]
+                        new = (state[1, j] + e * pull) / (1.0 + e * zeta * wn + 0.25 * e * e * wn * wn)
+                        state[0, j] += 0.5 * e * (state[1, j] + new)
+                        state[1, j] = new
+                angle[n, node, j] = state[0, j]
+                rate[n, node, j] = state[1, j]
