@@ -1,0 +1,110 @@
+"""Play between the servos and the joints."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.compiled import compiled, inlined
+from mjfish.drive.motion import JointMotion
+from mjfish.effects.commanded import balanced, nothing_between
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.parameter import Parameter
+from mjfish.trial import Dataset
+
+#: Time constant with which the teeth come to rest on each other at either end of the gap [s].
+CONTACT = 0.005
+#: Parts of each half step of the drive, in which the play is straight.
+_PARTS = 4
+
+
+class ServoBacklash(Effect):
+    """The gears have play of the total width w: after a turn-round the joint waits while the command crosses the gap.
+
+    The play operator holds p within half a width of the command c, p(t) = max(c - w/2, min(c + w/2, p(t-))), and
+    starts in the middle of the gap. Its rate jumps where a flank is met. Gears and horns give a little: what the play
+    takes off, d = p - c, comes out through a critically damped second-order lag of T = 5 ms,
+
+        theta = c + x,  T^2 x'' + 2 T x' + x = d,  x(0) = x'(0) = 0,
+
+    so that rate and acceleration are continuous where those of the command are. With w = 0 both d and x are zero.
+
+    Not smooth at the null: at first order in w, d is half a width times the sign of the command's rate.
+    """
+
+    name: ClassVar[str] = "servo_backlash"
+    family: ClassVar[Family] = "drive"
+    summary: ClassVar[str] = "the gears of the servos have play"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("servo_backlash.play", "rad", 0.0, 0.0, 0.3, 0.02, 0.01, about="total width of the gap"),
+    )
+    source: ClassVar[str] = (
+        "Play operator: Visintin, Differential Models of Hysteresis (1994), ch. III; Nordin and Gutman, Automatica 38 "
+        "(2002)"
+    )
+    signature: ClassVar[str] = "the joints are late by an angle, not by a time, and swing less by the width of the gap"
+    confirm: ClassVar[str] = "hold the servo and rock the joint by hand; the free angle is the play"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    smooth: ClassVar[bool] = False
+
+    def not_applicable(self, dataset: Dataset) -> str:
+        """Measured joint angles leave nothing between command and joint."""
+        return nothing_between(dataset)
+
+    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        """Take the play off the command."""
+        angle, rate, acceleration = _played(np.diff(motion.time), motion.angle, motion.rate, values["play"])
+        return balanced(motion.time, motion.angle + angle, motion.rate + rate, motion.acceleration + acceleration)
+
+
+@inlined
+def _advance(x: FloatArray, start: float, end: float, h: float) -> None:
+    """Advance (x, x') in `x` by h [s], exactly, while d goes straight from `start` to `end`.
+
+    x(s) = d(s) - 2 T m + (A + B s) exp(-s / T),  A = x_0 - d_0 + 2 T m,  B = x_0' - m + A / T,  m the slope of d.
+    """
+    if h > 0.0:
+        slope = (end - start) / h
+        a = x[0] - start + 2.0 * CONTACT * slope
+        b = x[1] - slope + a / CONTACT
+        decay = np.exp(-h / CONTACT)
+        x[0] = end - 2.0 * CONTACT * slope + (a + b * h) * decay
+        x[1] = slope + (b - (a + b * h) / CONTACT) * decay
+
+
+@compiled
+def _played(
+    steps: FloatArray, angle: FloatArray, rate: FloatArray, play: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x, x', x'' (n, 3, joints); in each part of a half step the command is straight, so a flank has a time."""
+    n, _, joints = angle.shape
+    x = np.empty_like(angle)
+    x_rate = np.empty_like(angle)
+    x_acceleration = np.empty_like(angle)
+    off = np.zeros(joints)  # d
+    lagged = np.zeros((joints, 2))
+    for step in range(n):
+        d = 0.5 * steps[step]
+        for stage in range(3):
+            for j in range(joints):
+                if stage > 0:
+                    left, right = angle[step, stage - 1, j], angle[step, stage, j]
+                    down, up = d * rate[step, stage - 1, j], d * rate[step, stage, j]
+                    before = left
+                    for part in range(1, _PARTS + 1):
+                        s = part / _PARTS
+                        here = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * left + s * (1.0 - s) ** 2 * down
+                        here += s * s * (3.0 - 2.0 * s) * right + s * s * (s - 1.0) * up
+                        free = off[j] + before - here
+                        held = max(-0.5 * play, min(0.5 * play, free))
+                        crossing = d / _PARTS if free == held else d / _PARTS * (held - off[j]) / (free - off[j])
+                        _advance(lagged[j], off[j], held, crossing)
+                        _advance(lagged[j], held, held, d / _PARTS - crossing)
+                        off[j] = held
+                        before = here
+                x[step, stage, j] = lagged[j, 0]
+                x_rate[step, stage, j] = lagged[j, 1]
+                x_acceleration[step, stage, j] = (off[j] - lagged[j, 0] - 2.0 * CONTACT * lagged[j, 1]) / CONTACT**2
+    return x, x_rate, x_acceleration

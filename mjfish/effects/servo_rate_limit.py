@@ -1,0 +1,113 @@
+"""Servos of limited speed."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.compiled import compiled, inlined
+from mjfish.drive.motion import JointMotion
+from mjfish.effects.commanded import balanced, nothing_between
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.parameter import Parameter
+from mjfish.trial import Dataset
+
+#: Rate at which a joint behind its command closes in on it, below the limit [1/s]: position loops of servos.
+CATCH_UP = 100.0
+#: Runge-Kutta steps in each half step of the drive.
+_SUBSTEPS = 2
+#: Exponent of the corner of the limiter, an even number: half the limit passes to 5e-4 of itself.
+_SHARPNESS = 8
+
+
+class ServoRateLimit(Effect):
+    """The joints turn no faster than L = 1 / slowness: they fall behind a faster command and catch up with it.
+
+        theta' = L S((c' + k (c - theta)) / L),  S(x) = x / (1 + x^8)^(1/8),  theta(0) = c(0),  k = 100 / s
+
+    with the command c. Below the limit S(x) = x, so that theta = c; above it |theta'| < L. As k and the exponent grow
+    this is the rate limiter with a sharp corner that tracks its command, sat(x) = sign(x) min(|x|, 1); with these a
+    joint has acceleration where it meets the limit and where it has caught up, as the inertia of a motor asks for.
+
+    Not smooth at the null: joints slower than the limit do not feel it, so that the derivatives there are all zero.
+    """
+
+    name: ClassVar[str] = "servo_rate_limit"
+    family: ClassVar[Family] = "drive"
+    summary: ClassVar[str] = "the servos are too slow for their command"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("servo_rate_limit.slowness", "s/rad", 0.0, 0.0, 0.5, 0.1, 0.03, about="1 / (largest rate)"),
+    )
+    source: ClassVar[str] = "Rate limiter of an actuator: Fielding and Flux, Aeronautical Journal 107 (2003)"
+    signature: ClassVar[str] = (
+        "nothing at low frequency; above a frequency the tail swings less and later, as triangles"
+    )
+    confirm: ClassVar[str] = "log the joint angles on the bench while the command steps, and read the largest rate"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
+    smooth: ClassVar[bool] = False
+
+    def not_applicable(self, dataset: Dataset) -> str:
+        """Measured joint angles leave nothing between command and joint."""
+        return nothing_between(dataset)
+
+    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        """Let the joints follow as fast as they may."""
+        angle, rate, acceleration = _limited(
+            np.diff(motion.time), motion.angle, motion.rate, motion.acceleration, values["slowness"]
+        )
+        return balanced(motion.time, angle, rate, acceleration)
+
+
+@inlined
+def _corner(x: float) -> float:
+    """Return S(x) / x."""
+    return float((1.0 + x**_SHARPNESS) ** (-1.0 / _SHARPNESS))
+
+
+@compiled
+def _limited(
+    steps: FloatArray, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, slowness: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Integrate e' = theta' - c' for e = theta - c, half step by half step, with the command's rate as a cubic.
+
+    theta' = S'(x) (c'' - k e'), x = slowness (c' - k e), S'(x) = (1 + x^8)^(-9/8).
+    """
+    n, _, joints = angle.shape
+    limited = np.empty_like(angle)
+    limited_rate = np.empty_like(rate)
+    limited_acceleration = np.empty_like(acceleration)
+    error = np.zeros(joints)
+    for step in range(n):
+        d = 0.5 * steps[step]
+        h = d / _SUBSTEPS
+        for stage in range(3):
+            for j in range(joints):
+                if stage > 0:
+                    a0 = rate[step, stage - 1, j]
+                    a1 = acceleration[step, stage - 1, j]
+                    rise = (rate[step, stage, j] - a0 - a1 * d) / (d * d)
+                    bend = (acceleration[step, stage, j] - a1) / d
+                    a2 = 3.0 * rise - bend
+                    a3 = (bend - 2.0 * rise) / d
+                    for sub in range(_SUBSTEPS):
+                        e = error[j]
+                        total = 0.0
+                        k = 0.0
+                        for part in range(4):
+                            ahead = 0.0 if part == 0 else (h if part == 3 else 0.5 * h)
+                            s = sub * h + ahead
+                            asked = a0 + s * (a1 + s * (a2 + s * a3))
+                            wanted = asked - CATCH_UP * (e + ahead * k)
+                            k = wanted * _corner(slowness * wanted) - asked
+                            total += k if part == 0 or part == 3 else 2.0 * k
+                        error[j] = e + h / 6.0 * total
+                wanted = rate[step, stage, j] - CATCH_UP * error[j]
+                x = slowness * wanted
+                follow = wanted * _corner(x)
+                behind = acceleration[step, stage, j] - CATCH_UP * (follow - rate[step, stage, j])
+                limited[step, stage, j] = angle[step, stage, j] + error[j]
+                limited_rate[step, stage, j] = follow
+                limited_acceleration[step, stage, j] = behind * _corner(x) ** (_SHARPNESS + 1)
+    return limited, limited_rate, limited_acceleration

@@ -1,0 +1,61 @@
+"""Joints whose zero is off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recovery import derivative_error, deviations, planted, refitted, strength
+
+from mjfish import fish as fishes
+from mjfish.drive import cpg
+from mjfish.effects import find
+from mjfish.fish import Fish
+from mjfish.model import Model
+from mjfish.trial import Dataset, Trial
+
+ZERO = find("joint_zero_offset")
+BEND = {"joint_1": 0.02, "joint_2": -0.015, "joint_3": 0.02, "joint_4": 0.03}
+
+
+def test_each_joint_is_bent_by_its_own_offset_and_moves_as_commanded(pike: Fish, turning: Trial) -> None:
+    """Catches offsets in another order than the joints."""
+    command = cpg.joint_motion(pike.cpg, turning.drive, 3.0, 0.005)
+    bent = ZERO.drive(command, BEND)
+    expected = np.broadcast_to(list(BEND.values()), command.angle.shape)
+    np.testing.assert_allclose(bent.angle - command.angle, expected, rtol=0.0, atol=1e-15)
+    assert np.array_equal(bent.rate, command.rate)
+    assert np.array_equal(bent.acceleration, command.acceleration)
+
+
+def test_a_fish_bent_to_one_side_turns_and_bent_to_the_other_turns_the_other_way(pike: Fish, straight: Trial) -> None:
+    model = Model(pike, (ZERO,))
+    turned = [
+        model.predict(straight, model.values({f"joint_zero_offset.joint_{i}": bend for i in range(1, 5)}))
+        .rollout.at(straight.time)[-1, 5]
+        for bend in (0.03, 0.0, -0.03)
+    ]  # fmt: skip
+    assert abs(turned[0] - turned[2]) > 0.3
+    assert turned[0] + turned[2] == pytest.approx(2.0 * turned[1], abs=0.2 * abs(turned[0] - turned[2]))
+
+
+def test_a_fish_with_another_number_of_joints_is_told_why_it_is_no_candidate(pike: Fish, straight: Trial) -> None:
+    tendon = fishes.load("eth_tendon")
+    assert tendon.joints != pike.joints
+    said = ZERO.not_applicable(Dataset("d", tendon, (straight,)))
+    assert said == f"it is declared for 4 joints, {tendon.name} has {tendon.joints}"
+    assert ZERO.not_applicable(Dataset("d", pike, (straight,))) == ""
+
+
+@pytest.mark.parametrize("short", BEND)
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_its_sensitivities_are_those_of_predictions(pike: Fish, turning: Trial, short: str, share: float) -> None:
+    values = {name: share * bend for name, bend in BEND.items()}
+    assert derivative_error(pike, turning, ZERO, values, short) < 1e-7
+
+
+def test_planted_offsets_are_found_again(pike: Fish) -> None:
+    assert strength(pike, ZERO, BEND) > 1.0
+    found = refitted(planted(pike, ZERO, BEND), ZERO)
+    assert found.status == "converged"
+    assert max(map(abs, deviations(found, ZERO, BEND).values())) < 4.0
+    assert max(found.sigma[f"joint_zero_offset.{short}"] for short in BEND) < 0.01

@@ -1,0 +1,93 @@
+"""Play of the gears, against the play operator and its closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recovery import derivative_error, deviations, planted, refitted, strength
+from scipy.integrate import solve_ivp
+
+from mjfish.arrays import FloatArray
+from mjfish.drive import cpg
+from mjfish.drive.motion import JointMotion, grid
+from mjfish.effects import find
+from mjfish.effects.servo_backlash import CONTACT
+from mjfish.fish import Fish
+from mjfish.trial import Trial
+
+BACKLASH = find("servo_backlash")
+
+
+def _sinusoid(omega: float, duration: float, step: float = 0.005) -> JointMotion:
+    time = grid(np.array([0.0, duration]), step)
+    stages = np.stack([time[:-1], 0.5 * (time[:-1] + time[1:]), time[1:]], axis=1)[..., None]
+    return JointMotion(
+        time, np.sin(omega * stages), omega * np.cos(omega * stages), -(omega**2) * np.sin(omega * stages)
+    )
+
+
+def _play(command: FloatArray, width: float) -> FloatArray:
+    """Return the play operator of a dense command."""
+    held = np.empty_like(command)
+    held[0] = command[0]
+    for i in range(1, len(command)):
+        held[i] = max(command[i] - 0.5 * width, min(command[i] + 0.5 * width, held[i - 1]))
+    return held
+
+
+def test_what_the_play_takes_off_comes_out_through_the_lag_of_the_contact() -> None:
+    """Solves T^2 x'' + 2 T x' + x = d anew, by scipy, from the play operator on a dense command."""
+    omega, width = 18.0, 0.1
+    motion = BACKLASH.drive(_sinusoid(omega, 1.0), {"play": width})
+    dense = np.linspace(0.0, 1.0, 200_001)
+    off = _play(np.sin(omega * dense), width) - np.sin(omega * dense)
+
+    def rates(t: float, x: FloatArray) -> list[float]:
+        d = float(np.interp(t, dense, off))
+        return [x[1], (d - x[0] - 2.0 * CONTACT * x[1]) / CONTACT**2]
+
+    solved = solve_ivp(
+        rates, (0.0, 1.0), [0.0, 0.0], t_eval=motion.time[1:], max_step=0.002, rtol=1e-8, atol=1e-10
+    ).y  # fmt: skip
+    t = motion.time[1:]
+    np.testing.assert_allclose(motion.angle[:, 2, 0] - np.sin(omega * t), solved[0], rtol=0.0, atol=1e-4)
+    np.testing.assert_allclose(motion.rate[:, 2, 0] - omega * np.cos(omega * t), solved[1], rtol=0.0, atol=0.03)
+
+
+def test_a_slow_swing_loses_half_the_width_at_either_end_and_half_the_width_on_the_way() -> None:
+    """Catches a total width taken for a half one, and a joint that runs ahead of its command."""
+    width = 0.2
+    motion = BACKLASH.drive(_sinusoid(1.0, 4.0 * np.pi, step=0.02), {"play": width})
+    time = motion.time[:-1]
+    angle = motion.angle[time > 2.0 * np.pi, 0, 0]
+    command, rate = np.sin(time[time > 2.0 * np.pi]), np.cos(time[time > 2.0 * np.pi])
+    assert np.max(angle) == pytest.approx(1.0 - 0.5 * width, abs=2e-3)
+    assert np.min(angle) == pytest.approx(-1.0 + 0.5 * width, abs=2e-3)
+    driving = np.abs(command) < 0.5
+    np.testing.assert_allclose((angle - command)[driving], -0.5 * width * np.sign(rate[driving]), rtol=0.0, atol=2e-3)
+
+
+def test_the_joint_stays_within_the_gap_and_starts_where_the_command_starts(pike: Fish, turning: Trial) -> None:
+    command = cpg.joint_motion(pike.cpg, turning.drive, 3.0, 0.005)
+    motion = BACKLASH.drive(command, {"play": 0.04})
+    assert np.max(np.abs(motion.angle - command.angle)) <= 0.02 + 1e-12
+    assert np.max(np.abs(motion.angle - command.angle)) > 0.015
+    assert np.array_equal(motion.angle[0, 0], command.angle[0, 0])
+    assert np.array_equal(motion.rate[0, 0], command.rate[0, 0])
+
+
+@pytest.mark.parametrize("play", [0.01, 0.04])
+def test_its_sensitivity_is_that_of_predictions(pike: Fish, turning: Trial, play: float) -> None:
+    """To a hundredth only: a flank that passes a node between steps of the drive bends the prediction there."""
+    assert derivative_error(pike, turning, BACKLASH, {"play": play}, "play") < 1e-2
+
+
+@pytest.mark.parametrize("play", [0.01, 0.04])
+def test_planted_play_is_found_again(pike: Fish, play: float) -> None:
+    sizes = {"play": play}
+    assert not BACKLASH.smooth
+    assert strength(pike, BACKLASH, sizes) > 1.0
+    found = refitted(planted(pike, BACKLASH, sizes), BACKLASH)
+    assert found.status == "converged"
+    assert abs(deviations(found, BACKLASH, sizes)["play"]) < 4.0
+    assert found.sigma["servo_backlash.play"] < 0.001

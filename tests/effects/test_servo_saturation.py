@@ -1,0 +1,46 @@
+"""Soft saturation of the joint angles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recovery import derivative_error, deviations, planted, refitted, strength
+
+from mjfish.drive import cpg
+from mjfish.effects import find
+from mjfish.fish import Fish
+from mjfish.trial import Trial
+
+SATURATION = find("servo_saturation")
+
+
+def test_small_angles_lose_half_psi_times_their_cube_and_none_passes_the_largest(pike: Fish, turning: Trial) -> None:
+    """Catches a saturation of the wrong order or size, and one that turns round."""
+    command = cpg.joint_motion(pike.cpg, turning.drive, 3.0, 0.005)
+    small = 0.05
+    lost = command.angle - SATURATION.drive(command, {"psi": small}).angle
+    np.testing.assert_allclose(lost, 0.5 * small * command.angle**3, rtol=0.06, atol=1e-12)
+    strong = SATURATION.drive(command, {"psi": 10.0}).angle
+    assert np.max(np.abs(strong)) < 10.0**-0.5 < np.max(np.abs(command.angle))
+    order = np.argsort(command.angle.ravel())
+    assert np.all(np.diff(strong.ravel()[order]) >= 0.0)
+
+
+@pytest.mark.parametrize("psi", [0.02, 0.5])
+def test_its_sensitivity_is_that_of_predictions(pike: Fish, turning: Trial, psi: float) -> None:
+    assert derivative_error(pike, turning, SATURATION, {"psi": psi}, "psi") < 1e-7
+
+
+def test_it_has_a_derivative_at_the_null(pike: Fish, turning: Trial) -> None:
+    """It is smooth there: the slope from psi = 0 on is that of the differences to both sides."""
+    assert SATURATION.smooth
+    assert derivative_error(pike, turning, SATURATION, {"psi": 0.0}, "psi") < 1e-6
+
+
+def test_a_planted_saturation_is_found_again(pike: Fish) -> None:
+    sizes = {"psi": 0.15}
+    assert strength(pike, SATURATION, sizes) > 1.0
+    found = refitted(planted(pike, SATURATION, sizes), SATURATION)
+    assert found.status == "converged"
+    assert abs(deviations(found, SATURATION, sizes)["psi"]) < 4.0
+    assert found.sigma["servo_saturation.psi"] < 0.02
