@@ -54,9 +54,9 @@ def _root(
 @functools.cache
 def application() -> typer.Typer:
     """Return the application with every command."""
-    from mjfish.cli import check, compare, data, diagnose, export, identify, simulate, view
+    from mjfish.cli import check, compare, data, diagnose, export, identify, plan, simulate, view
 
-    for module in (simulate, export, check, data, compare, identify, diagnose, view):
+    for module in (simulate, export, check, data, compare, identify, diagnose, plan, view):
         module.register(app)
     return app
 

@@ -1,0 +1,137 @@
+"""``mjfish plan``: the next experiment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from mjfish.cli import console
+from mjfish.effects import catalogue
+from mjfish.errors import InputError
+from mjfish.files import check_file
+from mjfish.plan import Menu, Option, Plan, Question, advise, generate, skeleton
+from mjfish.plan import plan as planned
+from mjfish.plan.question import of_file
+from mjfish.plan.words import percent
+from mjfish.trial import load
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("plan")(plan)
+
+
+def plan(
+    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml.")],
+    diagnosis: Annotated[Path | None, typer.Option(help="diagnosis.json of it; default: diagnose it now.")] = None,
+    rivals: Annotated[str | None, typer.Option(help="Causes to tell apart, e.g. servo_lag,time_offset.")] = None,
+    causes: Annotated[str | None, typer.Option(help="Causes to make visible, e.g. munk_moment.")] = None,
+    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Of a run [s]; default that of the longest trial.")] = None,
+    pause: Annotated[float, typer.Option(help="Before a run, for the water to come to rest [s].")] = 30.0,
+    omega: Annotated[str | None, typer.Option(help="Slowest and fastest frequency, e.g. 9,30 [rad/s].")] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Write plan.json here.")] = None,
+    generate_: Annotated[
+        Path | None,
+        typer.Option("--generate", help="New folder for the best run: drive, dataset.toml, what to record."),
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
+) -> None:
+    """Rank runs and calibrations by how well they would tell rival causes apart a second."""
+    known = catalogue(tuple(effects or ()))
+    slow, fast = console.numbers(omega, 2, "--omega") if omega is not None else (0.0, 0.0)
+    menu = Menu(duration, (slow, fast) if omega is not None else None)
+    if json_ is not None:
+        check_file(json_)
+    if generate_ is not None:
+        skeleton.check_folder(generate_)
+    measured = load(dataset)
+    question = _question(diagnosis, rivals, causes, measured.name)
+    with console.progress_bar() as tell:
+        if question is None:
+            found = planned(measured, effects=known, menu=menu, pause=pause, jobs=jobs, progress=tell)
+        else:
+            found = advise(measured, question, effects=known, menu=menu, pause=pause, jobs=jobs, progress=tell)
+    if json_ is not None:
+        found.save(json_)
+    _show(found)
+    if generate_ is not None:
+        generate(measured, found, generate_)
+        where = escape(str(generate_))
+        console.out.print(f"wrote {where}: what to do is in {where}/RECORD.md", soft_wrap=True)
+    if found.status != "ok":
+        raise typer.Exit(console.NOT_GOOD)
+
+
+def _question(diagnosis: Path | None, rivals: str | None, causes: str | None, name: str) -> Question | None:
+    given = [option for option, value in (("--diagnosis", diagnosis), ("--rivals", rivals)) if value is not None]
+    if len(given) > 1 or (rivals is not None and causes is not None):
+        raise InputError("--rivals: found with --diagnosis or --causes, expected alone; drop one")
+    if rivals is not None:
+        return Question("separate", _names(rivals), "Rivals named by hand.")
+    asked = _names(causes) if causes is not None else ()
+    if diagnosis is not None:
+        return of_file(diagnosis, name, asked)
+    return Question("see", asked, "Causes named by hand.") if causes is not None else None
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def _show(found: Plan) -> None:
+    console.out.print(f"[bold]{escape(found.question.why)}[/]", soft_wrap=True)
+    console.out.print(escape(found.message), soft_wrap=True)
+    if found.options:
+        console.out.print(_separation(found) if found.question.purpose == "separate" else _sizes(found))
+    for option in found.options:
+        if option.kind == "calibration":
+            console.out.print(f"{option.name}: {escape(option.about)}.", soft_wrap=True)
+    for remark in found.remarks:
+        console.out.print(f"Remark: {escape(remark)}", soft_wrap=True)
+
+
+def _separation(found: Plan) -> Table:
+    table = Table(title="What would tell them apart")
+    for heading in ("", "seconds", "hardest pair", "lambda now", "after", "chance now", "after"):
+        table.add_column(heading, justify="left" if heading in ("", "hardest pair") else "right", no_wrap=True)
+    for option in found.options:
+        pair = option.worst
+        after = "settled" if pair.settled else f"{pair.after:.3g}"
+        seconds = f"{option.seconds:.0f}" if option.run is not None else "bench"
+        chances = percent(pair.chance_now), percent(pair.chance_after)
+        table.add_row(
+            option.name, seconds, f"{pair.first} | {pair.second}", f"{pair.now:.3g}", after, *chances,
+            style=_style(option),
+        )  # fmt: skip
+    table.caption = (
+        "by gain of lambda a second of the hardest pair; lambda: misfit of the wrong one that no refit hides; "
+        "chance: that the data then name the right one"
+    )
+    return table
+
+
+def _sizes(found: Plan) -> Table:
+    table = Table(title="Smallest sizes that would show")
+    for heading in ("", "seconds", "gains least", "now", "after"):
+        table.add_column(heading, justify="left" if heading in ("", "gains least") else "right", no_wrap=True)
+    for option in found.options:
+        pair = option.worst
+        table.add_row(
+            option.name,
+            f"{option.seconds:.0f}",
+            pair.first,
+            f"{pair.now:.3g}",
+            f"{pair.after:.3g}",
+            style=_style(option),
+        )
+    table.caption = "by the shrinking a second of the size that shrinks least"
+    return table
+
+
+def _style(option: Option) -> str:
+    return "green" if option.kind == "calibration" else "dim" if option.run is not None and option.run.repeat else ""

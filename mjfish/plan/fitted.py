@@ -1,0 +1,122 @@
+"""Every rival fitted together with the coefficients: where the plan starts from."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mjfish.diagnose.evidence import gather
+from mjfish.diagnose.progress import Progress, silent
+from mjfish.effects.effect import Effect
+from mjfish.identify import Fit, Noise, Problem, fit
+from mjfish.identify.noise import estimate
+from mjfish.identify.report import first_sigma
+from mjfish.model import Model
+from mjfish.parameter import Parameter
+from mjfish.trial import Dataset
+
+#: Multiples of the one-step estimate, and of a declared scale, that a fit may start from.
+_MULTIPLES = (0.3, 1.0, 3.0)
+#: An amplitude that cannot be negative keeps this share of its scale away from zero, where it has no derivative.
+_OFF_NULL = 0.02
+_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A rival at its own fit.
+
+    Attributes:
+        effect: the rival.
+        problem: of the model extended by it.
+        fit: its result.
+    """
+
+    effect: Effect
+    problem: Problem
+    fit: Fit
+
+    @property
+    def free(self) -> tuple[Parameter, ...]:
+        """Parameters off their bounds: those that a refit can move."""
+        return tuple(p for p, held in zip(self.fit.parameters, self.fit.at_bound, strict=True) if not held)
+
+
+def baseline(dataset: Dataset, jobs: int | None = None) -> Problem:
+    """Return the problem of the nominal model on the fit trials, the noise as stated or from third differences."""
+    fitted, _ = dataset.split()
+    sigma = first_sigma(fitted) if dataset.noise is None else np.asarray(dataset.noise)
+    return Problem(
+        Model(dataset.fish),
+        fitted,
+        Noise.white(sigma),
+        free_clock=dataset.clock == "free",
+        jobs=jobs or os.cpu_count() or 1,
+    )
+
+
+def fit_rivals(
+    problem: Problem, rivals: Sequence[Effect], starts: Mapping[str, float], progress: Progress = silent
+) -> tuple[Fitted, ...]:
+    """Fit the nominal model, then it with every rival, from the best of several sizes.
+
+    Args:
+        problem: of the nominal model.
+        rivals: effects.
+        starts: their sizes by full name, where a diagnosis estimated them.
+        progress: told what is being done.
+    """
+    progress("fitting the nominal model", 0.05)
+    nominal = fit(problem, tolerance=_TOLERANCE)
+    evidence = gather(problem, nominal, rivals)
+    found = []
+    for done, rival in enumerate(rivals):
+        progress(f"fitting with {rival.name}", 0.1 + 0.3 * done / len(rivals))
+        found.append(
+            _fit(problem, nominal, rival, [_given(rival, starts), *_guesses(rival, evidence.first_guess(rival.name))])
+        )
+    return tuple(found)
+
+
+def with_noise_of_the_best(fitted: Sequence[Fitted]) -> tuple[Fitted, ...]:
+    """Estimate the noise from what the best rival leaves, and fit all again with it."""
+    best = min(fitted, key=lambda one: one.fit.sse)
+    noise = estimate(best.problem.raw(best.fit.x), lost=len(best.free) / 3.0)
+    again = []
+    for one in fitted:
+        problem = replace(one.problem, noise=noise)
+        again.append(replace(one, problem=problem, fit=fit(problem, one.fit.x, tolerance=_TOLERANCE)))
+    return tuple(again)
+
+
+def _fit(problem: Problem, nominal: Fit, rival: Effect, guesses: Sequence[Mapping[str, float]]) -> Fitted:
+    declared = {**problem.declared, **_off_null(rival)}
+    extended = replace(problem, model=problem.model.extended(rival), declared=declared)
+    starts = [extended.start({**nominal.values, **guess}) for guess in guesses if guess]
+    costs = [float(np.sum(extended.residual(start) ** 2)) for start in starts]
+    return Fitted(rival, extended, fit(extended, starts[int(np.argmin(costs))], tolerance=_TOLERANCE))
+
+
+def _given(rival: Effect, starts: Mapping[str, float]) -> dict[str, float]:
+    return {p.name: float(np.clip(starts[p.name], p.low, p.high)) for p in rival.parameters if p.name in starts}
+
+
+def _guesses(rival: Effect, one_step: Mapping[str, float]) -> list[dict[str, float]]:
+    amplitudes = [p for p in rival.parameters if not p.shape]
+    sizes = []
+    for multiple in _MULTIPLES:
+        sizes.append({p: multiple * (one_step[p.name] - p.default) for p in amplitudes})
+        sizes.append({p: multiple * (-p.scale if one_step[p.name] < p.default else p.scale) for p in amplitudes})
+    return [{p.name: float(np.clip(p.default + size, p.low, p.high)) for p, size in one.items()} for one in sizes]
+
+
+def _off_null(rival: Effect) -> dict[str, Parameter]:
+    lifted = {}
+    for p in rival.parameters:
+        if not p.shape and p.default == p.low:
+            floor = p.low + _OFF_NULL * p.scale
+            lifted[p.name] = p.rebound(low=floor, start=max(p.start, floor))
+    return lifted
