@@ -35,16 +35,18 @@ _free = list(range(_ROWS - 1, 0, -1))
 class Block:
     """The numbers of one model's water, at an address that stays; its row of the table is freed with it."""
 
-    def __init__(self, numbers: FloatArray) -> None:
+    def __init__(self, numbers: FloatArray, kept: object = None) -> None:
         """Give the numbers a row.
 
         Args:
             numbers: (k,) of float64; from now on the block's own.
+            kept: lives as long as the block: what addresses among the numbers lead to.
 
         Raises:
             MjfishError: the table is full.
         """
         self.numbers = numbers
+        self._kept = kept
         with _lock:
             if not _free:
                 raise MjfishError(f"{_ROWS} models with water live at once; drop some of them")

@@ -14,10 +14,11 @@ import numpy as np
 from numba import carray, types
 
 from mjfish.compiled import c_callback, compiled
+from mjfish.hydro.load import PARAMETERS
 from mjfish.sim import blocks
-from mjfish.sim.block_layout import CARRIER, HEADER, TREE
+from mjfish.sim.block_layout import CARRIER, HEADER, SPATIAL_SIZE, TREE
 from mjfish.sim.coupling import couple
-from mjfish.sim.layout import DATA_POINTER, MODEL_POINTER, counts, floats, links, verify
+from mjfish.sim.layout import DATA_POINTER, MODEL_POINTER, counts, floats, links, plane_links, verify
 
 _MAGIC = blocks.MAGIC
 _EULER, _RK4 = 0, 1  # mjtIntegrator
@@ -65,7 +66,7 @@ def _act(model_pointer: Any, data_pointer: Any) -> None:
     if header[5] != model.nbody or header[6] != model.nv:
         _spoil(model, data)
         return
-    n, c, t = int(header[0]), int(header[1]), int(header[2])
+    n, c, t, k = int(header[0]), int(header[1]), int(header[2]), int(header[7])
     inertia = header[3] > 0.0
     if header[4] > 0.0:
         _command(model, data)
@@ -76,8 +77,14 @@ def _act(model_pointer: Any, data_pointer: Any) -> None:
     carriers = carray(floats(address), (c, CARRIER))
     address += 8 * CARRIER * c
     trees = carray(floats(address), (t, TREE))
-    water = carray(links(address + 8 * TREE * t), n)
-    couple(model, data, carriers, trees, water, inertia, model_pointer, data_pointer)
+    address += 8 * TREE * t
+    water = carray(links(address), n)
+    address += SPATIAL_SIZE * n
+    hooks = carray(counts(address), k)
+    address += 8 * k
+    parameters = carray(floats(address), (k, PARAMETERS))
+    plane = carray(plane_links(address + 8 * PARAMETERS * k), n)
+    couple(model, data, carriers, trees, water, inertia, hooks, parameters, plane, model_pointer, data_pointer)
 
 
 @compiled

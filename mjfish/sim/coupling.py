@@ -24,21 +24,25 @@ from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, inlined
 from mjfish.sim.kinematics import FRAME, accelerations, add_wrench, place, to_world
 from mjfish.sim.layout import factor_inertia, floats, fwd_actuation, integers, make_inertia
-from mjfish.sim.water import added_inertia, inertial, other
+from mjfish.sim.water import added_inertia, inertial, load, other
 
 _NO_RATE = np.zeros(0)
 
 
 @compiled
 def couple(
-    model: Any, data: Any, carriers: FloatArray, trees: FloatArray, water: Any, inertia: bool,
-    model_pointer: Any, data_pointer: Any,
+    model: Any, data: Any, carriers: FloatArray, trees: FloatArray, water: Any, inertia: bool, hooks: Any,
+    hook_parameters: FloatArray, plane: Any, model_pointer: Any, data_pointer: Any,
 ) -> None:  # fmt: skip
-    """Let the water act on one model: write `xfrc_applied` of its bodies, and with `inertia` the inertia."""
+    """Let the water act on one model: write `xfrc_applied` of its bodies, and with `inertia` the inertia.
+
+    `hooks` (k,), `hook_parameters` (k, PARAMETERS) and `plane`, a `LINK` record a link, are of the loads.
+    """
     c = carriers.shape[0]
     n = water.shape[0]
     frame = np.empty((n, FRAME))
     wrench = np.empty((n, 6))  # f - A b of each link, in its strips' frame
+    pushed = np.zeros((n, 6))  # by loads
     spatial = np.empty(6)
     bias = np.empty((c, 6))
     composite = np.zeros((c, 36))
@@ -47,6 +51,10 @@ def couple(
         place(model, data, water[i], frame[i])
         carrier = int(water[i].carrier)
         other(model, data, water[i], frame[i], wrench[i])
+        if hooks.shape[0] > 0:
+            seen = plane[i : i + 1].copy()  # several threads may step copies of one model
+            load(model, data, water[i], frame[i], seen, hooks, hook_parameters, pushed[i])
+            wrench[i] += pushed[i]
         inertial(model, data, water[i], frame[i], bias[carrier], wrench[i])
         added_inertia(water[i], frame[i], composite[carrier])
     for row in range(c - 1, -1, -1):
@@ -68,6 +76,7 @@ def couple(
         accelerations(data, carriers, rate, bias)
         for i in range(n):
             other(model, data, water[i], frame[i], wrench[i])
+            wrench[i] += pushed[i]
             inertial(model, data, water[i], frame[i], bias[int(water[i].carrier)], wrench[i])
     for i in range(n):
         carray(floats(data.xfrc_applied + 48 * int(water[i].body)), 6)[:] = 0.0

@@ -122,11 +122,18 @@ def _sharpen(root: ET.Element, spec: mujoco.MjSpec) -> None:
         for inertial in element.iterfind("inertial"):
             inertial.set("mass", _number(body.mass))
             inertial.set("diaginertia", _row(body.inertia))
+        for joint in element.iterfind("joint"):
+            made = spec.joint(joint.get("name"))
+            for name, value in (("stiffness", made.stiffness[0]), ("damping", made.damping[0])):
+                if value > 0.0:
+                    joint.set(name, _number(value))
+            if made.armature > 0.0:
+                joint.set("armature", _number(made.armature))
     actuators = root.find("actuator")
     for servo in list(actuators if actuators is not None else ()):
-        made = spec.actuator(servo.get("name"))
-        stiffness, damping = _number(made.gainprm[0]), _number(-made.biasprm[2])
-        attributes = {"name": made.name, "joint": made.target, "kp": stiffness, "kv": damping}
+        actuator = spec.actuator(servo.get("name"))
+        stiffness, damping = _number(actuator.gainprm[0]), _number(-actuator.biasprm[2])
+        attributes = {"name": actuator.name, "joint": actuator.target, "kp": stiffness, "kv": damping}
         servo.clear()
         servo.tag = "position"
         servo.attrib.update(attributes)

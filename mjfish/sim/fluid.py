@@ -14,6 +14,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.hydro.load import PARAMETERS, Load
 from mjfish.sim import blocks, callback, custom, strip_link
 from mjfish.sim.block_layout import pack
 from mjfish.sim.blocks import MAGIC, Block
@@ -70,6 +71,7 @@ class StripFluid:
         density: float | None = None,
         coupling: Coupling | None = None,
         commanded: bool = False,
+        loads: Sequence[tuple[Load, Sequence[float]]] = (),
     ) -> None:
         """Put water on bodies of `model`.
 
@@ -80,6 +82,8 @@ class StripFluid:
             density: of the water [kg/m3]; 1000 where nobody says.
             coupling: None: the one that is right for this model, ``inertia`` where both are.
             commanded: userdata holds the servo commands of each step, see `mjfish.sim.rollout`.
+            loads: extra forces on every link (`mjfish.hydro.load`), with their parameters; they see the motion of a
+                link in the plane of its strips' x and y, and push in it. The last of the links is their last.
 
         Raises:
             InputError: a link is not described well, or the force would be wrong in this model.
@@ -97,10 +101,12 @@ class StripFluid:
         self.density = float(density)
         if commanded and model.nuserdata != 1 + 3 * model.nu:
             raise InputError(f"userdata has {model.nuserdata} numbers, expected {1 + 3 * model.nu} for the commands")
+        _check_loads(loads)
         self.coupling: Coupling = choose(model, _bodies(model, self.links), coupling)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        numbers = pack(model, self.links, self.density, inertia=self.coupling == "inertia", commanded=commanded)
-        self._block: Block = Block(numbers)
+        inertia = self.coupling == "inertia"
+        numbers = pack(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
+        self._block: Block = Block(numbers, kept=tuple(load for load, _ in loads))
         self._block.tag(model)
 
     @classmethod
@@ -144,8 +150,8 @@ class StripFluid:
         Call it after `mj_forward`: behind a step of RK4 mjData still speaks of the last stage.
 
         Returns:
-            ``drag``, ``added_mass`` (inertial and gyroscopic), ``munk``, ``buoyancy``, ``total``: (links, 6) each,
-            force [N] and moment about the body's centre of mass [N m] in the world's axes, as in `xfrc_applied`.
+            ``drag``, ``added_mass`` (inertial and gyroscopic), ``munk``, ``buoyancy``, ``loads``, ``total``: (links, 6)
+            each, force [N] and moment about the body's centre of mass [N m] in the world's axes, as in `xfrc_applied`.
 
         Raises:
             InputError: another StripFluid has taken the place of this one.
@@ -173,6 +179,14 @@ class StripFluid:
             "check the coefficients; if it never was, the StripFluid of a copied model is gone (keep it, or make a new "
             'one), or coupling "xfrc" met a constraint or an implicit integrator (use coupling="inertia")',
         )
+
+
+def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]]) -> None:
+    for load, parameters in loads:
+        if not isinstance(load, Load):
+            raise InputError(f"loads: expected a compiled Load, found {load!r}; write @mjfish.hydro.load.load above it")
+        if len(parameters) > PARAMETERS or not np.all(np.isfinite(np.asarray(parameters, dtype=np.float64))):
+            raise InputError(f"loads: parameters {tuple(parameters)}; expected {PARAMETERS} finite numbers at most")
 
 
 def _check_compiled(model: object) -> None:

@@ -13,7 +13,7 @@ its centre of buoyancy is straight above its centre of mass. So the fish hovers 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -22,6 +22,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.fish import Fish, Link, Servo
+from mjfish.hydro.load import Load
 from mjfish.hydro.outline import LinkOutline, outlines
 from mjfish.sim import mjcf
 from mjfish.sim.compatible import Coupling
@@ -70,6 +71,7 @@ def swimmer(
     step: float = 0.001,
     integrator: Integrator = "RK4",
     coupling: Coupling | None = None,
+    loads: Sequence[tuple[Load, Sequence[float]]] = (),
 ) -> StripFluid:
     """Compile the fish and put it into water, as `mjfish.sim.planar.swimmer` does, but free in space.
 
@@ -80,6 +82,7 @@ def swimmer(
         step: time step [s].
         integrator: of MuJoCo.
         coupling: see `mjfish.sim.coupling`; None: the one that is right.
+        loads: extra forces on every link in its plane of x and y, with their parameters.
 
     Returns:
         The water; its `model` is the fish. ``qpos[:3]`` is the nose, ``qpos[3:7]`` the head's quaternion.
@@ -92,6 +95,7 @@ def swimmer(
         density=fish.density,
         coupling=coupling,
         commanded=True,
+        loads=loads,
     )
 
 

@@ -20,6 +20,7 @@ from numba import from_dtype, types
 from numba.extending import intrinsic
 
 from mjfish.errors import MjfishError
+from mjfish.hydro.link import LINK
 from mjfish.hydro.spatial_link import SPATIAL
 
 _C_TYPES: dict[str, Any] = {
@@ -191,5 +192,6 @@ floats = _pointer_to(types.float64)
 integers = _pointer_to(types.int32)
 counts = _pointer_to(types.uint64)
 links = _pointer_to(from_dtype(SPATIAL))
+plane_links = _pointer_to(from_dtype(LINK))
 model_at = _pointer_to(MODEL)
 data_at = _pointer_to(DATA)

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from mjfish import fish as fishes
-from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors import UnknownNameError
 from mjfish.fish import COEFFICIENTS, KINDS, Fish, Link, Servo
 from mjfish.hydro.outline import LinkOutline, outlines
 from mjfish.sim.strip_link import StripLink
@@ -25,6 +25,8 @@ INTEGRATORS = {
     "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
     "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
 }
+#: Hinge of a flexible tail; its coordinate is the last.
+DEFLECTION = "deflection"
 _SKIN = (0.33, 0.47, 0.37, 1.0)
 
 
@@ -50,7 +52,7 @@ def written(fish: Fish, kind: Literal["planar", "free"]) -> mujoco.MjSpec | None
 
 def hand_written(fish: Fish, kind: Literal["planar", "free"]) -> str | None:
     """Return the text of that MJCF, else None."""
-    if fish.name not in fishes.shipped() or _body(fish) != _body(fishes.load(fish.name)):
+    if fish.tail_compliance > 0.0 or fish.name not in fishes.shipped() or _body(fish) != _body(fishes.load(fish.name)):
         return None
     try:
         return xml(f"{fish.name}_{kind}.xml").read_text(encoding="utf-8")
@@ -63,18 +65,28 @@ def _body(fish: Fish) -> object:
 
 
 def prepared(fish: Fish, specification: mujoco.MjSpec, step: float, integrator: Integrator) -> mujoco.MjSpec:
-    """Set step, integrator and room for the commands; refuse what MuJoCo's fish does not have."""
+    """Set step, integrator and room for the commands; let the tail give way where it is flexible."""
     if integrator not in INTEGRATORS:
         raise UnknownNameError("integrator", integrator, INTEGRATORS)
-    if fish.tail_compliance > 0.0:
-        raise InputError(
-            f"{fish.name}: tail_compliance is {fish.tail_compliance:g} rad/(N m), but a flexible tail exists in the "
-            "ODE only; set tail_compliance = 0 for MuJoCo"
-        )
     specification.option.timestep = step
     specification.option.integrator = INTEGRATORS[integrator]
     specification.nuserdata = 1 + 3 * fish.joints
+    if fish.tail_compliance > 0.0:
+        _add_deflection(fish, specification)
     return specification
+
+
+def _add_deflection(fish: Fish, specification: mujoco.MjSpec) -> None:
+    """Let the last link bend back about its joint: a second hinge there, passive, behind the driven one.
+
+    Between the two there is no mass. The driven joint gets an armature, such as the rotor of its servo is: the inertia
+    of the link about the joint. Where its motion is prescribed that changes nothing.
+    """
+    last = fish.links[-1]
+    driven = specification.joint(f"joint_{fish.joints}")
+    driven.armature += last.inertia + last.mass * last.com**2
+    bent = specification.body(last.name).add_joint(name=DEFLECTION, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 0, 1))
+    bent.stiffness[0], bent.damping[0] = 1.0 / fish.tail_compliance, fish.tail_damping
 
 
 def strips(fish: Fish, values: Mapping[str, float] | None = None) -> tuple[StripLink, ...]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 
 from mjfish.fish import Fish, Servo
+from mjfish.hydro.load import Load
 from mjfish.sim.compatible import Coupling
 from mjfish.sim.fluid import StripFluid
 from mjfish.sim.layout import compile_aside
@@ -29,6 +30,7 @@ def swimmer(
     step: float = 0.001,
     integrator: Integrator = "RK4",
     coupling: Coupling | None = None,
+    loads: Sequence[tuple[Load, Sequence[float]]] = (),
 ) -> StripFluid:
     """Compile the fish and put it into water; its servos read their commands from userdata (`mjfish.sim.rollout`).
 
@@ -38,13 +40,19 @@ def swimmer(
         step: time step [s].
         integrator: of MuJoCo.
         coupling: see `mjfish.sim.coupling`; None: the one that is right.
+        loads: extra forces on every link, with their parameters.
 
     Returns:
         The water; its `model` is the fish.
     """
     specification = prepared(fish, spec(fish), step, integrator)
     return StripFluid(
-        compile_aside(specification), strips(fish, values), density=fish.density, coupling=coupling, commanded=True
+        compile_aside(specification),
+        strips(fish, values),
+        density=fish.density,
+        coupling=coupling,
+        commanded=True,
+        loads=loads,
     )
 
 

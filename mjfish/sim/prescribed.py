@@ -7,7 +7,7 @@ outside.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,6 +18,7 @@ from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
+from mjfish.hydro.load import Load
 from mjfish.sim import reference
 from mjfish.sim.compatible import Coupling
 from mjfish.sim.fluid import StripFluid
@@ -50,6 +51,7 @@ def swimmer(
     values: Mapping[str, float] | None = None,
     integrator: Integrator = "RK4",
     coupling: Coupling | None = None,
+    loads: Sequence[tuple[Load, Sequence[float]]] = (),
 ) -> StripFluid:
     """Compile the planar fish with a flywheel on every joint; its commands are accelerations [rad/s2]."""
     return StripFluid(
@@ -58,6 +60,7 @@ def swimmer(
         density=fish.density,
         coupling=coupling,
         commanded=True,
+        loads=loads,
     )
 
 
@@ -78,6 +81,7 @@ def simulate(
     values: Mapping[str, float] | None = None,
     integrator: Integrator = "RK4",
     coupling: Coupling | None = None,
+    loads: Sequence[tuple[Load, Sequence[float]]] = (),
 ) -> Prescribed:
     """Run the fish in MuJoCo from rest, its joints moving as `motion` has it, exactly so at every boundary of a step.
 
@@ -87,23 +91,25 @@ def simulate(
         values: coefficients by name that replace the fish's.
         integrator: of MuJoCo.
         coupling: of the water; None: the one that is right.
+        loads: extra forces on every link, with their parameters.
     """
-    fluid = swimmer(fish, values=values, integrator=integrator, coupling=coupling)
+    fluid = swimmer(fish, values=values, integrator=integrator, coupling=coupling, loads=loads)
     model, data = fluid.model, mujoco.MjData(fluid.model)
     speed = np.empty((len(motion.time), ROOT))
     heading = np.empty(len(motion.time))
-    data.qpos[ROOT:], data.qvel[ROOT:] = motion.angle[0, 0], motion.rate[0, 0]
+    joints = slice(ROOT, ROOT + fish.joints)
+    data.qpos[joints], data.qvel[joints] = motion.angle[0, 0], motion.rate[0, 0]
     done = 0
     with fluid.installed():
         for step, width in enumerate(np.diff(motion.time)):
             if step and np.any(motion.rate[step, 0] != motion.rate[step - 1, 2]):
-                _jump(model, data, motion.rate[step, 0])
+                _jump(model, data, joints, motion.rate[step, 0])
             speed[step], heading[step] = data.qvel[:ROOT], data.qpos[ROOT - 1]
             model.opt.timestep = width
             data.userdata[0] = data.time
             data.userdata[1:] = motion.acceleration[step].ravel()
             mujoco.mj_step(model, data)
-            data.qpos[ROOT:], data.qvel[ROOT:] = motion.angle[step, 2], motion.rate[step, 2]
+            data.qpos[joints], data.qvel[joints] = motion.angle[step, 2], motion.rate[step, 2]
             done = step + 1
             if not np.abs(data.qvel).max() < DIVERGED:
                 break
@@ -118,10 +124,12 @@ def simulate(
     )
 
 
-def _jump(model: mujoco.MjModel, data: mujoco.MjData, rate: FloatArray) -> None:
-    """Set the joints to a new rate; the root's momentum stays: dq_root = -H_rr^-1 H_rj dq_joints."""
+def _jump(model: mujoco.MjModel, data: mujoco.MjData, joints: slice, rate: FloatArray) -> None:
+    """Set the joints to a new rate; the momentum of all else (root, tail) stays: dq_f = -H_ff^-1 H_fj dq_joints."""
     mujoco.mj_fwdPosition(model, data)
     inertia = reference.inertia(model, data)
-    change = rate - data.qvel[ROOT:]
-    data.qvel[:ROOT] -= np.linalg.solve(inertia[:ROOT, :ROOT], inertia[:ROOT, ROOT:] @ change)
-    data.qvel[ROOT:] = rate
+    free = np.ones(model.nv, dtype=np.bool_)
+    free[joints] = False
+    change = rate - data.qvel[joints]
+    data.qvel[free] -= np.linalg.solve(inertia[np.ix_(free, free)], inertia[free, joints] @ change)
+    data.qvel[joints] = rate

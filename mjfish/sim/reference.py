@@ -10,9 +10,10 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray, RecordArray
+from mjfish.hydro.load import apply_loads
 from mjfish.hydro.spatial_force import spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.sim import blocks
-from mjfish.sim.block_layout import unpack
+from mjfish.sim.block_layout import loads_in, unpack
 
 
 def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -21,9 +22,9 @@ def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     wet = np.unique(water["body"]).astype(int)
     data.xfrc_applied[wet] = 0.0
     acceleration = solve(model, data)
-    for link in water:
+    for index, link in enumerate(water):
         J, b, A = jacobian_of(model, data, link), bias_of(model, data, link), inertia_of(link)
-        wrench = force_of(model, data, link) - A @ (J @ acceleration + b)
+        wrench = force_of(model, data, link) + load_of(model, data, index) - A @ (J @ acceleration + b)
         data.xfrc_applied[int(link["body"])] += _applied(data, link, wrench)
 
 
@@ -31,9 +32,9 @@ def solve(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     """Return q'' (nv,) of (M + sum J^T A J) q'' = tau - c + sum J^T (f - A b), dense."""
     mujoco.mj_fwdActuation(model, data)  # qfrc_actuator is that of the step before
     force = data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied - data.qfrc_bias
-    for link in unpack(blocks.numbers(model)):
+    for index, link in enumerate(unpack(blocks.numbers(model))):
         J, b, A = jacobian_of(model, data, link), bias_of(model, data, link), inertia_of(link)
-        force += J.T @ (force_of(model, data, link) - A @ b)
+        force += J.T @ (force_of(model, data, link) + load_of(model, data, index) - A @ b)
     return np.linalg.solve(inertia(model, data), force)
 
 
@@ -92,12 +93,29 @@ def inertia_of(link: RecordArray) -> FloatArray:
     return A
 
 
+def velocity_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return velocity relative to the water and angular velocity (6,) of the strips' origin, in their frame."""
+    current = np.append(axes_of(data, link).T @ model.opt.wind, np.zeros(3))
+    return np.asarray(jacobian_of(model, data, link) @ data.qvel - current)
+
+
+def load_of(model: mujoco.MjModel, data: mujoco.MjData, index: int) -> FloatArray:
+    """Return the force (6,) of all loads on a link, in the strips' frame."""
+    numbers = blocks.numbers(model)
+    addresses, parameters, plane = loads_in(numbers)
+    force = np.zeros(6)
+    if len(addresses):
+        seen = plane[index : index + 1].copy()
+        vx, vy, _, _, _, wz = velocity_of(model, data, unpack(numbers)[index])
+        seen["u"], seen["v"], seen["w"] = vx, vy, wz
+        force[[0, 1, 5]] = apply_loads(seen, 0, addresses, parameters, np.zeros(3))
+    return force
+
+
 def force_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> FloatArray:
     """Return drag, gyroscopic, Munk and buoyancy force (6,) in the strips' frame, about their origin."""
     axes = axes_of(data, link)
-    vx, vy, vz, wx, wy, wz = jacobian_of(model, data, link) @ data.qvel - np.append(
-        axes.T @ model.opt.wind, np.zeros(3)
-    )
+    vx, vy, vz, wx, wy, wz = velocity_of(model, data, link)
     force = np.add(spatial_drag(link, vx, vy, vz, wx, wy, wz), spatial_gyroscopic(link, vy, vz, wx, wy, wz))
     force[3:] += spatial_munk(link, vx, vy, vz, wy, wz)
     if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:

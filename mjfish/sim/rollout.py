@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,6 +14,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.hydro.load import Load
 from mjfish.sim import free as space
 from mjfish.sim import planar
 from mjfish.sim.attitude import euler_angles, yaw_rate
@@ -46,7 +47,7 @@ class SimRollout:
         pose: (n, 3) x, y [m], yaw [rad] of the nose in the world.
         attitude: (n, 3) roll, pitch [rad] of the head and heave [m] of the nose, see `mjfish.sim.attitude`; zero in the
             plane. `velocity` is that of the horizontal pose also of a fish that rolls: what a camera above sees.
-        joint_angle: (n, joints) realised [rad].
+        joint_angle: (n, joints) realised [rad]; the deflection of a flexible tail comes on top.
         joint_rate: (n, joints) [rad/s].
         joint_acceleration: (n, joints) [rad/s2].
         status: ``ok`` or ``diverged``.
@@ -114,6 +115,7 @@ def simulate(
     integrator: Integrator = "RK4",
     coupling: Coupling | None = None,
     free: Trim | None = None,
+    loads: Sequence[tuple[Load, Sequence[float]]] = (),
 ) -> SimRollout:
     """Run the fish in MuJoCo, its servos following `command`, from rest or from `velocity`.
 
@@ -129,6 +131,7 @@ def simulate(
         integrator: of MuJoCo.
         coupling: of the water, see `mjfish.sim.coupling`; None: the one that is right.
         free: None: in the plane; else free to roll, pitch and heave, trimmed like that; it starts level.
+        loads: extra forces on every link, with their parameters.
 
     Returns:
         The run; one that diverges has ``status == "diverged"`` and ends there.
@@ -138,11 +141,13 @@ def simulate(
     if not np.all(np.isfinite(command.angle)):
         raise InputError("the command has angles that are no finite numbers; check the drive")
     if free is None:
-        fluid = planar.swimmer(fish, values=values, integrator=integrator, coupling=coupling)
+        fluid = planar.swimmer(fish, values=values, integrator=integrator, coupling=coupling, loads=loads)
     else:
-        fluid = space.swimmer(fish, values=values, trim=free, integrator=integrator, coupling=coupling)
+        fluid = space.swimmer(fish, values=values, trim=free, integrator=integrator, coupling=coupling, loads=loads)
     data = mujoco.MjData(fluid.model)
-    data.qpos[-fish.joints :] = command.angle[0, 0]
+    driven = fish.joints + (fish.tail_compliance > 0.0)  # the joints, and what may bend behind the last
+    angles, rates = (slice(size - driven, size - driven + fish.joints) for size in (fluid.model.nq, fluid.model.nv))
+    data.qpos[angles] = command.angle[0, 0]
     if velocity is not None:
         data.qvel[[0, 1, 2 if free is None else 5]] = velocity
     position, speed, acceleration = _steps(fluid, data, command)
@@ -154,16 +159,16 @@ def simulate(
             f"diverged at {command.time[kept - 1]:.3f} s with {named}; take a shorter step, softer servos, "
             "or check the coefficients and the drive"
         )
-    root, pose, attitude = _root(position[:, : -fish.joints], speed[:, : -fish.joints])
+    root, pose, attitude = _root(position[:, : angles.start], speed[:, : rates.start])
     return SimRollout(
         command=command,
         time=command.time[:kept],
         velocity=root,
         pose=pose,
         attitude=attitude,
-        joint_angle=position[:, -fish.joints :],
-        joint_rate=speed[:, -fish.joints :],
-        joint_acceleration=acceleration[:, -fish.joints :],
+        joint_angle=position[:, angles],
+        joint_rate=speed[:, rates],
+        joint_acceleration=acceleration[:, rates],
         status="diverged" if message else "ok",
         message=message,
     )

@@ -28,7 +28,7 @@ COEFFICIENTS = {
         Parameter("c_m", "-", 1.0, 0.0, 100.0, 1.0, 0.1, "added mass of the sections, across both axes and in roll"),
         Parameter("c_d", "-", 1.0, 0.0, 100.0, 1.0, 0.1, "drag across both axes of the sections"),
         Parameter("c_f", "-", 0.01, 0.0, 1.0, 0.01, 0.001, "skin friction along the link"),
-        Parameter("munk_moment", "-", 0.0, 0.0, 1.0, 0.0, 0.1, "share of the Munk moment: 0 Morison, 1 Kirchhoff"),
+        Parameter("munk_moment", "-", 0.0, -2.0, 3.0, 0.0, 0.1, "share of the Munk moment: 0 Morison, 1 Kirchhoff"),
         Parameter("roll_damping", "-", 1.0, 0.0, 100.0, 1.0, 0.1, "drag in roll, of that of a turning plate"),
     )
 }

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import mujoco
+import numpy as np
 from numba import carray
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, inlined
+from mjfish.hydro.load import apply_loads
 from mjfish.hydro.spatial_force import added_momentum, spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.sim.kinematics import resolve
 from mjfish.sim.layout import floats
@@ -51,6 +53,29 @@ def other(model: Any, data: Any, link: Any, frame: FloatArray, wrench: FloatArra
     wrench[3] = mx + nx + kx + ox
     wrench[4] = my + ny + ky + oy
     wrench[5] = mz + nz + kz + oz
+
+
+@compiled
+def load(
+    model: Any, data: Any, link: Any, frame: FloatArray, seen: Any, hooks: Any, parameters: FloatArray,
+    wrench: FloatArray,
+) -> None:  # fmt: skip
+    """Add to `wrench` (6,) the loads on a link: they see its motion in its plane of x and y, and push in it.
+
+    Args:
+        model, data, link, frame: as above.
+        seen: (1,) `LINK` record of the link, of this thread's own: its velocity is overwritten.
+        hooks, parameters: addresses (k,) and parameters (k, PARAMETERS) of the loads.
+        wrench: strips' frame and origin.
+    """
+    vx, vy, _, _, _, wz = relative_velocity(model, data, link, frame)
+    seen[0].u = vx
+    seen[0].v = vy
+    seen[0].w = wz
+    fx, fy, mz = apply_loads(seen, 0, hooks, parameters, np.empty(3))
+    wrench[0] += fx
+    wrench[1] += fy
+    wrench[5] += mz
 
 
 @inlined

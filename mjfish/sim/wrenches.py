@@ -11,13 +11,13 @@ from numba import carray
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
 from mjfish.hydro.spatial_force import spatial_drag, spatial_gyroscopic, spatial_munk
-from mjfish.sim.block_layout import CARRIER, HEADER, TREE
+from mjfish.sim.block_layout import CARRIER, HEADER, TREE, loads_in
 from mjfish.sim.kinematics import FRAME, accelerations, add_wrench, place, to_world
 from mjfish.sim.layout import data_at, floats, links, model_at, verify
-from mjfish.sim.water import buoyancy, inertial, relative_velocity
+from mjfish.sim.water import buoyancy, inertial, load, relative_velocity
 
 #: Parts of the force, in the order of the arrays.
-PARTS = ("drag", "added_mass", "munk", "buoyancy")
+PARTS = ("drag", "added_mass", "munk", "buoyancy", "loads")
 
 
 def wrenches(model: mujoco.MjModel, data: mujoco.MjData, numbers: FloatArray) -> FloatArray:
@@ -30,12 +30,15 @@ def wrenches(model: mujoco.MjModel, data: mujoco.MjData, numbers: FloatArray) ->
     """
     verify()
     parts = np.zeros((len(PARTS), int(numbers[0]), 6))
-    _fill(model._address, data._address, numbers.ctypes.data, parts)
+    _fill(model._address, data._address, numbers.ctypes.data, *loads_in(numbers), parts)
     return parts
 
 
 @compiled
-def _fill(model_address: int, data_address: int, address: int, parts: FloatArray) -> None:
+def _fill(
+    model_address: int, data_address: int, address: int, hooks: Any, parameters: FloatArray, plane: Any,
+    parts: FloatArray,
+) -> None:  # fmt: skip
     model = carray(model_at(np.uint64(model_address)), 1)[0]
     data = carray(data_at(np.uint64(data_address)), 1)[0]
     header = carray(floats(np.uint64(address)), HEADER)
@@ -45,7 +48,7 @@ def _fill(model_address: int, data_address: int, address: int, parts: FloatArray
     acceleration = np.empty((c, 6))
     accelerations(data, carriers, carray(floats(data.qacc), model.nv), acceleration)
     frame = np.empty(FRAME)
-    wrench = np.empty((4, 6))
+    wrench = np.empty((5, 6))
     spatial = np.empty(6)
     for i in range(n):
         link = water[i]
@@ -57,7 +60,10 @@ def _fill(model_address: int, data_address: int, address: int, parts: FloatArray
         kx, ky, kz = spatial_munk(link, vx, vy, vz, wy, wz)
         wrench[2] = _array((0.0, 0.0, 0.0, kx, ky, kz))
         wrench[3] = _array(buoyancy(model, link, frame))
-        for part in range(4):
+        wrench[4] = 0.0
+        if hooks.shape[0] > 0:
+            load(model, data, link, frame, plane[i : i + 1].copy(), hooks, parameters, wrench[4])
+        for part in range(5):
             to_world(wrench[part], frame, spatial)
             add_wrench(model, data, int(link.body), spatial, parts[part, i])
 

@@ -105,8 +105,8 @@ def test_forward_that_skips_the_position_is_a_forward(coupling: str) -> None:
 @pytest.mark.parametrize("threads", [1, 2, 4])
 @pytest.mark.parametrize("coupling", ["inertia", "xfrc"])
 def test_rollout_in_threads_is_a_loop(coupling: str, threads: int) -> None:
-    """Catches a callback that writes into what the threads share."""
-    fluid = tree(coupling)
+    """Catches a callback that writes into what the threads share, such as the velocities that loads read."""
+    fluid = tree(coupling, loaded=True)
     before = fluid._block.numbers.copy()
     states = _rolled(fluid, fluid.model, 8, threads)
     np.testing.assert_array_equal(states, np.tile(_loop(fluid), (8, 1, 1)))
@@ -124,7 +124,7 @@ def test_rollout_of_several_models_has_the_water_of_each() -> None:
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("coupling", ["inertia", "xfrc"])
 def test_batch_which_copies_the_model_is_a_loop(coupling: str, threads: int) -> None:
-    fluid = tree(coupling)
+    fluid = tree(coupling, loaded=True)
     batch = mujoco.batch.Batch(fluid.model, nsim=3, nthread=threads)
     start = stirred(fluid.model)
     batch.bind("qpos")[:], batch.bind("qvel")[:], batch.bind("ctrl")[:] = start.qpos, start.qvel, start.ctrl

@@ -193,9 +193,11 @@ BAD_LINK: dict[str, tuple[dict[str, Any], str]] = {
     "coefficient in quotes": ({"c_d": "1"}, r"c_d: expected a number; write it without quotes \(found '1'\)"),
     "nan coefficient": ({"c_d": np.nan}, r"c_d: expected a finite number; correct it \(found nan\)"),
     **{
-        f"{name} {value}": ({name: value}, rf"{name}: {value:g} is outside its bounds \[0, {high}\]; choose one inside")
-        for name, high in (("c_m", 100), ("c_d", 100), ("c_f", 1), ("munk_moment", 1), ("roll_damping", 100))
-        for value in (-0.1, 100.5)
+        f"{name} {value}": ({name: value}, rf"{name}: {value:g} is outside its bounds \[{bounds}\]; choose one inside")
+        for name, bounds in (
+            ("c_m", "0, 100"), ("c_d", "0, 100"), ("c_f", "0, 1"), ("munk_moment", "-2, 3"), ("roll_damping", "0, 100"),
+        )
+        for value in (-2.1, 100.5)
     },
 }  # fmt: skip
 

@@ -46,7 +46,7 @@ def _imbalance(fluid: StripFluid, data: mujoco.MjData) -> float:
 
 @pytest.mark.parametrize("seed", _SEEDS)
 def test_total_is_the_sum_of_its_parts_and_with_xfrc_what_is_applied(seed: int) -> None:
-    fluid = tree("xfrc")
+    fluid = tree("xfrc", loaded=True)
     data = _forward(fluid, seed)
     found = fluid.wrenches(data)
     assert set(found) == {*PARTS, "total"}
@@ -62,14 +62,16 @@ def test_total_is_the_sum_of_its_parts_and_with_xfrc_what_is_applied(seed: int) 
 @pytest.mark.parametrize("seed", _SEEDS)
 def test_rigid_bodies_accelerate_as_the_total_and_all_other_forces_demand(seed: int, coupling: str) -> None:
     """M_rigid qacc = tau - c + J^T total: what a log of the force is for. Catches a moment about the wrong point."""
-    fluid = tree(coupling)
+    fluid = tree(coupling, loaded=True)
     data = _forward(fluid, seed)
     assert _imbalance(fluid, data) < 1e-12
 
 
 @pytest.mark.parametrize("seed", _SEEDS)
 def test_both_couplings_have_the_same_parts(seed: int) -> None:
-    parts = [fluid.wrenches(_forward(fluid, seed)) for fluid in (tree("inertia"), tree("xfrc"))]
+    parts = [
+        fluid.wrenches(_forward(fluid, seed)) for fluid in (tree("inertia", loaded=True), tree("xfrc", loaded=True))
+    ]
     for name, inertia in parts[0].items():
         np.testing.assert_allclose(inertia, parts[1][name], rtol=0, atol=1e-9 * np.abs(inertia).max(), err_msg=name)
 

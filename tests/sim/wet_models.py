@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
+from mjfish.hydro.load import load
 from mjfish.sim import StripFluid
 from mjfish.sim.layout import compile_aside
 
@@ -74,9 +75,28 @@ def with_custom(entries: dict[str, Any]) -> mujoco.MjModel:
     return spec.compile()
 
 
-def tree(coupling: str | None = None, *, integrator: str | None = None, **coefficients: float) -> StripFluid:
-    """Return the tree in water."""
-    return StripFluid(compiled(TREE, integrator=integrator), tree_links(**coefficients), coupling=coupling)  # type: ignore[arg-type]
+@load
+def pushing(link: Any, parameters: Any) -> tuple[float, float, float]:
+    """Push as a load may: by everything that it can read of a link."""
+    push = parameters[0] * link.strip_height[5] * link.c_d
+    turn = parameters[1] * (link.mass * link.com + link.inertia) * (1.0 + link.last)
+    return -push * link.u * link.length, -push * link.v, -turn * link.w - push * link.u * link.v
+
+
+#: Two loads, the second without its second parameter.
+PUSHES = ((pushing, (3.0, 0.5)), (pushing, (1.0,)))
+
+
+def tree(
+    coupling: str | None = None, *, integrator: str | None = None, loaded: bool = False, **coefficients: float
+) -> StripFluid:
+    """Return the tree in water; where it is loaded, with PUSHES on its links."""
+    return StripFluid(
+        compiled(TREE, integrator=integrator),
+        tree_links(**coefficients),
+        coupling=coupling,  # type: ignore[arg-type]
+        loads=PUSHES if loaded else (),
+    )
 
 
 def stirred(model: mujoco.MjModel, seed: int = 3) -> mujoco.MjData:
