@@ -7,8 +7,9 @@ says, and nothing is left when the order is used to extrapolate to a vanishing s
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -17,15 +18,18 @@ import numpy as np
 
 from mjfish import ode
 from mjfish.arrays import FloatArray
+from mjfish.crosscheck.realised import Drive
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.frames import CHANNELS
+from mjfish.hydro.load import Load
 from mjfish.sim import prescribed
 from mjfish.sim.compatible import Coupling
 from mjfish.sim.planar import Integrator
 
+Loads = Sequence[tuple[Load, Sequence[float]]]
 #: Longer step of an engine by its order [s]; the shorter is half of it.
 STEPS = {4: 0.002, 1: 0.001}
 #: Step of the yardstick [s].
@@ -127,15 +131,20 @@ def check_all(
     reference: Path | None = None,
     duration: float = modes.DURATION,
     tell: Callable[[str, float], None] | None = None,
+    loads: Loads = (),
+    drive: Drive | None = None,
 ) -> Iterator[Row]:
     """Compare every engine on every case, one row each.
 
     Args:
-        fish: a fish with a CPG; reference trajectories are the pike's.
+        fish: a fish with a CPG, whose share of the Munk moment is added to the cases'; reference trajectories are the
+            pike's.
         cases: runs.
         reference: folder of the reference trajectories; None: not compared.
         duration: [s].
         tell: called with what comes next and the share that is done.
+        loads: extra forces on every link in every engine, with their parameters.
+        drive: what comes between the CPG and the joints.
 
     Raises:
         InputError: the fish has no CPG, or a reference trajectory is missing.
@@ -144,22 +153,35 @@ def check_all(
         raise InputError(f"fish '{fish.name}' has no CPG to drive it; add [cpg] to its TOML")
     expected = {case.name: _read(reference, case) for case in cases}
     for done, case in enumerate(cases):
-        body = fish.model_copy(update={"munk_moment": case.munk})
-        segments = modes.drive(case.mode)
-        truth = ode.simulate(body, cpg.joint_motion(fish.cpg, segments, duration, FINE), values=case.values)
+        body = fish.model_copy(update={"munk_moment": fish.munk_moment + case.munk})
+        asked = functools.partial(_motion, fish, modes.drive(case.mode), duration, drive)
+        truth = ode.simulate(body, asked(FINE), values=case.values, loads=loads)
         for index, engine in enumerate(ENGINES):
             if tell is not None:
                 tell(f"{case.mode}: {engine[0]} {engine[2]}", (done + index / len(ENGINES)) / len(cases))
             steps = (STEPS[engine[3]], STEPS[engine[3]] / 2)
-            motions = [cpg.joint_motion(fish.cpg, segments, duration, step) for step in steps]
-            yield _row(engine, body, case, motions, truth, expected[case.name])
+            yield _row(engine, body, case, [asked(step) for step in steps], truth, expected[case.name], loads)
+
+
+def _motion(
+    fish: Fish, segments: tuple[cpg.DriveSegment, ...], duration: float, drive: Drive | None, step: float
+) -> JointMotion:
+    assert fish.cpg is not None  # noqa: S101 - checked above
+    motion = cpg.joint_motion(fish.cpg, segments, duration, step)
+    return motion if drive is None else drive(motion)
 
 
 def _row(
-    engine: Engine, fish: Fish, case: Case, motions: list[JointMotion], truth: ode.Rollout, expected: FloatArray | None
+    engine: Engine,
+    fish: Fish,
+    case: Case,
+    motions: list[JointMotion],
+    truth: ode.Rollout,
+    expected: FloatArray | None,
+    loads: Loads,
 ) -> Row:
     name, coupling, integrator, claimed = engine
-    runs = [_run(engine, fish, case, motion) for motion in motions]
+    runs = [_run(engine, fish, case, motion, loads) for motion in motions]
     reach = np.ptp(truth.at(motions[1].time)[:, : len(CHANNELS)], axis=0)
     order = left = to_ode = to_reference = math.nan
     status: Literal["agrees", "disagrees", "diverged"] = "diverged"
@@ -188,13 +210,13 @@ def _rms(difference: FloatArray) -> float:
     return float(np.sqrt(np.mean(difference**2, axis=0)).max())
 
 
-def _run(engine: Engine, fish: Fish, case: Case, motion: JointMotion) -> FloatArray:
+def _run(engine: Engine, fish: Fish, case: Case, motion: JointMotion, loads: Loads) -> FloatArray:
     """Return the velocity (n, 3) at the boundaries of the steps; shorter where the run diverged."""
     name, coupling, integrator, _ = engine
     if name == "ODE":
-        rollout = ode.simulate(fish, motion, values=case.values)
+        rollout = ode.simulate(fish, motion, values=case.values, loads=loads)
         return rollout.at(rollout.time)[:, : len(CHANNELS)] if rollout.status == "ok" else np.empty((0, len(CHANNELS)))
-    run = prescribed.simulate(fish, motion, values=case.values, integrator=integrator, coupling=coupling)
+    run = prescribed.simulate(fish, motion, values=case.values, integrator=integrator, coupling=coupling, loads=loads)
     return run.velocity if run.status == "ok" else np.empty((0, len(CHANNELS)))
 
 

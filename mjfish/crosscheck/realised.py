@@ -8,7 +8,7 @@ missing or wrong term stays.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -18,11 +18,15 @@ import numpy as np
 from mjfish import ode, sim
 from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
+from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
+from mjfish.hydro.load import Load
 from mjfish.ode.rollout import Coriolis
 
+#: From the joint motion that is asked for to the one that the joints are given.
+Drive = Callable[[JointMotion], JointMotion]
 #: Largest difference at the first step, relative to the range of the channel.
 BOUND = 1e-3
 #: Smallest order at which the difference must fall; engines of second order show it within rounding.
@@ -93,6 +97,8 @@ def check(
     step: float = 0.001,
     halvings: int = 2,
     bound: float = BOUND,
+    loads: Sequence[tuple[Load, Sequence[float]]] = (),
+    drive: Drive | None = None,
 ) -> CrossCheck:
     """Run both engines on the same joint motion and compare the velocities of the nose.
 
@@ -105,6 +111,8 @@ def check(
         step: longest step [s].
         halvings: how often the step is halved to observe the order.
         bound: on the largest difference relative to the channel's range, at the longest step.
+        loads: extra forces on every link in both engines, with their parameters.
+        drive: what comes between the CPG and the servos of MuJoCo.
     """
     if fish.cpg is None:
         raise InputError(f"fish '{fish.name}' has no CPG to drive it; add [cpg] to its TOML")
@@ -114,8 +122,8 @@ def check(
     message = ""
     for halving in range(halvings + 1):
         command = cpg.joint_motion(fish.cpg, segments, duration, step / 2**halving)
-        run = sim.simulate(fish, command, values=values)
-        same = ode.simulate(fish, run.motion(), values=values, coriolis=coriolis)
+        run = sim.simulate(fish, command if drive is None else drive(command), values=values, loads=loads)
+        same = ode.simulate(fish, run.motion(), values=values, coriolis=coriolis, loads=loads)
         message = run.message or same.message
         if message:
             break
