@@ -93,7 +93,8 @@ def body(fish: Fish, theta: Mapping[str, float], psi: Mapping[str, float], strip
     added = [np.sum(water * cut.r**k, axis=1) for k in range(3)]
     own = [np.array([getattr(link, name) for link in fish.links]) for name in ("length", "mass", "com", "inertia")]
     own[2][0] += psi.get("com_offset.shift", 0.0)
-    own[3] *= 1.0 + psi.get("inertia_error.error", 0.0)
+    own[1] = own[1] * (1.0 + psi.get("mass_error.error", 0.0))
+    own[3] = own[3] * (1.0 + psi.get("mass_error.error", 0.0)) * (1.0 + psi.get("inertia_error.error", 0.0))
     wetted = np.sum(ring * cut.dr, axis=1)
     sides = np.sum(height * cut.dr, axis=1)
     rows = [*own, *added, half * c_f * wetted, wetted, sides]

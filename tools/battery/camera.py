@@ -13,7 +13,7 @@ from mjfish.arrays import FloatArray
 
 #: The current grows by this share across its own direction, within a metre or so.
 SHEAR = 0.1
-#: Readings are integrated to a path on a grid this many times finer than the frames.
+#: A camera that tracks positions takes this many frames for each sample that is kept.
 FINER = 4
 
 
@@ -24,6 +24,12 @@ def velocity(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArra
     current = np.array([psi.get("ambient_current.x", 0.0), psi.get("ambient_current.y", 0.0)])
     if np.any(current):
         read[:, :2] += _into_body(_sheared(current, seen[:, 3:5]), seen[:, 5])
+    turn, along = read[:, 2].copy(), psi.get("marker_offset.along", 0.0)
+    read[:, 0] -= psi.get("marker_offset.across", 0.0) * turn
+    read[:, 1] += along * turn
+    if psi.get("frame_misalignment.angle"):
+        read[:, :2] = _into_body(read[:, :2], np.full(len(read), psi["frame_misalignment.angle"]))
+    read[:, :2] *= 1.0 + psi.get("velocity_scale.error", 0.0)
     return read
 
 
@@ -39,10 +45,10 @@ def _into_body(world: FloatArray, yaw: FloatArray) -> FloatArray:
 
 
 def pose(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArray) -> FloatArray:
-    """Return the pose (n, 3) whose rate the camera reads: its readings integrated, by Simpson's rule."""
+    """Return the pose (FINER (n - 1) + 1, 3) whose rate the camera reads: its readings, integrated by Simpson."""
     fine = np.linspace(time[0], time[-1], FINER * (len(time) - 1) + 1)
     read = velocity(motion, run, psi, fine)
     yaw = run.start[2] + cumulative_simpson(read[:, 2], x=fine, initial=0.0)
     world = _into_body(read[:, :2], -yaw)
     place = cumulative_simpson(world, x=fine, axis=0, initial=0.0) + np.array(run.start[:2])
-    return np.asarray(np.column_stack([place, yaw])[::FINER])
+    return np.asarray(np.column_stack([place, yaw]))

@@ -154,7 +154,7 @@ def scaled_case(
         reached=found.reached,
         absorbed=found.absorbed,
         n=sum(3 * len(t.time) for t in dataset.trials if t.role == "fit"),
-        noise=dataclasses.asdict(made.noise),
+        noise={**dataclasses.asdict(made.noise), "sigma": list(made.noise.sigma)},
         stated=say,
         disturbance=told,
         pose=made.plan.pose,
@@ -182,7 +182,7 @@ def _over_all(made: Draft, chosen: Sequence[Cause], found: size.Sized) -> dict[s
     if len(chosen) != 1 or not found.psi:
         return {}
     measure = size.ruler(made, range(len(made.plan.runs)))
-    return {chosen[0].name: float(np.sum(measure.beyond(measure.signature(found.psi)) ** 2))}
+    return {chosen[0].name: measure.strength(found.psi)}
 
 
 def _kind(chosen: Sequence[Cause]) -> Kind:
@@ -225,10 +225,11 @@ def _measured(
 def _noisy(
     how: Noise, clean: FloatArray, path: FloatArray, kept: np.ndarray, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Return velocities with noise at the frames kept, and the path with noise at all frames."""
-    if how.kind != "differentiated":
-        blurred = path + noises.POSE * rng.standard_normal(path.shape)
+    """Return velocities with noise at the samples kept, and the pose with noise at all samples."""
+    if how.kind != "differentiated_path":
+        blurred = path[:: camera.FINER]
+        blurred = blurred + noises.POSE * rng.standard_normal(blurred.shape)
         return clean + noises.sample(how, len(kept), rng)[kept], blurred
     blurred = path + noises.of_position(how) * rng.standard_normal(path.shape)
-    floor = noises.FLOOR * np.array(how.sigma) * rng.standard_normal(path.shape)
-    return measured_by_path(how, blurred) + floor, blurred
+    floor = noises.FLOOR * np.array(how.sigma) * rng.standard_normal(clean.shape)
+    return measured_by_path(how, blurred) + floor, blurred[:: camera.FINER]

@@ -98,9 +98,26 @@ def _torque(rng: np.random.Generator) -> dict[str, float]:
     return {"heading_torque.size": 0.002, "heading_torque.yaw": float(rng.uniform(-np.pi, np.pi))}
 
 
+def _zero(rng: np.random.Generator) -> dict[str, float]:
+    bend = rng.standard_normal(4)
+    return {f"joint_zero_offset.joint_{i + 1}": 0.01 * float(b) for i, b in enumerate(bend / np.linalg.norm(bend))}
+
+
+def _marker(rng: np.random.Generator) -> dict[str, float]:
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    return {"marker_offset.along": 0.002 * np.cos(angle), "marker_offset.across": 0.002 * np.sin(angle)}
+
+
 #: On the solver's list.
 LISTED = (
     Cause("time_offset", _one("time_offset.offset", 0.001, signed=True), 0.0, 200.0),
+    Cause("velocity_scale", _one("velocity_scale.error", 0.01, signed=True), 0.0, 30.0),
+    Cause("frame_misalignment", _one("frame_misalignment.angle", 0.01, signed=True), 0.0, 50.0),
+    Cause("marker_offset", _marker, 0.0, 50.0),
+    Cause("servo_rate_limit", _one("servo_rate_limit.slowness", 0.1), 0.0, 5.0, exact=False),
+    Cause("servo_saturation", _one("servo_saturation.psi", 0.05), 0.0, 200.0, exact=False),
+    Cause("servo_backlash", _one("servo_backlash.play", 0.01), 0.0, 30.0, exact=False),
+    Cause("joint_zero_offset", _zero, 0.0, 30.0),
     Cause("servo_lag", _one("servo_lag.time_constant", 0.001), 0.5, 200.0, exact=False),
     Cause("ambient_current", _current, 0.0, 60.0, exact=False, needs_pose=True),
     Cause("reynolds_drag", _reynolds, 0.0, 30.0, exact=False),
@@ -110,6 +127,10 @@ LISTED = (
     Cause("tail_compliance", _compliance, 0.01, 40.0, shapes=("tail_compliance.damping",)),
     Cause("inertia_error", _one("inertia_error.error", 0.05, signed=True), 0.0, 11.0),
     Cause("com_offset", _one("com_offset.shift", 0.005, signed=True), 0.0, 15.0),
+)
+#: On the list, and invisible (mass) or all but invisible while all nine coefficients are free; not drawn.
+GAUGES = (
+    Cause("mass_error", _one("mass_error.error", 0.05, signed=True), 0.0, 10.0),
     Cause("section_height", _one("section_height.error", 0.05, signed=True), 0.0, 9.0),
 )
 #: Off it.
@@ -138,7 +159,7 @@ DECOYS = (
     Cause("current_along_x", _along_x, 0.0, 60.0, exact=False, needs_pose=True),
     Cause("lag_and_offset", _lag_and_offset, 0.5, 200.0, exact=False),
 )
-CAUSES = {cause.name: cause for cause in (*LISTED, *OFF_LIST, *DECOYS)}
+CAUSES = {cause.name: cause for cause in (*LISTED, *GAUGES, *OFF_LIST, *DECOYS)}
 
 
 def water(fish: Fish, psi: Mapping[str, float]) -> dict[str, float]:

@@ -71,15 +71,16 @@ class Draft:
     def seen(self, number: int, moved: world.Motion, psi: Mapping[str, float]) -> FloatArray:
         """Return what is measured of a motion without noise: read, or differentiated from the path."""
         run, time = self.plan.runs[number], self.time(number)
-        if self.noise.kind == "differentiated":
+        if self.noise.kind == "differentiated_path":
             return measured_by_path(self.noise, camera.pose(moved, run, psi, time))
         return camera.velocity(moved, run, psi, time)[self.kept[number]]
 
 
 def measured_by_path(how: noise.Noise, path: FloatArray) -> FloatArray:
-    """Return the velocities (n, 3) of a path (n, 3): differentiated, and turned by the smoothed heading."""
-    rate = noise.differentiator(len(path), how.window, how.order) @ path
-    yaw = noise.smoother(len(path), how.window, how.order) @ path[:, 2]
+    """Return the velocities (n, 3) of a path of all frames (m, 3): differentiated, turned by the smoothed heading."""
+    samples = (len(path) - 1) // camera.FINER + 1
+    rate = noise.differentiator(samples, how.window, how.order, how.finer) @ path
+    yaw = noise.smoother(samples, how.window, how.order, how.finer) @ path[:, 2]
     c, s = np.cos(yaw), np.sin(yaw)
     return np.column_stack([c * rate[:, 0] + s * rate[:, 1], c * rate[:, 1] - s * rate[:, 0], rate[:, 2]])
 

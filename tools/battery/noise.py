@@ -10,10 +10,13 @@ import numpy as np
 from scipy import linalg
 from scipy.signal import lfilter, savgol_filter
 
+from battery.camera import FINER
 from mjfish.arrays import FloatArray, readonly
 
-Kind = Literal["white", "differentiated", "drift", "heavy_tailed", "dropped_frames"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
+Kind = Literal["white", "differentiated", "drift", "heavy_tailed", "dropped_frames", "differentiated_path"]
+#: Kinds that are drawn. `differentiated` has the noise of differentiated positions on velocities that are true;
+#: of `differentiated_path` the swimming itself went through the filter, which smears every jump: not drawn.
+KINDS: tuple[Kind, ...] = get_args(Kind)[:5]
 #: Middle level: surge, sway [m/s], yaw rate [rad/s].
 LEVEL = np.array([0.006, 0.006, 0.04])
 RATE = 50.0
@@ -30,7 +33,7 @@ class Noise:
     Attributes:
         kind: of noise.
         sigma: standard deviation of surge, sway, yaw rate.
-        window, order: of the Savitzky-Golay filter that differentiates positions.
+        window, order: of the Savitzky-Golay filter that differentiates positions; finer: frames a sample.
         share: of the variance that drifts; memory: of the drift [s].
         lost: share of frames that are missing.
     """
@@ -39,6 +42,7 @@ class Noise:
     sigma: tuple[float, float, float]
     window: int = 0
     order: int = 0
+    finer: int = 1
     share: float = 0.0
     memory: float = 1.0
     lost: float = 0.0
@@ -53,8 +57,9 @@ def draw(rng: np.random.Generator, kind: Kind | None = None, level: float | None
     return Noise(
         kind=kind,
         sigma=(float(sigma[0]), float(sigma[1]), float(sigma[2])),
-        window=window if kind == "differentiated" else 0,
-        order=(2 if window < 9 else 4) if kind == "differentiated" else 0,
+        window=window if "differentiated" in kind else 0,
+        order=(2 if window < 9 and kind == "differentiated" else 4) if "differentiated" in kind else 0,
+        finer=FINER if kind == "differentiated_path" else 1,
         share=float(rng.uniform(0.2, 0.7)) if kind == "drift" else 0.0,
         memory=float(np.exp(rng.uniform(np.log(0.2), np.log(2.0)))),
         lost=float(rng.uniform(0.03, 0.08)) if kind == "dropped_frames" else 0.0,
@@ -65,6 +70,9 @@ def sample(noise: Noise, n: int, rng: np.random.Generator) -> FloatArray:
     """Return n rows of noise on the three velocities; positions that are differentiated have their own way."""
     sigma = np.array(noise.sigma)
     white = rng.standard_normal((n, 3))
+    if noise.kind == "differentiated":
+        places = of_position(noise) * rng.standard_normal((n, 3))
+        return np.asarray(differentiator(n, noise.window, noise.order, 1) @ places + FLOOR * sigma * white)
     if noise.kind == "heavy_tailed":
         return np.asarray(sigma * rng.standard_t(3.0, size=(n, 3)) / np.sqrt(3.0))
     if noise.kind == "drift":
@@ -86,28 +94,29 @@ def kept(noise: Noise, n: int, rng: np.random.Generator) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=64)
-def differentiator(n: int, window: int, order: int) -> FloatArray:
-    """Return the matrix (n, n) that takes positions to velocities, 50 frames a second [1/s]."""
-    return readonly(savgol_filter(np.eye(n), window, order, deriv=1, delta=1.0 / RATE, axis=0))
+def differentiator(n: int, window: int, order: int, finer: int) -> FloatArray:
+    """Return the matrix (n, m) that takes the m = finer (n - 1) + 1 positions of all frames to n velocities [1/s]."""
+    frames = finer * (n - 1) + 1
+    return readonly(savgol_filter(np.eye(frames), window, order, deriv=1, delta=1.0 / (finer * RATE), axis=0)[::finer])
 
 
 @functools.lru_cache(maxsize=64)
-def smoother(n: int, window: int, order: int) -> FloatArray:
-    """Return the matrix (n, n) that smooths the heading by the same filter."""
-    return readonly(savgol_filter(np.eye(n), window, order, axis=0))
+def smoother(n: int, window: int, order: int, finer: int) -> FloatArray:
+    """Return the matrix (n, m) that smooths the heading of all frames by the same filter."""
+    return readonly(savgol_filter(np.eye(finer * (n - 1) + 1), window, order, axis=0)[::finer])
 
 
 def of_position(noise: Noise) -> FloatArray:
     """Return the noise (3,) of x, y [m] and heading [rad] whose differentiation has the noise's sigma."""
-    gain = float(np.linalg.norm(differentiator(64, noise.window, noise.order)[32]))
+    gain = float(np.linalg.norm(differentiator(64, noise.window, noise.order, noise.finer)[32]))
     return np.array(noise.sigma) / gain
 
 
 @functools.lru_cache(maxsize=64)
 def _factor(noise: Noise, n: int) -> FloatArray | None:
     """Return the lower Cholesky factor (n, n) of the correlation of one channel; None for white."""
-    if noise.kind == "differentiated":
-        d = differentiator(n, noise.window, noise.order)
+    if "differentiated" in noise.kind:
+        d = differentiator(n, noise.window, noise.order, noise.finer)
         made = d @ d.T
         made = made / made[n // 2, n // 2] + FLOOR**2 * np.eye(n)
     elif noise.kind == "drift":

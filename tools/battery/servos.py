@@ -1,4 +1,4 @@
-"""What stands between the command and the joints: amplitude, stick, the servo itself."""
+"""What stands between the command and the joints: amplitude, stick, stops, the servo itself, zeros."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from battery.compiled import compiled
+from battery import actuator
 from battery.oscillator import Stretch
 from battery.plans import Run
 from mjfish.arrays import FloatArray
 
-#: Damping of the second-order servo; with it the delay at low frequency is 2 zeta / omega_n = 1.6 / omega_n.
-ZETA = 0.8
 #: The amplitude follows a change of its cause within this time [s].
 _SETTLE = 0.1
 #: Length and edge of one stick of a joint, and how often on average [s].
@@ -29,8 +27,17 @@ def joints(asked: tuple[Stretch, ...], run: Run, psi: Psi) -> tuple[Stretch, ...
         got = _amplitude(got, run, psi)
     if psi.get("sticking_joint.size"):
         got = _stuck(got, run, psi)
+    if psi.get("servo_saturation.psi"):
+        got = _saturated(got, psi["servo_saturation.psi"])
+    if psi.get("servo_rate_limit.slowness"):
+        got = tuple(actuator.limited(got, psi["servo_rate_limit.slowness"]))
     if psi.get("servo_lag.time_constant"):
-        got = _second_order(got, psi["servo_lag.time_constant"])
+        got = tuple(actuator.second_order(got, psi["servo_lag.time_constant"]))
+    if psi.get("servo_backlash.play"):
+        got = tuple(actuator.played(got, psi["servo_backlash.play"]))
+    zero = np.array([psi.get(f"joint_zero_offset.joint_{i + 1}", 0.0) for i in range(got[0].angle.shape[2])])
+    if np.any(zero):
+        got = tuple(replace(part, angle=part.angle + zero) for part in got)
     return got
 
 
@@ -89,39 +96,11 @@ def _ramp_rate(x: FloatArray) -> FloatArray:
     return np.asarray(np.where((x > 0.0) & (x < 1.0), 0.5 * np.pi * np.sin(np.pi * np.clip(x, 0.0, 1.0)), 0.0))
 
 
-def _second_order(asked: tuple[Stretch, ...], delay: float) -> tuple[Stretch, ...]:
-    """Theta'' = wn^2 (command - theta) - 2 zeta wn theta', from rest at the command; its delay is 2 zeta / wn."""
-    state = np.zeros((2, asked[0].angle.shape[2]))
-    state[0] = asked[0].angle[0, 0]
+def _saturated(asked: tuple[Stretch, ...], psi: float) -> tuple[Stretch, ...]:
+    """Theta = a tanh(c / a), whose cubic, -c^3 / (3 a^2), is the -psi c^3 / 2 of the solver's definition."""
+    a = np.sqrt(2.0 / (3.0 * psi))
     got = []
     for part in asked:
-        angle, rate = np.empty_like(part.angle), np.empty_like(part.rate)
-        _follow(part.angle, part.rate, part.step, 2.0 * ZETA / delay, ZETA, state, angle, rate)
-        got.append(replace(part, angle=angle, rate=rate))
+        angle = a * np.tanh(part.angle / a)
+        got.append(replace(part, angle=angle, rate=(1.0 - (angle / a) ** 2) * part.rate))
     return tuple(got)
-
-
-@compiled
-def _follow(command, slope, h, wn, zeta, state, angle, rate):  # type: ignore[no-untyped-def]
-    """Integrate the servo by the midpoint rule, in substeps that resolve it; the command is a cubic per half step."""
-    d = 0.5 * h
-    count = int(np.ceil(d * wn / 0.05))
-    e = d / count
-    for n in range(command.shape[0]):
-        for node in range(3):
-            for j in range(command.shape[2]):
-                if node > 0:
-                    a = command[n, node - 1, j]
-                    b = command[n, node, j]
-                    p = slope[n, node - 1, j] * d
-                    q = slope[n, node, j] * d
-                    for m in range(count):
-                        s = (m + 0.5) / count
-                        asked = a + s * (p + s * ((3.0 * (b - a) - 2.0 * p - q) + s * (p + q - 2.0 * (b - a))))
-                        # Implicit midpoint, solved for the new rate: stable however stiff.
-                        pull = wn * wn * (asked - state[0, j] - 0.25 * e * state[1, j]) - zeta * wn * state[1, j]
-                        new = (state[1, j] + e * pull) / (1.0 + e * zeta * wn + 0.25 * e * e * wn * wn)
-                        state[0, j] += 0.5 * e * (state[1, j] + new)
-                        state[1, j] = new
-                angle[n, node, j] = state[0, j]
-                rate[n, node, j] = state[1, j]

@@ -18,9 +18,14 @@ from mjfish.arrays import FloatArray
 
 #: Step of the central differences by the coefficients, relative.
 _DIFFERENCE = 0.03
-_ROUNDS = 6
+_ROUNDS = 20
+_CHORDS = 10
+#: Farthest that a refit may go in the logarithm of a coefficient.
+_FARTHEST = 1.5
+#: Where the strength asked for cannot be had, the size is this many e-folds above the smallest, at most.
+_SPREAD = 3.0
 #: A strength counts as met within this share.
-MET = 0.05
+MET = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,26 +35,46 @@ class Ruler:
     Attributes:
         draft: measured.
         numbers: of the runs.
-        span: (n, 9) orthonormal, of the coefficients' whitened sensitivities.
+        span: (n, 9) orthonormal, of the whitened sensitivities to the logarithms of the coefficients.
+        step: (9, n) takes a whitened difference to the change of those logarithms that fits it best.
         plain: (n,) whitened runs without any effect.
     """
 
     draft: Draft
     numbers: tuple[int, ...]
     span: FloatArray
+    step: FloatArray
     plain: FloatArray
 
-    def signature(self, psi: Mapping[str, float], without: FloatArray | None = None) -> FloatArray:
-        """Return the whitened difference (n,) that `psi` makes to the plain runs, or to those `without` it."""
-        return stacked(self.draft, self.numbers, psi) - (self.plain if without is None else without)
+    def strength(self, psi: Mapping[str, float]) -> float:
+        """Return lambda of effects `psi`, all together."""
+        full = stacked(self.draft, self.numbers, psi)
+        return float(np.sum(self.refitted(full, {}, full - self.plain) ** 2))
 
-    def beyond(self, signature: FloatArray, others: Sequence[FloatArray] = ()) -> FloatArray:
-        """Return what is left of a signature after refit, and after `others` (n,) are taken out too."""
-        left = _out(self.span, signature)
-        if others:
-            basis, _ = np.linalg.qr(np.column_stack([_out(self.span, other) for other in others]))
-            left = _out(basis, left)
-        return left
+    def signature(self, psi: Mapping[str, float]) -> FloatArray:
+        """Return the whitened difference (n,) that `psi` makes to the plain runs."""
+        return stacked(self.draft, self.numbers, psi) - self.plain
+
+    def refitted(self, full: FloatArray, rest: Mapping[str, float], left: FloatArray) -> FloatArray:
+        """Return what a refit of the coefficients leaves (n,) of runs `full`, with effects `rest` in the model.
+
+        Chord steps in the logarithms of the coefficients, from the difference `left` at the true ones: a large effect
+        that is all but a coefficient in disguise is not linear.
+        """
+        best, moved = self.beyond(left), np.zeros(len(self.draft.theta))
+        for _ in range(_CHORDS):
+            moved = np.clip(moved + self.step @ left, -_FARTHEST, _FARTHEST)
+            changed = dict(zip(self.draft.theta, np.array([*self.draft.theta.values()]) * np.exp(moved), strict=True))
+            left = full - stacked(self.draft, self.numbers, rest, changed)
+            now = self.beyond(left)
+            if not now @ now < 0.98 * (best @ best):
+                break
+            best = now
+        return best
+
+    def beyond(self, signature: FloatArray) -> FloatArray:
+        """Return what a linear refit of the coefficients leaves of a signature (n,)."""
+        return _out(self.span, signature)
 
 
 def _out(basis: FloatArray, vector: FloatArray) -> FloatArray:
@@ -69,10 +94,11 @@ def ruler(draft: Draft, numbers: Sequence[int]) -> Ruler:
     columns = []
     for name, value in draft.theta.items():
         up, down = ({**draft.theta, name: value * (1.0 + sign * _DIFFERENCE)} for sign in (1.0, -1.0))
-        columns.append(stacked(draft, numbers, {}, up) - stacked(draft, numbers, {}, down))
+        change = stacked(draft, numbers, {}, up) - stacked(draft, numbers, {}, down)
+        columns.append(change / np.log((1.0 + _DIFFERENCE) / (1.0 - _DIFFERENCE)))
     jacobian = np.column_stack(columns)
     span, _ = np.linalg.qr(jacobian / np.linalg.norm(jacobian, axis=0))
-    return Ruler(draft, tuple(numbers), span, plain)
+    return Ruler(draft, tuple(numbers), span, np.linalg.pinv(jacobian), plain)
 
 
 @dataclass(frozen=True)
@@ -98,18 +124,20 @@ def sized(
 ) -> Sized:
     """Find the sizes at which each cause has its strength given the others.
 
-    Effects are not linear: secant steps on the root of the strength against the size, at most _ROUNDS.
+    Effects are not linear: bracketed secant steps on the root of the strength, at most _ROUNDS.
     """
     size = np.array([max(min(1.0, 0.3 * cause.high), cause.low) for cause in causes])
     history: list[tuple[FloatArray, FloatArray]] = []
     for _ in range(_ROUNDS):
-        whole, own = _signatures(measure, causes, directions, size)
-        found = np.array([float(np.linalg.norm(v)) for v in own])
+        found = _lengths(measure, causes, directions, size)
         history.append((size, found))
         if np.all(np.abs((found / np.sqrt(strengths)) ** 2 - 1.0) < 0.02):
             break
         if np.all((size <= [c.low for c in causes]) & (found**2 > strengths)):
-            break  # however small, it is seen: a servo that starts from rest kicks
+            # However small, it is seen (a servo that starts from rest kicks): some size, and the strength it has.
+            size = np.array([min(c.low * np.exp(measure.draft.rng.uniform(0.0, _SPREAD)), c.high) for c in causes])
+            history = [(size, _lengths(measure, causes, directions, size))]
+            break
         size = _next(history, np.sqrt(np.array(strengths)), causes)
     best = min(range(len(history)), key=lambda i: float(np.max(np.abs(np.log(history[i][1] ** 2 / strengths)))))
     size, found = history[best]
@@ -118,7 +146,7 @@ def sized(
     for cause, direction, s in zip(causes, directions, size, strict=True):
         psi |= cause.sized(direction, float(s))
     names = [cause.name for cause in causes]
-    left = [float(np.sum(measure.beyond(v) ** 2) / max(np.sum(v**2), 1e-300)) for v in whole]
+    left = [float(np.sum(o**2) / max(np.sum(v**2), 1e-300)) for o, v in zip(own, whole, strict=True)]
     met = [bool(abs(f**2 / s - 1.0) < MET) for f, s in zip(found, strengths, strict=True)]
     return Sized(
         psi,
@@ -134,29 +162,43 @@ def _signatures(
     """Return each cause's signature with the others on, whole and beyond refit and others."""
     parts = [cause.sized(d, float(s)) for cause, d, s in zip(causes, directions, size, strict=True)]
     everything = {key: value for part in parts for key, value in part.items()}
-    if len(parts) == 1:
-        whole = [measure.signature(everything)]
-    else:
-        full = stacked(measure.draft, measure.numbers, everything)
-        whole = []
-        for i in range(len(parts)):
-            rest = {key: value for j, part in enumerate(parts) if j != i for key, value in part.items()}
-            whole.append(full - stacked(measure.draft, measure.numbers, rest))
-    own = [measure.beyond(v, [w for j, w in enumerate(whole) if j != i]) for i, v in enumerate(whole)]
+    full = stacked(measure.draft, measure.numbers, everything)
+    rests = [
+        {key: value for j, part in enumerate(parts) if j != i for key, value in part.items()} for i in range(len(parts))
+    ]
+    whole = [full - (stacked(measure.draft, measure.numbers, rest) if rest else measure.plain) for rest in rests]
+    own = []
+    for i, (rest, signature) in enumerate(zip(rests, whole, strict=True)):
+        left = measure.refitted(full, rest, signature)
+        others = [measure.beyond(other) for j, other in enumerate(whole) if j != i]
+        own.append(_out(np.linalg.qr(np.column_stack(others))[0], left) if others else left)
     return whole, own
 
 
+def _lengths(
+    measure: Ruler, causes: Sequence[Cause], directions: Sequence[Mapping[str, float]], size: FloatArray
+) -> FloatArray:
+    return np.array([float(np.linalg.norm(own)) for own in _signatures(measure, causes, directions, size)[1]])
+
+
 def _next(history: list[tuple[FloatArray, FloatArray]], target: FloatArray, causes: Sequence[Cause]) -> FloatArray:
-    """Return the next sizes: proportional first, then by the secant, kept within a factor of 20 and the bounds."""
-    size, found = history[-1]
-    step = size * target / np.maximum(found, 1e-12)
-    if len(history) > 1:
-        before, was = history[-2]
-        slope = (found - was) / np.where(size == before, np.inf, size - before)
-        secant = size + (target - found) / np.where(slope > 0.0, slope, np.inf)
-        step = np.where((slope > 0.0) & (secant > 0.05 * step) & (secant < 20.0 * step), secant, step)
-    step = np.clip(step, size / 20.0, 20.0 * size)
-    return np.clip(step, [max(cause.low, 1e-4 * cause.high) for cause in causes], [cause.high for cause in causes])
+    """Return the next sizes: in proportion, then by the secant; the middle of the bracket where that leaves it."""
+    chosen = []
+    for i, cause in enumerate(causes):
+        seen = [(float(s[i]), float(f[i])) for s, f in history]
+        size, found = seen[-1]
+        step = size * float(np.clip(target[i] / max(found, 1e-12), 0.05, 20.0))
+        if len(seen) > 1 and seen[-2][0] != size:
+            slope = (found - seen[-2][1]) / (size - seen[-2][0])
+            step = size + (target[i] - found) / slope if slope > 0.0 else step
+        below = max((s for s, f in seen if f <= target[i]), default=max(cause.low, 1e-4 * cause.high))
+        above = min((s for s, f in seen if f > target[i] and s > below), default=cause.high)
+        inside = below < step < above
+        bracketed = any(s == below for s, _ in seen) and any(s == above for s, _ in seen)
+        if not inside:
+            step = float(np.sqrt(below * above)) if bracketed else float(np.clip(step, below, above))
+        chosen.append(step)
+    return np.array(chosen)
 
 
 def rivals(measure: Ruler, cause: Cause, psi: Mapping[str, float], seed: int) -> dict[str, float]:
