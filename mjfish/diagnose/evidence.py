@@ -27,9 +27,11 @@ class Evidence:
         fit: its result.
         candidates: effects that are not in the model, in a fixed order.
         amplitudes: their amplitude parameters, one tuple a candidate.
+        cleared: (n,) z, the whitened residual less its part in the span of J.
         score: (d,) u = S^' z, all candidates' amplitudes stacked, amplitudes in units of their scale.
         information: (d, d) S^' S^.
-        whole: (d,) |S~|^2 before the projection.
+        raw: (n, d) S~, before the projection.
+        signatures: (n, d) S^.
         omnibus_score, omnibus_information: the same for the omnibus basis.
     """
 
@@ -37,9 +39,10 @@ class Evidence:
     fit: Fit
     candidates: tuple[Effect, ...]
     amplitudes: tuple[tuple[Parameter, ...], ...]
+    cleared: FloatArray
     score: FloatArray
     information: FloatArray
-    whole: FloatArray
+    raw: FloatArray
     signatures: FloatArray
     omnibus_score: FloatArray
     omnibus_information: FloatArray
@@ -49,6 +52,12 @@ class Evidence:
         """Where each candidate's amplitudes stand in `score`."""
         slices = algebra.blocks_of([len(own) for own in self.amplitudes])
         return {effect.name: block for effect, block in zip(self.candidates, slices, strict=True)}
+
+    def rows_by_trial(self) -> list[slice]:
+        """Return where the rows of each trial stand."""
+        return algebra.blocks_of(
+            [3 * int(np.count_nonzero(self.problem.mask(i))) for i in range(len(self.problem.trials))]
+        )
 
     def amplitudes_of(self, name: str) -> tuple[Parameter, ...]:
         """Return the amplitude parameters of one candidate."""
@@ -79,7 +88,23 @@ class Evidence:
     def absorbed(self, name: str) -> float:
         """Return the share of the candidate's signature energy that a refit of the model swallows."""
         block = self.blocks[name]
-        return 1.0 - float(np.trace(self.information[block, block])) / max(float(self.whole[block].sum()), 1e-300)
+        whole = float(np.sum(self.raw[:, block] ** 2))
+        return 1.0 - float(np.trace(self.information[block, block])) / max(whole, 1e-300)
+
+    def refitted(self, name: str, amplitudes: Mapping[str, float]) -> dict[str, float]:
+        """Return where the free parameters go, to first order, once a candidate has these amplitudes.
+
+        x - (J'J)^+ J' S~ psi, cut at the bounds.
+        """
+        own, block = self.amplitudes_of(name), self.blocks[name]
+        psi = np.array([(amplitudes[p.name] - p.default) / p.scale for p in own])
+        free = np.flatnonzero(~self.fit.at_bound)
+        move, *_ = np.linalg.lstsq(self.fit.jacobian[:, free], self.raw[:, block] @ psi, rcond=1e-8)
+        values = self.fit.values
+        for index, shift in zip(free, move, strict=True):
+            p = self.fit.parameters[index]
+            values[p.name] = float(np.clip(values[p.name] - shift, p.low, p.high))
+        return values
 
     def smallest_visible(self, name: str) -> dict[str, float]:
         """Return, per amplitude, the size that would have shown with 90 % power: sqrt(18 / I)."""
@@ -133,13 +158,16 @@ class Evidence:
         return int(block.stop - block.start)
 
 
-def gather(problem: Problem, fit: Fit, candidates: Sequence[Effect]) -> Evidence:
+def gather(
+    problem: Problem, fit: Fit, candidates: Sequence[Effect], made: Sequence[FloatArray] | None = None
+) -> Evidence:
     """Compute residual, projected signatures and omnibus scores at a fit.
 
     Args:
         problem: that was fitted.
         fit: its result; parameters at a bound are treated as fixed.
         candidates: effects to score; those already in the model are left out.
+        made: their `signatures`, where they are known already.
     """
     held = {effect.name for effect in problem.model.effects}
     kept = tuple(effect for effect in candidates if effect.name not in held)
@@ -147,7 +175,7 @@ def gather(problem: Problem, fit: Fit, candidates: Sequence[Effect]) -> Evidence
     free = fit.jacobian[:, ~fit.at_bound]
     span = algebra.orthonormal(free)
     z = algebra.project_out(span, fit.residual[:, None])[:, 0]
-    raw = problem.whiten(signatures(problem, fit.values, kept))
+    raw = problem.whiten(signatures(problem, fit.values, kept) if made is None else made)
     projected = algebra.project_out(span, raw)
     waves = whitened_omnibus(problem)
     return Evidence(
@@ -155,9 +183,10 @@ def gather(problem: Problem, fit: Fit, candidates: Sequence[Effect]) -> Evidence
         fit=fit,
         candidates=kept,
         amplitudes=amplitudes,
+        cleared=z,
         score=projected.T @ z,
         information=projected.T @ projected,
-        whole=np.sum(raw**2, axis=0),
+        raw=raw,
         signatures=projected,
         omnibus_score=waves.T @ z,
         omnibus_information=waves.T @ waves - (waves.T @ span) @ (span.T @ waves),

@@ -125,6 +125,8 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0, before: Re
     base = evidence.problem
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **_off_null(effect)})
     starts = [problem.start({**evidence.fit.values, **guess}) for guess in _guesses(evidence, effect)]
+    one_step = evidence.first_guess(effect.name)
+    starts.insert(0, problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
     if before is not None:
         starts.append(problem.start(before.fit.values))
     costs = [float(np.sum(problem.residual(start) ** 2)) for start in starts]
@@ -155,7 +157,11 @@ def _guesses(evidence: Evidence, effect: Effect) -> list[dict[str, float]]:
     for multiple in _MULTIPLES:
         signs = {p.name: -1.0 if one_step[p.name] < p.default else 1.0 for p in amplitudes}
         guesses.append({p.name: p.default + multiple * signs[p.name] * p.scale for p in amplitudes})
-    return [{p.name: float(np.clip(guess[p.name], p.low, p.high)) for p in amplitudes} for guess in guesses]
+    return [_inside(effect, guess) for guess in guesses]
+
+
+def _inside(effect: Effect, guess: Mapping[str, float]) -> dict[str, float]:
+    return {p.name: float(np.clip(guess[p.name], p.low, p.high)) for p in effect.parameters if not p.shape}
 
 
 def _off_null(effect: Effect) -> dict[str, Parameter]:

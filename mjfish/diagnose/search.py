@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnose.evidence import Evidence, gather
+from mjfish.diagnose.evidence import Evidence, gather, signatures
 from mjfish.diagnose.noise.saturated import noise_of
 from mjfish.diagnose.progress import Progress
 from mjfish.diagnose.refit import Refit, refits
@@ -53,14 +53,15 @@ def search(
     progress("fitting the nominal model", 0.02)
     problem, start = _resolved(problem)
     baseline = fit(problem, start, tolerance=1e-6)
-    noise, remark = noise_of(problem, baseline, candidates, stated)
+    made = signatures(problem, baseline.values, candidates)
+    noise, remark = noise_of(problem, baseline, made, stated)
     refitted: Mapping[str, Refit] = {}
     for round_ in range(_ROUNDS + 1):
         if round_ > 0 or not _same(noise, problem.noise):
             progress("fitting the nominal model", 0.08)
             problem = replace(problem, noise=noise)
             baseline = fit(problem, baseline.x, tolerance=1e-6)
-        evidence = gather(problem, baseline, candidates)
+        evidence = gather(problem, baseline, candidates, made)
         progress("testing the residual", 0.15)
         directed, omnibus = evidence.directed_p(rng), evidence.omnibus_p()
         p_wrong = min(1.0, 2.0 * min(directed, omnibus))
@@ -74,7 +75,7 @@ def search(
             break
         best = max(refitted.values(), key=lambda one: one.gain)
         others = tuple(effect for effect in candidates if effect.name not in best.names)
-        noise, remark = noise_of(best.problem, best.fit, others, stated)
+        noise, remark = noise_of(best.problem, best.fit, signatures(best.problem, best.fit.values, others), stated)
         if _same(noise, problem.noise):
             break
     return findings, remark

@@ -6,15 +6,14 @@ to first order (docs/notes/004). A stated sigma is believed as long as the data 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra
-from mjfish.diagnose.evidence import signatures
 from mjfish.diagnose.noise.coloured import Coloured, grid
-from mjfish.effects.effect import Effect
 from mjfish.identify import Fit, Noise, Problem
 from mjfish.identify.noise import estimate, floor
 
@@ -22,34 +21,30 @@ from mjfish.identify.noise import estimate, floor
 _CONTRADICTED = 5.0
 
 
-def saturated_residuals(problem: Problem, fit: Fit, candidates: tuple[Effect, ...]) -> tuple[list[FloatArray], float]:
+def saturated_residuals(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> tuple[list[FloatArray], float]:
     """Return residuals (n_r, 3) per trial without anything that the saturated model explains, and the freedom it took.
 
     The regression weighs channels by sigma alone; the residuals are in physical units.
     """
     white = replace(problem, noise=Noise.white(problem.noise.sigma))
     jacobian = white.whiten(white.sensitivities(fit.x))[:, ~fit.at_bound]
-    span = algebra.orthonormal(
-        np.concatenate([jacobian, white.whiten(signatures(white, fit.values, candidates))], axis=1)
-    )
+    span = algebra.orthonormal(np.concatenate([jacobian, white.whiten(known)], axis=1))
     residual = np.concatenate([(one / problem.noise.sigma).ravel() for one in problem.raw(fit.x)])
     left = algebra.project_out(span, residual[:, None])[:, 0].reshape(-1, 3) * problem.noise.sigma
     sizes = [int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))]
     return np.split(left, np.cumsum(sizes)[:-1]), span.shape[1] / 3.0
 
 
-def noise_of(
-    problem: Problem, fit: Fit, candidates: tuple[Effect, ...], stated: FloatArray | None
-) -> tuple[Noise, str]:
+def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: FloatArray | None) -> tuple[Noise, str]:
     """Return the noise model that the tests use, and a sentence on it where it is not the stated one.
 
     Args:
         problem: that was fitted.
         fit: its result.
-        candidates: every effect that may explain something and is not in the model.
+        known: `mjfish.diagnose.evidence.signatures` of every effect that may explain something and is not in the model.
         stated: (3,) sigma that the dataset gives, or None.
     """
-    residuals, lost = saturated_residuals(problem, fit, candidates)
+    residuals, lost = saturated_residuals(problem, fit, known)
     seen = [grid(trial.time, problem.mask(i)) for i, trial in enumerate(problem.trials)]
     found = estimate(residuals, lost, seen)
     if stated is None:
