@@ -1,7 +1,4 @@
-"""The fish: links, masses, outline, hydrodynamic coefficients. Read from TOML; unknown keys are refused.
-
-Shipped fish live in `mjfish/fishes/*.toml`; a user's own file works the same.
-"""
+"""The fish: links, masses, outline, hydrodynamic coefficients. Read from TOML, shipped ones are in `mjfish/fishes`."""
 
 from __future__ import annotations
 
@@ -254,11 +251,9 @@ class Fish(Table):
     def with_values(self, values: Mapping[str, float]) -> Fish:
         """Return the fish with other values of the named coefficients, each checked against its bounds."""
         declared = {parameter.name: parameter for parameter in self.parameters}
-        changed = {}
-        for name, value in values.items():
-            if name not in declared:
-                raise UnknownNameError("coefficient", name, COEFFICIENTS)
-            changed[name] = replace(declared[name], default=declared[name].check(float(value)))
+        for name in values.keys() - declared.keys():
+            raise UnknownNameError("coefficient", name, COEFFICIENTS)
+        changed = {name: replace(declared[name], default=declared[name].check(float(v))) for name, v in values.items()}
         return self.with_coefficients(changed)
 
 
@@ -268,8 +263,10 @@ def shipped() -> dict[str, Path]:
 
 
 @functools.lru_cache(maxsize=32)
-def _read(path: Path, _stamp: int) -> Fish:
-    return tomlfile.read(path, Fish)
+def _read(path: Path, _stamp: int) -> tuple[Fish, object]:
+    table = tomlfile.table(path)
+    effects = table.pop("effects", {})
+    return tomlfile.parse(table, Fish, str(path)), effects
 
 
 def load(name_or_path: str | Path, relative_to: Path | None = None) -> Fish:
@@ -281,15 +278,20 @@ def load(name_or_path: str | Path, relative_to: Path | None = None) -> Fish:
 
     Raises:
         UnknownNameError: no shipped fish of that name and no such file.
-        InputError: the file breaks the schema; every broken key is named.
+        InputError: the file breaks the schema, every broken key is named; or it has effects, which would be lost.
     """
+    fish, effects = read(name_or_path, relative_to)
+    if effects:
+        raise InputError(f"{name_or_path}: has [effects], which are lost here; only simulate and check take them along")
+    return fish
+
+
+def read(name_or_path: str | Path, relative_to: Path | None = None) -> tuple[Fish, object]:
+    """Load like `load` a fish that effects may extend; return these too, as they stand in its table ``effects``."""
     known = shipped()
-    if str(name_or_path) in known:
-        path = known[str(name_or_path)]
-    else:
-        path = (relative_to or Path()) / name_or_path
-        if path.suffix != ".toml" and not path.exists():
-            raise UnknownNameError("fish", str(name_or_path), known, "or give the path of a fish TOML")
-        if not path.is_file():
-            raise InputError(f"{path}: no such fish file; shipped fish: {', '.join(known)}")
+    path = known.get(str(name_or_path), (relative_to or Path()) / name_or_path)
+    if path.suffix != ".toml" and not path.exists():
+        raise UnknownNameError("fish", str(name_or_path), known, "or give the path of a fish TOML")
+    if not path.is_file():
+        raise InputError(f"{path}: no such fish file; shipped fish: {', '.join(known)}")
     return _read(path.resolve(), path.stat().st_mtime_ns)

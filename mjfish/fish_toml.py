@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from mjfish import files, toml_text, tomlfile
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 
 
-def text(fish: Fish, comments: Sequence[str] = ()) -> str:
+def text(
+    fish: Fish, comments: Sequence[str] = (), effects: Mapping[str, Mapping[str, float]] = MappingProxyType({})
+) -> str:
     """Return the fish as TOML.
 
     Args:
         fish: the fish.
         comments: lines at the top, such as where the numbers come from.
+        effects: that extend it, by name, their parameters by short name (`mjfish.extended` reads them back).
 
     Raises:
         InputError: the fish breaks its own schema, so that it could not be read back.
@@ -24,16 +28,22 @@ def text(fish: Fish, comments: Sequence[str] = ()) -> str:
     if tomlfile.parse(table, Fish, f"fish '{fish.name}'") != fish:
         raise InputError(f"fish '{fish.name}' holds values of types that TOML does not keep; build it by Fish(...)")
     lines = [f"# {line}".rstrip() for comment in comments for line in _printable(comment).splitlines()]
-    return "\n".join([*lines, toml_text.dumps(table)])
+    return "\n".join([*lines, toml_text.dumps({**table, "effects": effects} if effects else table)])
 
 
-def write(path: str | Path, fish: Fish, comments: Sequence[str] = ()) -> None:
+def write(
+    path: str | Path,
+    fish: Fish,
+    comments: Sequence[str] = (),
+    effects: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+) -> None:
     """Write the fish to the TOML file `path`, whole or not at all.
 
     Args:
         path: with the suffix ``.toml``, by which `mjfish.fish.load` knows a file from a name.
         fish: the fish.
         comments: lines at the top.
+        effects: that extend it, as in `text`.
 
     Raises:
         InputError: another suffix, the file cannot be written, or the fish could not be read back.
@@ -41,7 +51,7 @@ def write(path: str | Path, fish: Fish, comments: Sequence[str] = ()) -> None:
     path = Path(path)
     if path.suffix != ".toml":
         raise InputError(f"{path}: the name ends in '{path.suffix}', expected .toml; rename it")
-    files.write_text(path, text(fish, comments))
+    files.write_text(path, text(fish, comments, effects))
 
 
 def _printable(comment: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -45,15 +45,19 @@ def read(path: Path, model: type[T]) -> T:
     Raises:
         InputError: the file is absent, no TOML, or breaks the schema; the message lists every broken key.
     """
+    return parse(table(path), model, str(path))
+
+
+def table(path: Path) -> dict[str, Any]:
+    """Return the TOML file `path` as it stands, or raise `InputError`."""
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read as text: {error}") from None
     except (ValueError, RecursionError) as error:  # of which the first is also raised for endless integers
         raise InputError(f"{path}: not valid TOML: {error}") from None
-    return parse(raw, model, str(path))
 
 
 def parse(raw: object, model: type[T], place: str) -> T:

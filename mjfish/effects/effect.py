@@ -60,6 +60,7 @@ class Effect(ABC):
         fingerprint: how its discrepancy scales, what symmetry it breaks, where it sits.
         smooth: whether predictions are differentiable in its amplitudes at the null value; else it is always refitted.
         load: force on every link from outside the Morison model, compiled; its parameters come in declared order.
+        mujoco: whether MuJoCo's fish can have it too; not where its load reads what only the ODE's records hold.
     """
 
     name: ClassVar[str]
@@ -72,6 +73,7 @@ class Effect(ABC):
     fingerprint: ClassVar[Fingerprint] = Fingerprint()
     smooth: ClassVar[bool] = True
     load: ClassVar[Load | None] = None
+    mujoco: ClassVar[bool] = True
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Say why `dataset` cannot show this effect; empty where it can."""
