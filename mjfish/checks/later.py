@@ -1,0 +1,76 @@
+"""All checks that need the nominal fit: what is left of the data once the simulation is taken away."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.checks import clock
+from mjfish.checks.design import beats
+from mjfish.checks.finding import Checks, Finding, ordered
+from mjfish.checks.guess import sampled_enough
+from mjfish.checks.labels import costs, labels
+from mjfish.checks.making import making, remarks
+from mjfish.checks.odd_run import odd_run
+from mjfish.checks.smooth import MAD
+from mjfish.identify.fit import Fit
+from mjfish.identify.problem import Problem
+from mjfish.trial import Trial
+
+#: Spectra are made of runs of this many samples or more.
+_LONG = 128
+
+
+def after(problem: Problem, fit: Fit, held: Sequence[Trial] = ()) -> Checks:
+    """Check a dataset against its nominal fit.
+
+    Args:
+        problem: of the nominal model; its noise should be that of the data, coloured where they are.
+        fit: of it.
+        held: trials that were held out: they are looked at for their labels and clocks.
+
+    Returns:
+        Findings; none where the fit diverged, for then nothing can be taken away.
+    """
+    if fit.status == "diverged":
+        return Checks()
+    values = {**problem.fixed, **fit.values}
+    shared = {p.name: values[p.name] for p in problem.model.parameters}
+    residuals = problem.raw(fit.x)
+    sigma = np.median([MAD * np.median(np.abs(r), axis=0) for r in residuals], axis=0) + 1e-12
+    trials = [trial for trial in (*problem.trials, *held) if trial.drive and sampled_enough(trial)]
+    found: list[Finding] = []
+    found += _labels(problem, trials, shared, sigma)
+    wrong = {name for one in found for name in one.trials}
+    for trial in trials:
+        if trial.name not in wrong:
+            offset = values.get(f"{trial.name}:clock.offset", 0.0)
+            found += clock.clock(trial, _shifted(problem, trial, shared, offset), sigma)
+    wrong = {name for one in found for name in one.trials}
+    found += [one for one in odd_run(problem, fit) if not wrong & set(one.trials)]
+    whole = [(t, r) for t, r in zip(problem.trials, residuals, strict=True) if not t.gaps and len(r) >= _LONG]
+    if whole and not wrong:
+        steps = [float(np.median(np.diff(t.time))) for t, _ in whole]
+        found += remarks(making([r for _, r in whole], steps, [beats(t) for t, _ in whole]))
+    return Checks(ordered(found))
+
+
+def _labels(problem: Problem, trials: Sequence[Trial], values: dict[str, float], sigma: FloatArray) -> list[Finding]:
+    drives = list(dict.fromkeys(trial.drive for trial in trials))
+    if len(drives) < 2:
+        return []
+    return list(labels(trials, drives, costs(problem.model, trials, drives, values, sigma=sigma), fitted=True))
+
+
+def _shifted(problem: Problem, trial: Trial, values: dict[str, float], offset: float) -> FloatArray:
+    """Return the prediction (shifts, n, 3) at the times of a trial, shifted by whole samples."""
+    predicted = problem.model.predict(trial, values, offset=offset)
+    rollout = predicted.rollout
+    if rollout.status != "ok":
+        return np.full((len(clock.SHIFTS), len(trial.time), 3), np.nan)
+    step = float(np.median(np.diff(trial.time)))
+    when = problem.model.prepare(trial, values, offset=offset).time[None, :] + clock.SHIFTS[:, None] * step
+    inside = np.clip(when, rollout.time[0], rollout.time[-1])
+    return np.asarray(rollout.at(inside.ravel())[:, :3].reshape(*when.shape, 3))
