@@ -34,6 +34,7 @@ SHIPPED = {
     "mass_error",
     "munk_moment",
     "reynolds_drag",
+    "roll",
     "section_height",
     "servo_backlash",
     "servo_lag",

@@ -1,0 +1,115 @@
+"""Rolling about the long axis, out of the plane of the model."""
+
+from __future__ import annotations
+
+import functools
+from typing import ClassVar
+
+import numpy as np
+
+from mjfish.arrays import FloatArray, readonly
+from mjfish.compiled import compiled
+from mjfish.drive.measured import smoothing_spline
+from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.parameter import Parameter
+from mjfish.trial import Trial
+
+#: Acceleration of gravity [m/s2].
+GRAVITY = 9.81
+#: Longest step of the pendulum [s]; samples of a camera are further apart.
+_STEP = 0.005
+
+
+class Roll(Effect):
+    """The body rolls, and a marker at the height z above the roll axis goes with it: sway_recorded = sway - z phi'.
+
+    phi is positive with port up (about x forward). Where it was measured, phi' is the slope of its smoothing spline and
+    the shapes play no part. Elsewhere the fish is a pendulum, its centre of mass below the axis, that the side force
+    drives: in a frame that accelerates sideways by a = sway' + yaw_rate surge, the apparent weight leans by -a / g,
+
+        phi'' + 2 zeta omega phi' + omega^2 phi = -(omega^2 / g) (sway' + yaw_rate surge).
+
+    With q = phi' + (omega^2 / g) sway no sway' is needed; q and phi are integrated from rest at the first sample on,
+    by Runge-Kutta steps of 5 ms at most, with cubics between the samples of the velocity. What the side force acts on
+    besides the weight, added mass above all, is in `height`: without a measured roll it is an effective one.
+
+    The loss of normal force by leaning, cos^2 phi, is of second order and left out.
+    """
+
+    name: ClassVar[str] = "roll"
+    family: ClassVar[Family] = "out_of_plane"
+    summary: ClassVar[str] = "the fish rolls, and the marker with it"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("roll.height", "m", 0.0, -0.2, 0.2, 0.0, 0.003, about="of the marker above the roll axis"),
+        Parameter(
+            "roll.frequency", "rad/s", 8.0, 1.0, 40.0, 8.0, 1.0, about="natural frequency of the roll", shape=True
+        ),
+        Parameter("roll.damping", "-", 0.2, 0.02, 1.5, 0.2, 0.05, about="damping ratio of the roll", shape=True),
+    )
+    source: ClassVar[str] = (
+        "Metacentric stability and coupled sway and roll: Fossen, Handbook of Marine Craft Hydrodynamics and Motion "
+        "Control (2011), ch. 4 and 7"
+    )
+    signature: ClassVar[str] = "sway alone is off, most where the beat frequency is near that of the roll"
+    confirm: ClassVar[str] = "measure the roll, or tilt the fish by hand, let go, and film the swing from ahead"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
+
+    def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
+        """Take the speed of the marker about the roll axis off the sway."""
+        read = state.copy()
+        rate = _measured_rate(trial)
+        if rate is None:
+            slope = np.gradient(state[:, :3], trial.time, axis=0)
+            rate = _rolled(trial.time, state[:, :3].copy(), slope, values["frequency"], values["damping"])
+        read[:, 1] -= values["height"] * rate
+        return read
+
+
+@functools.lru_cache(maxsize=256)
+def _measured_rate(trial: Trial) -> FloatArray | None:
+    """Return the rate (n,) [rad/s] of the roll that was measured, None where it was not."""
+    return None if trial.roll is None else readonly(smoothing_spline(trial.time, trial.roll)(trial.time, nu=1))
+
+
+@compiled
+def _rolled(time: FloatArray, velocity: FloatArray, slope: FloatArray, frequency: float, damping: float) -> FloatArray:
+    """Return phi' (n,): phi' = q - k sway, q' = -2 zeta omega phi' - omega^2 phi - k yaw_rate surge, k = omega^2 / g.
+
+    Args:
+        time: (n,) of the samples [s].
+        velocity, slope: (n, 3) surge, sway, yaw rate and their time derivatives.
+        frequency, damping: omega [rad/s] and zeta.
+    """
+    n = time.shape[0]
+    coupling = frequency * frequency / GRAVITY
+    rate = np.zeros(n)
+    phi = 0.0
+    q = coupling * velocity[0, 1]
+    now = np.empty(3)
+    for i in range(n - 1):
+        width = time[i + 1] - time[i]
+        parts = max(int(np.ceil(width / _STEP)), 1)
+        h = width / parts
+        for part in range(parts):
+            total_phi = 0.0
+            total_q = 0.0
+            k_phi = 0.0
+            k_q = 0.0
+            for stage in range(4):
+                ahead = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
+                s = (part * h + ahead) / width
+                for c in range(3):
+                    now[c] = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * velocity[i, c] + s * (1.0 - s) ** 2 * width * slope[
+                        i, c
+                    ]
+                    now[c] += s * s * (3.0 - 2.0 * s) * velocity[i + 1, c] + s * s * (s - 1.0) * width * slope[i + 1, c]
+                here = phi + ahead * k_phi
+                k_phi = q + ahead * k_q - coupling * now[1]
+                k_q = -2.0 * damping * frequency * k_phi - frequency**2 * here - coupling * now[2] * now[0]
+                weight = 1.0 if stage == 0 or stage == 3 else 2.0
+                total_phi += weight * k_phi
+                total_q += weight * k_q
+            phi += h / 6.0 * total_phi
+            q += h / 6.0 * total_q
+        rate[i + 1] = q - coupling * velocity[i + 1, 1]
+    return rate
