@@ -9,6 +9,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.evidence import Evidence, gather, signatures
+from mjfish.diagnose.noise.forces import Pushed
 from mjfish.diagnose.noise.saturated import noise_of
 from mjfish.diagnose.progress import Progress
 from mjfish.diagnose.refit import Refit, refits
@@ -100,6 +101,8 @@ def _resolved(problem: Problem) -> tuple[Problem, FloatArray]:
 
 def _same(new: Noise, old: Noise) -> bool:
     """Return whether two noise models have the same spectrum, nearly."""
+    if isinstance(new, Pushed) or isinstance(old, Pushed):
+        return isinstance(new, Pushed) and isinstance(old, Pushed) and new.resembles(old, 2.0 * _SAME)
     ratio = np.log(_spectrum(new) / _spectrum(old))
     return bool(np.max(np.abs(ratio)) < 2.0 * _SAME)
 

@@ -75,7 +75,7 @@ class Problem:
 
     def divergence(self, x: FloatArray) -> str:
         """Return which trial diverges, when and with which parameters; empty where none does."""
-        predicted = [(trial, self._prediction(trial, self.named(x))) for trial in self.trials]
+        predicted = [(trial, self.prediction(trial, self.named(x))) for trial in self.trials]
         lost = [(trial, one) for trial, one in predicted if not np.all(np.isfinite(one.velocity))]
         return "; ".join(f"{trial.name} {one.message}" for trial, one in lost)
 
@@ -180,9 +180,10 @@ class Problem:
         return [function(task) for task in tasks]
 
     def _predict(self, task: tuple[Trial, dict[str, float]]) -> FloatArray:
-        return self._prediction(*task).velocity
+        return self.prediction(*task).velocity
 
-    def _prediction(self, trial: Trial, values: Mapping[str, float]) -> Prediction:
+    def prediction(self, trial: Trial, values: Mapping[str, float]) -> Prediction:
+        """Predict one trial, its start velocity and clock from `values` where they are free."""
         velocity, offset = self._start(trial, values)
         return self.model.predict(trial, values, velocity=velocity, offset=offset)
 

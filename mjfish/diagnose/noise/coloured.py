@@ -39,6 +39,14 @@ class Coloured(Noise):
         ]
         return np.concatenate(parts, axis=1).reshape(block.shape)
 
+    def log_determinant(self, trial: Trial, seen: BoolArray) -> float:
+        """Return the log determinant of the noise's covariance."""
+        del trial
+        if self.phi.shape[1] == 0:
+            return float(np.count_nonzero(seen) * np.sum(np.log(self.sigma**2)))
+        there = seen.tobytes()
+        return sum(_filter(self.phi[c].tobytes(), float(self.sigma[c]), there).log_determinant for c in range(3))
+
     def draw(self, rng: np.random.Generator, seen: BoolArray) -> FloatArray:
         """Return a draw (samples seen, 3) of the noise on a grid."""
         warm = 20 * max(self.phi.shape[1], 1)

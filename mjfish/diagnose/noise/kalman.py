@@ -89,8 +89,8 @@ def _gains(
             root[t] = factor
             for k in range(factor.shape[0]):
                 total -= 2.0 * np.log(factor[k, k])
-        at = min(t, last)
-        covariance = transition[at] @ covariance @ transition[at].T + drive[at]
+        ahead = transition[min(t, last)]
+        covariance = ahead @ covariance @ ahead.T + drive[min(t, drive.shape[0] - 1)]
         covariance = 0.5 * (covariance + covariance.T)
     return total
 

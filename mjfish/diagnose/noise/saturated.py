@@ -14,11 +14,14 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra
 from mjfish.diagnose.noise.coloured import Coloured, grid
+from mjfish.diagnose.noise.forces import likelihood, pushed
 from mjfish.identify import Fit, Noise, Problem
 from mjfish.identify.noise import estimate, floor
 
 #: A stated sigma is contradicted when the estimate is off by more than this many of its standard errors.
 _CONTRADICTED = 5.0
+#: Log-likelihood by which forces behind the noise must beat plain coloured noise, which has more parameters.
+_LIKELIER = 10.0
 
 
 def saturated_residuals(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> tuple[list[FloatArray], float]:
@@ -51,13 +54,25 @@ def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: Fl
         least = floor(problem.trials)
         if np.any(found.sigma < least):
             found = Noise.white(np.maximum(found.sigma, least))
-        return Coloured.of(found), _describe(found, "estimated from the data")
+        return _better(problem, fit, residuals, found, "estimated from the data")
     total = sum(len(block) for block in residuals)
     spread = np.sqrt(sum((block**2).sum(axis=0) for block in residuals) / (total - lost))
     off = np.abs(spread / stated - 1.0) * np.sqrt(2.0 * (total - lost))
     if found.order == 0 and np.all(off < _CONTRADICTED):
         return Coloured.of(Noise.white(stated)), ""
-    return Coloured.of(found), _describe(found, "the stated noise does not fit the data; estimated instead")
+    return _better(problem, fit, residuals, found, "the stated noise does not fit the data; estimated instead")
+
+
+def _better(problem: Problem, fit: Fit, residuals: Sequence[FloatArray], found: Noise, what: str) -> tuple[Noise, str]:
+    """Return the noise with the model of forces behind it where that is likelier, else as it was found."""
+    coloured = Coloured.of(found)
+    if found.order > 0:
+        forces = pushed(problem, fit, residuals)
+        if likelihood(forces, problem, residuals) > likelihood(coloured, problem, residuals) + _LIKELIER:
+            sigma, push = (", ".join(f"{v:.3g}" for v in values) for values in (forces.sigma, forces.push))
+            told = f"random accelerations {push} over {forces.time:g} s push the fish, sigma of the camera {sigma}"
+            return forces, f"noise: {what} ({told}); the innovations form of the fit is used"
+    return coloured, _describe(found, what)
 
 
 def _describe(noise: Noise, what: str) -> str:
