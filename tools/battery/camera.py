@@ -1,4 +1,4 @@
-"""What the camera reads of what happened: clock, axes, scale, marker, moving water."""
+"""What the camera reads of what happened: clock, axes, scale, marker, roll, moving water."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.integrate import cumulative_simpson
 
+from battery import rolling
 from battery.plans import Run
 from battery.world import Motion
 from mjfish.arrays import FloatArray
@@ -24,6 +25,9 @@ def velocity(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArra
     current = np.array([psi.get("ambient_current.x", 0.0), psi.get("ambient_current.y", 0.0)])
     if np.any(current):
         read[:, :2] += _into_body(_sheared(current, seen[:, 3:5]), seen[:, 5])
+    if psi.get("roll.height"):
+        rate = rolling.rolled(motion, psi).at(time + psi.get("time_offset.offset", 0.0))[:, 1]
+        read[:, 1] -= psi["roll.height"] * rate
     turn, along = read[:, 2].copy(), psi.get("marker_offset.along", 0.0)
     read[:, 0] -= psi.get("marker_offset.across", 0.0) * turn
     read[:, 1] += along * turn

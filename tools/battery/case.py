@@ -15,7 +15,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from battery import camera, classes, forcing, size
+from battery import camera, classes, forcing, rolling, size
 from battery import noise as noises
 from battery.classes import CAUSES, LISTED, OFF_LIST, Cause
 from battery.draft import Draft, draft, measured_by_path
@@ -24,6 +24,7 @@ from battery.sealed import Truth
 from battery.world import FINE, Disturbance
 from mjfish import trial as trials
 from mjfish.arrays import FloatArray, readonly
+from mjfish.errors import InputError
 from mjfish.trial import Dataset, Trial
 
 Kind = Literal["none", "one", "two", "three", "off_list", "decoy"]
@@ -76,7 +77,7 @@ def make_case(
         rivals: whether to compute the correlations with all other causes (about a second).
     """
     if kind not in get_args(Kind):
-        raise ValueError(f"kind is '{kind}', expected one of {', '.join(get_args(Kind))}")
+        raise InputError(f"kind is '{kind}', expected one of {', '.join(get_args(Kind))}")
     rng = np.random.default_rng([seed, list(get_args(Kind)).index(kind), 77])
     pool = {"off_list": OFF_LIST, "decoy": classes.DECOYS}.get(kind, LISTED)
     count = {"none": 0, "two": 2, "three": 3}.get(kind, 1)
@@ -100,6 +101,7 @@ def scaled_case(
     disturbance_level: float = 1.0,
     level: float | None = None,
     pose: bool | None = None,
+    roll: bool | None = None,
     runs: int | None = None,
     stated: bool | None = None,
     rivals: bool = False,
@@ -114,6 +116,7 @@ def scaled_case(
         disturbance_level: rms of what force noise does to the velocities, in units of the camera's noise.
         level: of the camera's noise, 1 is 6 mm/s and 0.04 rad/s; None: drawn from 0.5 to 2.
         pose: whether the pose is recorded; None: drawn, and recorded where a cause needs it.
+        roll: whether the roll is recorded; None: drawn, in one case of four.
         runs: how many; None: drawn.
         stated: whether the dataset states its sigma; None: drawn.
     """
@@ -128,6 +131,7 @@ def scaled_case(
         noise_kind=noise_kind,
         level=level,
         pose=pose,
+        roll=roll,
         runs=runs,
         bound="coefficient_at_bound" in names,
     )
@@ -158,6 +162,7 @@ def scaled_case(
         stated=say,
         disturbance=told,
         pose=made.plan.pose,
+        roll=made.plan.roll,
         runs=(tuple(parts[False]), tuple(parts[True])),
         rho=correlations,
     )
@@ -205,6 +210,7 @@ def _measured(
         clean.append(made.seen(number, moved, psi))
         time, kept = made.time(number), made.kept[number]
         path = camera.pose(moved, run, psi, time)
+        roll = rolling.rolled(moved, psi).at(time)[:, 0] + noises.ROLL * made.rng.standard_normal(len(time))
         velocity, path = _noisy(made.noise, clean[-1], path, kept, made.rng)
         measured.append(
             Trial(
@@ -214,6 +220,7 @@ def _measured(
                 velocity=readonly(velocity),
                 drive=run.drive,
                 pose=readonly(path[kept]) if made.plan.pose else None,
+                roll=readonly(roll[kept]) if made.plan.roll else None,
                 gaps=made.noise.kind == "dropped_frames",
             )
         )

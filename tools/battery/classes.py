@@ -57,6 +57,11 @@ def _current(rng: np.random.Generator) -> dict[str, float]:
     return {"ambient_current.x": 0.005 * np.cos(heading), "ambient_current.y": 0.005 * np.sin(heading)}
 
 
+def _roll(rng: np.random.Generator) -> dict[str, float]:
+    shapes = {"roll.frequency": float(rng.uniform(5.0, 14.0)), "roll.damping": float(rng.uniform(0.1, 0.4))}
+    return {"roll.height": 0.002 * _sign(rng), **shapes}
+
+
 def _along_x(rng: np.random.Generator) -> dict[str, float]:
     return {"ambient_current.x": 0.005 * _sign(rng), "ambient_current.y": 0.0}
 
@@ -127,6 +132,7 @@ LISTED = (
     Cause("tail_compliance", _compliance, 0.01, 40.0, shapes=("tail_compliance.damping",)),
     Cause("inertia_error", _one("inertia_error.error", 0.05, signed=True), 0.0, 11.0),
     Cause("com_offset", _one("com_offset.shift", 0.005, signed=True), 0.0, 15.0),
+    Cause("roll", _roll, 0.0, 90.0, exact=False, shapes=("roll.frequency", "roll.damping")),
 )
 #: On the list, and invisible (mass) or all but invisible while all nine coefficients are free; not drawn.
 GAUGES = (

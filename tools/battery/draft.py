@@ -11,6 +11,7 @@ from battery import camera, noise, plans, world
 from battery.world import COARSE, Accuracy, Disturbance
 from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
+from mjfish.errors import InputError
 from mjfish.fish import Fish
 
 #: Seeds of the splits: what tunes a threshold never sees a seed of the test.
@@ -92,12 +93,13 @@ def draft(
     noise_kind: noise.Kind | None = None,
     level: float | None = None,
     pose: bool | None = None,
+    roll: bool | None = None,
     runs: int | None = None,
     bound: bool = False,
 ) -> Draft:
     """Draw a case without its effect; see `battery.case.make_case` for the arguments."""
     if not 0 <= seed < 1_000_000:
-        raise ValueError(f"seed is {seed}, expected 0 to 999999: the splits are a million apart")
+        raise InputError(f"seed is {seed}, expected 0 to 999999: the splits are a million apart")
     rng = np.random.default_rng(SPLITS[split] + seed)
     fish = fishes.load("pike")
     theta = {}
@@ -107,7 +109,7 @@ def draft(
     if bound:
         parameter = fish.parameters[int(rng.integers(len(fish.parameters)))]
         theta[parameter.name] = parameter.high if rng.random() < 0.5 else parameter.low
-    plan = plans.draw(rng, pose=pose, runs=runs)
+    plan = plans.draw(rng, pose=pose, roll=roll, runs=runs)
     how = noise.draw(rng, noise_kind, level)
     kept = tuple(noise.kept(how, round(run.duration * noise.RATE) + 1, rng) for run in plan.runs)
     return Draft(seed, split, rng, fish, theta, plan, how, kept)

@@ -24,6 +24,8 @@ RATE = 50.0
 FLOOR = 0.05
 #: Noise of recorded poses that are not differentiated: [m], [m], [rad].
 POSE = np.array([0.001, 0.001, 0.003])
+#: Noise of a recorded roll [rad].
+ROLL = 0.005
 
 
 @dataclass(frozen=True)

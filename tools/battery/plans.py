@@ -40,16 +40,20 @@ class Run:
 
 @dataclass(frozen=True)
 class Plan:
-    """Runs of a session, and whether the pose is recorded."""
+    """Runs of a session, and whether the pose, and the roll, are recorded."""
 
     runs: tuple[Run, ...]
     pose: bool
+    roll: bool
 
 
-def draw(rng: np.random.Generator, *, pose: bool | None = None, runs: int | None = None) -> Plan:
+def draw(
+    rng: np.random.Generator, *, pose: bool | None = None, roll: bool | None = None, runs: int | None = None
+) -> Plan:
     """Draw a plan: 5 to 10 runs of 5 to 11 s, two or three of them held out at another frequency or turn."""
     count = int(rng.integers(5, 11)) if runs is None else runs
     seen = bool(rng.random() < 0.8) if pose is None else pose
+    rolling = bool(rng.random() < 0.25) if roll is None else roll
     out = 3 if count >= 8 and rng.random() < 0.5 else 2
     kinds = ["straight", "turn", "step", *rng.choice(["straight", "turn", "step", "zigzag"], size=count)][: count - out]
     kinds += list(rng.choice(["straight", "turn", "step", "zigzag"], size=out))
@@ -81,6 +85,7 @@ def draw(rng: np.random.Generator, *, pose: bool | None = None, runs: int | None
             for r in drawn
         ),
         seen,
+        rolling,
     )
 
 

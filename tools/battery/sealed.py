@@ -32,7 +32,7 @@ class Truth:
         n: numbers measured in the fitted runs.
         noise: kind and numbers of the noise; `stated`: whether the dataset states its sigma.
         disturbance: kind and size of the force noise; empty where none.
-        pose: whether poses are recorded.
+        pose, roll: whether they are recorded.
         runs: names of the fitted, names of the held out.
     """
 
@@ -52,6 +52,7 @@ class Truth:
     stated: bool
     disturbance: Mapping[str, Any]
     pose: bool
+    roll: bool
     runs: tuple[tuple[str, ...], tuple[str, ...]]
     rho: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 

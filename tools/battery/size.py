@@ -61,15 +61,17 @@ class Ruler:
         Chord steps in the logarithms of the coefficients, from the difference `left` at the true ones: a large effect
         that is all but a coefficient in disguise is not linear.
         """
-        best, moved = self.beyond(left), np.zeros(len(self.draft.theta))
+        best = last = self.beyond(left)
+        moved = np.zeros(len(self.draft.theta))
         for _ in range(_CHORDS):
             moved = np.clip(moved + self.step @ left, -_FARTHEST, _FARTHEST)
             changed = dict(zip(self.draft.theta, np.array([*self.draft.theta.values()]) * np.exp(moved), strict=True))
             left = full - stacked(self.draft, self.numbers, rest, changed)
             now = self.beyond(left)
-            if not now @ now < 0.98 * (best @ best):
+            best = now if now @ now < best @ best else best
+            if abs(now @ now - last @ last) < 0.02 * (last @ last):
                 break
-            best = now
+            last = now
         return best
 
     def beyond(self, signature: FloatArray) -> FloatArray:

@@ -43,16 +43,16 @@ class Motion:
     """What happened: nodes of every stretch (times after times, the last of one is the first of the next).
 
     Attributes:
-        stretches: (times (n + 1,), outputs (n + 1, OUTPUTS)) in the forward frame and the tank's world.
+        stretches: (times (n + 1,), columns (n + 1, k)): those of `battery.momentum`, in the forward frame.
     """
 
     stretches: tuple[tuple[FloatArray, FloatArray], ...]
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Return outputs (m, OUTPUTS) at `time`: cubic through four nodes of a stretch; before the start, the start."""
+        """Return columns (m, k) at `time`: cubic through four nodes of a stretch; before the start, the start."""
         starts = np.array([times[0] for times, _ in self.stretches])
         which = np.clip(np.searchsorted(starts, time + 1e-9, side="right") - 1, 0, len(starts) - 1)
-        found = np.empty((len(time), momentum.OUTPUTS))
+        found = np.empty((len(time), self.stretches[0][1].shape[1]))
         for number, (times, values) in enumerate(self.stretches):
             here = which == number
             h = times[1] - times[0]
