@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -82,6 +82,13 @@ class Extended:
     def ode_only(self) -> tuple[str, ...]:
         """Names of the effects that MuJoCo's fish cannot have."""
         return tuple(effect.name for effect, _ in self.active if not effect.mujoco)
+
+    def told(self) -> Iterator[str]:
+        """Yield lines that say which effects are on, and which of them are of the camera."""
+        for effect, own in self.active:
+            numbers = ", ".join(f"{p.short} = {own[p.short]:g} {p.unit}".removesuffix(" -") for p in effect.parameters)
+            where = "; it changes what the camera reads, not the swimming" if effect.name in self.seen else ""
+            yield f"with {effect.name}: {numbers}{where}"
 
     def check_mujoco(self) -> None:
         """Raise `InputError` where an effect has no MuJoCo side."""

@@ -10,14 +10,15 @@ from typing import Annotated
 
 import typer
 from rich import box
+from rich.markup import escape
 from rich.table import Table
 
-from mjfish import fish as fishes
+from mjfish import extended
 from mjfish.cli import console
 from mjfish.drive import modes
 from mjfish.errors import UnknownNameError
+from mjfish.extended import Extended
 from mjfish.files import check_file, write_json
-from mjfish.fish import Fish
 from mjfish.frames import CHANNELS, UNITS
 
 #: Checked where no mode is named: a straight run, a change of frequency, a turn.
@@ -37,7 +38,7 @@ def register(app: typer.Typer) -> None:
 
 
 def check(
-    fish: Annotated[str, typer.Option(help="A shipped fish or a fish TOML.")] = "pike",
+    fish: Annotated[str, typer.Option(help="A shipped fish or a fish TOML, its effects included.")] = "pike",
     mode: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(modes.MODES)}; repeatable.")] = None,
     all_: Annotated[
         bool,
@@ -51,13 +52,18 @@ def check(
         Coriolis, typer.Option(help="The paper's printed form must be seen to fail.")
     ] = Coriolis.CORRECTED,
     json_: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
+    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
 ) -> None:
     """Cross-check MuJoCo with the fluid force against the head-frame ODE, on the joint motion that MuJoCo realised."""
     from mjfish import crosscheck
 
-    body = fishes.load(fish)
+    whole = extended.load(fish, effects or ())
+    whole.check_mujoco()
+    body = whole.fish
+    for line in whole.told():
+        console.out.print(escape(line), soft_wrap=True)
     if all_:
-        _check_all(body, mode, reference, json_)
+        _check_all(whole, mode, reference, json_)
         return
     names = mode or MODES
     for name in names:
@@ -68,7 +74,7 @@ def check(
     with console.progress_bar() as tell:
         for done, name in enumerate(names):
             tell(f"checking {name}", done / len(names))
-            results.append(crosscheck.check(body, name, coriolis=coriolis.value))
+            results.append(crosscheck.check(body, name, coriolis=coriolis.value, loads=whole.loads, drive=whole.drive))
     table = Table(title=f"{body.name}: largest difference ODE - MuJoCo, relative to each channel's range")
     for heading in ("mode", "step [ms]", *(f"{c} [{UNITS[c]}]" for c in CHANNELS), "of the bound", "order"):
         table.add_column(heading, justify="left" if heading == "mode" else "right")
@@ -90,10 +96,11 @@ def check(
         raise typer.Exit(console.NOT_GOOD)
 
 
-def _check_all(body: Fish, names: list[str] | None, reference: Path | None, json_: Path | None) -> None:
+def _check_all(whole: Extended, names: list[str] | None, reference: Path | None, json_: Path | None) -> None:
     """Compare every engine on every case, or on those of the named modes."""
     from mjfish import crosscheck
 
+    body = whole.fish
     cases = tuple(case for case in crosscheck.CASES if not names or case.mode in names)
     for name in names or []:
         if name not in (case.mode for case in cases):
@@ -101,7 +108,10 @@ def _check_all(body: Fish, names: list[str] | None, reference: Path | None, json
     if json_ is not None:
         check_file(json_)
     with console.progress_bar() as tell:
-        rows = list(crosscheck.check_all(body, cases=cases, reference=reference, tell=tell))
+        run = crosscheck.check_all(
+            body, cases=cases, reference=reference, tell=tell, loads=whole.loads, drive=whole.drive
+        )
+        rows = list(run)
     table = Table(
         title=f"{body.name}, joints prescribed: largest differences in velocity",
         caption="to ODE: relative to the channel's range; to ref.: in m/s and rad/s; step in ms",

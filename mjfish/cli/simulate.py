@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,16 +11,15 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from mjfish import fish as fishes
-from mjfish.arrays import FloatArray
+from mjfish import extended, ode
+from mjfish.arrays import FloatArray, readonly
 from mjfish.cli import console
-from mjfish.drive import cpg, modes
-from mjfish.drive.motion import JointMotion
+from mjfish.drive import modes
 from mjfish.errors import InputError
+from mjfish.extended import Extended
 from mjfish.files import check_folder, make_folder
-from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
-from mjfish.trial import columns, write_table
+from mjfish.trial import Trial, columns, write_table
 
 #: Step of both engines [s].
 STEP = 0.001
@@ -41,29 +41,34 @@ def register(app: typer.Typer) -> None:
 
 def simulate(
     out: Annotated[Path, typer.Option(help="Folder for rollout.csv and rollout.rrd.")],
-    fish: Annotated[str, typer.Option(help="A shipped fish or a fish TOML.")] = "pike",
+    fish: Annotated[str, typer.Option(help="A shipped fish or a fish TOML, its effects included.")] = "pike",
     mode: Annotated[str, typer.Option(help=f"One of {', '.join(modes.MODES)}.")] = "v1",
     engine: Annotated[Engine, typer.Option(help="Head-frame ODE or MuJoCo.")] = Engine.ODE,
-    set_: Annotated[list[str] | None, typer.Option("--set", help="Coefficient, e.g. c_d.head=2.0; repeatable.")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help="Coefficient or effect, e.g. c_d.head=2.0; repeatable.")
+    ] = None,
+    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
     duration: Annotated[float, typer.Option(help="Length of the run [s].")] = modes.DURATION,
     free: Annotated[bool, typer.Option("--free", help="Free to roll, pitch and sink; --engine mujoco only.")] = False,
 ) -> None:
     """Simulate a mode of swimming and write rollout.csv and rollout.rrd."""
-    body = fishes.load(fish).with_values(console.assignments(set_ or [], "--set"))
+    whole = extended.load(fish, effects or (), console.assignments(set_ or [], "--set"))
+    body = whole.fish
     if body.cpg is None:
         raise InputError(f"{fish} has no [cpg], which a mode of swimming needs; add one, or name another fish")
     if not 0.0 < duration < np.inf:
         raise InputError(f"--duration: found {duration:g}, expected a finite number above 0 s; correct it")
     if free and engine is not Engine.MUJOCO:
         raise InputError("--free: the ODE is planar; add --engine mujoco")
+    if engine is Engine.MUJOCO:
+        whole.check_mujoco()
+    trial = _trial(mode, duration)
     check_folder(out)
-    motion = cpg.joint_motion(body.cpg, modes.drive(mode), duration, STEP)
-    time = np.arange(int(duration * RATE + 1e-9) + 1) / RATE
-    state, joints, attitude, status, message = _run(body, motion, engine, time, free=free)
+    state, joints, attitude, status, message = _run(whole, trial, engine, free=free)
     make_folder(out)
     kept = np.all(np.isfinite(state), axis=1)
     names = ["time", *CHANNELS, *columns.POSE, *(columns.joint(k + 1) for k in range(body.joints))]
-    table = np.column_stack([time, state, joints])[kept]
+    table = np.column_stack([trial.time, state, joints])[kept]
     if attitude is not None:
         names += columns.ATTITUDE
         attitude = attitude[kept]
@@ -80,22 +85,43 @@ def simulate(
     console.out.print(
         f"{escape(body.name)}, {mode}, {engine.value}: mean surge of the second half {steady.mean():.3f} m/s"
     )
+    for line in whole.told():
+        console.out.print(escape(line), soft_wrap=True)
     table_file, log = escape(str(out / "rollout.csv")), escape(str(out / "rollout.rrd"))
     console.out.print(f"wrote {table_file} and {log} (open it with: {console.program()} view {log})", soft_wrap=True)
 
 
+def _trial(mode: str, duration: float) -> Trial:
+    """Return the mode as a trial, with nothing measured in it."""
+    time = np.arange(int(duration * RATE + 1e-9) + 1) / RATE
+    return Trial(mode, None, readonly(time), readonly(np.zeros((len(time), len(CHANNELS)))), drive=modes.drive(mode))
+
+
 def _run(
-    fish: Fish, motion: JointMotion, engine: Engine, time: FloatArray, *, free: bool
+    whole: Extended, trial: Trial, engine: Engine, *, free: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray | None, str, str]:
-    """Return velocity and pose (n, 6), joints, attitude or None, status and message at `time`; NaN where it ended."""
+    """Return velocity and pose (n, 6), joints, attitude or None, status and message at the trial's times.
+
+    They are what the camera reads; NaN where the run ended.
+    """
+    run = replace(whole.model, step=STEP).prepare(trial, whole.values)
+    time = np.minimum(run.time, run.motion.time[-1])
+    attitude = None
     if engine is Engine.MUJOCO:
         from mjfish import sim
 
-        run = sim.simulate(fish, motion, free=sim.Trim() if free else None)
-        series = np.column_stack([run.velocity, run.pose, run.attitude, run.joint_angle])
-        at = np.column_stack([np.interp(time, run.time, column, right=np.nan) for column in series.T])
-        return at[:, :6], at[:, 9:], at[:, 6:9] if free else None, run.status, run.message
-    from mjfish import ode
-
-    rollout = ode.simulate(fish, motion)
-    return rollout.at(time)[:, :6], motion.angle_at(time), None, rollout.status, rollout.message
+        swum = sim.simulate(
+            run.fish, run.motion, values=run.coefficients, loads=run.loads, free=sim.Trim() if free else None
+        )
+        series = np.column_stack([swum.velocity, swum.pose, np.zeros((len(swum.time), 2)), swum.attitude])
+        series = np.column_stack([series, swum.joint_angle])
+        at = np.column_stack([np.interp(time, swum.time, column, right=np.nan) for column in series.T])
+        state, joints, attitude = at[:, :8], at[:, 11:], at[:, 8:11] if free else None
+        status, message = swum.status, swum.message
+    else:
+        rollout = ode.simulate(run.fish, run.motion, values=run.coefficients, loads=run.loads)
+        state, joints = rollout.at(time), run.motion.angle_at(time)
+        status, message = rollout.status, rollout.message
+    for effect, own in run.active:
+        state = effect.reading(state, own, trial)
+    return state[:, :6], joints, attitude, status, message

@@ -80,12 +80,13 @@ def _add_deflection(fish: Fish, specification: mujoco.MjSpec) -> None:
     """Let the last link bend back about its joint: a second hinge there, passive, behind the driven one.
 
     Between the two there is no mass. The driven joint gets an armature, such as the rotor of its servo is: the inertia
-    of the link about the joint. Where its motion is prescribed that changes nothing.
+    of the link about the joint. Where its motion is prescribed that changes nothing. Its damping is explicit.
     """
     last = fish.links[-1]
     driven = specification.joint(f"joint_{fish.joints}")
     driven.armature += last.inertia + last.mass * last.com**2
     bent = specification.body(last.name).add_joint(name=DEFLECTION, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 0, 1))
+    specification.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     bent.stiffness[0], bent.damping[0] = 1.0 / fish.tail_compliance, fish.tail_damping
 
 

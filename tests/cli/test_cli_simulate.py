@@ -95,7 +95,7 @@ REFUSED = {
     "missing fish": ("--fish carp.toml", "carp.toml: no such fish file; shipped fish: eth_tendon, pike"),
     "fish without cpg": ("--fish eth_tendon", "eth_tendon has no [cpg], which a mode of swimming needs; add one"),
     "unknown mode": ("--mode v2", "unknown mode 'v2'; known: v1, v1-t1"),
-    "unknown coefficient": ("--set c_d.fin=1", "unknown coefficient 'c_d.fin'; known: c_d.body"),
+    "unknown coefficient": ("--set c_d.fin=1", "unknown parameter 'c_d.fin'; known: c_d.body"),
     "out of bounds": ("--set c_d.head=9", "c_d.head: value 9 - is outside its bounds [0.1, 4]; choose a value inside"),
     "no value": ("--set c_d.head", "--set: found 'c_d.head', expected NAME=VALUE, e.g. c_d.head=2.0"),
     "no number": ("--set c_d.head=two", "--set c_d.head: found 'two', expected a number; correct it"),
