@@ -8,7 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from mjfish import fish as fishes
+from mjfish.checks import Checks
 from mjfish.diagnose import Candidate, Cause, Diagnosis, Estimate, Overlay
+from mjfish.diagnose.description import Description, Term
+from mjfish.diagnose.fingerprint import Measured
 from mjfish.diagnose.heldout import Gain
 from mjfish.diagnose.locate import Where
 from mjfish.diagnose.result import Verdict
@@ -72,12 +75,19 @@ def diagnosis(
         message=f"Something to say about {verdict}.",
         status="ok",
         remarks=("c_f.head of the nominal model rests on its bound",),
+        checks=Checks(),
+        blind={"mass_error": "a refit of the coefficients hides all of it"},
         causes=(Cause(cause, find(cause).summary, own),) if verdict == "named" else (),
         rivals=((cause, "time_offset"),) if verdict == "cannot_tell" else (),
         alternatives={"named": ((cause,),), "cannot_tell": ((cause,), ("time_offset",))}.get(verdict, ()),
         candidates=_candidates(verdict),
-        best=cause if wrong else None,
+        best=(cause,) if wrong else (),
         where=_where(names) if wrong else None,
+        force=(),
+        fingerprint=Measured(1.04, 0.9, 1.2, 0.01, 0.4, find(cause).fingerprint) if wrong else None,
+        description=Description((Term("a moment on every link ~ u v", -0.2, 0.9),), 0.6)
+        if verdict == "unexplained"
+        else None,
         p_wrong=1e-9 if wrong else 0.63,
         gain=_GAIN if wrong and held_out else None,
         nominal=nominal,

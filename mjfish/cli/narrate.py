@@ -18,7 +18,7 @@ _COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow",
 def diagnosis(result: Diagnosis, known: Mapping[str, Effect]) -> None:
     """Print a diagnosis; `known` are the causes that were candidates."""
     out.print(f"[bold {_COLOURS[result.verdict]}]{result.verdict}[/]  {escape(result.message)}", soft_wrap=True)
-    if result.best is not None:
+    if result.best:
         out.print(_cause(result))
     if result.gain is not None:
         out.print(_gain(result))
@@ -42,11 +42,9 @@ def _cause(result: Diagnosis) -> Table:
     table = Table(title=title)
     for heading in ("parameter", "estimate", "95 % interval", "unit"):
         table.add_column(heading)
-    best = next(candidate for candidate in result.candidates if candidate.name == result.best)
-    for short, value in (best.parameters or {}).items():
-        table.add_row(
-            f"{best.name}.{short}", f"{value.estimate:.4g}", f"{value.low:.4g} to {value.high:.4g}", value.unit
-        )
+    for name, value in result.extended.items():
+        if name.partition(".")[0] in result.best:
+            table.add_row(name, f"{value.estimate:.4g}", f"{value.low:.4g} to {value.high:.4g}", value.unit)
     return table
 
 

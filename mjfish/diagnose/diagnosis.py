@@ -7,20 +7,23 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mjfish.diagnose import heldout, provenance
+from mjfish import checks
+from mjfish.diagnose import assemble, heldout, provenance
+from mjfish.diagnose.description import describe
 from mjfish.diagnose.evidence import Evidence
-from mjfish.diagnose.locate import Where, locate
+from mjfish.diagnose.fingerprint import fingerprint
+from mjfish.diagnose.force import missing_force
+from mjfish.diagnose.locate import locate
 from mjfish.diagnose.progress import Progress, silent
 from mjfish.diagnose.refit import Refit
-from mjfish.diagnose.result import Candidate, Cause, Diagnosis, Estimate, Overlay
-from mjfish.diagnose.search import Findings, search
-from mjfish.diagnose.select import Standing, chance, standings
+from mjfish.diagnose.result import Diagnosis
+from mjfish.diagnose.search import search
+from mjfish.diagnose.select import standings
 from mjfish.diagnose.several import several
 from mjfish.diagnose.verdict import Hearing, Ruling, rule
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
-from mjfish.identify import Fit, Noise, Problem
-from mjfish.identify.fit import Z95
+from mjfish.identify import Noise, Problem
 from mjfish.identify.report import first_sigma
 from mjfish.identify.score import Score, predict_held_out
 from mjfish.model import Model
@@ -62,8 +65,10 @@ def diagnose(
         free_clock=dataset.clock == "free",
         jobs=jobs or os.cpu_count() or 1,
     )
+    checked = checks.run(dataset, {effect.name: effect for effect in candidates})
     findings, noise_remark = search(problem, applicable, stated, rng, progress)
     evidence, refitted = findings.evidence, findings.refits
+    checked = checked.joined(checks.after(evidence.problem, evidence.fit, held))
 
     progress("comparing the candidates", 0.75)
     scores = _Scores(evidence, held)
@@ -76,34 +81,44 @@ def diagnose(
     several_ = None
     if refitted and not single.staying(clean=True):
         several_ = _several(refitted, applicable, scores, rng, progress)
-    ruling = rule(findings.p_wrong, single, several_)
+    ruling = rule(findings.p_wrong, single, several_, checked.blocks)
     best = _best(ruling, single, several_)
-    gain = heldout.gain(scores.of(None), scores.of(best), held, rng) if best is not None and held else None
-    progress("done", 1.0)
+    scored = (scores.of(None), scores.of(best)) if held else None
 
+    progress("looking at what is wrong", 0.96)
+    wrong = bool(refitted)
+    unexplained = ruling.verdict == "unexplained"
     final = evidence.fit if best is None else best.fit
-    extended_problem = evidence.problem if best is None else best.problem
-    return Diagnosis(
+    extended = evidence.problem if best is None else best.problem
+    table = assemble.candidates(candidates, reasons, evidence, refitted, standing, single)
+    result = Diagnosis(
         dataset=dataset,
         verdict=ruling.verdict,
         message=ruling.message,
         status="ok" if {evidence.fit.status, final.status} == {"converged"} else "fit_not_converged",
-        remarks=_remarks(noise_remark, evidence, held),
-        causes=_causes(best) if ruling.verdict == "named" else (),
-        rivals=_rivals(ruling),
+        remarks=assemble.remarks(noise_remark, evidence, held),
+        checks=checked,
+        causes=assemble.causes(best) if ruling.verdict == "named" else (),
+        rivals=assemble.rivals(ruling),
         alternatives=ruling.sets,
-        candidates=_candidates(candidates, reasons, evidence, refitted, standing, single),
-        best=None if best is None else " with ".join(best.names),
-        where=_where(findings),
+        candidates=table,
+        blind=assemble.blind(table, evidence),
+        best=() if best is None else best.names,
+        where=locate(evidence, findings.directed) if wrong else None,
+        force=missing_force(evidence.problem, evidence.fit) if wrong else (),
+        fingerprint=None if best is None else fingerprint(best),
+        description=describe(evidence.problem, evidence.fit, rng) if unexplained else None,
         p_wrong=findings.p_wrong,
-        gain=gain,
-        nominal=_estimates(evidence.fit, evidence.problem.model),
-        extended=_estimates(final, extended_problem.model),
+        gain=heldout.gain(*scored, held, rng) if scored is not None and best is not None else None,
+        nominal=assemble.estimates(evidence.fit, evidence.problem.model),
+        extended=assemble.estimates(final, extended.model),
         nominal_model=evidence.problem.model,
-        extended_model=extended_problem.model,
-        overlays=_overlays(evidence, extended_problem, final, held, scores, best),
+        extended_model=extended.model,
+        overlays=assemble.overlays(evidence, extended, final, held, scored),
         provenance=provenance.provenance(dataset, seed),
     )
+    progress("done", 1.0)
+    return result
 
 
 class _Scores:
@@ -152,99 +167,3 @@ def _best(ruling: Ruling, single: Hearing, several_: Hearing | None) -> Refit | 
         if hearing is not None and ruling.sets and ruling.sets[0] in hearing.refits:
             return hearing.refits[ruling.sets[0]]
     return max(single.refits.values(), key=lambda one: one.gain) if single.refits else None
-
-
-def _causes(best: Refit | None) -> tuple[Cause, ...]:
-    if best is None:
-        return ()
-    return tuple(Cause(effect.name, effect.summary, _own(best, effect)) for effect in best.effects)
-
-
-def _rivals(ruling: Ruling) -> tuple[tuple[str, ...], ...]:
-    """Return the names in which the sets that stay differ."""
-    if ruling.verdict != "cannot_tell":
-        return ()
-    shared = set.intersection(*map(set, ruling.sets))
-    ordered = dict.fromkeys(name for names in ruling.sets for name in names if name not in shared)
-    return (tuple(ordered),)
-
-
-def _where(findings: Findings) -> Where | None:
-    return locate(findings.evidence, findings.directed) if findings.refits else None
-
-
-def _estimates(one: Fit, model: Model) -> dict[str, Estimate]:
-    """Return the model's estimates by name, without what belongs to single trials.
-
-    A refit keeps a little off the null where an amplitude cannot be negative; an interval that reaches there reaches 0.
-    """
-    result = {}
-    declared = {p.name: p for p in model.parameters}
-    for p, at_bound in zip(one.parameters, one.at_bound, strict=True):
-        if p.name in declared:
-            low, high = one.interval(p.name, Z95)
-            low = declared[p.name].low if low <= p.low else low
-            result[p.name] = Estimate(one.values[p.name], low, high, p.unit, bool(at_bound))
-    return result
-
-
-def _own(one: Refit, effect: Effect) -> dict[str, Estimate]:
-    estimates = _estimates(one.fit, one.problem.model)
-    return {p.short: estimates[p.name] for p in effect.parameters}
-
-
-def _candidates(
-    effects: Sequence[Effect],
-    reasons: Mapping[str, str],
-    evidence: Evidence,
-    refitted: Mapping[str, Refit],
-    standing: Mapping[str, Standing],
-    single: Hearing,
-) -> tuple[Candidate, ...]:
-    result = []
-    for effect in effects:
-        name = effect.name
-        if reasons[name]:
-            result.append(Candidate(name, False, remark=reasons[name]))
-            continue
-        one, place = refitted.get(name), standing.get(name)
-        statistic = one.gain if one else evidence.statistic(name)
-        freedom = one.freedom if one else sum(not p.shape for p in effect.parameters)
-        result.append(
-            Candidate(
-                name=name,
-                applicable=True,
-                score=evidence.statistic(name),
-                statistic=statistic,
-                freedom=freedom,
-                p_value=chance(statistic, freedom),
-                rival_p=place.rival_p if place else None,
-                fit_p=min(place.saturated_p, place.omnibus_p) if place and place.in_set else None,
-                held_out_gain=single.held_out.get((name,)),
-                absorbed=evidence.absorbed(name),
-                smallest_visible=evidence.smallest_visible(name),
-                parameters=_own(one, effect) if one else None,
-            )
-        )
-    return tuple(sorted(result, key=lambda candidate: -candidate.statistic))
-
-
-def _remarks(noise: str, evidence: Evidence, held: Sequence[Trial]) -> tuple[str, ...]:
-    remarks = [noise] if noise else []
-    for p, at_bound in zip(evidence.fit.parameters, evidence.fit.at_bound, strict=True):
-        if at_bound:
-            remarks.append(f"{p.name} of the nominal model rests on its bound {evidence.fit.values[p.name]:g}")
-    if not held:
-        remarks.append("no held-out trial: the gain cannot be measured; record or set aside one more trial")
-    return tuple(remarks)
-
-
-def _overlays(
-    evidence: Evidence, extended: Problem, final: Fit, held: Sequence[Trial], scores: _Scores, best: Refit | None
-) -> tuple[Overlay, ...]:
-    nominal, after = evidence.problem.predictions(evidence.fit.x), extended.predictions(final.x)
-    overlays = [Overlay(t, False, a, b) for t, a, b in zip(evidence.problem.trials, nominal, after, strict=True)]
-    if held:
-        pairs = zip(held, scores.of(None).predictions, scores.of(best).predictions, strict=True)
-        overlays += [Overlay(t, True, a, b) for t, a, b in pairs]
-    return tuple(overlays)

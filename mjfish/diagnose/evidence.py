@@ -16,6 +16,8 @@ from mjfish.parameter import Parameter
 
 #: Draws of the simulated null distributions.
 DRAWS = 4000
+#: Share of a signature's energy below which nothing of it is left.
+_GAUGE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +92,15 @@ class Evidence:
         block = self.blocks[name]
         whole = float(np.sum(self.raw[:, block] ** 2))
         return 1.0 - float(np.trace(self.information[block, block])) / max(whole, 1e-300)
+
+    def hidden(self, name: str) -> bool:
+        """Return whether the free coefficients hide a candidate wholly, counting those that a bound holds.
+
+        What shows of such a gauge shows only because a bound is in the way.
+        """
+        block = self.blocks[name]
+        left = algebra.project_out(algebra.orthonormal(self.fit.jacobian), self.raw[:, block])
+        return float(np.sum(left**2)) < _GAUGE * float(np.sum(self.raw[:, block] ** 2))
 
     def refitted(self, name: str, amplitudes: Mapping[str, float]) -> dict[str, float]:
         """Return where the free parameters go, to first order, once a candidate has these amplitudes.

@@ -98,8 +98,8 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     A score says little of a cause that is not smooth at its null; of one that the coefficients absorb nearly, it is the
     difference of large numbers.
     """
-    scores = {effect.name: evidence.statistic(effect.name) for effect in effects}
-    ranked = sorted(effects, key=lambda effect: -scores[effect.name])
+    scores = {effect.name: evidence.statistic(effect.name) for effect in effects if not evidence.hidden(effect.name)}
+    ranked = sorted((effect for effect in effects if effect.name in scores), key=lambda effect: -scores[effect.name])
     close = scores[ranked[0].name] - _NEAR
     return [
         effect

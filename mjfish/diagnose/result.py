@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from mjfish.arrays import FloatArray
+from mjfish.checks import Checks
+from mjfish.diagnose.description import Description
+from mjfish.diagnose.fingerprint import Measured
+from mjfish.diagnose.force import MissingForce
 from mjfish.diagnose.heldout import Gain
 from mjfish.diagnose.locate import Where
 from mjfish.files import write_json
@@ -102,12 +106,18 @@ class Diagnosis:
         message: the verdict in one sentence.
         status: ``ok``, or what went wrong on the way (``fit_not_converged``).
         remarks: what a reader should know: noise, bounds, what was left out.
+        checks: what is to be known of the data before physics is blamed.
         causes: named ones, together.
         rivals: groups of names that the data cannot tell apart.
         alternatives: every set of causes that stays: the named one, or those that the data cannot tell apart.
         candidates: every cause scored, best first.
-        best: name of the best candidate, that the extended model has; None where nothing is wrong.
+        blind: causes that these data cannot show, with the reason.
+        best: names of the causes that the extended model has: the named ones, else the best candidate; empty where
+            nothing is wrong.
         where: where the discrepancy sits.
+        force: the missing generalised force of every fitted trial, with its band; empty where nothing is wrong.
+        fingerprint: how the discrepancy of the best scales and which symmetry it breaks; None where nothing is wrong.
+        description: forces that describe what no cause explains; only where it is ``unexplained``.
         p_wrong: p value of the nominal model.
         gain: on held-out trials; None where there are none or nothing is wrong.
         nominal: coefficients of the nominal model by name.
@@ -122,12 +132,17 @@ class Diagnosis:
     message: str
     status: str
     remarks: tuple[str, ...]
+    checks: Checks
     causes: tuple[Cause, ...]
     rivals: tuple[tuple[str, ...], ...]
     alternatives: tuple[tuple[str, ...], ...]
     candidates: tuple[Candidate, ...]
-    best: str | None
+    blind: Mapping[str, str]
+    best: tuple[str, ...]
     where: Where | None
+    force: tuple[MissingForce, ...]
+    fingerprint: Measured | None
+    description: Description | None
     p_wrong: float
     gain: Gain | None
     nominal: Mapping[str, Estimate]
@@ -152,6 +167,10 @@ class Diagnosis:
             "rivals": [list(group) for group in self.rivals],
             "alternatives": [list(names) for names in self.alternatives],
             "candidates": [_candidate(candidate) for candidate in self.candidates],
+            "blind": dict(self.blind),
+            "checks": self.checks.to_dict(),
+            "fingerprint": asdict(self.fingerprint) if self.fingerprint else None,
+            "description": asdict(self.description) if self.description else None,
             "p_wrong": self.p_wrong,
             "where": self.where.to_dict() if self.where else None,
             "gain": _gain(self.gain) if self.gain else None,

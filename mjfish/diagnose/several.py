@@ -107,7 +107,8 @@ def _extended(
 
 
 def _shortlist(after: Evidence) -> list[Effect]:
-    return sorted(after.candidates, key=lambda effect: -after.statistic(effect.name))[:_ADDED]
+    visible = [effect for effect in after.candidates if not after.hidden(effect.name)]
+    return sorted(visible, key=lambda effect: -after.statistic(effect.name))[:_ADDED]
 
 
 def _without(one: Refit, known: Mapping[Names, Refit]) -> list[Refit]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from mjfish.checks import Finding
 from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Verdict
 from mjfish.diagnose.select import Standing
@@ -49,9 +50,10 @@ class Hearing:
         return tuple(sorted(kept, key=lambda names: -self.refits[names].adjusted))
 
 
-def rule(p_wrong: float, single: Hearing, several: Hearing | None) -> Ruling:
+def rule(p_wrong: float, single: Hearing, several: Hearing | None, blocks: Sequence[Finding] = ()) -> Ruling:
     """Decide.
 
+    - something about the data makes any verdict worthless: ``cannot_tell``;
     - the nominal model is not contradicted: ``nothing_wrong``;
     - single causes stay that leave nothing: one is ``named``, several are ``cannot_tell``;
     - else sets of several causes, and last single causes that leave little, in the same way;
@@ -61,7 +63,10 @@ def rule(p_wrong: float, single: Hearing, several: Hearing | None) -> Ruling:
         p_wrong: p value of the nominal model.
         single: every candidate that was refitted, alone.
         several: sets of two or three; None where none was to be seen.
+        blocks: findings about the data with which no verdict is worth its words.
     """
+    if blocks:
+        return Ruling("cannot_tell", (), f"These data cannot tell: {blocks[0].message}.")
     if p_wrong >= ALARM:
         return Ruling(
             "nothing_wrong", (), f"Nothing wrong was found: the nominal model fits to within noise (p = {p_wrong:.2g})."

@@ -59,7 +59,7 @@ class Noise:
         return np.concatenate([self._whiten(piece) for piece in pieces])
 
     def of_trial(self, trial: Trial, mask: BoolArray, block: FloatArray, starts: Sequence[int]) -> FloatArray:
-        """Whiten columns (n, 3, ...) of the counted samples of a trial; noise that knows more of a trial overrides it."""
+        """Whiten columns (n, 3, ...) of a trial's counted samples; noise that knows more of a trial overrides it."""
         del trial, mask
         return self.whiten(block, starts)
 

@@ -73,7 +73,7 @@ def _growth(
     out: FloatArray,
 ) -> None:
     scratch = np.zeros(3)
-    moved = np.empty(STATES, dtype=np.complex128)
+    moved: Any = np.empty(STATES, dtype=np.complex128)
     for k in range(out.shape[0]):
         for j in range(3):
             trial = state[k].copy()

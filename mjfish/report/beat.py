@@ -30,7 +30,7 @@ def beat_figure(diagnosis: Diagnosis) -> dict[str, Any]:
     held = [overlay for overlay in diagnosis.overlays if overlay.held_out]
     overlays = held or list(diagnosis.overlays)
     phase = _phases(diagnosis.nominal_model.fish.cpg, overlays)
-    models = ["nominal"] if diagnosis.best is None else ["nominal", "extended"]
+    models = ["nominal"] if not diagnosis.best else ["nominal", "extended"]
     centre = (np.arange(BINS) + 0.5) / BINS
     data = []
     for model in models:

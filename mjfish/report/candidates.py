@@ -105,7 +105,7 @@ def _verdict(one: Candidate, diagnosis: Diagnosis, effects: Mapping[str, Effect]
     if any(one.name in group for group in diagnosis.rivals):
         return "Possible: the data cannot tell it from its rivals, and with it nothing systematic is left."
     if one.rival_p is not None and one.rival_p < KEEP:
-        return f"Ruled out: {diagnosis.best} explains the misfit better by more than chance allows."
+        return f"Ruled out: {' with '.join(diagnosis.best)} explains the misfit better by more than chance allows."
     if one.fit_p is not None and one.fit_p < GOODNESS:
         return "Close, but with it in the model something systematic is left."
     if one.held_out_gain is not None and one.held_out_gain <= 0.0:

@@ -45,7 +45,7 @@ def coefficient_views(diagnosis: Diagnosis) -> tuple[CoefficientView, ...]:
     """Return one line a parameter of the extended model."""
     declared = {p.name: p for p in (*diagnosis.nominal_model.parameters, *diagnosis.extended_model.parameters)}
     names = [*diagnosis.nominal, *(name for name in diagnosis.extended if name not in diagnosis.nominal)]
-    extended = diagnosis.extended if diagnosis.best is not None else {}
+    extended = diagnosis.extended if diagnosis.best else {}
     return tuple(_view(name, diagnosis.nominal, extended, declared.get(name)) for name in names)
 
 

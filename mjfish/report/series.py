@@ -48,7 +48,7 @@ def _of(diagnosis: Diagnosis, overlay: Overlay) -> TrialFigure:
 def _curves(diagnosis: Diagnosis, overlay: Overlay) -> list[figure.Trace]:
     time, measured = overlay.trial.time, overlay.trial.velocity
     models = {"@nominal": counted(diagnosis, overlay, overlay.nominal)}
-    if diagnosis.best is not None:
+    if diagnosis.best:
         models["@extended"] = counted(diagnosis, overlay, overlay.extended)
     data = []
     for k in range(len(CHANNELS)):

@@ -45,7 +45,7 @@ def _run(diagnosis: Diagnosis, overlay: Overlay) -> Run:
     trial = overlay.trial
     nominal = _simulated("nominal", diagnosis.nominal_model, diagnosis.nominal, trial, overlay.nominal)
     swims: tuple[Swim, ...] = (_measured(trial), nominal)
-    if diagnosis.best is not None:  # then the arrows are drawn on the extended model alone
+    if diagnosis.best:  # then the arrows are drawn on the extended model alone
         model, estimates = diagnosis.extended_model, diagnosis.extended
         extended = _simulated("extended", model, estimates, trial, overlay.extended)
         swims = (swims[0], replace(nominal, forces=None), extended)

@@ -75,7 +75,7 @@ def test_an_effect_off_the_list_is_unexplained(pike: Fish) -> None:
     result = diagnose(_fading(pike), jobs=1)
     assert result.verdict == "unexplained"
     assert result.causes == ()
-    assert result.best is not None
+    assert result.best
     assert result.gain is not None
 
 

@@ -155,7 +155,7 @@ def _periodogram(block: FloatArray, seen: BoolArray, step: float) -> tuple[Float
     window = signal.windows.hann(len(seen), sym=False) * seen
     waves = np.fft.rfft(filled * window[:, None], axis=0)
     power = np.einsum("fi,fj->fij", waves, waves.conj()) * step / np.sum(window**2)
-    frequency: FloatArray = np.fft.rfftfreq(len(seen), step)
+    frequency = np.asarray(np.fft.rfftfreq(len(seen), step), dtype=np.float64)
     kept = (frequency > 0.0) & (frequency < _HIGHEST / step)
     return frequency[kept], power[kept]
 

@@ -1,0 +1,122 @@
+"""Tables of a diagnosis, from fits and standings to what a reader sees."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from mjfish.diagnose.evidence import Evidence
+from mjfish.diagnose.refit import Refit
+from mjfish.diagnose.result import Candidate, Cause, Estimate, Overlay
+from mjfish.diagnose.select import Standing, chance
+from mjfish.diagnose.verdict import Hearing, Ruling
+from mjfish.effects import Effect
+from mjfish.identify import Fit, Problem
+from mjfish.identify.fit import Z95
+from mjfish.identify.score import Score
+from mjfish.model import Model
+from mjfish.trial import Trial
+
+
+def causes(best: Refit | None) -> tuple[Cause, ...]:
+    """Return the causes of a refit with the estimates of their parameters."""
+    if best is None:
+        return ()
+    return tuple(Cause(effect.name, effect.summary, _own(best, effect)) for effect in best.effects)
+
+
+def rivals(ruling: Ruling) -> tuple[tuple[str, ...], ...]:
+    """Return the names in which the sets that stay differ."""
+    if ruling.verdict != "cannot_tell":
+        return ()
+    shared = set.intersection(*map(set, ruling.sets))
+    ordered = dict.fromkeys(name for names in ruling.sets for name in names if name not in shared)
+    return (tuple(ordered),)
+
+
+def estimates(one: Fit, model: Model) -> dict[str, Estimate]:
+    """Return the model's estimates by name, without what belongs to single trials.
+
+    A refit keeps a little off the null where an amplitude cannot be negative; an interval that reaches there reaches 0.
+    """
+    result = {}
+    declared = {p.name: p for p in model.parameters}
+    for p, at_bound in zip(one.parameters, one.at_bound, strict=True):
+        if p.name in declared:
+            low, high = one.interval(p.name, Z95)
+            low = declared[p.name].low if low <= p.low else low
+            result[p.name] = Estimate(one.values[p.name], low, high, p.unit, bool(at_bound))
+    return result
+
+
+def _own(one: Refit, effect: Effect) -> dict[str, Estimate]:
+    every = estimates(one.fit, one.problem.model)
+    return {p.short: every[p.name] for p in effect.parameters}
+
+
+def candidates(
+    effects: Sequence[Effect],
+    reasons: Mapping[str, str],
+    evidence: Evidence,
+    refitted: Mapping[str, Refit],
+    standing: Mapping[str, Standing],
+    single: Hearing,
+) -> tuple[Candidate, ...]:
+    """Return how every candidate fared, best first."""
+    result = []
+    for effect in effects:
+        name = effect.name
+        if reasons[name]:
+            result.append(Candidate(name, False, remark=reasons[name]))
+            continue
+        one, place = refitted.get(name), standing.get(name)
+        statistic = one.gain if one else evidence.statistic(name)
+        freedom = one.freedom if one else sum(not p.shape for p in effect.parameters)
+        result.append(
+            Candidate(
+                name=name,
+                applicable=True,
+                score=evidence.statistic(name),
+                statistic=statistic,
+                freedom=freedom,
+                p_value=chance(statistic, freedom),
+                rival_p=place.rival_p if place else None,
+                fit_p=min(place.saturated_p, place.omnibus_p) if place and place.in_set else None,
+                held_out_gain=single.held_out.get((name,)),
+                absorbed=evidence.absorbed(name),
+                smallest_visible=evidence.smallest_visible(name),
+                parameters=_own(one, effect) if one else None,
+            )
+        )
+    return tuple(sorted(result, key=lambda candidate: -candidate.statistic))
+
+
+def remarks(noise: str, evidence: Evidence, held: Sequence[Trial]) -> tuple[str, ...]:
+    """Return what a reader should know of noise, bounds and held-out trials."""
+    told = [noise] if noise else []
+    for p, at_bound in zip(evidence.fit.parameters, evidence.fit.at_bound, strict=True):
+        if at_bound:
+            told.append(f"{p.name} of the nominal model rests on its bound {evidence.fit.values[p.name]:g}")
+    if not held:
+        told.append("no held-out trial: the gain cannot be measured; record or set aside one more trial")
+    return tuple(told)
+
+
+def overlays(
+    evidence: Evidence, extended: Problem, final: Fit, held: Sequence[Trial], scores: tuple[Score, Score] | None
+) -> tuple[Overlay, ...]:
+    """Return every trial as both models predict it; `scores` of the nominal and of the extended model."""
+    nominal, after = evidence.problem.predictions(evidence.fit.x), extended.predictions(final.x)
+    shown = [Overlay(t, False, a, b) for t, a, b in zip(evidence.problem.trials, nominal, after, strict=True)]
+    if scores is not None:
+        pairs = zip(held, scores[0].predictions, scores[1].predictions, strict=True)
+        shown += [Overlay(t, True, a, b) for t, a, b in pairs]
+    return tuple(shown)
+
+
+def blind(candidates: Sequence[Candidate], evidence: Evidence) -> dict[str, str]:
+    """Return the causes that these data cannot show, whatever their size, and why."""
+    reasons = {one.name: one.remark for one in candidates if not one.applicable}
+    for effect in evidence.candidates:
+        if evidence.hidden(effect.name):
+            reasons[effect.name] = "the free coefficients hide all of it; fix one that was measured apart"
+    return reasons
