@@ -1,7 +1,7 @@
 """Checks of the data, before physics is blamed: `run` before any fit, `after` with the nominal fit.
 
-What they find is a `Finding`: its place, what was expected, a remedy, and the causes that such data cannot tell. Nothing
-here raises for bad data that `mjfish.trial.load` accepts.
+What they find is a `Finding`: its place, what was expected, a remedy, and the causes that such data cannot tell.
+Nothing here raises for bad data that `mjfish.trial.load` accepts.
 """
 
 from mjfish.checks.before import run

@@ -17,7 +17,10 @@ _SHORT = 5.0
 #: A drive whose largest bias is below this one [-], or joints whose mean bend is below this angle [rad], do not turn.
 _NO_BIAS = 1e-6
 _NO_BEND = 0.03
-#: Exponents of frequency that are this close look alike at any frequency.
+#: Causes that a turn, or a start, tells from others, beside those whose fingerprint says so.
+_TURNING = ("ambient_current", "frame_misalignment", "munk_moment")
+_STARTING = ("inertia_error", "mass_error", "servo_lag", "time_offset", "wake_memory")
+#: Exponents of frequency below this one are none.
 _ALIKE = 0.25
 
 
@@ -38,20 +41,20 @@ def design(dataset: Dataset, effects: Mapping[str, Effect]) -> Iterator[Finding]
         )
     frequencies = sorted(f for trial in fitted for f in beats(trial))
     if frequencies and frequencies[-1] <= frequencies[0] * (1.0 + _SAME):
-        alike = _alike_at_one_frequency(effects)
+        alike = tuple(name for name, one in effects.items() if abs(one.fingerprint.exponent or 0.0) > _ALIKE)
         yield _missing(
             f"all fitted runs beat at one frequency ({np.mean(frequencies):.2f} Hz)",
             "two at least, a factor of 1.5 apart",
-            f"record a run at another frequency; else these differ in little but their size: {_listed(alike)}",
+            f"record a run at another frequency: how they go with it is what tells {_listed(alike)} apart",
             alike,
         )
     if not any(_turns(trial) for trial in fitted):
-        odd = tuple(name for name, one in effects.items() if one.fingerprint.part == "turn")
         yield _missing(
             "no fitted run turns",
             "a turn to either side",
-            "record a turn: what acts sideways or about the vertical shows there most",
-            tuple(sorted({*odd, "munk_moment"} & set(effects))),
+            "record a turn: with one heading a current looks like another speed or a turned camera, and what turns the "
+            "fish shows least",
+            _shown_in("turn", effects, _TURNING),
         )
     yield from _starts(dataset, fitted, effects)
 
@@ -69,12 +72,11 @@ def beats(trial: Trial) -> list[float]:
 
 def _starts(dataset: Dataset, fitted: tuple[Trial, ...], effects: Mapping[str, Effect]) -> Iterator[Finding]:
     if not any(trial.starts_at_rest for trial in fitted) and not any(len(trial.drive) > 1 for trial in fitted):
-        early = tuple(name for name, one in effects.items() if one.fingerprint.part in ("start-up", "transition"))
         yield _missing(
             "no fitted run starts from rest, and none changes its drive",
             "a start or a step of the drive",
             "record a start: what is steady hides inertia, added mass and memory",
-            early,
+            _shown_in("start-up", effects, _STARTING),
         )
     short = [
         trial.name for trial in dataset.trials if (f := beats(trial)) and float(np.ptp(trial.time)) * min(f) < _SHORT
@@ -92,20 +94,9 @@ def _starts(dataset: Dataset, fitted: tuple[Trial, ...], effects: Mapping[str, E
         )
 
 
-def _alike_at_one_frequency(effects: Mapping[str, Effect]) -> tuple[str, ...]:
-    """Return the causes that share their symmetry with another and differ from it in their exponent."""
-    found = set()
-    known = [(name, one.fingerprint) for name, one in effects.items() if one.fingerprint.exponent is not None]
-    for name, mine in known:
-        for other, theirs in known:
-            same = None in (mine.odd, theirs.odd) or mine.odd == theirs.odd
-            apart = abs(float(mine.exponent or 0.0) - float(theirs.exponent or 0.0)) > _ALIKE
-            if name != other and same and apart:
-                found |= {name, other}
-    # The physics of these two gives no power law here, yet a lag is a delay at one frequency.
-    if {"time_offset", "servo_lag"} <= set(effects):
-        found |= {"time_offset", "servo_lag"}
-    return tuple(sorted(found))
+def _shown_in(part: str, effects: Mapping[str, Effect], known: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the causes that show in a part of a run, by their fingerprint or by name."""
+    return tuple(sorted(name for name, one in effects.items() if one.fingerprint.part == part or name in known))
 
 
 def _turns(trial: Trial) -> bool:
@@ -119,4 +110,4 @@ def _missing(found: str, expected: str, remedy: str, cannot_tell: tuple[str, ...
 
 
 def _listed(names: tuple[str, ...]) -> str:
-    return ", ".join(names) or "causes whose effect grows with frequency and causes whose effect falls"
+    return ", ".join(names) or "causes"

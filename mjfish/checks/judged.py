@@ -93,15 +93,8 @@ def _disagreement(name: str, one: Estimated, channels: tuple[str, ...], trials: 
 
 def of_repeats(one: Repeats) -> Iterator[Finding]:
     """Say how much noise the repeats show, and whether they differ by more."""
-    sigma = ", ".join(f"{s:.3g} {UNITS[c]} in {c}" for s, c in zip(one.sigma, CHANNELS, strict=True))
-    yield Finding(
-        "repeats",
-        "remark",
-        " and ".join("/".join(group) for group in one.groups),
-        f"repeats differ by noise of {sigma} (order {one.noise.order}, from {one.seconds:.0f} s)",
-        "this noise, whatever the model",
-        "weigh the residuals by it where it was seen for 60 s or more",
-    )
+    if one.clean:
+        yield _repeated(one)
     for group, line in zip(one.groups, one.line, strict=True):
         if line > LINE:
             yield Finding(
@@ -114,6 +107,18 @@ def of_repeats(one: Repeats) -> Iterator[Finding]:
                 cannot_tell=("time_offset", "servo_lag", "velocity_scale"),
                 trials=group,
             )
+
+
+def _repeated(one: Repeats) -> Finding:
+    sigma = ", ".join(f"{s:.3g} {UNITS[c]} in {c}" for s, c in zip(one.sigma, CHANNELS, strict=True))
+    return Finding(
+        "repeats",
+        "remark",
+        " and ".join("/".join(group) for group in one.clean),
+        f"repeats differ by noise of {sigma} (order {one.noise.order}, from {one.seconds:.0f} s)",
+        "this noise, whatever the model",
+        "weigh the residuals by it where it was seen for 60 s or more",
+    )
 
 
 def of_start(trial: Trial, guess: FloatArray | None, noise: FloatArray) -> Iterator[Finding]:
@@ -162,18 +167,19 @@ def of_start(trial: Trial, guess: FloatArray | None, noise: FloatArray) -> Itera
 
 def sampling(trials: Sequence[Trial], enough: Sequence[bool]) -> Iterator[Finding]:
     """Say which runs are sampled too coarsely, or have times in another unit."""
-    for trial, fine in zip(trials, enough, strict=True):
-        if fine:
-            continue
-        step = float(np.median(np.diff(trial.time)))
-        beat = 2.0 * math.pi / max(segment.omega for segment in trial.drive)
-        yield Finding(
-            "sampling",
-            "blocks",
-            f"trial '{trial.name}', time",
-            f"a sample every {step:.4g} s, {beat / step:.2g} a beat, for {trial.time[-1]:.4g} s",
-            "5 samples a beat or more",
-            "multiply the times by 0.001 if they are in ms; else record faster",
-            cannot_tell=(EVERYTHING,),
-            trials=(trial.name,),
-        )
+    coarse = [trial for trial, fine in zip(trials, enough, strict=True) if not fine]
+    if not coarse:
+        return
+    one = coarse[0]
+    step = float(np.median(np.diff(one.time)))
+    beat = 2.0 * math.pi / max(segment.omega for segment in one.drive)
+    yield Finding(
+        "sampling",
+        "blocks",
+        f"{'all trials' if len(coarse) == len(trials) else 'trials ' + ', '.join(t.name for t in coarse)}, time",
+        f"'{one.name}' has a sample every {step:.4g} s, {beat / step:.2g} a beat, for {one.time[-1]:.4g} s",
+        "5 samples a beat or more, and minutes at most",
+        "multiply the times by 0.001 if they are in ms; else record faster",
+        cannot_tell=(EVERYTHING,),
+        trials=tuple(trial.name for trial in coarse),
+    )

@@ -26,6 +26,8 @@ _SWAPPED = 0.5
 #: One run has the wrong label where its own drive costs this much, and another's this share of it.
 _FOREIGN = 0.4
 _SHARE = 0.25
+#: Fewest beats from which a frequency is read.
+_BEATS = 5.0
 
 
 def costs(
@@ -102,7 +104,9 @@ def labels(
         if i in taken or own[i] < 0 or not np.isfinite(table[i, own[i]]):
             continue
         best = int(np.argmin(table[i]))
-        if not fitted and table[i, own[i]] > _FOREIGN and table[i, best] < _SHARE * table[i, own[i]]:
+        if fitted:
+            continue
+        if table[i, own[i]] > _FOREIGN and table[i, best] < _SHARE * table[i, own[i]]:
             whose = ", ".join(f"'{other.name}'" for k, other in enumerate(trials) if own[k] == best)
             yield Finding(
                 "labels",
@@ -115,6 +119,29 @@ def labels(
                 cannot_tell=(EVERYTHING,),
                 trials=(trial.name,),
             )
+        elif table[i, own[i]] > _FOREIGN:
+            yield from _beats_otherwise(trial)
+
+
+def _beats_otherwise(trial: Trial) -> Iterator[Finding]:
+    """Find a run that beats at another frequency than its drive, where the drive has one and the run is long enough."""
+    omegas = {segment.omega for segment in trial.drive}
+    span = float(np.ptp(trial.time))
+    frequency = np.arange(0.2, 0.4 / float(np.median(np.diff(trial.time))), 0.25 / span)
+    wave = np.exp(-2j * np.pi * frequency[:, None] * trial.time) @ (trial.velocity[:, 2] - trial.velocity[:, 2].mean())
+    found, asked = float(frequency[np.argmax(np.abs(wave))]), float(trial.drive[0].omega / (2.0 * np.pi))
+    if len(omegas) > 1 or abs(found - asked) < 2.0 / span or span * asked < _BEATS:
+        return
+    yield Finding(
+        "labels",
+        "blocks",
+        f"trial '{trial.name}'",
+        f"the fish beats at {found:.2f} Hz, its drive at {asked:.2f} Hz",
+        "a fish that beats as it is driven",
+        "correct its drive or its file in dataset.toml",
+        cannot_tell=(EVERYTHING,),
+        trials=(trial.name,),
+    )
 
 
 def _pairs(table: FloatArray, own: Sequence[int]) -> Iterator[tuple[float, int, int]]:

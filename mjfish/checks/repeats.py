@@ -33,11 +33,13 @@ class Repeats:
         sigma: (3,) standard deviation, surge, sway [m/s], yaw rate [rad/s].
         autocorrelation: (3, 11) at lags 0 to 10 samples.
         seconds: of recording that went into it, counting a pair once.
+        clean: the groups whose line is below `LINE`: those the noise is from; without any, all.
         line: per group the largest power of the differences at one or two times the beat frequency, over that of its
             neighbours; about 1 to 7 where the repeats differ by noise alone.
     """
 
     groups: tuple[tuple[str, ...], ...]
+    clean: tuple[tuple[str, ...], ...]
     noise: Noise
     sigma: FloatArray
     autocorrelation: FloatArray
@@ -48,6 +50,7 @@ class Repeats:
         """Return it as plain data."""
         return {
             "groups": [list(group) for group in self.groups],
+            "clean": [list(group) for group in self.clean],
             "sigma": self.sigma.tolist(),
             "order": self.noise.order,
             "phi": self.noise.phi.tolist(),
@@ -63,14 +66,16 @@ def noise_from_repeats(dataset: Dataset, leave_out: Sequence[str] = ()) -> Repea
 
     Args:
         dataset: its trials.
-        leave_out: names of trials that are copies of others, not repeats.
+        leave_out: names of trials that are copies of others or have a wrong label.
     """
     groups: dict[Any, list[Trial]] = {}
     for trial in dataset.trials:
         if trial.drive and trial.name not in leave_out:
             groups.setdefault(trial.drive, []).append(trial)
     found = [_differences(group, dataset.clock == "free") for group in groups.values() if len(group) > 1]
-    used = [one for one in found if one is not None]
+    every = [one for one in found if one is not None]
+    clean = [one for one in every if one[4] <= LINE]
+    used = clean or every
     if sum(len(block) for one in used for block in one[0]) < _FEWEST:
         return None
     blocks = [block for one in used for block in one[0]]
@@ -78,12 +83,13 @@ def noise_from_repeats(dataset: Dataset, leave_out: Sequence[str] = ()) -> Repea
     noise = estimate(blocks, seen=seen)
     products = _autocovariance(blocks, seen)
     return Repeats(
-        groups=tuple(one[2] for one in used),
+        groups=tuple(one[2] for one in every),
+        clean=tuple(one[2] for one in clean),
         noise=noise,
         sigma=readonly(np.sqrt(products[:, 0])),
         autocorrelation=readonly(products / products[:, :1]),
         seconds=float(sum(one[3] for one in used)),
-        line=tuple(one[4] for one in used),
+        line=tuple(one[4] for one in every),
     )
 
 
@@ -110,13 +116,13 @@ def _differences(
         weight = 1.0 / np.square(np.ptp(mean, axis=0) + 1e-12)
         shift = np.einsum("rnc,nc,c->r", apart, slope, weight) / np.einsum("nc,nc,c->", slope, slope, weight)
         apart = apart - shift[:, None, None] * slope
-    apart = apart * np.sqrt(len(group) / (len(group) - 1))
+    apart = np.asarray(apart * np.sqrt(len(group) / (len(group) - 1)), dtype=np.float64)
     # The last of the deviations follows from the others.
     there = np.zeros(int(common[-1] - common[0]) + 1, dtype=np.bool_)
     there[common - common[0]] = True
     kept = list(apart[: len(group) - 1])
     names = tuple(trial.name for trial in group)
-    line = max(_line(np.asarray(block), common * step, group[0]) for block in apart)
+    line = max(_line(block, np.asarray(common * step, dtype=np.float64), group[0]) for block in apart)
     return kept, [there] * len(kept), names, len(common) * step * (len(group) - 1), line
 
 

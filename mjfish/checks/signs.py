@@ -24,7 +24,7 @@ from mjfish.trial import Trial
 
 #: By how much (of 3) a hypothesis must correlate better than the channels as they are, and how well at least.
 MARGIN = 0.6
-_GOOD = 1.2
+_GOOD = 2.4
 #: Sizes, measured over simulated, of channels in another unit; a size must be this factor nearer to it than to 1.
 _UNITS = {
     1000.0: "it is in mm/s; multiply by 0.001",

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sized
 
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.checks.finding import Finding
+from mjfish.checks.finding import EVERYTHING, Finding
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.trial import Trial
 
@@ -29,10 +29,28 @@ def stuck(trial: Trial) -> Iterator[Finding]:
     if len(same) * float(np.prod(chance)) < _LEVEL and frozen.any():
         yield _frozen(trial, frozen)
     for channel in range(3):
+        if np.ptp(trial.velocity[:, channel]) == 0.0:
+            yield _silent(trial, channel)
+            continue
         alone = same[:, channel] & ~frozen & moving
         found = _clipped(trial, channel) or _held(trial, channel, alone)
         if found:
             yield found
+
+
+def _silent(trial: Trial, channel: int) -> Finding:
+    name = CHANNELS[channel]
+    return Finding(
+        "stuck",
+        "blocks",
+        f"trial '{trial.name}', {name}",
+        f"every value is {trial.velocity[0, channel] + 0.0:.4g} {UNITS[name]}: the channel was not recorded",
+        "a channel that moves with the fish",
+        "give the recorded channel, or leave the trial out",
+        cannot_tell=(EVERYTHING,),
+        trials=(trial.name,),
+        channels=(name,),
+    )
 
 
 def _frozen(trial: Trial, frozen: BoolArray) -> Finding:
@@ -43,7 +61,7 @@ def _frozen(trial: Trial, frozen: BoolArray) -> Finding:
         "suspect",
         f"trial '{trial.name}', row {first + 1} ({trial.time[first]:.3f} s)"
         + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
-        f"{len(rows)} rows repeat the row before in all channels: a frozen frame",
+        f"{_count(rows)} the row before in all channels: frozen frames",
         "rows that differ by their noise at least",
         "remove these rows and say gaps = true in the trial's entry",
         cannot_tell=("time_offset",) if len(rows) > 0.02 * len(trial.time) else (),
@@ -98,6 +116,10 @@ def _clipped(trial: Trial, channel: int) -> Finding | None:
 def _several(at: BoolArray) -> bool:
     """Whether the samples stand in two places at least: a single place is a channel that was stuck."""
     return int(np.count_nonzero(np.diff(at.astype(np.int8)) > 0)) + int(at[0]) > 1
+
+
+def _count(rows: Sized) -> str:
+    return "1 row repeats" if len(rows) == 1 else f"{len(rows)} rows repeat"
 
 
 def _longest(same: BoolArray) -> tuple[int, int]:
