@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mjfish.diagnose.evidence import Evidence
+from mjfish.diagnose.heldout import pooled_error
 from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Candidate, Cause, Estimate, Overlay
 from mjfish.diagnose.select import Standing, chance
@@ -60,6 +61,7 @@ def candidates(
     refitted: Mapping[str, Refit],
     standing: Mapping[str, Standing],
     single: Hearing,
+    held_out_errors: Mapping[str, float],
 ) -> tuple[Candidate, ...]:
     """Return how every candidate fared, best first."""
     result = []
@@ -82,6 +84,8 @@ def candidates(
                 rival_p=place.rival_p if place else None,
                 fit_p=min(place.saturated_p, place.omnibus_p) if place and place.in_set else None,
                 held_out_gain=single.held_out.get((name,)),
+                error=pooled_error(one.problem.raw(one.fit.x), one.problem.trials) if one else None,
+                held_out_error=held_out_errors.get(name),
                 absorbed=evidence.absorbed(name),
                 smallest_visible=evidence.smallest_visible(name),
                 parameters=_own(one, effect) if one else None,

@@ -90,7 +90,8 @@ def diagnose(
     unexplained = ruling.verdict == "unexplained"
     final = evidence.fit if best is None else best.fit
     extended = evidence.problem if best is None else best.problem
-    table = assemble.candidates(candidates, reasons, evidence, refitted, standing, single)
+    errors = {name: heldout.pooled_error(scores.of(one).residuals, held) for name, one in refitted.items() if held}
+    table = assemble.candidates(candidates, reasons, evidence, refitted, standing, single, errors)
     result = Diagnosis(
         dataset=dataset,
         verdict=ruling.verdict,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +53,12 @@ def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.ran
         high=float(high),
         mean_speed_error=(_speed_error(nominal), _speed_error(extended)),
     )
+
+
+def pooled_error(residuals: Sequence[FloatArray], trials: Sequence[Trial]) -> float:
+    """Return the nRMSE of residuals (n_r, 3), mean over channels: RMSE over the range of the measured channel."""
+    ranges = np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0)
+    return float(np.mean(np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0)) / ranges))
 
 
 def _speed_error(one: Score) -> float:

@@ -58,6 +58,8 @@ class Candidate:
         fit_p: p value of what is left once it is in the model; below 0.002 it is no explanation. None where it
             was not computed: only those that the data cannot tell from the best are asked.
         held_out_gain: log-likelihood gained on the held-out trials; None where it was not computed.
+        error, held_out_error: nRMSE over all channels of the fitted and of the held-out trials with this cause in the
+            model; None where it was not refitted, or nothing is held out.
         absorbed: share of its signature that a refit of the coefficients hides.
         smallest_visible: size of each amplitude that would have shown.
         parameters: estimates by short name.
@@ -73,6 +75,8 @@ class Candidate:
     rival_p: float | None = None
     fit_p: float | None = None
     held_out_gain: float | None = None
+    error: float | None = None
+    held_out_error: float | None = None
     absorbed: float = 0.0
     smallest_visible: Mapping[str, float] | None = None
     parameters: Mapping[str, Estimate] | None = None
