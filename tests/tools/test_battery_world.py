@@ -162,6 +162,35 @@ def test_the_fish_rolls_as_the_solver_has_it(pike: Fish) -> None:
     assert change > 10.0 * np.sqrt(np.mean((ours - theirs) ** 2))
 
 
+def test_a_wall_changes_the_swimming_of_a_fish_that_comes_near(pike: Fish) -> None:
+    """Walls in the kernel's mirrored frame: the fish swims to +x and must feel the wall there, and no other."""
+    run = Run("a", modes.drive("v1"), 6.0, (0.5, 0.0, 0.0))
+    theta = _start(pike)
+    far = {"x0": -99.0, "x1": 99.0, "y0": -99.0, "y1": 99.0}
+
+    def speed(**wall: float) -> float:
+        psi = {f"wall_effect.{key}": value for key, value in {"size": 3.0, "reach": 0.2, **far, **wall}.items()}
+        return float(swim(pike, run, theta, psi).at(TIME)[-50:, 0].mean())
+
+    free = float(swim(pike, run, theta, {}).at(TIME)[-50:, 0].mean())
+    assert speed() == pytest.approx(free, rel=1e-6)
+    assert speed(x0=-2.0) == pytest.approx(free, rel=1e-3)
+    assert abs(speed(x1=2.5) - free) > 0.02 * free  # thrust grows as well as drag
+
+
+def test_a_wake_that_forgets_at_once_is_none(pike: Fish) -> None:
+    """Memory that adds drag instead of delaying it."""
+    run = Run("a", modes.drive("v1"), 6.0)
+    theta = _start(pike)
+    free = swim(pike, run, theta, {}).at(TIME)[:, :3]
+    quick, slow = (
+        swim(pike, run, theta, {"wake_memory.share": 0.5, "wake_memory.time": time}).at(TIME)[:, :3]
+        for time in (0.002, 0.15)
+    )
+    assert np.all(_relative(quick, free) < 0.03)
+    assert np.any(_relative(slow, free) > 0.15)
+
+
 def test_strips_integrate_the_outline(pike: Fish) -> None:
     """Sections that are cut at the wrong station: the integrals of the nominal fish are known."""
     cut = body.outline(pike.sections, tuple(link.length for link in pike.links), body.FINE)

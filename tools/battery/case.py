@@ -178,8 +178,17 @@ def _sized(made: Draft, chosen: list[Cause], wanted: list[float]) -> tuple[size.
     for one, direction in zip(chosen, directions, strict=True):
         if one.name == "bad_run":
             direction["bad_run.number"] = float(made.plan.runs[int(made.rng.choice(fitted))].number)
+        if one.name == "wall_effect":
+            direction |= _walls(made)
     measure = size.ruler(made, fitted)
     return size.sized(measure, chosen, directions, wanted), measure
+
+
+def _walls(made: Draft) -> dict[str, float]:
+    """Return walls that stand a hand's breadth off the farthest places of all runs."""
+    places = np.concatenate([made.motion(i, {}).at(made.time(i))[:, 3:5] for i in range(len(made.plan.runs))])
+    (x0, y0), (x1, y1) = places.min(axis=0) - 0.1, places.max(axis=0) + 0.1
+    return dict(zip(classes.WALLS, map(float, (x0, x1, y0, y1)), strict=True))
 
 
 def _over_all(made: Draft, chosen: Sequence[Cause], found: size.Sized) -> dict[str, float]:

@@ -113,6 +113,18 @@ def _marker(rng: np.random.Generator) -> dict[str, float]:
     return {"marker_offset.along": 0.002 * np.cos(angle), "marker_offset.across": 0.002 * np.sin(angle)}
 
 
+def _wake(rng: np.random.Generator) -> dict[str, float]:
+    return {"wake_memory.share": 0.01, "wake_memory.time": float(rng.uniform(0.08, 0.3))}
+
+
+def _wall(rng: np.random.Generator) -> dict[str, float]:
+    """The walls themselves stand where the runs need them, see `battery.case`."""
+    return {"wall_effect.size": 0.02, "wall_effect.reach": float(rng.uniform(0.1, 0.4))}
+
+
+#: Walls of the tank [m].
+WALLS = ("wall_effect.x0", "wall_effect.x1", "wall_effect.y0", "wall_effect.y1")
+
 #: On the solver's list.
 LISTED = (
     Cause("time_offset", _one("time_offset.offset", 0.001, signed=True), 0.0, 200.0),
@@ -157,6 +169,16 @@ OFF_LIST = (
         listed=False,
         shapes=("sticking_joint.joint", "sticking_joint.seed"),
     ),
+    Cause("wake_memory", _wake, 0.0, 90.0, listed=False, shapes=("wake_memory.time",)),
+    Cause(
+        "wall_effect",
+        _wall,
+        0.0,
+        90.0,
+        listed=False,
+        shapes=("wall_effect.reach", *WALLS),
+        needs_pose=True,
+    ),
     Cause("bad_run", _one("bad_run.size", 0.02), 0.0, 30.0, listed=False, shapes=("bad_run.number",)),
 )
 #: Causes that look like nothing, or like another: drawn like causes on the list.
@@ -182,11 +204,18 @@ def water(fish: Fish, psi: Mapping[str, float]) -> dict[str, float]:
         "heading_torque.size": "torque",
         "heading_torque.yaw": "torque_yaw",
         "warming_water.rate": "viscosity",
+        "wake_memory.share": "memory",
+        "wake_memory.time": "memory_time",
+        "wall_effect.size": "wall",
+        "wall_effect.reach": "wall_length",
     }
     given = {ours: psi[key] for key, ours in names.items() if key in psi}
     given["kappa"] = given.get("kappa", 0.0) + fish.munk_moment
     if "tether.x" in psi:  # the kernel's world is half a turn from the tank's
         given |= {"tether_x": -psi["tether.x"], "tether_y": -psi["tether.y"]}
+    if "wall_effect.x0" in psi:
+        x0, x1, y0, y1 = (-psi[wall] for wall in WALLS)
+        given |= {"wall_x0": x1, "wall_x1": x0, "wall_y0": y1, "wall_y1": y0}
     if psi.get("tail_compliance.compliance"):
         given |= {"stiffness": 1.0 / psi["tail_compliance.compliance"], "damping": psi["tail_compliance.damping"]}
     if "asymmetric_tail.size" in psi:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from battery.compiled import compiled
-from battery.water import W, across_changed, across_plain, along, on_tail
+from battery.water import W, across_changed, across_plain, along, near_wall, on_tail
 
 #: x, y, yaw of the nose, P_x, P_y, H, deflection of the tail, L of the last link, memories (force, moment) of links.
 STATES = 18
@@ -188,6 +188,7 @@ def _rates(links, r, k, side, angle, rate, t, state, push, w, work, out, seen): 
     force_y = push[1] - w[_TETHER] * (state[1] - w[_TY])
     turn = push[2] - w[_TORQUE] * np.sin(state[2] - w[_TYAW]) - (vx * state[_PX + 1] - vy * state[_PX])
     own = 0.0
+    wall = near_wall(state[0], state[1], w)
     for i in range(n):
         ex, ey, px, py = work[i, 0], work[i, 1], work[i, 2], work[i, 3]
         jx = vx - yaw_rate * py + work[i, 5]
@@ -201,7 +202,15 @@ def _rates(links, r, k, side, angle, rate, t, state, push, w, work, out, seen): 
             fy, mz = across_changed(r[i], k[i], side[i], v, om, w)
         else:
             fy, mz = across_plain(r[i], k[i], v, om)
-        fx = along(links[i, 7], links[i, 8], u, t, w)
+        fx = wall * along(links[i, 7], links[i, 8], u, t, w)
+        fy *= wall
+        mz *= wall
+        if w[_MEMORY] != 0.0:  # a share of the crossflow drag follows with a lag
+            late, late_turn = state[_MEM + 2 * i], state[_MEM + 2 * i + 1]
+            out[_MEM + 2 * i] = (fy - late) / w[_MEMORY_TIME]
+            out[_MEM + 2 * i + 1] = (mz - late_turn) / w[_MEMORY_TIME]
+            fy += w[_MEMORY] * (late - fy)
+            mz += w[_MEMORY] * (late_turn - mz)
         if i == n - 1 and (w[_SIDE] != 0.0 or w[_LIFT] != 0.0):
             more, turned = on_tail(links[i], w[_RHO], u, v, om, w)
             fy += more

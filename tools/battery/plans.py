@@ -90,10 +90,10 @@ def draw(
 
 
 def _drive(rng: np.random.Generator, kind: str, omega: float, duration: float) -> tuple[DriveSegment, ...]:
-    """Return the segments of one run; frequencies and biases change as steps, on whole samples or not."""
+    """Return the segments of one run; frequencies and biases change as steps, in between two samples."""
     none = np.zeros(4)
     bend = rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.3) * _TURN
-    when = float(np.round(rng.uniform(0.35, 0.6) * duration, 3))
+    when = _between(rng, rng.uniform(0.35, 0.6) * duration)
     if kind == "straight":
         return (_segment(0.0, omega, none),)
     if kind == "turn":
@@ -103,8 +103,13 @@ def _drive(rng: np.random.Generator, kind: str, omega: float, duration: float) -
         other = float(np.clip(omega + rng.choice([-1.0, 1.0]) * rng.uniform(4.0, 9.0), *_OMEGA))
         return (_segment(0.0, omega, none), _segment(when, other, none))
     every = float(np.round(rng.uniform(1.0, 2.0), 3))
-    starts = np.arange(0.0, duration - 0.5, every)
-    return tuple(_segment(float(t), omega, bend * (-1.0) ** i) for i, t in enumerate(starts))
+    starts = [0.0, *(_between(rng, t) for t in np.arange(every, duration - 0.5, every))]
+    return tuple(_segment(t, omega, bend * (-1.0) ** i) for i, t in enumerate(starts))
+
+
+def _between(rng: np.random.Generator, time: float) -> float:
+    """Return a time near `time` at least 4 ms off every sample: where velocities jump, none may hang on rounding."""
+    return float(np.round(0.02 * np.floor(time / 0.02) + rng.uniform(0.004, 0.016), 4))
 
 
 def _segment(start: float, omega: float, bias: np.ndarray) -> DriveSegment:

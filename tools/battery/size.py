@@ -23,7 +23,7 @@ _CHORDS = 10
 #: Farthest that a refit may go in the logarithm of a coefficient.
 _FARTHEST = 1.5
 #: Where the strength asked for cannot be had, the size is this many e-folds above the smallest, at most.
-_SPREAD = 3.0
+_SPREAD = 1.4
 #: A strength counts as met within this share.
 MET = 0.1
 

@@ -27,10 +27,10 @@ NUMBERS = (
     "viscosity",  # friction grows by this share a second
     "stiffness",  # of the last joint [N m/rad]; 0 is rigid
     "damping",
-    "memory",
-    "memory_time",
-    "wall",
-    "wall_length",
+    "memory",  # share of the crossflow drag that comes late
+    "memory_time",  # [s]
+    "wall",  # drag (1 + a exp(-d / length)) at the distance d of the nose
+    "wall_length",  # [m]
     "wall_x0",
     "wall_x1",
     "wall_y0",
@@ -39,6 +39,8 @@ NUMBERS = (
 W = {name: index for index, name in enumerate(NUMBERS)}
 _KF, _RF, _RP, _RE, _RS = (W[n] for n in ("viscosity", "re_friction", "re_pressure", "re_exponent", "re_speed"))
 _LA, _LC, _LIFT, _CUBIC, _SIDE = (W[n] for n in ("linear_along", "linear_across", "lift", "cubic", "tail_side"))
+
+_WALL = W["wall"]
 
 
 def numbers(**given: float) -> np.ndarray:
@@ -101,3 +103,12 @@ def on_tail(link, rho, u, v, om, w):  # type: ignore[no-untyped-def]
     foil = -0.5 * rho * w[_LIFT] * link[9] * abs(u) * (v + 0.7 * link[0] * om)
     bent = w[_SIDE] * u * abs(u)
     return foil + bent, link[0] * (0.27 * foil + 0.5 * bent)
+
+
+@compiled
+def near_wall(x, y, w):  # type: ignore[no-untyped-def]
+    """Return the factor of all drag at a place of the nose."""
+    if w[_WALL] == 0.0:
+        return 1.0
+    distance = min(min(x - w[_WALL + 2], w[_WALL + 3] - x), min(y - w[_WALL + 4], w[_WALL + 5] - y))
+    return 1.0 + w[_WALL] * np.exp(-max(distance, 0.0) / w[_WALL + 1])
