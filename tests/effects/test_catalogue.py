@@ -42,7 +42,7 @@ def test_files_of_one_name_in_two_folders_do_not_shadow_each_other(tmp_path: Pat
 
 
 def test_an_unknown_cause_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(UnknownNameError, match="unknown effect 'drag'; known: ambient_current, .*munk_moment, "):
+    with pytest.raises(UnknownNameError, match=r"unknown effect 'drag'; known: ambient_current, .*munk_moment, "):
         find("drag")
 
 
