@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from battery import case as cases
-from battery import draft, forcing, noise, size
-from battery.case import make_case, scaled_case
-from battery.classes import CAUSES
-from battery.sealed import open_truth, seal
-from battery.world import FINE
+from sealed import case as cases
+from sealed import draft, forcing, noise, size
+from sealed.case import make_case, scaled_case
+from sealed.classes import CAUSES
+from sealed.truth import open_truth, seal
+from sealed.world import FINE
 
 from mjfish.effects import find
 from mjfish.errors import InputError

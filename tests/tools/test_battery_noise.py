@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from battery import noise
+from sealed import noise
 
 
 @pytest.mark.parametrize("kind", noise.KINDS)

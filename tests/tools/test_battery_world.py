@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from battery import body, camera, draft, oscillator, servos
-from battery.classes import CAUSES, GAUGES, LISTED
-from battery.plans import Run
-from battery.world import COARSE, FINE, Accuracy, swim
+from sealed import body, camera, draft, oscillator, servos
+from sealed.classes import CAUSES, GAUGES, LISTED
+from sealed.plans import Run
+from sealed.world import COARSE, FINE, Accuracy, swim
 
 from mjfish.drive import modes
 from mjfish.effects import catalogue, find

@@ -10,8 +10,8 @@ import numpy as np
 from scipy import linalg
 from scipy.signal import lfilter, savgol_filter
 
-from battery.camera import FINER
 from mjfish.arrays import FloatArray, readonly
+from sealed.camera import FINER
 
 Kind = Literal["white", "differentiated", "drift", "heavy_tailed", "dropped_frames", "differentiated_path"]
 #: Kinds that are drawn. `differentiated` has the noise of differentiated positions on velocities that are true;

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.integrate import cumulative_simpson
 
-from battery import rolling
-from battery.plans import Run
-from battery.world import Motion
 from mjfish.arrays import FloatArray
+from sealed import rolling
+from sealed.plans import Run
+from sealed.world import Motion
 
 #: The current grows by this share across its own direction, within a metre or so.
 SHEAR = 0.1

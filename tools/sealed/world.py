@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from battery import body as bodies
-from battery import classes, momentum, oscillator, servos
-from battery.plans import Run
-from battery.water import W, numbers
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from sealed import body as bodies
+from sealed import classes, momentum, oscillator, servos
+from sealed.plans import Run
+from sealed.water import W, numbers
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Motion:
     """What happened: nodes of every stretch (times after times, the last of one is the first of the next).
 
     Attributes:
-        stretches: (times (n + 1,), columns (n + 1, k)): those of `battery.momentum`, in the forward frame.
+        stretches: (times (n + 1,), columns (n + 1, k)): those of `sealed.momentum`, in the forward frame.
     """
 
     stretches: tuple[tuple[FloatArray, FloatArray], ...]

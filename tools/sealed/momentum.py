@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from battery.compiled import compiled
-from battery.water import W, across_changed, across_plain, along, near_wall, on_tail
+from sealed.compiled import compiled
+from sealed.water import W, across_changed, across_plain, along, near_wall, on_tail
 
 #: x, y, yaw of the nose, P_x, P_y, H, deflection of the tail, L of the last link, memories (force, moment) of links.
 STATES = 18
@@ -37,7 +37,7 @@ def swim(links, r, k, side, angle, rate, start, h, state, push, w, out):  # type
     """Advance `state` over one stretch; write OUTPUTS at its steps + 1 nodes. Return whether it stayed finite.
 
     Args:
-        links, r, k, side: of `battery.body.Body`.
+        links, r, k, side: of `sealed.body.Body`.
         angle, rate: (steps, 3, joints) at start, middle, end of each step.
         start, h: [s] of the stretch and of a step.
         state: (STATES,), changed.

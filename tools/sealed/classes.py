@@ -118,7 +118,7 @@ def _wake(rng: np.random.Generator) -> dict[str, float]:
 
 
 def _wall(rng: np.random.Generator) -> dict[str, float]:
-    """The walls themselves stand where the runs need them, see `battery.case`."""
+    """The walls themselves stand where the runs need them, see `sealed.case`."""
     return {"wall_effect.size": 0.02, "wall_effect.reach": float(rng.uniform(0.1, 0.4))}
 
 

@@ -15,17 +15,17 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from battery import camera, classes, forcing, rolling, size
-from battery import noise as noises
-from battery.classes import CAUSES, LISTED, OFF_LIST, Cause
-from battery.draft import Draft, draft, measured_by_path
-from battery.noise import Noise
-from battery.sealed import Truth
-from battery.world import FINE, Disturbance
 from mjfish import trial as trials
 from mjfish.arrays import FloatArray, readonly
 from mjfish.errors import InputError
 from mjfish.trial import Dataset, Trial
+from sealed import camera, classes, forcing, rolling, size
+from sealed import noise as noises
+from sealed.classes import CAUSES, LISTED, OFF_LIST, Cause
+from sealed.draft import Draft, draft, measured_by_path
+from sealed.noise import Noise
+from sealed.truth import Truth
+from sealed.world import FINE, Disturbance
 
 Kind = Literal["none", "one", "two", "three", "off_list", "decoy"]
 #: Range of strengths, drawn log-uniformly.

@@ -8,8 +8,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from scipy.signal import lfilter
 
-from battery.draft import Draft
-from battery.world import Disturbance
+from sealed.draft import Draft
+from sealed.world import Disturbance
 
 Kind = Literal["none", "forces", "drift"]
 #: Memory of the forces [s]: eddies, drift.

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from battery.compiled import compiled
 from mjfish.arrays import FloatArray
 from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Cpg
+from sealed.compiled import compiled
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from battery.compiled import compiled
+from sealed.compiled import compiled
 
 #: Names of the numbers `w` that the kernel reads, in order.
 NUMBERS = (

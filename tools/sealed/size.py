@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from battery.classes import LISTED, Cause
-from battery.draft import Draft
-from battery.noise import whiten
 from mjfish.arrays import FloatArray
+from sealed.classes import LISTED, Cause
+from sealed.draft import Draft
+from sealed.noise import whiten
 
 #: Step of the central differences by the coefficients, relative.
 _DIFFERENCE = 0.03
@@ -109,7 +109,7 @@ class Sized:
 
     Attributes:
         psi: all parameters.
-        strength, absorbed, reached: by cause; see `battery.sealed.Truth`.
+        strength, absorbed, reached: by cause; see `sealed.truth.Truth`.
     """
 
     psi: dict[str, float]

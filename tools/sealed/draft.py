@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from battery import camera, noise, plans, world
-from battery.world import COARSE, Accuracy, Disturbance
 from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from sealed import camera, noise, plans, world
+from sealed.world import COARSE, Accuracy, Disturbance
 
 #: Seeds of the splits: what tunes a threshold never sees a seed of the test.
 SPLITS = {"open": 0, "calibration": 1_000_000, "test": 2_000_000}
@@ -97,7 +97,7 @@ def draft(
     runs: int | None = None,
     bound: bool = False,
 ) -> Draft:
-    """Draw a case without its effect; see `battery.case.make_case` for the arguments."""
+    """Draw a case without its effect; see `sealed.case.make_case` for the arguments."""
     if not 0 <= seed < 1_000_000:
         raise InputError(f"seed is {seed}, expected 0 to 999999: the splits are a million apart")
     rng = np.random.default_rng(SPLITS[split] + seed)

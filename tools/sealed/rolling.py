@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from battery.compiled import compiled
-from battery.world import Motion
+from sealed.compiled import compiled
+from sealed.world import Motion
 
 _GRAVITY = 9.81
 #: Natural frequency [rad/s] and damping of a fish whose roll is no cause.

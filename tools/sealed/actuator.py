@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from battery.compiled import compiled
-from battery.oscillator import Stretch
 from mjfish.arrays import FloatArray
+from sealed.compiled import compiled
+from sealed.oscillator import Stretch
 
 #: Damping of the second-order servo; with it the delay at low frequency is 2 zeta / omega_n = 1.6 / omega_n.
 ZETA = 0.8

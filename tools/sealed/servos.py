@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from battery import actuator
-from battery.oscillator import Stretch
-from battery.plans import Run
 from mjfish.arrays import FloatArray
+from sealed import actuator
+from sealed.oscillator import Stretch
+from sealed.plans import Run
 
 #: The amplitude follows a change of its cause within this time [s].
 _SETTLE = 0.1

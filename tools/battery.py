@@ -1,0 +1,117 @@
+"""The battery: sealed cases drawn, diagnosed and judged; resumes where it was stopped.
+
+    python tools/battery.py run --split calibration --cases none:40,one:60,off_list:20,two:20
+    python tools/battery.py table out/battery/calibration
+    python tools/battery.py page
+
+Thresholds are set on calibration seeds only; every opening of the test seeds is logged in docs/battery.md.
+"""
+
+from __future__ import annotations
+
+import os
+
+for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(threads, "1")
+
+from collections.abc import Sequence  # noqa: E402
+from pathlib import Path  # noqa: E402
+from typing import Annotated  # noqa: E402
+
+import typer  # noqa: E402
+from judged import figures, guessers  # noqa: E402
+from judged.answers import Task, judged, run  # noqa: E402
+from rich.console import Console  # noqa: E402
+from rich.table import Table  # noqa: E402
+
+OUT = Path("out/battery")
+app = typer.Typer(add_completion=False, no_args_is_help=True)
+
+
+def tasks(cases: str, split: str, first: int, disturbance: str) -> list[Task]:
+    """Return the tasks of e.g. ``none:40,one:60``; kinds take turns, so that a stopped battery has some of each."""
+    counts = {kind: int(count) for kind, _, count in (entry.partition(":") for entry in cases.split(","))}
+    made = [
+        (number / count, Task(kind, first + number, split, disturbance=disturbance))
+        for kind, count in counts.items()
+        for number in range(count)
+    ]
+    return [task for _, task in sorted(made, key=lambda one: one[0])]
+
+
+@app.command("run")
+def run_(
+    cases: Annotated[str, typer.Option(help="Kinds and how many of each.")] = "none:20,one:40,off_list:10,two:10",
+    split: Annotated[str, typer.Option(help="open, calibration or test.")] = "open",
+    first: Annotated[int, typer.Option(help="First seed.")] = 0,
+    disturbance: Annotated[str, typer.Option(help="Force noise on top: none, forces or drift.")] = "none",
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
+    out: Annotated[Path | None, typer.Option(help="Folder of truths and answers.")] = None,
+) -> None:
+    """Draw, seal and diagnose cases."""
+    folder = out or OUT / split
+    for answer in run(tasks(cases, split, first, disturbance), folder, jobs):
+        task = answer["task"]
+        print(f"{task['kind']:8} {task['seed']:6} {answer['verdict']:14} {answer['cpu']:.1f} s  {answer['message']}")
+    _print(folder)
+
+
+@app.command()
+def table(folder: Annotated[Path, typer.Argument(help="Folder of truths and answers.")] = OUT / "open") -> None:
+    """Open the truths and print the figures."""
+    _print(folder)
+
+
+@app.command()
+def page(
+    folder: Annotated[Path, typer.Argument(help="Folder of truths and answers.")] = OUT / "test",
+    target: Annotated[Path, typer.Option(help="Page whose tables are replaced.")] = Path("docs/battery.md"),
+) -> None:
+    """Write the figures into the page, between its markers."""
+    cases = judged(folder)
+    text = target.read_text(encoding="utf-8")
+    for name, rows in _tables(cases).items():
+        begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+        head, _, rest = text.partition(begin)
+        _, _, tail = rest.partition(end)
+        text = f"{head}{begin}\n{_markdown(rows)}\n{end}{tail}"
+    target.write_text(text, encoding="utf-8")
+
+
+def _tables(cases: Sequence[figures.Judged]) -> dict[str, list[figures.Figure]]:
+    return {
+        "figures": figures.figures(cases),
+        "strata": figures.strata(cases),
+        "guessers": guessers.compared(cases),
+    }
+
+
+def _print(folder: Path) -> None:
+    console = Console()
+    for name, rows in _tables(judged(folder)).items():
+        shown = Table(title=f"{name}, {folder}")
+        for heading in ("figure", "bar", "value", "interval", "of", ""):
+            shown.add_column(heading)
+        for row in rows:
+            shown.add_row(*_cells(row), "" if not row.bar else "met" if row.good else "MISSED")
+        console.print(shown)
+
+
+def _cells(row: figures.Figure) -> tuple[str, str, str, str, str]:
+    ends = row.interval
+    return (
+        row.what,
+        row.bar,
+        f"{row.value:.1%}",
+        "" if ends is None else f"{ends[0]:.1%} to {ends[1]:.1%}",
+        str(row.total),
+    )
+
+
+def _markdown(rows: Sequence[figures.Figure]) -> str:
+    lines = ["| figure | bar | value | exact 95 % interval | of |", "|---|---|---|---|---|"]
+    return "\n".join([*lines, *("| " + " | ".join(_cells(row)) + " |" for row in rows)])
+
+
+if __name__ == "__main__":
+    app()
