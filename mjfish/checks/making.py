@@ -7,7 +7,7 @@ likelihood, - sum log S + I / S over the periodogram I, is named.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from mjfish.frames import CHANNELS
 
 #: Windows of Savitzky-Golay filters that are tried, and the orders of their polynomials that differ.
 _WINDOWS = (3, 5, 7, 9, 11, 13, 15, 17, 21, 25, 31)
-_ORDERS = (2, 4)
+_FILTERS = tuple((window, order) for window in _WINDOWS for order in (2, 4) if window > order)
 #: Shares of white noise beside the filtered.
 _WHITE = (0.0, 1e-4, 1e-3, 1e-2, 0.05, 0.2)
 #: Log-likelihood by which a way of making must beat all others of another kind.
@@ -54,10 +54,13 @@ def making(
         beats: frequencies [Hz] of the beats of each trial: lines beside them and their harmonics are left out.
     """
     found = []
+    shapes: dict[tuple[int, int], FloatArray] = {}
     for channel, name in enumerate(CHANNELS):
         waves = [_periodogram(r[:, channel], dt, f) for r, dt, f in zip(residuals, intervals, beats, strict=True)]
         phase, power = (np.concatenate(parts) for parts in zip(*waves, strict=True)) if waves else (np.zeros(0),) * 2
-        found.append(_best(name, phase, power))
+        if not shapes:  # the phases are those of every channel
+            shapes.update({key: _differentiated(phase, *key) for key in _FILTERS})
+        found.append(_best(name, phase, power, shapes))
     return found
 
 
@@ -92,17 +95,12 @@ def _periodogram(values: FloatArray, interval: float, beats: Sequence[float]) ->
     return 2.0 * np.pi * frequency[keep] * interval, power[keep]
 
 
-def _best(name: str, phase: FloatArray, power: FloatArray) -> Making:
+def _best(name: str, phase: FloatArray, power: FloatArray, shapes: Mapping[tuple[int, int], FloatArray]) -> Making:
     if len(phase) < 60 or not np.all(power > 0.0):
         return Making(name, "unclear")
     # Each kind by its likelihood less what its parameters cost; Hann windows leave about two thirds of the freedom.
     cost = 0.5 * np.log(len(phase))
-    derived = {
-        (window, order): max(_whittle(power, _differentiated(phase, window, order), w) for w in _WHITE) - 2.0 * cost
-        for window in _WINDOWS
-        for order in _ORDERS
-        if window > order
-    }
+    derived = {key: max(_whittle(power, one, w) for w in _WHITE) - 2.0 * cost for key, one in shapes.items()}
     best = max(derived, key=lambda key: derived[key])
     kinds = {"white": _whittle(power, np.ones_like(phase), 0.0), "drifting": _autoregressive(phase, power, cost)}
     kinds["differentiated"] = derived[best]
@@ -122,8 +120,8 @@ def _whittle(power: FloatArray, shape: FloatArray, white: float) -> float:
 
 def _differentiated(phase: FloatArray, window: int, order: int) -> FloatArray:
     weights = signal.savgol_coeffs(window, order, deriv=1)
-    lags = np.arange(window) - window // 2
-    return np.asarray(np.abs(np.exp(1j * phase[:, None] * lags) @ weights) ** 2 + 1e-12)
+    half = window // 2  # odd: a sum of sines
+    return np.asarray((np.sin(phase[:, None] * np.arange(1, half + 1)) @ (2.0 * weights[half + 1 :])) ** 2 + 1e-12)
 
 
 def _autoregressive(phase: FloatArray, power: FloatArray, cost: float) -> float:

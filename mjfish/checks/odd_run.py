@@ -22,6 +22,8 @@ _CAP = 4.0
 _SUSPECT = 4.0
 #: How many times worse than the next worst run an odd run is that no other run can be compared with.
 _REMARK = 5.0
+#: Samples over which two runs of one drive are compared at least.
+_FEWEST = 30
 
 
 def odd_run(problem: Problem, fit: Fit) -> Iterator[Finding]:
@@ -30,10 +32,10 @@ def odd_run(problem: Problem, fit: Fit) -> Iterator[Finding]:
     if len(trials) < 3:
         return
     blocks = _by_trial(problem, fit)
-    alone = [_left_out(blocks, fit, r) for r in range(len(trials))]
-    level = np.array([_size(one) for one in alone])
-    worst = int(np.argmax(level))
-    twins = [(_shared(problem, blocks, alone, worst, k), k) for k in range(len(trials)) if k != worst]
+    worst = int(np.argmax([_size(_without(blocks, fit, r)[r]) for r in range(len(trials))]))
+    residuals = _without(blocks, fit, worst)
+    level = np.array([_size(one) for one in residuals])
+    twins = [(_shared(problem, residuals, worst, k), k) for k in range(len(trials)) if k != worst]
     compared = [(ratio, k) for ratio, k in twins if ratio is not None]
     if compared:
         ratio, twin = min(compared)
@@ -75,37 +77,27 @@ def _by_trial(problem: Problem, fit: Fit) -> list[tuple[FloatArray, FloatArray]]
     return found
 
 
-def _left_out(blocks: Sequence[tuple[FloatArray, FloatArray]], fit: Fit, r: int) -> FloatArray:
-    """Return the residual (m, 3) of run r at the estimates without it."""
+def _without(blocks: Sequence[tuple[FloatArray, FloatArray]], fit: Fit, r: int) -> list[FloatArray]:
+    """Return the residuals (m, 3) of all runs at the estimates without run r."""
     free = np.flatnonzero(~fit.at_bound)
     design = np.concatenate([j[:, :, free].reshape(-1, len(free)) for k, (_, j) in enumerate(blocks) if k != r])
     left = np.concatenate([e.ravel() for k, (e, _) in enumerate(blocks) if k != r])
     # A direction that the other runs do not see is not moved.
     step = np.linalg.lstsq(design, left, rcond=1e-6)[0]
-    return np.asarray(blocks[r][0] - blocks[r][1][:, :, free] @ step)
+    return [np.asarray(e - j[:, :, free] @ step) for e, j in blocks]
 
 
 def _size(residual: FloatArray) -> float:
     return float(np.mean(np.minimum(residual**2, _CAP**2)))
 
 
-def _shared(
-    problem: Problem,
-    blocks: Sequence[tuple[FloatArray, FloatArray]],
-    alone: Sequence[FloatArray],
-    worst: int,
-    other: int,
-) -> float | None:
+def _shared(problem: Problem, residuals: Sequence[FloatArray], worst: int, other: int) -> float | None:
     """Return how many times worse `worst` is than `other` while both had one drive; None where they never had."""
-    a, b = problem.trials[worst], problem.trials[other]
-    until = _alike(a, b)
+    until = _alike(problem.trials[worst], problem.trials[other])
     if until is None:
         return None
-    here = [
-        residual[_times(problem, k, len(residual)) < until]
-        for k, residual in ((worst, alone[worst]), (other, blocks[other][0]))
-    ]
-    if min(len(part) for part in here) < 30:
+    here = [residuals[k][_times(problem, k, len(residuals[k])) < until] for k in (worst, other)]
+    if min(len(part) for part in here) < _FEWEST:
         return None
     return _uncapped(here[0]) / max(_uncapped(here[1]), 1e-12)
 
@@ -126,7 +118,5 @@ def _alike(a: Trial, b: Trial) -> float | None:
     """Return until when two runs have the same drive from the start [s]; None where they differ at once."""
     if not a.drive or not b.drive or a.drive[0] != b.drive[0]:
         return None
-    ends = []
-    for one in (a, b):
-        ends.append(one.drive[1].start if len(one.drive) > 1 else float(one.time[-1]))
+    ends = [one.drive[1].start if len(one.drive) > 1 else float(one.time[-1]) for one in (a, b)]
     return float(a.time[-1]) if a.drive == b.drive else min(ends)
