@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -53,7 +52,7 @@ def _one(task: Task, folder: Path) -> dict[str, Any]:
     target = _answer(folder, task)
     partial = target.with_suffix(".partial")
     partial.write_text(json.dumps(answer, indent=1), encoding="utf-8")
-    os.replace(partial, target)
+    partial.replace(target)
     return answer
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy import stats
@@ -76,7 +77,6 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     seen = [c for c in of["one"] if c.answer["verdict"] in ("named", "cannot_tell")]
     strong = [c for c in of["off_list"] if min(c.truth.strength.values(), default=0.0) >= 400.0]
     both = [c for c in of["two"] if min(c.truth.strength.values()) >= 100.0]
-    named = [name for c in both for name in c.named]
     rows = [
         proportion(
             "false alarms, no effect", "at most 2 %", (c.answer["verdict"] != "nothing_wrong" for c in of["none"]),
@@ -114,7 +114,6 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         ),
         *sizes(of["one"]),
     ]  # fmt: skip
-    del named
     return [row for row in rows if row.total]
 
 
@@ -151,7 +150,7 @@ def strata(cases: Sequence[Judged]) -> list[Figure]:
     rows = []
     edges = [0.0, 8.0, 16.0, 40.0, 120.0, 400.0, np.inf]
     singles = [c for c in cases if c.truth.kind == "one"]
-    for low, high in zip(edges, edges[1:], strict=False):
+    for low, high in pairwise(edges):
         here = [c for c in singles if low <= apart(c) < high]
         rows.append(
             proportion(f"right, lambda (1 - rho) {low:g} to {high:g}", "", (c.right for c in here), lambda _: True)

@@ -15,7 +15,7 @@ Guess = Callable[[Judged], str | None]
 
 
 def guessers(cases: Sequence[Judged]) -> dict[str, Guess]:
-    """Return guessers by name; those that look answers up in a table learn it from the cases themselves (leave one out)."""
+    """Return guessers by name; those that look answers up learn their table from all other cases."""
     singles = [c for c in cases if c.truth.kind == "one"]
     return {
         "most frequent cause": lambda case: _most_frequent([c for c in singles if c is not case]),
