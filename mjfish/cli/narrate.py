@@ -11,7 +11,10 @@ from mjfish.cli.console import out
 from mjfish.diagnose import Diagnosis
 from mjfish.effects import Effect
 from mjfish.frames import CHANNELS
+from mjfish.identify.fit import Z95
 
+#: Standard errors by which a coefficient must move to be told.
+_PUSHED = 2.0
 _COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow", "unexplained": "red"}
 
 
@@ -22,19 +25,54 @@ def diagnosis(result: Diagnosis, known: Mapping[str, Effect]) -> None:
         out.print(_cause(result))
     if result.gain is not None:
         out.print(_gain(result))
-    if result.where is not None:
-        where = result.where
+    _experiments(result, known)
+    if result.candidates:
+        out.print(_candidates(result))
+    _absorbed(result)
+    _where(result)
+    _blind(result)
+    for finding in result.checks.findings:
+        out.print(f"Data, {finding.severity}: {escape(finding.message)}", soft_wrap=True)
+    for remark in result.remarks:
+        out.print(f"Remark: {escape(remark)}", soft_wrap=True)
+
+
+def _where(result: Diagnosis) -> None:
+    """Say where the misfit sits, how it scales, and what describes it where nothing explains it."""
+    if (where := result.where) is not None:
         out.print(
             f"The misfit is densest in {where.channel} ({where.channels[where.channel]:.0%} of it), "
             f"trial {escape(where.trial)}, {where.part}, {where.phase} of the beat.",
             soft_wrap=True,
         )
-    if result.candidates:
-        out.print(_candidates(result))
-    _experiments(result, known)
-    _blind(result)
-    for remark in result.remarks:
-        out.print(f"Remark: {escape(remark)}", soft_wrap=True)
+    if (seen := result.fingerprint) is not None and (seen.exponent is not None or seen.odd is not None):
+        parts = []
+        if seen.exponent is not None:
+            predicted = seen.predicted.exponent
+            told = "" if predicted is None else f", predicted {predicted:g}"
+            parts.append(f"goes as frequency to the {seen.exponent:.2g} ({seen.low:.2g} to {seen.high:.2g}{told})")
+        if seen.odd is not None:
+            parts.append(f"{seen.odd:.0%} of it breaks the left-right symmetry")
+        out.print(f"What the best explanation adds {'; '.join(parts)}.", soft_wrap=True)
+    if (described := result.description) is not None and described.terms:
+        terms = "; ".join(f"{term.what} (size {term.size:.2g} SI per metre)" for term in described.terms)
+        out.print(
+            f"A description, not a cause, of {described.explained:.0%} of the misfit: {escape(terms)}.", soft_wrap=True
+        )
+
+
+def _absorbed(result: Diagnosis) -> None:
+    """Say which coefficients the missing cause had pushed, in units of their standard error."""
+    moved = []
+    for name, before in result.nominal.items():
+        after = result.extended.get(name)
+        if after is None or not result.best:
+            continue
+        error = max((after.high - after.low) / (2.0 * Z95), 1e-300)
+        if abs(after.estimate - before.estimate) > _PUSHED * error:
+            moved.append(f"{name} {before.estimate:.3g} to {after.estimate:.3g}")
+    if moved:
+        out.print(f"The refit had absorbed part of it; without the cause, with it: {', '.join(moved)}.", soft_wrap=True)
 
 
 def _cause(result: Diagnosis) -> Table:
@@ -92,20 +130,24 @@ def _chance(p: float | None) -> str:
 
 def _experiments(result: Diagnosis, known: Mapping[str, Effect]) -> None:
     names = [cause.name for cause in result.causes] or [name for group in result.rivals for name in group]
+    if result.rivals:
+        out.print(
+            f"To tell {' from '.join(names)}: `mjfish plan` on this dataset ranks runs by how far they set them apart.",
+            soft_wrap=True,
+        )
     for name in names:
         out.print(f"To confirm {name}: {escape(known[name].confirm)}.", soft_wrap=True)
 
 
 def _blind(result: Diagnosis) -> None:
-    """Say which sizes would have shown."""
+    """Say which causes could not have been seen, and which sizes of the others would have shown."""
+    for name, reason in result.blind.items():
+        out.print(f"Could not be seen: {name}, {escape(reason)}.", soft_wrap=True)
     sizes = [
         f"{name} {size:.2g}"
         for c in result.candidates
-        if c.applicable and c.smallest_visible
+        if c.applicable and c.smallest_visible and c.name not in result.blind
         for name, size in c.smallest_visible.items()
     ]
-    for c in result.candidates:
-        if not c.applicable:
-            out.print(f"Not tried: {c.name}, {escape(c.remark)}.", soft_wrap=True)
-    if sizes and result.verdict in ("nothing_wrong", "named"):
+    if sizes:
         out.print(f"Smallest sizes that would have shown: {', '.join(sizes)}.", soft_wrap=True)
