@@ -19,6 +19,9 @@ from mjfish.plan.question import of_file
 from mjfish.plan.words import percent
 from mjfish.trial import load
 
+#: Rows of the table; all of them are in the JSON.
+_ROWS = 12
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -96,41 +99,41 @@ def _show(found: Plan) -> None:
 
 
 def _separation(found: Plan) -> Table:
-    table = Table(title="What would tell them apart")
-    for heading in ("", "seconds", "hardest pair", "lambda now", "after", "chance now", "after"):
-        table.add_column(heading, justify="left" if heading in ("", "hardest pair") else "right", no_wrap=True)
-    for option in found.options:
+    several = len(found.question.names) > 2
+    table = Table(title=f"What would tell apart {' and '.join(found.question.names)}")
+    for heading in ("do", "seconds", *(["hardest pair"] if several else []), "lambda", "after", "chance", "after"):
+        table.add_column(heading, justify="left" if heading in ("do", "hardest pair") else "right")
+    for option in _shown(found):
         pair = option.worst
-        after = "settled" if pair.settled else f"{pair.after:.3g}"
+        after = "measured" if pair.settled else f"{pair.after:.3g}"
         seconds = f"{option.seconds:.0f}" if option.run is not None else "bench"
+        hardest = [f"{pair.first} | {pair.second}"] if several else []
         chances = percent(pair.chance_now), percent(pair.chance_after)
-        table.add_row(
-            option.name, seconds, f"{pair.first} | {pair.second}", f"{pair.now:.3g}", after, *chances,
-            style=_style(option),
-        )  # fmt: skip
+        table.add_row(option.name, seconds, *hardest, f"{pair.now:.3g}", after, *chances, style=_style(option))
     table.caption = (
-        "by gain of lambda a second of the hardest pair; lambda: misfit of the wrong one that no refit hides; "
-        "chance: that the data then name the right one"
+        "lambda: misfit of the wrong cause that no refit hides; chance: of the right verdict; ranked by the gain of "
+        "lambda a second"
     )
     return table
 
 
 def _sizes(found: Plan) -> Table:
     table = Table(title="Smallest sizes that would show")
-    for heading in ("", "seconds", "gains least", "now", "after"):
-        table.add_column(heading, justify="left" if heading in ("", "gains least") else "right", no_wrap=True)
-    for option in found.options:
+    for heading in ("do", "seconds", "gains least", "now", "after"):
+        table.add_column(heading, justify="left" if heading in ("do", "gains least") else "right")
+    for option in _shown(found):
         pair = option.worst
-        table.add_row(
-            option.name,
-            f"{option.seconds:.0f}",
-            pair.first,
-            f"{pair.now:.3g}",
-            f"{pair.after:.3g}",
-            style=_style(option),
-        )
-    table.caption = "by the shrinking a second of the size that shrinks least"
+        cells = f"{option.seconds:.0f}", pair.first, f"{pair.now:.3g}", f"{pair.after:.3g}"
+        table.add_row(option.name, *cells, style=_style(option))
+    table.caption = "ranked by the shrinking a second of the size that shrinks least"
     return table
+
+
+def _shown(found: Plan) -> list[Option]:
+    """Return the best options, and the best repeat, to compare them with."""
+    best = list(found.options[:_ROWS])
+    repeats = [option for option in found.options if option.run is not None and option.run.repeat]
+    return best + [option for option in repeats[:1] if option not in best]
 
 
 def _style(option: Option) -> str:

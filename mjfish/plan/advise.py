@@ -99,7 +99,7 @@ def advise(
         rivals = with_noise_of_the_best(rivals) if unknown else rivals
         good = all(one.fit.status == "converged" for one in rivals)
         progress("trying the runs of the menu", 0.5)
-        ranked = (*_calibrations(causes, d := distances(rivals, runs)), *_separating(d, causes, runs, pause))
+        ranked = (*_calibrations(causes, d := distances(rivals, runs)), *separating(d, causes, runs, pause))
     else:
         progress("fitting the nominal model", 0.1)
         nominal = fit(start, tolerance=1e-6)
@@ -131,7 +131,7 @@ def _causes(dataset: Dataset, question: Question, known: dict[str, Effect]) -> t
     return found
 
 
-def _separating(d: Distances, rivals: Sequence[Effect], runs: Sequence[Run], pause: float) -> list[Option]:
+def separating(d: Distances, rivals: Sequence[Effect], runs: Sequence[Run], pause: float) -> list[Option]:
     """Rank runs: the largest, over runs, of the smallest gain of lambda of any pair a second."""
     options = []
     for i, run in enumerate(runs):

@@ -58,6 +58,12 @@ def baseline(dataset: Dataset, jobs: int | None = None) -> Problem:
     )
 
 
+def extended(problem: Problem, rival: Effect) -> Problem:
+    """Return the problem of the model with a rival."""
+    declared = {**problem.declared, **_off_null(rival)}
+    return replace(problem, model=problem.model.extended(rival), declared=declared)
+
+
 def fit_rivals(
     problem: Problem, rivals: Sequence[Effect], starts: Mapping[str, float], progress: Progress = silent
 ) -> tuple[Fitted, ...]:
@@ -93,11 +99,10 @@ def with_noise_of_the_best(fitted: Sequence[Fitted]) -> tuple[Fitted, ...]:
 
 
 def _fit(problem: Problem, nominal: Fit, rival: Effect, guesses: Sequence[Mapping[str, float]]) -> Fitted:
-    declared = {**problem.declared, **_off_null(rival)}
-    extended = replace(problem, model=problem.model.extended(rival), declared=declared)
-    starts = [extended.start({**nominal.values, **guess}) for guess in guesses if guess]
-    costs = [float(np.sum(extended.residual(start) ** 2)) for start in starts]
-    return Fitted(rival, extended, fit(extended, starts[int(np.argmin(costs))], tolerance=_TOLERANCE))
+    wider = extended(problem, rival)
+    starts = [wider.start({**nominal.values, **guess}) for guess in guesses if guess]
+    costs = [float(np.sum(wider.residual(start) ** 2)) for start in starts]
+    return Fitted(rival, wider, fit(wider, starts[int(np.argmin(costs))], tolerance=_TOLERANCE))
 
 
 def _given(rival: Effect, starts: Mapping[str, float]) -> dict[str, float]:

@@ -21,8 +21,8 @@ from mjfish.trial import Dataset, Trial
 OMEGA = (9.0, 30.0)
 #: Number of steady frequencies, and of pieces of a chirp.
 _STEADY, _CHIRP = 6, 8
-#: Bias of a turn and of a C-bend, in units of each oscillator's amplitude sqrt(A).
-_TURN, _BEND = 0.3, 0.6
+#: Bias of a turn, without the first joint, and of a C-bend, in units of each oscillator's amplitude sqrt(A).
+_TURN, _BEND = 0.3, 0.3
 #: Frequency at which the joints all but stand still [rad/s]; a CPG has no zero.
 _HOLD = 0.1
 #: A run may ask a joint for this much more angle or rate than the hardest run that it is known to follow.
@@ -122,7 +122,7 @@ def _drives(cpg: Cpg, low: float, high: float, duration: float) -> Iterator[tupl
         yield f"steady-{omega:.3g}", f"straight at {omega:.3g} rad/s", (DriveSegment(0.0, omega, straight),)
     for omega in (low, middle, high):
         for side, sign in (("left", 1.0), ("right", -1.0)):
-            bias = tuple(sign * b for b in turn)
+            bias = tuple(sign * b + 0.0 for b in turn)
             yield f"turn-{side}-{omega:.3g}", f"from the start a turn to one side at {omega:.3g} rad/s", (
                 DriveSegment(0.0, omega, bias),
             )  # fmt: skip
@@ -133,7 +133,7 @@ def _drives(cpg: Cpg, low: float, high: float, duration: float) -> Iterator[tupl
     for name, row in (("chirp-up", pieces), ("chirp-down", pieces[::-1])):
         about = f"{row[0]:.3g} to {row[-1]:.3g} rad/s in {_CHIRP} steps"
         yield name, about, tuple(DriveSegment(i * duration / _CHIRP, w, straight) for i, w in enumerate(row))
-    weave = [tuple((-1.0) ** i * b for b in turn) for i in range(_CHIRP // 2)]
+    weave = [tuple((-1.0) ** i * b + 0.0 for b in turn) for i in range(_CHIRP // 2)]
     yield "zigzag", f"turns to either side at {middle:.3g} rad/s", tuple(
         DriveSegment(2.0 * i * duration / _CHIRP, middle, bias) for i, bias in enumerate(weave)
     )  # fmt: skip

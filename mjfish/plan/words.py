@@ -10,6 +10,8 @@ from mjfish.plan.result import Option
 
 #: Below this chance of a verdict a run is not worth its name.
 _LIKELY = 0.5
+#: Above this one no run is needed.
+_SURE = 0.995
 
 
 def message(question: Question, options: Sequence[Option]) -> str:
@@ -37,10 +39,12 @@ def _run(question: Question, best: Option, after: bool) -> str:
         pair = best.worst
         return f"{what} shrinks the smallest visible size of every cause, at least to {pair.after / pair.now:.0%}."
     pair = best.worst
+    if pair.chance_now > _SURE:
+        return f"The data tell {pair.first} and {pair.second} apart already; {best.name} would do so most a second."
+    now, then = percent(pair.chance_now), percent(pair.chance_after)
     told = (
-        f"{what} separates {pair.first} and {pair.second} most a second: chance of a verdict {percent(pair.chance_now)}"
+        f"{what} separates {pair.first} and {pair.second} most a second: chance of a verdict {now} now, {then} after."
     )
-    told += f" now, {percent(pair.chance_after)} after."
     if pair.chance_after < _LIKELY:
         told += " No single run of the menu is likely to decide; several may."
     return told
