@@ -12,7 +12,7 @@ import numpy as np
 from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.drive import cpg as hopf
-from mjfish.drive import measured
+from mjfish.drive import measured, wave
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError
@@ -187,6 +187,9 @@ def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
     """Return the joint motion a trial asks for: the spline of its measured angles, or the CPG's."""
     if trial.joint_angle is not None:
         return measured.joint_motion(trial.time, trial.joint_angle, step)
+    if trial.wave is not None:
+        end = float(trial.time[-1]) + LEAD
+        return wave.joint_motion(trial.wave, 0.0 if trial.starts_at_rest else float(trial.time[0]), end, step)
     if cpg is None:
         raise InputError(f"trial '{trial.name}' is driven by a CPG, but the fish has none; add [cpg] to the fish")
     duration = float(trial.time[-1]) + LEAD

@@ -10,6 +10,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.drive.cpg import DriveSegment
+from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.trial import beat, columns, place
@@ -146,4 +147,31 @@ def driven(time: FloatArray, drive: tuple[DriveSegment, ...], path: Path, key: s
         raise InputError(
             f"{key}.{len(drive)}.start: {drive[-1].start:g} s is not before the end of {path} at {time[-1]:g} s; "
             "remove the segment, or correct its start"
+        )
+
+
+def waved(time: FloatArray, wave: Wave, path: Path, key: str) -> None:
+    """Refuse a recording that does not fit the wave that drives it.
+
+    Args:
+        time: (n,) checked by `times` [s].
+        wave: one of everything a joint.
+        path: the file, for messages.
+        key: of the drive in its file, for messages.
+    """
+    if wave.ramp > 0.0 and time[0] < 0.0:
+        raise InputError(
+            f"{place.row(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for a wave with a ramp "
+            "starts at 0 s; remove the rows before, or shift the times"
+        )
+    far = [number for number, angle in enumerate(wave.amplitude, start=1) if abs(angle) > np.pi]
+    if far:
+        raise InputError(
+            f"{key}.amplitude: {wave.amplitude[far[0] - 1]:g} rad at joint {far[0]} is more than half a turn, expected "
+            "radians; if these are degrees, multiply by pi/180"
+        )
+    if time[-1] - time[0] + float(np.median(np.diff(time))) < (1.0 - 1e-9) / wave.frequency:
+        raise InputError(
+            f"{path}: lasts {time[-1] - time[0]:.4g} s, expected one beat of {1.0 / wave.frequency:.4g} s (frequency = "
+            f"{wave.frequency:g} Hz) or more; record longer"
         )

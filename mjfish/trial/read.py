@@ -11,11 +11,12 @@ from mjfish import fish as fishes
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.drive.cpg import DriveSegment
+from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.trial import check, columns, place, schema
-from mjfish.trial.schema import DatasetTable, Noise, TrialTable
+from mjfish.trial.schema import DatasetTable, Noise, TrialTable, WaveDrive
 from mjfish.trial.table import read_table
 from mjfish.trial.types import Dataset, Trial
 
@@ -71,10 +72,10 @@ def build_trial(entry: TrialTable, numbers: Mapping[str, FloatArray], fish: Fish
     if missing:
         found = ", ".join(map(columns.header, numbers))
         raise InputError(f"{source}: column '{columns.header(missing[0])}' is missing; found {found}; add it")
-    if entry.gaps and not entry.drive:
+    if entry.gaps and not entry.drive and entry.wave is None:
         raise InputError(
-            f"{key}.gaps: samples may be missing only where a CPG drives the fish, for the joints move on meanwhile; "
-            "cut the recording into two trials"
+            f"{key}.gaps: samples may be missing only where a CPG drives the fish, or a wave, for the joints move on "
+            "meanwhile; cut the recording into two trials"
         )
     if entry.gaps:
         numbers = _recorded(numbers, source)
@@ -82,7 +83,10 @@ def build_trial(entry: TrialTable, numbers: Mapping[str, FloatArray], fish: Fish
     check.times(time, source, gaps=entry.gaps)
     drive = tuple(DriveSegment(segment.start, segment.omega, segment.bias) for segment in entry.drive)
     joints = _joints(numbers, fish, source)
-    _check_one_drive(drive, joints, fish, source, key)
+    wave = _wave(entry.wave, fish, f"{key}.drive")
+    _check_one_drive(bool(drive) or wave is not None, joints, fish, source, key)
+    if wave is not None:
+        check.waved(time, wave, source, f"{key}.drive")
     if drive:
         check.segments(drive, fish, f"{key}.drive")
         check.driven(time, drive, source, f"{key}.drive")
@@ -99,7 +103,22 @@ def build_trial(entry: TrialTable, numbers: Mapping[str, FloatArray], fish: Fish
         roll=numbers.get("roll"),
         source=source,
         gaps=entry.gaps,
+        wave=wave,
     )
+
+
+def _wave(table: WaveDrive | None, fish: Fish, key: str) -> Wave | None:
+    """Return the wave of an entry, one of everything a joint."""
+    if table is None:
+        return None
+    bias = table.bias or (0.0,) * fish.joints
+    for name, values in (("amplitude", table.amplitude), ("phase", table.phase), ("bias", bias)):
+        if len(values) != fish.joints:
+            raise InputError(
+                f"{key}.{name}: {len(values)} numbers, expected {fish.joints}, one for each joint of fish "
+                f"'{fish.name}'; correct it"
+            )
+    return Wave(table.frequency, table.amplitude, table.phase, bias, table.ramp, table.free)
 
 
 def _recorded(numbers: Mapping[str, FloatArray], source: Path) -> Mapping[str, FloatArray]:
@@ -110,20 +129,18 @@ def _recorded(numbers: Mapping[str, FloatArray], source: Path) -> Mapping[str, F
     return {name: readonly(values[kept]) for name, values in numbers.items()}
 
 
-def _check_one_drive(
-    drive: tuple[DriveSegment, ...], joints: FloatArray | None, fish: Fish, source: Path, key: str
-) -> None:
+def _check_one_drive(driven: bool, joints: FloatArray | None, fish: Fish, source: Path, key: str) -> None:
     """Refuse a trial that says twice how the joints moved, or not at all."""
     first, last = columns.header(columns.joint(1)), columns.header(columns.joint(fish.joints))
-    if drive and joints is not None:
+    if driven and joints is not None:
         raise InputError(
             f"{key}.drive: {source} has measured joint angles too, expected one of the two; remove [[trials.drive]] to "
             f"drive the model by the measured angles, or the columns '{first}' to '{last}' to drive it by the CPG"
         )
-    if not drive and joints is None:
+    if not driven and joints is None:
         raise InputError(
-            f"{key}: no drive, and {source} has no joint angles; add [[trials.drive]] with start, omega and bias, or "
-            f"the columns '{first}' to '{last}'"
+            f"{key}: no drive, and {source} has no joint angles; add [[trials.drive]] with start, omega and bias, "
+            f"[trials.drive] of kind 'wave', or the columns '{first}' to '{last}'"
         )
 
 

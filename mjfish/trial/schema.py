@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import COEFFICIENTS, Fish
@@ -84,6 +84,21 @@ class Drive(Table):
     bias: tuple[Number, ...]
 
 
+class WaveDrive(Table):
+    """A wave as the drive, see `mjfish.drive.wave`: frequency [Hz]; amplitude, phase and bias [rad], one a joint.
+
+    `free`: drive and record have no common clock, so that frequency and phase are fitted with every trial.
+    """
+
+    kind: Literal["wave"]
+    frequency: Positive
+    amplitude: tuple[Number, ...]
+    phase: tuple[Number, ...]
+    bias: tuple[Number, ...] = ()
+    ramp: NotNegative = 0.0
+    free: bool = False
+
+
 class TrialTable(Table):
     """One entry of ``[[trials]]``; `file` is relative to the folder of dataset.toml.
 
@@ -95,6 +110,15 @@ class TrialTable(Table):
     role: Role | None = None
     gaps: bool = False
     drive: tuple[Drive, ...] = ()
+    wave: WaveDrive | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_table_is_a_wave(cls, raw: object) -> object:
+        """``[[trials.drive]]`` is a list of CPG segments, ``[trials.drive]`` one table with a kind."""
+        if isinstance(raw, Mapping) and isinstance(raw.get("drive"), Mapping):
+            return {**{key: value for key, value in raw.items() if key != "drive"}, "wave": raw["drive"]}
+        return raw
 
 
 def _flat(raw: object) -> object:

@@ -8,6 +8,7 @@ from typing import Literal
 
 from mjfish.arrays import FloatArray
 from mjfish.drive.cpg import DriveSegment
+from mjfish.drive.wave import Wave
 from mjfish.fish import Fish
 
 Role = Literal["fit", "held_out"]
@@ -29,6 +30,7 @@ class Trial:
         roll: (n,) [rad], or None.
         source: the file it was read from.
         gaps: samples are missing, and known to be: times may have gaps.
+        wave: the wave that drives the joints, or None.
     """
 
     name: str
@@ -41,11 +43,15 @@ class Trial:
     roll: FloatArray | None = None
     source: Path | None = None
     gaps: bool = False
+    wave: Wave | None = None
 
     @property
     def starts_at_rest(self) -> bool:
-        """Whether the trial begins at time 0 with the fish at rest in the water, as every CPG-driven trial does."""
-        return self.joint_angle is None
+        """Whether the trial begins at time 0 with the fish at rest in the water, as every CPG-driven trial does.
+
+        A wave starts it from rest where it has a ramp.
+        """
+        return self.joint_angle is None and (self.wave is None or self.wave.ramp > 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,13 +87,25 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
             "drive": [
                 {"start": float(part.start), "omega": float(part.omega), "bias": [float(bias) for bias in part.bias]}
                 for part in trial.drive
-            ],
+            ]
+            or _wave(trial),
         }
         for trial in dataset.trials
     ]
     raw = {"schema": 1, "name": dataset.name, "fish": fish, "clock": dataset.clock, "noise": noise, "start": start}
     filled = {key: value for key, value in raw.items() if value not in (None, {})}
     return {**filled, "trials": [{key: value for key, value in trial.items() if value} for trial in trials]}
+
+
+def _wave(trial: Trial) -> dict[str, Any]:
+    """Return the table of a wave, empty where none drives."""
+    if trial.wave is None:
+        return {}
+    wave = trial.wave
+    table: dict[str, Any] = {"kind": "wave", "frequency": float(wave.frequency)}
+    for name in ("amplitude", "phase", "bias"):
+        table[name] = [float(value) for value in getattr(wave, name)]
+    return {**table, "ramp": float(wave.ramp), "free": wave.free}
 
 
 def _fish_entry(fish: Fish) -> tuple[str, dict[str, dict[str, float]]]:

@@ -1,0 +1,94 @@
+"""A wave as a drive: the joint law of firmware that sends every joint a sinusoid.
+
+    theta_j = r(t) [bias_j + A_j sin(2 pi f t + phi_j)]
+
+r rises from 0 to 1 over the ramp as 10 s^3 - 15 s^4 + 6 s^5 with s = t / ramp, which starts and ends without a step of
+rate or acceleration; without a ramp r = 1, and the fish is swimming when the record begins.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.drive.motion import JointMotion, grid
+from mjfish.errors import InputError
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A sinusoid for every joint.
+
+    Attributes:
+        frequency: f [Hz].
+        amplitude: A_j [rad], one a joint.
+        phase: phi_j [rad], one a joint.
+        bias: [rad], one a joint.
+        ramp: [s]; 0 where the fish swims when the record begins.
+        free: whether frequency and phase are known only roughly, because drive and camera have no common clock.
+    """
+
+    frequency: float
+    amplitude: tuple[float, ...]
+    phase: tuple[float, ...]
+    bias: tuple[float, ...]
+    ramp: float = 0.0
+    free: bool = False
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.amplitude)
+
+    def moved(self, *, frequency: float = 0.0, phase: float = 0.0) -> Wave:
+        """Return the wave with a frequency [Hz] and a phase of all joints [rad] so much higher."""
+        return replace(self, frequency=self.frequency + frequency, phase=tuple(own + phase for own in self.phase))
+
+
+@functools.lru_cache(maxsize=256)
+def joint_motion(wave: Wave, start: float, end: float, step: float) -> JointMotion:
+    """Sample the joint motion on the half-step grid, rates and accelerations exactly.
+
+    Args:
+        wave: the law.
+        start, end: [s]; a wave with a ramp starts at 0.
+        step: longest integration step [s].
+
+    Raises:
+        InputError: amplitudes, phases and biases are not one a joint.
+    """
+    if not len(wave.amplitude) == len(wave.phase) == len(wave.bias):
+        raise InputError(
+            f"a wave has {len(wave.amplitude)} amplitudes, {len(wave.phase)} phases and {len(wave.bias)} biases, "
+            "expected one of each a joint"
+        )
+    breaks = [start, *([wave.ramp] if start < wave.ramp < end else []), end]
+    boundaries = grid(np.array(breaks), step)
+    stages = np.stack([boundaries[:-1], 0.5 * (boundaries[:-1] + boundaries[1:]), boundaries[1:]], axis=1)
+    omega = 2.0 * np.pi * wave.frequency
+    phase = omega * stages[..., None] + np.array(wave.phase)
+    amplitude = np.array(wave.amplitude)
+    swing = np.array(wave.bias) + amplitude * np.sin(phase)
+    swing_rate = omega * amplitude * np.cos(phase)
+    swing_second = -(omega**2) * amplitude * np.sin(phase)
+    r, r_rate, r_second = (part[..., None] for part in _ramp(stages, wave.ramp))
+    return JointMotion(
+        time=boundaries,
+        angle=r * swing,
+        rate=r_rate * swing + r * swing_rate,
+        acceleration=r_second * swing + 2.0 * r_rate * swing_rate + r * swing_second,
+    )
+
+
+def _ramp(time: FloatArray, length: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return r, r' [1/s], r'' [1/s2] at times of any shape."""
+    if length <= 0.0:
+        return np.ones_like(time), np.zeros_like(time), np.zeros_like(time)
+    s = np.clip(time / length, 0.0, 1.0)
+    value = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    rate = 30.0 * s**2 * (1.0 - s) ** 2 / length
+    second = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / length**2
+    return value, rate, second
