@@ -17,7 +17,7 @@ from mjfish.trial import Dataset
 #: Time constant with which the teeth come to rest on each other at either end of the gap [s].
 CONTACT = 0.003
 #: Parts of each half step of the drive, in which the play is straight.
-_PARTS = 4
+_PARTS = 2
 
 
 class ServoBacklash(Effect):
