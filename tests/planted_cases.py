@@ -32,14 +32,40 @@ def _current(rng: np.random.Generator) -> dict[str, float]:
     return {"x": 0.06 * np.cos(heading), "y": 0.06 * np.sin(heading)}
 
 
+def _one(short: str, low: float, high: float, *, signed: bool = False) -> Draw:
+    """Draw one amplitude, of either sign where `signed`."""
+    return lambda rng: {short: rng.uniform(low, high) * (rng.choice([-1.0, 1.0]) if signed else 1.0)}
+
+
+def _zero(rng: np.random.Generator) -> dict[str, float]:
+    return {f"joint_{i}": float(rng.choice([-1.0, 1.0]) * rng.uniform(0.02, 0.06)) for i in range(1, 5)}
+
+
 #: A strong effect of each kind.
 STRONG: dict[str, Draw] = {
-    "time_offset": lambda rng: {"offset": rng.choice([-1.0, 1.0]) * rng.uniform(0.02, 0.04)},
-    "servo_lag": lambda rng: {"time_constant": rng.uniform(0.03, 0.05)},
+    "time_offset": _one("offset", 0.02, 0.04, signed=True),
+    "servo_lag": _one("time_constant", 0.03, 0.05),
     "ambient_current": _current,
     "reynolds_drag": lambda rng: {"friction": rng.uniform(1.5, 3.0), "pressure": rng.uniform(0.5, 1.5)},
-    "tail_compliance": lambda rng: {"compliance": rng.uniform(0.1, 0.4)},
-    "munk_moment": lambda rng: {"kappa": rng.uniform(0.6, 1.2)},
+    "tail_compliance": _one("compliance", 0.1, 0.4),
+    "munk_moment": _one("kappa", 0.6, 1.2, signed=False),
+    "velocity_scale": _one("error", 0.15, 0.25, signed=True),
+    "frame_misalignment": _one("angle", 0.05, 0.1, signed=True),
+    "marker_offset": lambda rng: {"along": -rng.uniform(0.02, 0.04), "across": rng.uniform(-0.02, 0.02)},
+    "servo_rate_limit": _one("slowness", 0.3, 0.45),
+    "servo_saturation": _one("psi", 1.0, 3.0),
+    "servo_backlash": _one("play", 0.04, 0.08),
+    "joint_zero_offset": _zero,
+    "inertia_error": _one("error", 0.6, 1.2),
+    "com_offset": _one("shift", 0.02, 0.04, signed=True),
+    "linear_drag": lambda rng: {"along": rng.uniform(2.0, 5.0), "across": rng.uniform(60.0, 150.0)},
+    "fin_lift": _one("slope", 2.0, 4.0),
+    "roll": _one("height", 0.015, 0.03, signed=True),
+}
+#: Shapes, which a strength does not scale.
+SHAPES: dict[str, Draw] = {
+    "tail_compliance": _one("damping", 0.005, 0.08),
+    "roll": lambda rng: {"frequency": rng.uniform(5.0, 15.0), "damping": rng.uniform(0.1, 0.5)},
 }
 
 
@@ -70,8 +96,8 @@ def draw(effect: str | None, strength: str, number: int = 0, trials: int = 5) ->
     if effect is not None:
         for short, value in STRONG[effect](rng).items():
             truth[f"{effect}.{short}"] = float(STRENGTHS[strength] * value)
-        if effect == "tail_compliance":
-            truth["tail_compliance.damping"] = float(rng.uniform(0.005, 0.08))
+        for short, value in SHAPES.get(effect, lambda _: {})(rng).items():
+            truth[f"{effect}.{short}"] = float(value)
     modes = list(rng.choice(MODES, size=trials, replace=False))
     dataset = plant(
         fishes.load("pike"),

@@ -157,6 +157,8 @@ def _guesses(evidence: Evidence, effect: Effect) -> list[dict[str, float]]:
     for multiple in _MULTIPLES:
         signs = {p.name: -1.0 if one_step[p.name] < p.default else 1.0 for p in amplitudes}
         guesses.append({p.name: p.default + multiple * signs[p.name] * p.scale for p in amplitudes})
+    if any(p.start != p.default for p in amplitudes):  # declared where there is no gradient at the null
+        guesses += [{p.name: p.default + share * (p.start - p.default) for p in amplitudes} for share in (1.0, 2.0)]
     return [_inside(effect, guess) for guess in guesses]
 
 
