@@ -3,7 +3,7 @@
     python tools/advised_run.py --cases 60
 
 Each case draws coefficients, one of two rival causes as the truth, and a noise under which the data at hand hardly tell
-the two (lambda = 1.5). What the advised run and a random one then do is measured, not predicted.
+the two (lambda of 0.3 to 3). What the advised run and a random one then do is measured, not predicted.
 """
 
 from __future__ import annotations
@@ -40,16 +40,17 @@ TRIALS = ("v1", "v3")
 DURATION = 5.0
 SIGMA = np.array([0.01, 0.01, 0.05])
 #: What the data at hand tell of the pair.
-LAMBDA = 1.5
+LAMBDA = (0.3, 3.0)
 TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One case: lambda and chance predicted, margins measured, verdicts after the advised and after a random run."""
+    """One case: lambda at hand; lambda and chance predicted; verdicts after the advised and after a random run."""
 
     truth: str
     rival: str
+    hardness: float
     advised: str
     random: str
     predicted: float
@@ -89,7 +90,8 @@ def case(seed: int) -> Outcome | None:
     pair = [find(truth_name), find(rival_name)]
     there = _rivals(clean, pair, truth)
     apart = distances(there, ()).lambdas(truth_name, rival_name)
-    sigma = SIGMA * np.sqrt(apart / LAMBDA)
+    wanted = float(np.exp(rng.uniform(*np.log(LAMBDA))))
+    sigma = SIGMA * np.sqrt(apart / wanted)
     trials = tuple(swum(model, truth, b, sigma, rng) for b in blanks)
     dataset = Dataset("case", fish, trials, noise=readonly(sigma))
     rivals = _rivals(dataset, pair, truth)
@@ -103,7 +105,7 @@ def case(seed: int) -> Outcome | None:
     chances = [chance(d.lambdas(truth_name, rival_name, i), d.lambdas(rival_name, truth_name, i)) for i in range(2)]
     split = [_after(rivals, run, model, truth, sigma, rng) for run in (best, other)]
     return Outcome(
-        truth_name, rival_name, best.name, other.name, d.lambdas(truth_name, rival_name, 0), *chances, *split
+        truth_name, rival_name, wanted, best.name, other.name, d.lambdas(truth_name, rival_name, 0), *chances, *split
     )
 
 
