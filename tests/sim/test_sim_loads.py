@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import weakref
 from typing import Any
 
 import mujoco
@@ -13,7 +14,7 @@ from wet_models import PLATE, PLATE_LINK, PUSHES, compiled, pushing, stirred, tr
 from mjfish.errors import InputError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.link import LINK, link_records
-from mjfish.hydro.load import load
+from mjfish.hydro.load import Load, load
 from mjfish.sim import StripFluid, planar, reference
 from mjfish.sim.block_layout import loads_in
 from mjfish.sim.blocks import numbers
@@ -67,22 +68,26 @@ def test_force_and_moment_arrive_at_the_front_of_the_link_in_its_frame() -> None
     np.testing.assert_allclose(wrench, [*force, 0.0, 0.0, 0.03 + np.cross(arm, force)[2]], rtol=0, atol=1e-14)
 
 
-def test_a_load_lives_as_long_as_the_water() -> None:
-    """Catches a callback collected while MuJoCo still calls its address: a crash, or nothing at all."""
+def test_a_load_lives_as_long_as_the_water_and_no_longer() -> None:
+    """Catches a callback collected while MuJoCo still calls its address, which may go well for a while."""
 
-    def made() -> StripFluid:
+    def made() -> tuple[StripFluid, weakref.ref[Load]]:
         @load
         def pull(link: Any, parameters: Any) -> tuple[float, float, float]:
             return -parameters[0] * link.u - 1.0, 0.0, 0.0
 
-        return StripFluid(compiled(PLATE), [PLATE_LINK], loads=[(pull, [2.0])])
+        return StripFluid(compiled(PLATE), [PLATE_LINK], loads=[(pull, [2.0])]), weakref.ref(pull)
 
-    fluid = made()
+    fluid, alive = made()
     gc.collect()
+    assert alive() is not None
     data = mujoco.MjData(fluid.model)
     with fluid.installed():
         mujoco.mj_forward(fluid.model, data)
     assert fluid.wrenches(data)["loads"][0, 0] == pytest.approx(1.0)
+    del fluid, data
+    gc.collect()
+    assert alive() is None
 
 
 def test_what_is_no_load_is_refused() -> None:
