@@ -58,6 +58,20 @@ def inlined(function: F) -> F:
     return dispatcher
 
 
+def merged(function: F) -> F:
+    """Compile like `compiled`, and let LLVM put it into every function that calls it: typed once, unlike `inlined`."""
+    with _CacheDir():
+        dispatcher: F = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True, _nrt=False)(function)
+    return dispatcher
+
+
+def borrowing(function: F) -> F:
+    """Compile like `compiled`, for functions that allocate nothing: their views of arrays are not counted."""
+    with _CacheDir():
+        dispatcher: F = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)(function)
+    return dispatcher
+
+
 def c_callback(signature: Any, *, cached: bool = True) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function to a C callback of the numba `signature`; cached on disk like `compiled`.
 

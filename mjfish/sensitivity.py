@@ -1,28 +1,33 @@
 """Exact sensitivities of a prediction to every parameter: coefficients, effects, start velocities, clocks.
 
-The rollout itself is derived exactly (`mjfish.ode.tangent`). What comes before and after it, the hooks of effects, is
-cheap Python that may be a user's own: its derivatives are central differences of sixth order of the hooks alone.
+The rollout itself is derived exactly, in all directions at once (`mjfish.ode.tangents`). What comes before and after
+it, the hooks of effects, is cheap Python that may be a user's own: its derivatives are central differences of sixth
+order of the hooks alone.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish import ode
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, readonly
 from mjfish.effects.effect import Effect
+from mjfish.fish import Cpg, Fish
 from mjfish.frames import CHANNELS
-from mjfish.hydro.link import column
+from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
-from mjfish.hydro.load_tangent import TINY
-from mjfish.model import Model, Prepared, headed, joint_motion
-from mjfish.ode.rollout import Rollout, tail_of
-from mjfish.ode.tangent import Direction, numbers_of, simulate_along
+from mjfish.model import Model, Prepared, asked_motion, headed
+from mjfish.ode.lanes import Direction
+from mjfish.ode.rollout import tail_of
+from mjfish.ode.tangents import simulate_along
 from mjfish.parameter import Parameter
 from mjfish.trial import Trial
 
+#: Effects with their values by short name.
+Active = tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...]
 #: Step of a difference, in units of the parameter's scale.
 _STEP = 1e-2
 _SIXTH = ((1, 0.75), (2, -0.15), (3, 1.0 / 60.0))
@@ -48,9 +53,29 @@ def sensitivities(
     Returns:
         (n, 3, k) at the trial's times; NaN after a divergence.
     """
-    if not names:
-        return np.zeros((len(trial.time), len(CHANNELS), 0))
-    return np.stack([_one(model, trial, values, name, velocity, offset) for name in names], axis=2)
+    run = model.prepare(trial, values, offset=offset)
+    acting = {effect.name for effect, _ in run.active}
+    owners = [owner for owner in model.effects if owner in {_owner(model, name) for name in names}]
+    silent = [owner for owner in owners if owner.name not in acting and owner.load is not None]
+    loaded = [*(effect.name for effect, _ in run.active if effect.load is not None), *(one.name for one in silent)]
+    at = _At(model, trial, values, offset, run, loaded)
+    directions = [_direction(at, name) for name in names]
+    times = np.minimum(run.time, run.motion.time[-1])
+    moving = [k for k, (direction, _) in enumerate(directions) if direction is not None]
+    rollout, lanes = simulate_along(
+        run.fish, run.motion, [one for one, _ in directions if one is not None], times, values=run.coefficients,
+        velocity=velocity, coriolis=model.coriolis, loads=run.loads,
+        silent=[(one.load, list(_own(one, values).values())) for one in silent if one.load is not None],
+    )  # fmt: skip
+    along = np.zeros((len(times), lanes.shape[1], len(names)))
+    along[:, :, moving] = lanes
+    ahead = rollout.rate_at(times) * (run.time < run.motion.time[-1])[:, None]
+    for k, (_, rate) in enumerate(directions):
+        if rate is not None:
+            along[:, :, k] += ahead * rate[:, None]
+    if trial.pose is not None:  # the heading at the first sample is the measured one, whatever moves
+        along[:, 5] -= along[0, 5]
+    return _read(at, headed(rollout.at(times), trial), along, names)
 
 
 def one_sided(model: Model, name: str, value: float) -> bool:
@@ -62,22 +87,26 @@ def one_sided(model: Model, name: str, value: float) -> bool:
     return p.default == p.low and value <= p.low + 3.0 * _STEP * p.scale
 
 
-def _one(
-    model: Model, trial: Trial, values: Mapping[str, float], name: str, velocity: FloatArray | None, offset: float
-) -> FloatArray:
-    effect = _owner(model, name)
-    run = model.prepare(trial, values, offset=offset, keep=() if effect is None else (effect.name,))
-    direction, rate_of_time = _direction(model, trial, values, name, run, offset)
-    if direction is None:
-        rollout = ode.simulate(
-            run.fish, run.motion, values=run.coefficients, velocity=velocity, coriolis=model.coriolis, loads=run.loads
-        )
-    else:
-        rollout = simulate_along(
-            run.fish, run.motion, direction, values=run.coefficients, velocity=velocity, coriolis=model.coriolis,
-            loads=run.loads,
-        )  # fmt: skip
-    return _read(model, trial, values, name, run, rollout, rate_of_time)
+@dataclass(frozen=True, eq=False)
+class _At:
+    """Where derivatives are taken: arguments of `sensitivities`, what is simulated, whose loads are in its table."""
+
+    model: Model
+    trial: Trial
+    values: Mapping[str, float]
+    offset: float
+    run: Prepared
+    loaded: list[str]
+
+    def kept(self, owner: Effect, shift: tuple[str, float] | None = None) -> Active:
+        """Return the effects that act, and the owner of a parameter even if it does not, with one value replaced."""
+        acting = {effect.name for effect, _ in self.run.active} | {owner.name}
+        values = self.values if shift is None else {**self.values, shift[0]: shift[1]}
+        return tuple((e, tuple(_own(e, values).items())) for e in self.model.effects if e.name in acting)
+
+
+def _own(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
+    return {p.short: values[p.name] for p in effect.parameters}
 
 
 def _owner(model: Model, name: str) -> Effect | None:
@@ -89,81 +118,111 @@ def _overrides(effect: Effect, hook: str) -> bool:
     return getattr(type(effect), hook) is not getattr(Effect, hook)
 
 
-def _direction(
-    model: Model, trial: Trial, values: Mapping[str, float], name: str, run: Prepared, offset: float
-) -> tuple[Direction | None, FloatArray]:
-    """Return what the rollout is derived by, None where nothing moves it, and the rate (n,) of the times of reading."""
-    still = np.zeros(len(trial.time))
+def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]:
+    """Return what the rollout is derived by and the rates (n,) of the times of reading; None where nothing moves."""
     kind, _, short = name.partition(".")
     if kind == "start":
-        return Direction(velocity=np.eye(len(CHANNELS))[CHANNELS.index(short)]), still
+        return Direction(velocity=np.eye(len(CHANNELS))[CHANNELS.index(short)]), None
     if name == "clock.offset":
-        return None, still + 1.0
-    effect = _owner(model, name)
+        return None, np.ones(len(at.trial.time))
+    effect = _owner(at.model, name)
     if effect is None:
-        rows = np.zeros_like(numbers_of(run.fish))
-        rows[[link.group == short for link in run.fish.links], column(kind)] = 1.0
-        return Direction(links=rows), still
+        return _of_coefficient(tuple(link.group for link in at.run.fish.links), kind, short), None
     p = effect.declaration(short)
-
-    def vary(part: Callable[[Prepared], FloatArray]) -> FloatArray:
-        return difference(
-            lambda value: part(model.prepare(trial, {**values, name: value}, offset=offset, keep=(effect.name,))),
-            p, values[name],
-        )  # fmt: skip
-
     links: FloatArray | None = None
     tail: FloatArray | None = None
     motion: FloatArray | None = None
     loads: FloatArray | None = None
+    when: FloatArray | None = None
     if _overrides(effect, "body"):
-        links = vary(lambda one: numbers_of(one.fish, one.coefficients))
-        tail = vary(lambda one: tail_of(one.fish))
-    if _overrides(effect, "drive") and trial.joint_angle is None:
-        motion = vary(lambda one: _moves(model, trial, one, run.step))
+        hooked = tuple(one for one in at.kept(effect) if _overrides(one[0], "body"))
+        rows = _of_body(Same(at.model.fish), hooked, p, at.values[name])
+        links, tail = rows[:, :-3], rows[0, -3:]
+    if _overrides(effect, "drive") and at.trial.joint_angle is None:
+        servos = tuple(one for one in at.kept(effect) if one[0].family == "drive")
+        motion = _of_drive(Same(at.model.fish.cpg), at.trial, servos, p, at.values[name], at.run.step)
     if effect.load is not None:
-        loads = np.zeros((len(run.loads), PARAMETERS))
-        row = [one.load for one, _ in run.active if one.load is not None].index(effect.load)
-        loads[row, [own.short for own in effect.parameters].index(short)] = 1.0
-    when = vary(lambda one: one.time) if _overrides(effect, "clock") else still
+        loads = np.zeros((len(at.loaded), PARAMETERS))
+        loads[at.loaded.index(effect.name), [own.short for own in effect.parameters].index(short)] = 1.0
+    if _overrides(effect, "clock"):
+        when = difference(lambda value: _clock(at, at.kept(effect, (name, value))), p, at.values[name])
     if all(part is None for part in (links, tail, motion, loads)):
         return None, when
     return Direction(links=links, tail=tail, motion=motion, loads=loads), when
 
 
-def _moves(model: Model, trial: Trial, run: Prepared, step: float) -> FloatArray:
-    """Return angle, rate and acceleration (3, n, 3, joints) on the grid of another step."""
-    servos = tuple((effect, tuple(own.items())) for effect, own in run.active if effect.family == "drive")
-    motion = joint_motion(model.fish.cpg, trial, servos, step)
-    return np.stack([motion.angle, motion.rate, motion.acceleration])
+@functools.lru_cache(maxsize=64)
+def _of_coefficient(groups: tuple[str, ...], kind: str, group: str) -> Direction:
+    rows = np.zeros((len(groups), NUMBERS))
+    rows[[one == group for one in groups], column(kind)] = 1.0
+    return Direction(links=rows)
 
 
-def _read(
-    model: Model,
-    trial: Trial,
-    values: Mapping[str, float],
-    name: str,
-    run: Prepared,
-    rollout: Rollout,
-    rate: FloatArray,
+def _replaced(hooked: Active, p: Parameter, value: float) -> Active:
+    return tuple(
+        (effect, tuple((short, value if effect.name == p.group and short == p.short else old) for short, old in own))
+        for effect, own in hooked
+    )
+
+
+@functools.lru_cache(maxsize=256)
+def _of_body(fish: Same[Fish], hooked: Active, p: Parameter, value: float) -> FloatArray:
+    """Return rates of the link records, and in three more columns, in every row, of the tail; coefficients stay."""
+
+    def rows(one: float) -> FloatArray:
+        made = fish.thing
+        for effect, own in _replaced(hooked, p, one):
+            made = effect.body(made, dict(own))
+        numbers = numbers_of(made, fish.thing.values)
+        return np.concatenate([numbers, np.broadcast_to(tail_of(made), (len(numbers), 3))], axis=1)
+
+    return readonly(difference(rows, p, value))
+
+
+@functools.lru_cache(maxsize=128)
+def _of_drive(
+    cpg: Same[Cpg | None], trial: Trial, servos: Active, p: Parameter, value: float, step: float
 ) -> FloatArray:
-    """Return the derivative (n, 3) of what the camera reads of a complex rollout."""
-    end = run.motion.time[-1]
-    at = np.where(run.time < end, run.time + 1j * TINY * rate, end)
-    state = headed(rollout.at(at), trial)
-    real = np.ascontiguousarray(state.real)
-    along = np.where(np.isnan(real), np.nan, state.imag / TINY)
-    readers = [(effect, own) for effect, own in run.active if _overrides(effect, "reading")]
-    if not readers:
-        return np.asarray(along[:, :3])
-    owner = _owner(model, name)
-    p = _declared(model, name)
+    """Return rates of angle, rate and acceleration (3, n, 3, joints)."""
+
+    def moves(one: float) -> FloatArray:
+        motion = asked_motion(cpg.thing, trial, step)
+        for effect, own in _replaced(servos, p, one):
+            motion = effect.drive(motion, dict(own))
+        return np.stack([motion.angle, motion.rate, motion.acceleration])
+
+    return readonly(difference(moves, p, value))
+
+
+def _clock(at: _At, kept: Active) -> FloatArray:
+    time = at.trial.time + at.offset
+    for effect, own in kept:
+        time = effect.clock(time, dict(own))
+    return time
+
+
+def _read(at: _At, state: FloatArray, along: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Return the derivatives (n, 3, k) of what the camera reads of the states (n, 8) that move along (n, 8, k)."""
+    read = along[:, :3].copy()
+    acting = [effect for effect, _ in at.run.active]
+    for k, name in enumerate(names):
+        owner = _owner(at.model, name)
+        readers = [e for e in at.model.effects if (e in acting or e is owner) and _overrides(e, "reading")]
+        if readers:
+            read[:, :, k] = _seen(at, state, along[:, :, k], name, readers)
+    return read
+
+
+def _seen(at: _At, state: FloatArray, along: FloatArray, name: str, readers: Sequence[Effect]) -> FloatArray:
+    owner, p = _owner(at.model, name), _declared(at.model, name)
 
     def seen(shift: float) -> FloatArray:
-        moved = real + shift * along
-        for effect, own in readers:
-            here = {**own, p.short: own[p.short] + shift} if effect is owner else own
-            moved = effect.reading(moved.copy(), here, trial)
+        moved = state + shift * along
+        for effect in readers:
+            own = _own(effect, at.values)
+            if effect is owner:
+                own[p.short] += shift
+            moved = effect.reading(moved.copy(), own, at.trial)
         return moved[:, :3]
 
     return difference(seen, p, 0.0)

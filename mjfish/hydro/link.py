@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from mjfish.arrays import RecordArray
+from mjfish.arrays import FloatArray, RecordArray
 from mjfish.errors import UnknownNameError
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import COEFFICIENTS, KINDS, Fish
 from mjfish.hydro.outline import INTERVALS, STRIPS, outlines
 
 #: One link; every field is a float64, so that a record is also a plain row of numbers.
@@ -47,9 +47,30 @@ LINK = np.dtype(
 )
 
 
+#: Numbers of a record.
+NUMBERS = LINK.itemsize // 8
+Thing = TypeVar("Thing")
+
+
+class Same(Generic[Thing]):
+    """A thing as a key of a cache, by identity: hashing a whole fish takes longer than what is kept saves."""
+
+    def __init__(self, thing: Thing) -> None:
+        """Hold the thing, so that its identity stays its own."""
+        self.thing = thing
+
+    def __hash__(self) -> int:
+        return id(self.thing)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Same) and other.thing is self.thing
+
+
 @functools.lru_cache(maxsize=64)
-def _template(fish: Fish) -> RecordArray:
+def _template(same: Same[Fish]) -> RecordArray:
     """Return the records of the links with every field set but the coefficients' values and the velocity."""
+    fish = same.thing
+    values = fish.values
     records = np.zeros(len(fish.links), dtype=LINK)
     for record, link, outline in zip(records, fish.links, outlines(fish), strict=True):
         for field in ("mass", "com", "inertia", "length"):
@@ -57,13 +78,20 @@ def _template(fish: Fish) -> RecordArray:
         for field in LINK.names or ():
             if hasattr(outline, field):
                 record[field] = getattr(outline, field)
-        for kind in ("c_m", "c_d", "c_f"):
-            record[kind] = fish.values[f"{kind}.{link.group}"]
+        for kind in KINDS:
+            record[kind] = values[f"{kind}.{link.group}"]
         record["density"] = fish.density
         record["munk"] = fish.munk_moment
     records[-1]["last"] = 1.0
     records.flags.writeable = False
     return records
+
+
+@functools.lru_cache(maxsize=64)
+def _places(same: Same[Fish]) -> dict[str, tuple[str, Any]]:
+    """Return the field and the links of each coefficient."""
+    groups = np.array([link.group for link in same.thing.links])
+    return {name: (name.partition(".")[0], np.flatnonzero(groups == name.partition(".")[2])) for name in COEFFICIENTS}
 
 
 def link_records(fish: Fish, values: Mapping[str, float] | None = None) -> RecordArray:
@@ -72,25 +100,23 @@ def link_records(fish: Fish, values: Mapping[str, float] | None = None) -> Recor
     Raises:
         UnknownNameError: a name in `values` is no coefficient.
     """
-    records = _template(fish).copy()
+    same = Same(fish)
+    records, places = _template(same).copy(), _places(same)
     for name, value in (values or {}).items():
-        if name not in COEFFICIENTS:
+        if name not in places:
             raise UnknownNameError("coefficient", name, COEFFICIENTS)
-        kind, _, group = name.partition(".")
-        for record, link in zip(records, fish.links, strict=True):
-            if link.group == group:
-                record[kind] = value
+        kind, links = places[name]
+        records[kind][links] = value
     return records
+
+
+def numbers_of(fish: Fish, values: Mapping[str, float] | None = None) -> FloatArray:
+    """Return the link records as rows of numbers (links, NUMBERS)."""
+    rows: FloatArray = link_records(fish, values).view(np.float64).reshape(-1, NUMBERS)
+    return rows
 
 
 def column(name: str) -> int:
     """Return where a field of `LINK` starts in a row of numbers."""
     fields: Any = LINK.fields
     return int(fields[name][1]) // 8
-
-
-#: The same record of complex numbers, in the same order: imaginary parts are derivatives, see `mjfish.ode.tangent`.
-COMPLEX_LINK = np.dtype(
-    [(name, np.complex128, LINK[name].shape) for name in LINK.names or ()],
-    align=True,
-)

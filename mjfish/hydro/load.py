@@ -7,6 +7,9 @@ the engines' machine code the same whatever is plugged in, and lets a file outsi
 
 from __future__ import annotations
 
+import dis
+import functools
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,9 +20,9 @@ from numba import carray, from_dtype, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import BoolArray, FloatArray
 from mjfish.compiled import c_callback, compiled
-from mjfish.hydro.link import LINK
+from mjfish.hydro.link import LINK, column
 
 #: Most parameters a load may have.
 PARAMETERS = 8
@@ -29,10 +32,25 @@ _SIGNATURE = types.void(types.CPointer(_RECORD), types.CPointer(types.float64), 
 
 @dataclass(frozen=True)
 class Load:
-    """A compiled load: `address` of ``void(link*, parameters*, force*)``; `callback` keeps the code alive."""
+    """A compiled load.
+
+    Attributes:
+        address: of ``void(link*, parameters*, force*)``.
+        callback: keeps the code alive.
+        fields: names of the fields of a link that it reads.
+    """
 
     address: int
     callback: Any
+    fields: frozenset[str] = frozenset(LINK.names or ())
+
+    @functools.cached_property
+    def reads(self) -> BoolArray:
+        """Which numbers of a link's record it reads, but for the velocity (numbers of `LINK`,)."""
+        read = np.zeros(LINK.itemsize // 8, dtype=bool)
+        for name in self.fields - set("uvw"):
+            read[column(name) : column(name) + int(np.prod(LINK[name].shape))] = True
+        return read
 
 
 def load(function: Callable[[Any, Any], tuple[float, float, float]]) -> Load:
@@ -47,7 +65,22 @@ def load(function: Callable[[Any, Any], tuple[float, float, float]]) -> Load:
         out[2] = mz
 
     callback = c_callback(_SIGNATURE, cached=False)(hook)
-    return Load(address=callback.address, callback=callback)
+    return Load(address=callback.address, callback=callback, fields=fields_read(function))
+
+
+def fields_read(function: Callable[..., Any]) -> frozenset[str]:
+    """Return the fields of its first argument that a function may read: all, where it does more than name them."""
+    every = frozenset(LINK.names or ())
+    code = list(dis.get_instructions(function))
+    link = function.__code__.co_varnames[0]
+    read = set()
+    for one, after in itertools.pairwise(code):
+        named = one.argval if isinstance(one.argval, tuple) else (one.argval,)
+        if one.opname.startswith(("LOAD_FAST", "LOAD_DEREF", "LOAD_CLOSURE", "STORE_FAST")) and link in named:
+            if one.opname != "LOAD_FAST" or after.opname != "LOAD_ATTR":
+                return every
+            read.add(str(after.argval))
+    return every & read
 
 
 def load_table(loads: Sequence[tuple[Load, Sequence[float]]]) -> tuple[Any, FloatArray]:

@@ -15,7 +15,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, inlined
 from mjfish.hydro.force import added_mass, drag, gyroscopic
-from mjfish.hydro.load_tangent import loads_on
+from mjfish.hydro.load import apply_loads
 
 #: u, v, w [m/s, m/s, rad/s] of the nose, x, y [m], yaw [rad], tail deflection [rad], its rate [rad/s]; model's frame.
 STATES = 8
@@ -113,7 +113,7 @@ def _derivative(
         if not printed:
             mz -= mc * w * u
         if hooks.shape[0] > 0:
-            load_x, load_y, load_z = loads_on(links, i, hooks, hook_parameters, scratch)
+            load_x, load_y, load_z = apply_loads(links, i, hooks, hook_parameters, scratch)
             fx += load_x
             fy += load_y
             mz += load_z

@@ -2,7 +2,7 @@
 
     dv' = A(t) dv,   A = d(u', v', w') / d(u, v, w)
 
-exact, by the complex step (`mjfish.hydro.load_tangent`); pose and tail deflection are held.
+exact (`mjfish.ode.linear`); pose and tail deflection are held.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ import numpy as np
 
 from mjfish import frames
 from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled
+from mjfish.compiled import borrowing
 from mjfish.fish import Fish
-from mjfish.hydro.link import COMPLEX_LINK, LINK, link_records
+from mjfish.hydro.link import link_records
 from mjfish.hydro.load import Load, load_table
-from mjfish.hydro.load_tangent import TINY
-from mjfish.ode.equation import STATES, derivative
+from mjfish.ode.equation import derivative
+from mjfish.ode.integrate_along import scratch
+from mjfish.ode.linear import gather, travel
 from mjfish.ode.rollout import Rollout, tail_of
 
 
@@ -41,46 +42,34 @@ def growth(
     motion, steps = rollout.motion, len(rollout.state)
     state = rollout.state[:, 0].copy()
     state[:, :3], state[:, 3:6] = frames.flip(state[:, :3]), frames.flip(state[:, 3:6])
-    numbers = link_records(fish, values).view(np.float64).reshape(-1, LINK.itemsize // 8)
-    addresses, parameters = load_table(loads)
-    along: Any = parameters.astype(np.complex128)
     out = np.zeros((steps, 3, 3))
     cos, sin = motion.trigonometry
+    numbers, _ = scratch(motion.joints, 0, 0)
     run: Any = _growth
     run(
-        np.ascontiguousarray(numbers.astype(np.complex128)).view(COMPLEX_LINK).ravel(),
-        cos[:steps, 0].astype(np.complex128), sin[:steps, 0].astype(np.complex128),
-        motion.rate[:steps, 0].astype(np.complex128), motion.acceleration[:steps, 0].astype(np.complex128),
-        motion.angle[:steps, 0, -1].astype(np.complex128), state.astype(np.complex128),
-        tail_of(fish).astype(np.complex128), addresses, along, out,
+        link_records(fish, values), cos[:steps, 0], sin[:steps, 0], motion.rate[:steps, 0],
+        motion.acceleration[:steps, 0], motion.angle[:steps, 0, -1], state, tail_of(fish), *load_table(loads), numbers,
+        out,
     )  # fmt: skip
     signs = frames.flip(np.ones(3))
     return np.asarray(signs[:, None] * out * signs)
 
 
-@compiled
+@borrowing
 def _growth(
-    links: Any,
-    cos: Any,
-    sin: Any,
-    rate: Any,
-    acceleration: Any,
-    last: Any,
-    state: Any,
-    tail: Any,
-    hooks: Any,
-    hook_parameters: Any,
-    out: FloatArray,
-) -> None:
-    scratch = np.zeros(3)
-    moved: Any = np.empty(STATES, dtype=np.complex128)
+    links: Any, cos: FloatArray, sin: FloatArray, rate: FloatArray, acceleration: FloatArray, last: FloatArray,
+    state: FloatArray, tail: FloatArray, hooks: Any, hook_parameters: FloatArray, numbers: Any, out: FloatArray,
+) -> None:  # fmt: skip
+    _, _, _, moved, _, _, _, force, solver, loaded, answers, columns, work = numbers
     for k in range(out.shape[0]):
-        for j in range(3):
-            trial = state[k].copy()
-            trial[j] += complex(0.0, TINY)
-            derivative(
-                links, cos[k], sin[k], rate[k], acceleration[k], last[k], trial, tail, False, hooks,
-                hook_parameters, scratch, moved,
-            )  # fmt: skip
-            for i in range(3):
-                out[k, i, j] = moved[i].imag / TINY
+        derivative(
+            links, cos[k], sin[k], rate[k], acceleration[k], last[k], state[k], tail, False, hooks, hook_parameters,
+            force, moved,
+        )  # fmt: skip
+        travel(links, cos[k], sin[k], rate[k], acceleration[k], last[k], state[k], moved, tail[0] > 0.0, work)
+        gather(
+            links, work, tail, False, hooks, hook_parameters, False, force, loaded, columns, answers, solver
+        )  # fmt: skip
+        for i in range(3):
+            for j in range(3):
+                out[k, i, j] = answers[j, i]

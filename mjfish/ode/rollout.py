@@ -23,7 +23,7 @@ Coriolis = Literal["corrected", "printed"]
 #: to 4e-4 m/s and 2e-3 rad/s (omega 26); it falls sixteenfold with each halving (docs/theory.md).
 STEP = 0.005
 #: Signs that turn velocity and pose from the model's frame to the forward frame; deflections keep theirs.
-_TO_FORWARD = np.concatenate([frames.flip(np.ones(3)), frames.flip(np.ones(3)), np.ones(2)])
+TO_FORWARD = np.concatenate([frames.flip(np.ones(3)), frames.flip(np.ones(3)), np.ones(2)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,22 +53,55 @@ class Rollout:
     def at(self, time: FloatArray) -> FloatArray:
         """Return the state (m, 8) at any times, by cubic Hermite interpolation; at a jump, the value after it.
 
-        Before the start it is the state at the start; after the end it is NaN. Times may be complex, their imaginary
-        part a derivative (`mjfish.ode.tangent`).
+        Before the start it is the state at the start; after the end it is NaN.
         """
-        edges, when = self.time, time.real
-        index = np.clip(np.searchsorted(edges, when + 1e-12, side="right") - 1, 0, len(self.state) - 1)
-        width = (edges[index + 1] - edges[index])[:, None]
-        s = np.where(when < edges[0], 0.0, time - edges[index])[:, None] / width
-        left, right = self.state[index, 0], self.state[index, 1]
-        slope_left, slope_right = self.derivative[index, 0] * width, self.derivative[index, 1] * width
+        index, at = place_in(self.time, time)
+        width = (self.time[index + 1] - self.time[index])[:, None]
+        return self._blend(time, index, hermite(at[:, None], width))
+
+    def rate_at(self, time: FloatArray) -> FloatArray:
+        """Return the rate of `at` by the times (m, 8); zero before the start, NaN after the end."""
+        index, at = place_in(self.time, time)
+        width = (self.time[index + 1] - self.time[index])[:, None]
+        s = at[:, None]
+        rise = 6 * s * (1 - s) / width
+        weights = (-rise, (1 - s) * (1 - 3 * s), rise, s * (3 * s - 2))
+        return np.asarray(self._blend(time, index, weights) * (time >= self.time[0])[:, None])
+
+    def _blend(self, time: FloatArray, index: Any, weights: tuple[FloatArray, ...]) -> FloatArray:
+        left, left_rate, right, right_rate = weights
         values = (
-            (1 + 2 * s) * (1 - s) ** 2 * left
-            + s * (1 - s) ** 2 * slope_left
-            + s**2 * (3 - 2 * s) * right
-            + s**2 * (s - 1) * slope_right
+            left * self.state[index, 0]
+            + left_rate * self.derivative[index, 0]
+            + right * self.state[index, 1]
+            + right_rate * self.derivative[index, 1]
         )
-        return np.where((when > edges[-1] + 1e-9)[:, None], np.nan, values)
+        return np.where((time > self.time[-1] + 1e-9)[:, None], np.nan, values)
+
+    @classmethod
+    def of(cls, motion: JointMotion, states: FloatArray, rates: FloatArray, done: int) -> Rollout:
+        """Return what `mjfish.ode.integrate` wrote, of which `done` steps are good, in the forward frame."""
+        kept = max(done, 1)
+        ok = done == len(motion.time) - 1
+        return cls(
+            motion=motion,
+            state=states[:kept] * TO_FORWARD,
+            derivative=rates[:kept] * TO_FORWARD,
+            status="ok" if ok else "diverged",
+            message="" if ok else f"diverged at {motion.time[done]:.3f} s",
+        )
+
+
+def place_in(edges: FloatArray, time: FloatArray) -> tuple[Any, FloatArray]:
+    """Return the step (m,) in which each time is and where in it (m,), 0 to 1; at an edge, the start of the next."""
+    index = np.clip(np.searchsorted(edges, time + 1e-12, side="right") - 1, 0, len(edges) - 2)
+    at = np.where(time < edges[0], 0.0, time - edges[index]) / (edges[index + 1] - edges[index])
+    return index, at
+
+
+def hermite(s: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the weights of value and rate at the start, and at the end, of a step: cubic Hermite interpolation."""
+    return (1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2 * width, s**2 * (3 - 2 * s), s**2 * (s - 1) * width
 
 
 def simulate(
@@ -95,50 +128,18 @@ def simulate(
     """
     if motion.joints != fish.joints:
         raise InputError(f"the motion has {motion.joints} joints, {fish.name} has {fish.joints}")
-    cos, sin = motion.trigonometry
-    moving = (cos, sin, motion.rate, motion.acceleration, np.ascontiguousarray(motion.angle[:, :, -1]))
-    rollout = integrated(
-        motion, link_records(fish, values), moving, start_of(velocity), tail_of(fish), coriolis, load_table(loads)
-    )
+    steps = len(motion.time) - 1
+    states, rates = np.zeros((steps, 2, STATES)), np.zeros((steps, 2, STATES))
+    done = integrate(
+        link_records(fish, values), motion.time, *motion.trigonometry, motion.rate, motion.acceleration,
+        np.ascontiguousarray(motion.angle[:, :, -1]), start_of(velocity), tail_of(fish), coriolis == "printed",
+        *load_table(loads), states, rates,
+    )  # fmt: skip
+    rollout = Rollout.of(motion, states, rates, done)
     if rollout.status == "ok":
         return rollout
     named = ", ".join(f"{name} = {value:g}" for name, value in {**fish.values, **(values or {})}.items())
     return replace(rollout, message=f"{rollout.message} with {named}; check the coefficients and the drive")
-
-
-def integrated(
-    motion: JointMotion,
-    links: Any,
-    moving: tuple[Any, ...],
-    start: Any,
-    tail: Any,
-    coriolis: Coriolis,
-    loads: tuple[Any, Any],
-) -> Rollout:
-    """Integrate, in the model's frame, numbers or complex numbers (`mjfish.ode.tangent`); return the forward frame's.
-
-    Args:
-        motion: gives the steps.
-        links: (links,) records.
-        moving: cosine, sine, rate, acceleration of the joints (n, 3, joints) and the angle of the last (n, 3).
-        start: (STATES,).
-        tail: (3,) of the flexible tail.
-        coriolis: form of the gyroscopic terms.
-        loads: addresses and parameters of `mjfish.hydro.load.load_table`.
-    """
-    steps = len(motion.time) - 1
-    states = np.zeros((steps, 2, STATES), dtype=start.dtype)
-    rates = np.zeros_like(states)
-    run: Any = integrate  # also compiled for complex numbers
-    done = run(links, motion.time, *moving, start, tail, coriolis == "printed", *loads, states, rates)
-    kept = max(done, 1)
-    return Rollout(
-        motion=motion,
-        state=states[:kept] * _TO_FORWARD,
-        derivative=rates[:kept] * _TO_FORWARD,
-        status="ok" if done == steps else "diverged",
-        message="" if done == steps else f"diverged at {motion.time[done]:.3f} s",
-    )
 
 
 def start_of(velocity: FloatArray | None) -> FloatArray:

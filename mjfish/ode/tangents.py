@@ -1,0 +1,75 @@
+"""Rollouts with their derivatives in many directions, exact, in one pass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.drive.motion import JointMotion
+from mjfish.fish import Fish
+from mjfish.hydro.link import link_records
+from mjfish.hydro.load import Load, load_table
+from mjfish.ode.equation import STATES
+from mjfish.ode.integrate_along import integrate_along, scratch
+from mjfish.ode.lanes import Direction, changes_of, jumps_of, moving_of, probes_of
+from mjfish.ode.rollout import TO_FORWARD, Coriolis, Rollout, place_in, start_of, tail_of
+
+#: Lanes come in multiples of what a vector register holds.
+_WIDTH = 4
+
+
+def simulate_along(
+    fish: Fish,
+    motion: JointMotion,
+    directions: Sequence[Direction],
+    time: FloatArray,
+    *,
+    values: Mapping[str, float] | None = None,
+    velocity: FloatArray | None = None,
+    coriolis: Coriolis = "corrected",
+    loads: Sequence[tuple[Load, Sequence[float]]] = (),
+    silent: Sequence[tuple[Load, Sequence[float]]] = (),
+) -> tuple[Rollout, FloatArray]:
+    """Simulate like `mjfish.ode.simulate`, and along with it the derivatives in all `directions`.
+
+    Args:
+        fish, motion, values, velocity, coriolis, loads: as in `simulate`.
+        directions: k of them.
+        time: (m,) at which derivatives are asked for [s].
+        silent: loads with parameters at which they exert nothing, but would along a direction.
+
+    Returns:
+        The rollout, that of `simulate` to the last bit, and the derivatives of its state (m, 8, k); NaN after the end.
+    """
+    bent_first = sorted(range(len(directions)), key=lambda k: directions[k].motion is None)
+    ordered = [directions[k] for k in bent_first]
+    records = link_records(fish, values)
+    width = -(-len(ordered) // _WIDTH) * _WIDTH
+    lanes, slack = np.zeros((STATES, width)), np.zeros((3, width))
+    for k, one in enumerate(ordered):
+        if one.velocity is not None:
+            lanes[:, k] = start_of(one.velocity)
+        if one.tail is not None:
+            slack[:, k] = one.tail
+    moving = moving_of(ordered, motion)
+    steps = len(motion.time) - 1
+    states, rates = np.zeros((steps, 2, STATES)), np.zeros((steps, 2, STATES))
+    index, at = place_in(motion.time, time)
+    order = np.argsort(index, kind="stable")
+    read = np.full((len(time), STATES, width), np.nan)
+    run: Any = integrate_along
+    done = run(
+        records, motion.time, *motion.trigonometry, motion.rate, motion.acceleration,
+        np.ascontiguousarray(motion.angle[:, :, -1]), jumps_of(motion, moving), start_of(velocity), tail_of(fish),
+        coriolis == "printed", *load_table(loads), lanes, slack, moving, *changes_of(ordered, records, loads),
+        *probes_of(ordered, [*loads, *silent]), index[order], at[order],
+        *scratch(motion.joints, width, moving.shape[3]), states, rates, read,
+    )  # fmt: skip
+    along = np.empty((len(time), STATES, len(ordered)))
+    along[order[:, None], :, np.array(bent_first, dtype=np.int64)] = np.moveaxis(read, 1, 2)[:, : len(ordered)]
+    along[time > motion.time[-1] + 1e-9] = np.nan
+    along *= TO_FORWARD[:, None]
+    return Rollout.of(motion, states, rates, done), along
