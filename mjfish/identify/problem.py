@@ -99,31 +99,26 @@ class Problem:
         one-sided difference of second order over a tenth of the parameter's scale.
         """
         parameters = self.parameters
-        chosen = [i for i, p in enumerate(parameters) if only is None or p.name in only]
+        chosen = [parameters[i] for i in range(len(parameters)) if only is None or parameters[i].name in only]
         here = self.named(x)
-        tasks = [
-            (i, k, parameters[column], float(x[column]))
-            for i, trial in enumerate(self.trials)
-            for k, column in enumerate(chosen)
-            if not _elsewhere(parameters[column], trial)
-        ]
-        slopes = self._map(lambda task: self._slope(self.trials[task[0]], here, task[2], task[3]), tasks)
-        masks = [self.mask(i) for i in range(len(self.trials))]
-        blocks = [np.zeros((int(np.count_nonzero(keep)), 3, len(chosen))) for keep in masks]
-        for (i, k, _, _), slope in zip(tasks, slopes, strict=True):
-            blocks[i][:, :, k] = np.nan_to_num(slope)[masks[i]]
-        return blocks
+        slopes = self._map(lambda trial: self._slopes(trial, here, chosen), self.trials)
+        return [np.nan_to_num(slope)[self.mask(i)] for i, slope in enumerate(slopes)]
 
-    def _slope(self, trial: Trial, here: Mapping[str, float], p: Parameter, at: float) -> FloatArray:
-        """Return the derivative (n_r, 3) of one trial's prediction by one parameter."""
-        name = p.name.removeprefix(f"{trial.name}:")
-        if one_sided(self.model, name, at):
-            h = 0.1 * p.scale
-            stencil = ((0.0, -1.5 / h), (h, 2.0 / h), (2.0 * h, -0.5 / h))
-            parts = [w * self._predict((trial, {**here, p.name: at + shift})) for shift, w in stencil]
-            return np.asarray(sum(parts))
+    def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> FloatArray:
+        """Return the derivative (n_r, 3, k) of one trial's prediction by the chosen parameters."""
+        result = np.zeros((len(trial.time), len(CHANNELS), len(chosen)))
+        own = {k: p.name.removeprefix(f"{trial.name}:") for k, p in enumerate(chosen) if not _elsewhere(p, trial)}
+        rough = [k for k, name in own.items() if one_sided(self.model, name, here[chosen[k].name])]
+        exact = [k for k in own if k not in rough]
         velocity, offset = self._start(trial, here)
-        return sensitivities(self.model, trial, here, [name], velocity=velocity, offset=offset)[:, :, 0]
+        result[:, :, exact] = sensitivities(
+            self.model, trial, here, [own[k] for k in exact], velocity=velocity, offset=offset
+        )
+        for k in rough:
+            name, h = chosen[k].name, 0.1 * chosen[k].scale
+            stencil = ((0.0, -1.5 / h), (h, 2.0 / h), (2.0 * h, -0.5 / h))
+            result[:, :, k] = sum(w * self._predict((trial, {**here, name: here[name] + by})) for by, w in stencil)
+        return result
 
     def mask(self, index: int) -> BoolArray:
         """Return which samples (n_r,) of a trial count.
