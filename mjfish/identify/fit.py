@@ -128,8 +128,10 @@ def fit(
             f_scale=loss_scale,
         )
     x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
-    residual = problem.residual(x)
-    jacobian = problem.jacobian(x)
+    if loss == "linear" and not at_bound.any():  # known already
+        residual, jacobian = np.asarray(solution.fun), np.asarray(-solution.jac / scale)
+    else:
+        residual, jacobian = problem.residual(x), problem.jacobian(x)
     weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
     residual, jacobian = residual * weight, jacobian * weight[:, None]
     divergence = problem.divergence(x)
