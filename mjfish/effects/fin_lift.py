@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from mjfish.effects.effect import Effect, Family, Fingerprint
 from mjfish.hydro.load import Load, load
+from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
 
 
@@ -14,9 +15,7 @@ def _lift(link: Any, parameters: Any) -> tuple[float, float, float]:
     """Return the lift of the last link, none of the others."""
     if link.last == 0.0:
         return 0.0, 0.0, 0.0
-    area = 0.0
-    for k in range(link.strip_r.shape[0]):
-        area += link.strip_weight[k] * link.strip_height[k]
+    area = link.height_moment[INTERVALS, 0]
     downwash = link.v + 0.75 * link.length * link.w
     force = -0.5 * link.density * parameters[0] * area * abs(link.u) * downwash
     return 0.0, force, 0.25 * link.length * force

@@ -6,21 +6,19 @@ from typing import Any, ClassVar
 
 from mjfish.effects.effect import Effect, Family, Fingerprint
 from mjfish.hydro.load import Load, load
+from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
 
 
 @load
 def _damping(link: Any, parameters: Any) -> tuple[float, float, float]:
-    """Return the damping of one link, strip by strip."""
-    along = -parameters[0] * link.wetted * link.u
-    across = 0.0
-    moment = 0.0
-    for k in range(link.strip_r.shape[0]):
-        r = link.strip_r[k]
-        share = link.strip_weight[k] * link.strip_height[k] * (link.v + link.w * r)
-        across += share
-        moment += share * r
-    return along, -parameters[1] * across, -parameters[1] * moment
+    """Return the damping of one link, by its moments of height: H_k = INT h r^k dr."""
+    h0 = link.height_moment[INTERVALS, 0]
+    h1 = link.height_moment[INTERVALS, 1]
+    h2 = link.height_moment[INTERVALS, 2]
+    across = h0 * link.v + h1 * link.w
+    moment = h1 * link.v + h2 * link.w
+    return -parameters[0] * link.wetted * link.u, -parameters[1] * across, -parameters[1] * moment
 
 
 class LinearDrag(Effect):
