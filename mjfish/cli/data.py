@@ -15,7 +15,7 @@ from mjfish.cli import console
 from mjfish.drive import modes as table_iv
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError
-from mjfish.importers import HEADERS, import_files
+from mjfish.importers import HEADERS, IMPORTERS, import_files
 from mjfish.plant import plant
 from mjfish.trial import check_folder, save
 
@@ -78,16 +78,19 @@ def _hidden(texts: list[str], known: dict[str, Effect]) -> tuple[list[Effect], d
 
 
 def import_(
-    source: Annotated[str, typer.Argument(help="What the files are: fishsim.")],
+    importer: Annotated[str, typer.Argument(help=f"One of {', '.join(IMPORTERS)}, or a Python file with your own.")],
     files: Annotated[list[Path], typer.Argument(help="Measured files.")],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],
+    map_: Annotated[
+        Path | None, typer.Option("--map", help="TOML that says what columns, units and axes mean.")
+    ] = None,
     held_out: Annotated[list[str] | None, typer.Option(help="Trial or file not to be fitted; repeatable.")] = None,
 ) -> None:
     """Turn the files of a laboratory into a dataset."""
     check_folder(out)
-    dataset, report = import_files(source, files, held_out or ())
+    dataset, report = import_files(importer, files, held_out or (), map_)
     path = save(dataset, out)
-    table = Table(title=f"{source}: what was kept", show_header=True)
+    table = Table(title=escape(f"{report.importer}: what was kept"), show_header=True)
     table.add_column("", style="bold")
     for row in report.rows():
         table.add_column(row[0])

@@ -34,10 +34,11 @@ class FileReport:
         frames: rows of the file.
         usable: frames in which everything was found.
         kept: samples in the trials.
-        beat: frequency of the beat [Hz].
+        beat: frequency of the beat [Hz]; None where there is none or nobody looked.
         speed: mean surge [m/s].
-        noise: sigma of surge, sway [m/s] and yaw rate [rad/s], estimated from this file.
-        joint_noise: sigma of the joint angles, mean over the joints [rad].
+        noise: sigma of surge, sway [m/s] and yaw rate [rad/s], estimated from this file; None: not known.
+        alike: how long the errors of the velocities stay alike [s]; samples closer than that are no news.
+        joint_noise: sigma of the joint angles, mean over the joints [rad]; None: not estimated.
         cuts: stretches that were not kept.
         notes: what else was done, sentences.
     """
@@ -47,10 +48,11 @@ class FileReport:
     frames: int
     usable: int
     kept: int
-    beat: float
+    beat: float | None
     speed: float
-    noise: tuple[float, float, float]
-    joint_noise: float
+    noise: tuple[float, float, float] | None
+    alike: float = 0.0
+    joint_noise: float | None = None
     cuts: tuple[Cut, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -58,7 +60,8 @@ class FileReport:
 #: Headers of `rows`.
 HEADERS = (
     "file", "trials", "frames", "usable", "kept", "beat [Hz]", "mean speed [m/s]",
-    "sigma surge [m/s]", "sigma sway [m/s]", "sigma yaw_rate [rad/s]", "sigma joints [rad]", "remarks",
+    "sigma surge [m/s]", "sigma sway [m/s]", "sigma yaw_rate [rad/s]", "errors alike over [s]", "sigma joints [rad]",
+    "remarks",
 )  # fmt: skip
 
 
@@ -83,9 +86,10 @@ class ImportReport:
                 str(file.frames),
                 str(file.usable),
                 str(file.kept),
-                f"{file.beat:.3f}",
+                "-" if file.beat is None else f"{file.beat:.3f}",
                 f"{file.speed:.3f}",
-                *(f"{sigma:.2g}" for sigma in (*file.noise, file.joint_noise)),
+                *("-" if sigma is None else f"{sigma:.2g}" for sigma in (*(file.noise or (None,) * 3), file.alike)),
+                "-" if file.joint_noise is None else f"{file.joint_noise:.2g}",
                 "; ".join([*map(str, file.cuts), *file.notes]),
             )
             for file in self.files

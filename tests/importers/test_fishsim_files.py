@@ -6,16 +6,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from planted_markers import Planted
+from planted_swimming import Swim
 
 from mjfish import importers
+from mjfish.arrays import FloatArray
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 
 Lines = list[str]
 
 
 def _lines(path: Path) -> Lines:
-    return Planted(frames=200).write(path).read_text().splitlines()
+    return Swim(seconds=4.0).write(path).read_text().splitlines()
 
 
 def _cell(lines: Lines, row: int, column: int, text: str) -> Lines:
@@ -25,7 +26,7 @@ def _cell(lines: Lines, row: int, column: int, text: str) -> Lines:
 
 
 SPOILED: dict[str, tuple[Callable[[Lines], Lines], tuple[str, ...]]] = {
-    "header": (lambda lines: [",".join(["X", "Y"] * 9), *lines], ("row 1, column 1 (X0)", "'X'", "no header")),
+    "header": (lambda lines: [",".join(["X", "Y"] * 9), *lines], ("row 1, column 1 (X0)", "'X'", "without header")),
     "text": (lambda lines: _cell(lines, 7, 6, "lost"), ("row 7, column 6 (Y2)", "'lost'", "correct")),
     "empty cell": (lambda lines: _cell(lines, 8, 1, ""), ("row 8, column 1 (X0)", "''")),
     "nan": (lambda lines: _cell(lines, 9, 18, "nan"), ("row 9, column 18 (Y8)", "nan", "finite")),
@@ -57,30 +58,33 @@ def test_absent_and_binary_files_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_run_shorter_than_two_beats_is_refused(tmp_path: Path) -> None:
-    path = Planted(frames=90, beat=0.9).write(tmp_path / "markers_run.csv")
-    with pytest.raises(InputError, match=r"the longest usable stretch has 90 frames, expected 1[0-9]{2} or more"):
+    path = Swim(seconds=1.5).write(tmp_path / "markers_run.csv")
+    with pytest.raises(InputError, match=r"the longest usable stretch has [0-9]+ frames, expected 1[0-9]{2} or more"):
         importers.import_files("fishsim", [path])
 
 
 def test_markers_that_never_move_apart_leave_no_scale(tmp_path: Path) -> None:
-    fish = Planted(frames=200)
-    pixel = fish.pixels()
-    pixel[:, 1] = pixel[:, 0]
+    def spoil(pixel: FloatArray) -> None:
+        pixel[:, 1] = pixel[:, 0]
+
     with pytest.raises(InputError, match="markers 0 and 1 lie on each other"):
-        importers.import_files("fishsim", [fish.write(tmp_path / "markers_run.csv", pixel)])
+        importers.import_files("fishsim", [Swim(seconds=4.0).write(tmp_path / "markers_run.csv", spoil)])
 
 
 def test_names_that_do_not_exist_list_those_that_do(tmp_path: Path) -> None:
-    path = Planted(frames=200).write(tmp_path / "markers_run.csv")
-    with pytest.raises(UnknownNameError, match="unknown importer 'vicon'; known: fishsim"):
+    path = Swim(seconds=4.0).write(tmp_path / "markers_run.csv")
+    with pytest.raises(
+        UnknownNameError,
+        match="unknown importer 'vicon'; known: fishsim, markers, poses, velocities; or give a Python file",
+    ):
         importers.import_files("vicon", [path])
     with pytest.raises(UnknownNameError, match="unknown trial to hold out 'walk'; known: run"):
         importers.import_files("fishsim", [path], held_out=["walk"])
 
 
 def test_files_that_make_no_dataset_are_refused(tmp_path: Path) -> None:
-    path = Planted(frames=200).write(tmp_path / "markers_run.csv")
-    other = Planted(frames=200).write(tmp_path / "run.csv")
+    path = Swim(seconds=4.0).write(tmp_path / "markers_run.csv")
+    other = Swim(seconds=4.0).write(tmp_path / "run.csv")
     cases: list[tuple[list[Path], list[str], str]] = [
         ([], [], "no files to import"),
         ([path, path], [], "given twice"),
@@ -93,14 +97,14 @@ def test_files_that_make_no_dataset_are_refused(tmp_path: Path) -> None:
 
 
 def test_no_trial_has_a_role_unless_something_sets_them_apart(tmp_path: Path) -> None:
-    files = [Planted(frames=200, seed=seed).write(tmp_path / f"markers_{seed}.csv") for seed in range(2)]
+    files = [Swim(seconds=4.0, seed=seed).write(tmp_path / f"markers_{seed}.csv") for seed in range(2)]
     assert [run.role for run in importers.import_files("fishsim", files)[0].trials] == [None, None]
     assert [run.role for run in importers.import_files("fishsim", files, ["0"])[0].trials] == ["held_out", "fit"]
 
 
 def test_the_report_has_a_row_a_file_under_its_headers(tmp_path: Path) -> None:
-    files = [Planted(frames=200, seed=seed).write(tmp_path / f"markers_{seed}.csv") for seed in range(2)]
+    files = [Swim(seconds=4.0, seed=seed).write(tmp_path / f"markers_{seed}.csv") for seed in range(2)]
     rows = importers.import_files("fishsim", files)[1].rows()
     assert [row[0] for row in rows] == [file.name for file in files]
     assert {len(row) for row in rows} == {len(importers.HEADERS)}
-    assert rows[0][importers.HEADERS.index("frames")] == "200"
+    assert rows[0][importers.HEADERS.index("frames")] == "240"
