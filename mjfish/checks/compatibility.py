@@ -32,9 +32,9 @@ from mjfish.trial.check import GAP
 #: Half the width of a test function [s], and at least this many samples: shorter than half a beat of any fish.
 _HALF_WIDTH = 0.1
 _FEWEST = 5
-#: Gauss-Newton rounds for the shift, and lags of the errors' correlation (windows overlap by three quarters).
+#: Gauss-Newton rounds for the shift, and lags of the correlation of errors: windows overlap, and noise may be slow.
 _ROUNDS = 4
-_LAGS = 8
+_LAGS = 12
 
 
 @dataclass(frozen=True)
@@ -160,8 +160,8 @@ def _translation(windows: Sequence[_Window]) -> dict[str, Estimated]:
         "scale": Estimated(scale, math.sqrt(spread[0, 0])),
         "rotation": Estimated(math.atan2(across, along), math.sqrt(spread[1, 1])),
         "skew": Estimated(skew, math.sqrt(errors[4, 4])),
-        "surge_bias": Estimated(surge, math.sqrt(errors[2, 2])),
-        "sway_bias": Estimated(sway, math.sqrt(errors[3, 3])),
+        "surge_bias": Estimated(float(surge), math.sqrt(errors[2, 2])),
+        "sway_bias": Estimated(float(sway), math.sqrt(errors[3, 3])),
     }
 
 

@@ -21,6 +21,8 @@ from mjfish.trial import Trial
 
 #: Spectra are made of runs of this many samples or more.
 _LONG = 128
+#: Beats after a start or a step that are left out of them.
+_BEATS = 3.0
 
 
 def after(problem: Problem, fit: Fit, held: Sequence[Trial] = ()) -> Checks:
@@ -50,11 +52,22 @@ def after(problem: Problem, fit: Fit, held: Sequence[Trial] = ()) -> Checks:
             found += clock.clock(trial, _shifted(problem, trial, shared, offset), sigma)
     wrong = {name for one in found for name in one.trials}
     found += [one for one in odd_run(problem, fit) if not wrong & set(one.trials)]
-    whole = [(t, r) for t, r in zip(problem.trials, residuals, strict=True) if not t.gaps and len(r) >= _LONG]
-    if whole and not wrong:
-        steps = [float(np.median(np.diff(t.time))) for t, _ in whole]
-        found += remarks(making([r for _, r in whole], steps, [beats(t) for t, _ in whole]))
+    if not wrong:
+        settled = [one for i, r in enumerate(residuals) if len((one := _settled(problem, i, r))[1]) >= _LONG]
+        steps = [float(np.median(np.diff(t.time))) for t, _ in settled]
+        found += remarks(making([r for _, r in settled], steps, [beats(t) for t, _ in settled]))
     return Checks(ordered(found))
+
+
+def _settled(problem: Problem, index: int, residual: FloatArray) -> tuple[Trial, FloatArray]:
+    """Return a trial and its residual without what follows a start or a step, where a misfit has every frequency."""
+    trial = problem.trials[index]
+    if trial.gaps:
+        return trial, residual[:0]
+    if not trial.drive:
+        return trial, residual
+    last = trial.drive[-1]
+    return trial, residual[trial.time[problem.mask(index)] > last.start + _BEATS * 2.0 * np.pi / last.omega]
 
 
 def _labels(problem: Problem, trials: Sequence[Trial], values: dict[str, float], sigma: FloatArray) -> list[Finding]:

@@ -20,7 +20,7 @@ from mjfish.trial.check import GAP
 _REACH = 5
 _ROUNDS = 5
 #: After a start or a step of the drive, beats that are left out.
-_BEATS = 1.5
+_BEATS = 2.5
 _HUBER = 1.5
 #: Median absolute deviation to standard deviation.
 MAD = 1.4826

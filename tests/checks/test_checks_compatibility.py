@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bad_data import good, only, remarked, spoiled, velocity, with_pose, wrong
+from bad_data import SIGMA, good, only, remarked, spoiled, velocity, with_pose, wrong
 from planted_truth import TRUTH
 from scipy import signal
 
@@ -48,15 +48,26 @@ def _relabelled(trial: Trial, dataset: Dataset, late: float) -> Trial:
     return replace(trial, velocity=readonly(trial.velocity + then - now))
 
 
-def test_errors_are_honest() -> None:
-    """12 draws of white noise: |z| as of a standard normal. Catches windows that overlap counted as independent."""
-    z = []
+@pytest.mark.parametrize("phi", [0.0, 0.9])
+def test_errors_are_honest(phi: float) -> None:
+    """12 draws of white or slow noise: |z| as of a standard normal. Catches windows counted as independent."""
+    z, slowest = [], []
     for seed in range(12):
-        found = _compared(with_pose(good(("v1", "v5", "v3-t2"), seed), seed=seed))
+        rng = np.random.default_rng(seed)
+
+        def slow(values: FloatArray, rng: np.random.Generator = rng) -> FloatArray:
+            white = rng.standard_normal((len(values) + 100, 3))
+            return values + 2.0 * SIGMA * signal.lfilter([np.sqrt(1 - phi**2)], [1.0, -phi], white, axis=0)[100:]
+
+        base = spoiled(velocity(slow), dataset=good(("v1", "v5", "v3-t2"), seed))
+        found = _compared(with_pose(base, seed=seed + 100))
         z += [found.translation[name].off(0.0) for name in ("rotation", "skew", "sway_bias")]
         z.append(found.turning["skew"].off(0.0))
-    assert 0.6 < math.sqrt(float(np.mean(np.square(z)))) < 1.5
-    assert max(z) < 4.5
+        slowest.append(found.turning["bias"].off(0.0))
+    spread = math.sqrt(float(np.mean(np.square(z))))
+    assert 0.6 < spread < 1.6, spread
+    assert max(z) < 5.0
+    assert math.sqrt(float(np.mean(np.square(slowest)))) < 2.3
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,7 @@ def test_an_outlier_is_named_with_row_and_channel() -> None:
     """Catches a line that the outlier bends, and its neighbours named beside it."""
 
     def spike(values: FloatArray) -> FloatArray:
-        values[250, 1] += 0.3
+        values[250, 1] += 1.5
         return values
 
     found = only(checks.run(spoiled(velocity(spike), "v5")), "outliers")
