@@ -30,6 +30,8 @@ from mjfish.trial import Trial
 Active = tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...]
 #: Step of a difference, in units of the parameter's scale.
 _STEP = 1e-2
+#: Scale of frequency [Hz] and phase [rad] of a wave.
+_WAVE_SCALE = 0.05
 _SIXTH = ((1, 0.75), (2, -0.15), (3, 1.0 / 60.0))
 
 
@@ -47,8 +49,9 @@ def sensitivities(
     Args:
         model, trial, values, velocity, offset: as in `mjfish.model.Model.predict`.
         names: parameters of the model; ``start.surge``, ``start.sway``, ``start.yaw_rate`` of the velocity at the start
-            and ``clock.offset`` of the clock. An effect may be at its null value, but where its hooks of drive or body
-            act on one side of it only (`one_sided`) it has no derivative there.
+            ``clock.offset`` of the clock; ``wave.frequency`` and ``wave.phase`` (mid-record) of a wave. An effect may
+            be at its null value, but where its hooks of drive or body act on one side of it only (`one_sided`) it has
+            no derivative there.
 
     Returns:
         (n, 3, k) at the trial's times; NaN after a divergence.
@@ -98,6 +101,11 @@ class _At:
     run: Prepared
     loaded: list[str]
 
+    @property
+    def servos(self) -> Active:
+        """The effects between what the joints are asked for and what they do."""
+        return tuple((e, tuple(own.items())) for e, own in self.run.active if e.family == "drive")
+
     def kept(self, owner: Effect, shift: tuple[str, float] | None = None) -> Active:
         """Return the effects that act, and the owner of a parameter even if it does not, with one value replaced."""
         acting = {effect.name for effect, _ in self.run.active} | {owner.name}
@@ -125,6 +133,8 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         return Direction(velocity=np.eye(len(CHANNELS))[CHANNELS.index(short)]), None
     if name == "clock.offset":
         return None, np.ones(len(at.trial.time))
+    if kind == "wave":
+        return Direction(motion=_of_wave(Same(at.model.fish.cpg), at.trial, at.servos, short, at.run.step)), None
     effect = _owner(at.model, name)
     if effect is None:
         return _of_coefficient(tuple(link.group for link in at.run.fish.links), kind, short), None
@@ -192,6 +202,19 @@ def _of_drive(
         return np.stack([motion.angle, motion.rate, motion.acceleration])
 
     return readonly(difference(moves, p, value))
+
+
+@functools.lru_cache(maxsize=64)
+def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Active, short: str, step: float) -> FloatArray:
+    """Return rates of angle, rate and acceleration (3, n, 3, joints) by the frequency or the phase of a wave."""
+
+    def moves(by: float) -> FloatArray:
+        motion = asked_motion(cpg.thing, trial.waved(by, 0.0) if short == "frequency" else trial.waved(0.0, by), step)
+        for effect, own in servos:
+            motion = effect.drive(motion, dict(own))
+        return np.stack([motion.angle, motion.rate, motion.acceleration])
+
+    return readonly(difference(moves, Parameter(f"wave.{short}", "-", 0.0, -1.0, 1.0, 0.0, _WAVE_SCALE), 0.0))
 
 
 def _clock(at: _At, kept: Active) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.frames import CHANNELS, UNITS
+from mjfish.identify import clocks
 from mjfish.identify.noise import Noise
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.parameter import Parameter
@@ -112,7 +113,7 @@ class Problem:
         exact = [k for k in own if k not in rough]
         velocity, offset = self._start(trial, here)
         result[:, :, exact] = sensitivities(
-            self.model, trial, here, [own[k] for k in exact], velocity=velocity, offset=offset
+            self.model, clocks.clocked(trial, here), here, [own[k] for k in exact], velocity=velocity, offset=offset
         )
         for k in rough:
             name, h = chosen[k].name, 0.1 * chosen[k].scale
@@ -180,7 +181,7 @@ class Problem:
     def prediction(self, trial: Trial, values: Mapping[str, float]) -> Prediction:
         """Predict one trial, its start velocity and clock from `values` where they are free."""
         velocity, offset = self._start(trial, values)
-        return self.model.predict(trial, values, velocity=velocity, offset=offset)
+        return self.model.predict(clocks.clocked(trial, values), values, velocity=velocity, offset=offset)
 
     @staticmethod
     def _start(trial: Trial, values: Mapping[str, float]) -> tuple[FloatArray | None, float]:
@@ -192,7 +193,10 @@ class Problem:
 
 
 def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:
-    """Return what must be fitted in this trial alone: start velocity unless at rest, clock offset where it is free."""
+    """Return what must be fitted in this trial alone.
+
+    Start velocity unless at rest, clock offset where it is free, frequency and phase of a wave with a clock of its own.
+    """
     declared = []
     if not trial.starts_at_rest:
         for channel, scale, reach, measured in zip(
@@ -215,7 +219,7 @@ def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:
         declared.append(
             Parameter(f"{trial.name}:clock.offset", "s", 0.0, -0.25, 0.25, 0.0, _CLOCK_SCALE, about="clock offset")
         )
-    return tuple(declared)
+    return (*declared, *clocks.parameters(trial))
 
 
 def _elsewhere(parameter: Parameter, trial: Trial) -> bool:

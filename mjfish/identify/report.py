@@ -14,6 +14,7 @@ from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 from mjfish.identify import residual as left
 from mjfish.identify.assessment import Assessment, assess
+from mjfish.identify.clocks import aligned
 from mjfish.identify.fit import Fit, fit
 from mjfish.identify.multistart import multistart
 from mjfish.identify.noise import Noise, floor
@@ -104,6 +105,7 @@ def pose(dataset: Dataset, settings: Settings | None = None, *, jobs: int | None
         UnknownNameError, ParameterError: see `Settings.choose`.
         InputError: fewer data than parameters, or see `Settings.choose`.
     """
+    dataset = aligned(dataset)
     settings = settings or Settings()
     fitted, _ = dataset.split()
     model = Model(dataset.fish)
@@ -146,6 +148,7 @@ def identify(
         MjfishError: see `pose`.
     """
     settings = settings or Settings()
+    dataset = aligned(dataset)
     fitted, held = dataset.split()
     stated = dataset.noise
     problem = pose(dataset, settings, jobs=jobs)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -52,6 +53,15 @@ class Trial:
         A wave starts it from rest where it has a ramp.
         """
         return self.joint_angle is None and (self.wave is None or self.wave.ramp > 0.0)
+
+    def waved(self, frequency: float, phase: float) -> Trial:
+        """Return the trial with a wave whose frequency [Hz] and phase in the middle of the record [rad] are higher."""
+        if self.wave is None:
+            return self
+        middle = 0.5 * float(self.time[0] + self.time[-1])
+        return replace(
+            self, wave=self.wave.moved(frequency=frequency, phase=phase - 2.0 * math.pi * frequency * middle)
+        )
 
 
 @dataclass(frozen=True, eq=False)
