@@ -9,8 +9,9 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.evidence import Evidence, gather, signatures
+from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed
-from mjfish.diagnose.noise.saturated import noise_of
+from mjfish.diagnose.noise.saturated import noise_of, saturated_residuals
 from mjfish.diagnose.progress import Progress
 from mjfish.diagnose.refit import Refit, refits
 from mjfish.diagnose.verdict import ALARM
@@ -55,6 +56,11 @@ def search(
     problem, start = _resolved(problem)
     baseline = fit(problem, start, tolerance=1e-6)
     made = signatures(problem, baseline.values, candidates)
+    ends = noisy_ends(saturated_residuals(problem, baseline, made)[0])
+    if ends:
+        problem = replace(problem, windows=inside(problem.trials, ends))
+        baseline = fit(problem, baseline.x, tolerance=1e-6)
+        made = signatures(problem, baseline.values, candidates)
     noise, remark = noise_of(problem, baseline, made, stated)
     refitted: Mapping[str, Refit] = {}
     for round_ in range(_ROUNDS + 1):
@@ -79,6 +85,9 @@ def search(
         noise, remark = noise_of(best.problem, best.fit, signatures(best.problem, best.fit.values, others), stated)
         if _same(noise, problem.noise):
             break
+    if ends:
+        remark += "; " if remark else ""
+        remark += f"the last samples of the runs are noisier than the rest: {ends} at either end are left out"
     return findings, remark
 
 
