@@ -105,7 +105,7 @@ def test_lost_and_exchanged_markers_are_noticed_and_hardly_matter(tmp_path: Path
 
 
 def test_joint_angles_are_recovered_within_what_is_stated(tmp_path: Path) -> None:
-    """Most of their error is constant, a marker to the side of its plate; what beats is known better."""
+    """A marker to the side of its plate costs a constant error, the free wobble of the tail one that beats."""
     swim = replace(TILTED, seed=2)
     dataset, report = importers.import_files("fishsim", [swim.write(tmp_path / "markers_run.csv")])
     (trial,) = dataset.trials
