@@ -110,12 +110,13 @@ class _Window:
 
     def bump(self, shift: float) -> FloatArray:
         """Return f_m(t + shift) (m, n): f = (1 - u^2)^4, u = (t - centre) / half."""
-        return np.asarray((1.0 - self._inside(shift) ** 2) ** 4)
+        return np.asarray(np.square(np.square(1.0 - np.square(self._inside(shift)))))
 
     def bump_rate(self) -> FloatArray:
         """Return f_m'(t) (m, n)."""
         u = self._inside(0.0)
-        return np.asarray(-8.0 * u * (1.0 - u**2) ** 3 / self.half)
+        rest = 1.0 - np.square(u)
+        return np.asarray(-8.0 / self.half * u * rest * rest * rest)
 
     def _inside(self, shift: float) -> FloatArray:
         return np.clip((self.time[None, :] + shift - self.centres[:, None]) / self.half, -1.0, 1.0)

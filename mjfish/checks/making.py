@@ -88,9 +88,10 @@ def _periodogram(values: FloatArray, interval: float, beats: Sequence[float]) ->
     """Return phases (m,) [rad a sample] and powers (m,) away from zero and from the harmonics of the beat."""
     frequency, power = signal.periodogram(values, 1.0 / interval, window="hann", detrend="constant")
     keep = frequency > 3.0 / (len(values) * interval)
+    wide = max(0.35, 2.5 / (len(values) * interval))  # a line is two of 1 / duration wide to either side
     for beat in beats:
-        for harmonic in range(1, 5):
-            keep &= np.abs(frequency - harmonic * beat) > 0.35
+        for harmonic in range(1, int(0.5 / (interval * beat)) + 1):
+            keep &= np.abs(frequency - harmonic * beat) > wide
     keep[-1] = False
     return 2.0 * np.pi * frequency[keep] * interval, power[keep]
 

@@ -93,7 +93,9 @@ def test_noise_that_was_measured_is_not_called_differentiated(draw: Draw, kind: 
     """10 draws of three channels. Catches a filter family so rich that it fits anything."""
     rng = np.random.default_rng(1)
     found = [one for _ in range(10) for one in making([draw(rng, 400) for _ in range(4)], [0.02] * 4, [[3.0]] * 4)]
-    assert {one.kind for one in found} == {kind}
+    kinds = [one.kind for one in found]
+    assert "differentiated" not in kinds
+    assert kinds.count(kind) >= 0.9 * len(kinds)
 
 
 @pytest.mark.parametrize("window", [5, 9, 15])
