@@ -24,7 +24,8 @@ from mjfish.model import Model
 from mjfish.plan import Menu, Run
 from mjfish.plan.advise import PAUSE, separating
 from mjfish.plan.fitted import Fitted, baseline, extended
-from mjfish.plan.separation import Z95, chance, distances
+from mjfish.plan.odds import needed, told
+from mjfish.plan.separation import distances
 from mjfish.trial import Dataset, Trial
 
 #: Pairs of rivals and a size of each that is neither small nor large.
@@ -70,7 +71,7 @@ def tells(truth: Fitted, rival: Fitted) -> bool:
     """Whether the margin rejects the rival at 5 %, were it the truth (`mjfish.plan.separation`)."""
     back = distances((truth, rival), ()).lambdas(rival.effect.name, truth.effect.name)
     margin = rival.fit.sse - truth.fit.sse
-    return bool(margin > max(0.0, 2.0 * Z95 * np.sqrt(back) - back))
+    return margin > needed(back)
 
 
 def case(seed: int) -> Outcome | None:
@@ -102,7 +103,8 @@ def case(seed: int) -> Outcome | None:
     other = runs[int(rng.integers(len(runs)))]
     assert best is not None  # noqa: S101
     d = distances(rivals, (best, other))
-    chances = [chance(d.lambdas(truth_name, rival_name, i), d.lambdas(rival_name, truth_name, i)) for i in range(2)]
+    margin = rivals[1].fit.sse - rivals[0].fit.sse
+    chances = [told(margin, d.gain(truth_name, rival_name, i), d.lambdas(rival_name, truth_name, i)) for i in range(2)]
     split = [_after(rivals, run, model, truth, sigma, rng) for run in (best, other)]
     return Outcome(
         truth_name, rival_name, wanted, best.name, other.name, d.lambdas(truth_name, rival_name, 0), *chances, *split

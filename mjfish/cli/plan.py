@@ -111,7 +111,7 @@ def _separation(found: Plan) -> Table:
         chances = percent(pair.chance_now), percent(pair.chance_after)
         table.add_row(option.name, seconds, *hardest, f"{pair.now:.3g}", after, *chances, style=_style(option))
     table.caption = (
-        "lambda: misfit of the wrong cause that no refit hides; chance: that data such as these name the right one; "
+        "lambda: misfit of the wrong cause that no refit hides; chance: that the right one is then told; "
         "ranked by the gain of lambda a second"
     )
     return table

@@ -20,9 +20,10 @@ from mjfish.identify.noise import estimate
 from mjfish.plan.calibration import settled
 from mjfish.plan.fitted import baseline, fit_rivals, with_noise_of_the_best
 from mjfish.plan.menu import Menu, Run
+from mjfish.plan.odds import chance
 from mjfish.plan.question import Question, of_diagnosis
 from mjfish.plan.result import Option, Pair, Plan
-from mjfish.plan.separation import Distances, chance, distances
+from mjfish.plan.separation import Distances, distances
 from mjfish.plan.visibility import Visibility, visibility
 from mjfish.plan.words import message
 from mjfish.trial import Dataset
@@ -145,15 +146,12 @@ def separating(d: Distances, rivals: Sequence[Effect], runs: Sequence[Run], paus
 
 
 def _pair(d: Distances, a: str, b: str, run: int | None) -> Pair:
-    """Return what a run does for a pair, whichever is true being the worse."""
-    both = ((a, b), (b, a))
-    now = {pair: d.lambdas(*pair) for pair in both}
-    after = now if run is None else {pair: d.lambdas(*pair, run) for pair in both}
-    return Pair(
-        a, b, min(now.values()), min(after.values()),
-        min(chance(now[pair], now[pair[::-1]]) for pair in both),
-        min(chance(after[pair], after[pair[::-1]]) for pair in both),
-    )  # fmt: skip
+    """Return what a run does for a pair; lambda of the truth for which it is smaller."""
+    now = d.lambdas(a, b), d.lambdas(b, a)
+    after = now if run is None else (d.lambdas(a, b, run), d.lambdas(b, a, run))
+    margin = d.sse[b] - d.sse[a]
+    gains = d.gain(a, b, run), d.gain(b, a, run)
+    return Pair(a, b, min(now), min(after), chance(margin, (0.0, 0.0), now), chance(margin, gains, after))
 
 
 def _calibrations(rivals: Sequence[Effect], d: Distances) -> list[Option]:

@@ -21,7 +21,7 @@ class Pair:
         first, second: names.
         now, after: lambda, the misfit of the wrong one that no refit hides, in units of the noise; of a cause to be
             seen: the smallest visible size of its amplitude that is best seen.
-        chance_now, chance_after: of a verdict, the worse of the two truths.
+        chance_now, chance_after: that the right one is told; now: that the verdict that the data give already is right.
         settled: measured directly by a calibration.
     """
 

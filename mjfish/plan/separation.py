@@ -10,14 +10,6 @@ by one Gauss-Newton step from the own fit of l, with d = eta_k - eta_l and J_l =
 
 All of it is sums over runs, so that a run more adds its J_l'J_l, J_l'd and d'd: the projection is done anew. To first
 order in the effect it is psi_k' D_{k|l} psi_k of the score tests ([Eriksson2013]: distinguishability).
-
-With noise, the margin SSE_l - SSE_k has mean lambda and variance 4 lambda. A verdict keeps l while the margin stays
-below the 95 % point of what it would be were l the truth, -lambda_{l|k} + 2 z sqrt(lambda_{l|k}), z = 1.645; so
-
-    P(verdict k) = Phi((lambda_{k|l} - max(0, -lambda_{l|k} + 2 z sqrt(lambda_{l|k}))) / (2 sqrt(lambda_{k|l})))
-
-which is Phi(sqrt(lambda) - z) of equal small ones and Phi(sqrt(lambda) / 2) of large ones; the latter is
-Phi(sqrt(lambda_k (1 - rho) / 2)) where the signatures are nearly parallel, rho -> 1: lambda = lambda_k (1 - rho^2).
 """
 
 from __future__ import annotations
@@ -27,7 +19,6 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
-from scipy import stats
 
 from mjfish.arrays import FloatArray
 from mjfish.identify import Problem
@@ -35,8 +26,6 @@ from mjfish.parameter import Parameter
 from mjfish.plan.fitted import Fitted
 from mjfish.plan.menu import Run
 
-#: 95 % point of the standard normal distribution.
-Z95 = 1.6448536269514722
 #: Directions below this share of the strongest are numerical dust.
 _RANK = 1e-10
 
@@ -90,15 +79,24 @@ class Distances:
     Attributes:
         old: by (k, l).
         new: by (k, l), one a run; None of a run in which a rival diverges.
+        sse: of every rival's own fit.
     """
 
     old: dict[tuple[str, str], Sums]
     new: dict[tuple[str, str], tuple[Sums | None, ...]]
+    sse: dict[str, float]
 
     def lambdas(self, k: str, l: str, run: int | None = None) -> float:  # noqa: E741 - the equation's
         """Return lambda_{k|l} of the data, and of the data with a run more."""
         added = None if run is None else self.new[k, l][run]
         return (self.old[k, l] if added is None else self.old[k, l] + added).apart
+
+    def gain(self, k: str, l: str, run: int | None = None) -> float:  # noqa: E741 - the equation's
+        """Return g_{k|l}: what a run is expected to add to the margin of the data (`mjfish.plan.odds`)."""
+        added = None if run is None else self.new[k, l][run]
+        fitted = self.old[k, l]
+        # At its own fit l is at the bottom of its misfit of the data: no moment there.
+        return 0.0 if added is None else (replace(fitted, moment=0.0 * fitted.moment, square=0.0) + added).apart
 
     def possible(self, run: int) -> bool:
         """Whether no rival diverges in a run."""
@@ -127,13 +125,7 @@ def distances(rivals: Sequence[Fitted], runs: Sequence[Run]) -> Distances:
         new[pair] = tuple(
             _sums(menu, i, added, there[k][1][i] - there[l][1][i], slopes[l][1][i]) for i in range(len(runs))
         )
-    return Distances(old, new)
-
-
-def chance(forth: float, back: float) -> float:
-    """Return the chance that k is told from l where k is true, from lambda_{k|l} and lambda_{l|k}."""
-    needed = max(0.0, 2.0 * Z95 * np.sqrt(back) - back)
-    return float(stats.norm.cdf((forth - needed) / (2.0 * np.sqrt(max(forth, 1e-12)))))
+    return Distances(old, new, {one.effect.name: one.fit.sse for one in rivals})
 
 
 def _on(problem: Problem, runs: Sequence[Run]) -> Problem:

@@ -10,8 +10,8 @@ from mjfish.plan.result import Option
 
 #: Below this chance of a verdict a run is not worth its name.
 _LIKELY = 0.5
-#: Above this one no run is needed.
-_SURE = 0.995
+#: Above this one the data tell already.
+_TOLD = 0.5
 
 
 def message(question: Question, options: Sequence[Option]) -> str:
@@ -39,7 +39,7 @@ def _run(question: Question, best: Option, after: bool) -> str:
         pair = best.worst
         return f"{what} shrinks the smallest visible size of every cause, at least to {pair.after / pair.now:.0%}."
     pair = best.worst
-    if pair.chance_now > _SURE:
+    if pair.chance_now > _TOLD:
         return f"The data tell {pair.first} and {pair.second} apart already; {best.name} would do so most a second."
     now, then = percent(pair.chance_now), percent(pair.chance_after)
     told = (

@@ -1,4 +1,4 @@
-"""Lambda is what a refit measures; the chance is that of the margin; a repeat turns nothing."""
+"""Lambda is what a refit measures; a repeat turns nothing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mjfish.effects import find
 from mjfish.identify import fit
 from mjfish.plan.fitted import Fitted, baseline, fit_rivals
 from mjfish.plan.menu import Menu, Run
-from mjfish.plan.separation import Sums, chance, distances, solve
+from mjfish.plan.separation import Sums, distances, solve
 
 CASES = {
     "clock": ("time_offset", "servo_lag", {"time_offset.offset": -0.003}),
@@ -73,41 +73,6 @@ def test_a_repeat_doubles_lambda_and_turns_no_signature() -> None:
     apart = distances(rivals, again)
     for pair in ((truth, rival), (rival, truth)):
         assert apart.lambdas(*pair, 0) == pytest.approx(2.0 * apart.lambdas(*pair), rel=1e-6)
-
-
-def test_chance_is_that_of_the_margin_between_two_linear_models() -> None:
-    """Drawn noise, exact least squares: how often the margin passes the 95 % point of the other truth."""
-    rng = np.random.default_rng(11)
-    n, draws = 40, 40000
-    shared, ours, theirs = rng.standard_normal((n, 2)), rng.standard_normal((n, 1)), rng.standard_normal((n, 1))
-    theirs = 0.9 * ours + 0.45 * theirs
-    mean = 0.9 * ours[:, 0]
-
-    def misfit(columns: np.ndarray, y: np.ndarray) -> np.ndarray:
-        basis = np.linalg.qr(columns)[0]
-        return np.asarray(np.sum(y**2, axis=0) - np.sum((basis.T @ y) ** 2, axis=0))
-
-    k, l = np.hstack([shared, ours]), np.hstack([shared, theirs])  # noqa: E741
-    own_fit_of_l = l @ np.linalg.lstsq(l, mean, rcond=None)[0]
-    forth = float(misfit(l, mean[:, None])[0])
-    back = float(misfit(k, own_fit_of_l[:, None])[0])
-    noise = rng.standard_normal((n, draws))
-    margin = misfit(l, mean[:, None] + noise) - misfit(k, mean[:, None] + noise)
-    other = misfit(l, own_fit_of_l[:, None] + noise) - misfit(k, own_fit_of_l[:, None] + noise)
-    told = float(np.mean(margin > max(0.0, float(np.quantile(other, 0.95)))))
-    assert 0.2 < told < 0.9
-    assert chance(forth, back) == pytest.approx(told, abs=0.05)
-
-
-def test_chance_far_out_is_that_of_nearly_parallel_signatures() -> None:
-    """Phi(sqrt(lambda_k (1 - rho) / 2)) with lambda = lambda_k (1 - rho^2)."""
-    from scipy import stats
-
-    rho, strength = 0.98, 800.0
-    lam = strength * (1.0 - rho**2)
-    assert lam > 4.0 * 1.645**2
-    assert chance(lam, lam) == pytest.approx(stats.norm.cdf(np.sqrt(strength * (1.0 - rho) / 2.0)), abs=1e-3)
-    assert chance(1e-9, 1e-9) == pytest.approx(0.05, abs=1e-3)
 
 
 def test_sums_of_runs_join_columns_by_name() -> None:
