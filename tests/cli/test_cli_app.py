@@ -23,6 +23,7 @@ COMMANDS = (
     "compare",
     "identify",
     "diagnose",
+    "plan",
     "effects",
     "demo",
     "view",
