@@ -19,8 +19,8 @@ _MULTIPLES = (0.3, 1.0, 3.0)
 _OFF_NULL = 0.02
 #: Relative change of the sum of squares at which a refit stops.
 TOLERANCE = 1e-5
-#: Evaluations of a coarse refit.
-COARSE = 5
+#: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
+COARSE = (3, 5)
 #: Mean square of the whitened residual above which a refit is tried from afresh.
 _MISFIT = 1.1
 #: How many candidates are refitted for their score alone.
@@ -130,7 +130,7 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0, before: Re
     if before is not None:
         starts.append(problem.start(before.fit.values))
     costs = [float(np.sum(problem.residual(start) ** 2)) for start in starts]
-    best = fit(problem, starts[int(np.argmin(costs))], tolerance=TOLERANCE, evaluations=COARSE)
+    best = fit(problem, starts[int(np.argmin(costs))], tolerance=TOLERANCE, evaluations=COARSE[not effect.smooth])
     added = problem.model.effects
     freedom = sum(len(one.parameters) for one in added)
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse, freedom)
