@@ -10,9 +10,11 @@ from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 
+from mjfish import extended
 from mjfish.cli import console, narrate
 from mjfish.diagnose import Diagnosis, diagnose
 from mjfish.effects import Effect, catalogue
+from mjfish.errors import InputError
 from mjfish.files import check_file, check_folder, make_folder
 from mjfish.trial import Dataset, load
 
@@ -33,33 +35,42 @@ def diagnose_(
     json_: Annotated[Path | None, typer.Option("--json", help="Write diagnosis.json here.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write the HTML report here.")] = None,
     rrd: Annotated[Path | None, typer.Option(help="Write the rerun log here.")] = None,
+    extended_: Annotated[
+        Path | None, typer.Option("--extended", help="Write the extended model here, as a fish TOML to simulate.")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Of the simulated null distributions.", min=0)] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Find what the simulation gets wrong on measured data, name the cause, and measure the gain on held-out trials."""
     known = catalogue(tuple(effects or ()))
-    for file in (json_, report, rrd):
+    for file in (json_, report, rrd, extended_):
         if file is not None:
             check_file(file)
+    if extended_ is not None and extended_.suffix != ".toml":
+        raise InputError(f"--extended: {extended_} ends in '{extended_.suffix}', expected .toml; rename it")
     result = _run(load(dataset), known, seed, jobs)
-    _write(result, json_, report, rrd)
+    _write(result, json_, report, rrd, extended_)
     narrate.diagnosis(result, known)
     _leave(result)
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for diagnosis.json, report.html and fish.rrd.")] = Path("out/demo"),
+    out: Annotated[
+        Path, typer.Option(help="Folder for diagnosis.json, report.html, fish.rrd and extended.toml.")
+    ] = Path("out/demo"),
 ) -> None:
     """Run the main job on a shipped dataset with a hidden effect."""
     check_folder(out)
     result = _run(load(DEMO), catalogue(), 0, None)
     make_folder(out)
-    _write(result, out / "diagnosis.json", out / "report.html", out / "fish.rrd")
+    _write(result, *(out / name for name in ("diagnosis.json", "report.html", "fish.rrd", "extended.toml")))
     narrate.diagnosis(result, catalogue())
     shown = escape(str(out))
     console.out.print(f"\nThe numbers:  {shown}/diagnosis.json", soft_wrap=True)
     console.out.print(f"The report:   {shown}/report.html  (open it in a browser)", soft_wrap=True)
     console.out.print(f"The swimming: {console.program()} view {shown}/fish.rrd", soft_wrap=True)
+    swim = f"simulate --fish {shown}/extended.toml --out {shown}/swim"
+    console.out.print(f"The fish now: {console.program()} {swim}", soft_wrap=True)
     _leave(result)
 
 
@@ -84,7 +95,9 @@ def _run(dataset: Dataset, known: dict[str, Effect], seed: int, jobs: int | None
         return diagnose(dataset, effects=known, seed=seed, jobs=jobs, progress=tell)
 
 
-def _write(result: Diagnosis, json_: Path | None, report: Path | None, rrd: Path | None) -> None:
+def _write(
+    result: Diagnosis, json_: Path | None, report: Path | None, rrd: Path | None, extended_: Path | None
+) -> None:
     if json_ is not None:
         result.save(json_)
     if report is not None:
@@ -95,6 +108,17 @@ def _write(result: Diagnosis, json_: Path | None, report: Path | None, rrd: Path
         from mjfish.viewlog import write_diagnosis_log
 
         write_diagnosis_log(result, rrd)
+    if extended_ is not None:
+        values = {name: value.estimate for name, value in result.extended.items()}
+        extended.write(extended_, result.extended_model, values, _origin(result))
+
+
+def _origin(result: Diagnosis) -> list[str]:
+    """Return where the numbers of an extended fish come from, and whether its causes were named."""
+    lines = [f"Fitted by mjfish diagnose to {result.dataset.name}.", f"{result.verdict}: {result.message}"]
+    if result.best and result.verdict != "named":
+        lines.append(f"Not named: {', '.join(result.best)}. It is in this fish as what explains most.")
+    return lines
 
 
 def _leave(result: Diagnosis) -> None:

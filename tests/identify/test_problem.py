@@ -19,6 +19,7 @@ from mjfish.identify.problem import nuisances
 from mjfish.model import MARGIN, Model
 from mjfish.trial import Dataset, Trial
 
+
 @pytest.fixture(scope="module")
 def planted(pike: Fish) -> Dataset:
     return swimming(pike, ("v1", "v3"), duration=2.0)

@@ -1,0 +1,75 @@
+"""``mjfish diagnose``, from a planted dataset to a fish that swims with what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import Run
+from diagnosed import diagnosis
+
+from mjfish import extended
+from mjfish.arrays import FloatArray
+from mjfish.cli import diagnose
+from mjfish.effects import find
+from mjfish.fish import Fish
+from mjfish.model import Model
+from mjfish.trial import read_table
+
+_FEW = {name: find(name) for name in ("servo_lag", "tail_compliance", "time_offset")}
+
+
+@pytest.fixture(autouse=True)
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three candidates: the whole catalogue takes long."""
+    monkeypatch.setattr(diagnose, "catalogue", lambda files=(): _FEW)
+
+
+def _velocity(folder: Path) -> FloatArray:
+    table = read_table(folder / "rollout.csv")
+    return np.column_stack([table[name] for name in ("surge", "sway", "yaw_rate")])
+
+
+def test_the_fish_that_is_written_swims_as_the_one_that_was_measured(run: Run, tmp_path: Path, pike: Fish) -> None:
+    """In both engines. Catches a written fish without its cause, with another size, or with nominal coefficients."""
+    hidden = "--effect servo_lag:time_constant=0.03 --set c_d.tail=2.1"
+    run(f"generate --modes v1,v3,v1-t2 --duration 6 {hidden} --held-out v3 --seed 3 --out a")
+    shown = run("diagnose a --jobs 1 --extended extended.toml").stdout
+    assert "named  The cause is servo_lag" in shown
+    written = (tmp_path / "extended.toml").read_text(encoding="utf-8")
+    assert written.startswith("# Fitted by mjfish diagnose to ")
+    assert "\n# named: The cause is servo_lag" in written
+    back = extended.load(tmp_path / "extended.toml")
+    np.testing.assert_allclose(back.values["servo_lag.time_constant"], 0.03, rtol=0.05)
+    lag = Model(pike, (find("servo_lag"),))
+    extended.write(tmp_path / "truth.toml", lag, {"servo_lag.time_constant": 0.03, "c_d.tail": 2.1})
+    for engine in ("ode", "mujoco"):
+        for name, fish in (("found", "extended.toml"), ("truth", "truth.toml"), ("pike", "pike")):
+            run(f"simulate --fish {fish} --mode v7 --duration 2 --engine {engine} --out {engine}_{name}")
+        truth = _velocity(tmp_path / f"{engine}_truth")
+        found, pike_ = (_velocity(tmp_path / f"{engine}_{name}") - truth for name in ("found", "pike"))
+        assert np.all(np.std(found, axis=0) < 0.1 * np.std(pike_, axis=0)), engine
+
+
+def test_a_cause_that_was_not_named_is_said_to_be_none_in_the_file(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever opens the file later does not see the verdict otherwise."""
+    monkeypatch.setattr(diagnose, "diagnose", lambda dataset, **rest: diagnosis(verdict))
+    run("generate --modes v1,v3 --duration 2 --out a")
+    told = {}
+    for verdict, code in (("named", 0), ("unexplained", 1), ("nothing_wrong", 0)):
+        run(f"diagnose a --extended {verdict}.toml", exit_code=code)
+        told[verdict] = (tmp_path / f"{verdict}.toml").read_text(encoding="utf-8")
+        assert f"\n# {verdict}: Something to say about {verdict}.\n" in told[verdict]
+    assert "\n# Not named: servo_lag. It is in this fish as what explains most.\n" in told["unexplained"]
+    assert "Not named" not in told["named"] + told["nothing_wrong"]
+    assert "[effects" not in told["nothing_wrong"]
+
+
+def test_a_fish_that_could_not_be_written_is_refused_before_the_work(refuse: Callable[[str], str], run: Run) -> None:
+    run("generate --modes v1,v3 --duration 2 --out a")
+    assert "extended.xml ends in '.xml', expected .toml" in refuse("diagnose a --extended extended.xml")
+    assert "there is no folder" in refuse("diagnose a --extended absent/extended.toml")
