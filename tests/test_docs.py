@@ -79,8 +79,11 @@ def test_a_cause_of_ones_own_goes_through_all_of_it(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     _run("python force.py", tmp_path)
     told = [_run(command, tmp_path) for command in blocks(page, "sh")[0].splitlines()]
-    assert "camera_scale" in told[0]
-    assert "The cause is camera_scale" in told[2]
+    assert "gyro_gain" in told[0]
+    assert "The cause is gyro_gain" in told[2]
+    estimate = re.search(r"gyro_gain\.error +│ +(\S+)", told[2])
+    assert estimate is not None
+    assert abs(float(estimate[1]) - 0.06) < 0.002
 
 
 def _told(page: Path, folder: Path) -> list[str]:
