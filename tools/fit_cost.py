@@ -45,7 +45,7 @@ class Cost:
         status: of the fit.
         evaluations: of the residual by the optimiser, most of them followed by one of its derivatives.
         rollouts: simulations of one trial.
-        slopes: simulations of one trial with their derivative by one parameter.
+        slopes: simulations of one trial with its derivatives by all parameters.
         seconds: CPU time, without compilation.
         megabytes: most memory that the process ever had.
     """
