@@ -43,12 +43,14 @@ class Prediction:
         status: ``ok`` or ``diverged``.
         message: why, where it is not ok.
         rollout: the rollout behind it.
+        pose: (n, 3) predicted x, y [m], yaw [rad] at the trial's times; it begins as measured, or at 0.
     """
 
     velocity: FloatArray
     status: Literal["ok", "diverged"]
     message: str
     rollout: Rollout
+    pose: FloatArray
 
 
 @dataclass(frozen=True)
@@ -108,15 +110,16 @@ class Model:
         """
         run = self.prepare(trial, values, offset=offset)
         rollout = ode.simulate(
-            run.fish, run.motion, values=run.coefficients, velocity=velocity, coriolis=self.coriolis, loads=run.loads
-        )
+            run.fish, run.motion, values=run.coefficients, velocity=velocity, pose=pose_of(trial),
+            coriolis=self.coriolis, loads=run.loads,
+        )  # fmt: skip
         state = headed(rollout.at(np.minimum(run.time, run.motion.time[-1])), trial)
         for effect, own in run.active:
             state = effect.reading(state, own, trial)
         message = rollout.message
         if message and run.active:
             message += f" (with {', '.join(f'{e.name}.{k} = {v:g}' for e, own in run.active for k, v in own.items())})"
-        return Prediction(state[:, :3], rollout.status, message, rollout)
+        return Prediction(state[:, :3], rollout.status, message, rollout, state[:, 3:6])
 
     def prepare(
         self, trial: Trial, values: Mapping[str, float], *, offset: float = 0.0, keep: Sequence[str] = ()
@@ -142,7 +145,11 @@ class Model:
             fish=fish,
             motion=joint_motion(self.fish.cpg, trial, servos, step),
             coefficients={p.name: values[p.name] for p in self.fish.parameters},
-            loads=tuple((effect.load, tuple(own.values())) for effect, own in active if effect.load is not None),
+            loads=tuple(
+                (effect.load, (*own.values(), *effect.constants(trial)))
+                for effect, own in active
+                if effect.load is not None
+            ),
             time=time,
             step=step,
         )
@@ -173,6 +180,11 @@ class Prepared:
     loads: tuple[tuple[Load, tuple[float, ...]], ...]
     time: FloatArray
     step: float
+
+
+def pose_of(trial: Trial) -> FloatArray | None:
+    """Return where the rollout starts: the measured pose (3,) of the first sample."""
+    return None if trial.pose is None else trial.pose[0]
 
 
 def headed(state: FloatArray, trial: Trial) -> FloatArray:

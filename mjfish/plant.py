@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.trial import Dataset, Role, Trial
+from mjfish.trial import Dataset, Role, Tank, Trial
 
 #: Step of the planting model [s]: five times finer than that of the fits, so that they do not share its error.
 STEP = 0.001
@@ -30,6 +31,8 @@ def plant(
     seed: int = 0,
     held_out: Sequence[str] = (),
     name: str = "planted",
+    tank: Tank | None = None,
+    places: Sequence[Sequence[float]] = (),
 ) -> Dataset:
     """Simulate modes of Table IV and add white noise.
 
@@ -44,6 +47,8 @@ def plant(
         seed: of the noise.
         held_out: names of trials that are not to be fitted.
         name: of the dataset.
+        tank: the fish swims in; its poses are then written, without noise.
+        places: x, y [m], yaw [rad] where each trial starts; none: the origin. Poses are written where given.
 
     Raises:
         InputError: a truth that diverges, or a wrong argument.
@@ -59,15 +64,30 @@ def plant(
         if given not in names:
             raise UnknownNameError("trial", given, names)
     trials = []
-    for trial_name, mode in zip(names, mode_names, strict=True):
+    starts = _starts(names, tank, places)
+    for trial_name, mode, start in zip(names, mode_names, starts, strict=True):
         role: Role | None = ("held_out" if trial_name in held_out else "fit") if held_out else None
-        blank = Trial(trial_name, role, readonly(time), readonly(np.zeros((len(time), 3))), modes.drive(mode))
+        begin = None if start is None else readonly(np.broadcast_to(start, (len(time), 3)))
+        still = readonly(np.zeros((len(time), 3)))
+        blank = Trial(trial_name, role, readonly(time), still, modes.drive(mode), pose=begin, tank=tank)
         predicted = model.predict(blank, truth)
         if predicted.status != "ok":
             raise InputError(f"{trial_name}: the planted fish {predicted.message}")
         measured = predicted.velocity + rng.standard_normal((len(time), 3)) * sigma
-        trials.append(Trial(trial_name, role, blank.time, readonly(measured), blank.drive))
+        swum = None if begin is None else readonly(predicted.pose)
+        if tank is not None and swum is not None and np.min(tank.distance(swum)) < 0.0:
+            raise InputError(f"{trial_name}: the planted fish swims through a wall of the tank; start it elsewhere")
+        trials.append(replace(blank, velocity=readonly(measured), pose=swum))
     return Dataset(name, fish, tuple(trials), noise=readonly(sigma) if np.any(sigma > 0.0) else None)
+
+
+def _starts(names: Sequence[str], tank: Tank | None, places: Sequence[Sequence[float]]) -> list[Sequence[float] | None]:
+    """Return where each trial starts; None where no poses are written."""
+    if places and (len(places) != len(names) or any(len(start) != 3 for start in places)):
+        raise InputError(f"{len(places)} places for {len(names)} trials; give x, y and yaw for each trial, or none")
+    if places:
+        return list(places)
+    return [(0.0, 0.0, 0.0) if tank is not None else None for _ in names]
 
 
 def _check(sigma: FloatArray, mode_names: Sequence[str], rate: float, duration: float, seed: int) -> None:

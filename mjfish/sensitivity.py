@@ -19,7 +19,7 @@ from mjfish.fish import Cpg, Fish
 from mjfish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
-from mjfish.model import Model, Prepared, asked_motion, headed
+from mjfish.model import Model, Prepared, asked_motion, headed, pose_of
 from mjfish.ode.lanes import Direction
 from mjfish.ode.rollout import tail_of
 from mjfish.ode.tangents import simulate_along
@@ -67,8 +67,10 @@ def sensitivities(
     moving = [k for k, (direction, _) in enumerate(directions) if direction is not None]
     rollout, lanes = simulate_along(
         run.fish, run.motion, [one for one, _ in directions if one is not None], times, values=run.coefficients,
-        velocity=velocity, coriolis=model.coriolis, loads=run.loads,
-        silent=[(one.load, list(_own(one, values).values())) for one in silent if one.load is not None],
+        velocity=velocity, pose=pose_of(trial), coriolis=model.coriolis, loads=run.loads,
+        silent=[
+            (one.load, [*_own(one, values).values(), *one.constants(trial)]) for one in silent if one.load is not None
+        ],
     )  # fmt: skip
     along = np.zeros((len(times), lanes.shape[1], len(names)))
     along[:, :, moving] = lanes

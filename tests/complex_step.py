@@ -15,7 +15,7 @@ from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, numbers_of
-from mjfish.hydro.load import load_table
+from mjfish.hydro.load import load_rows
 from mjfish.ode.equation import STATES
 from mjfish.ode.integrate import integrate
 from mjfish.ode.lanes import Direction
@@ -53,7 +53,7 @@ def rollout_along(
         start,
         _along(tail_of(fish), direction.tail),
         coriolis == "printed",
-        *load_table([]),
+        *load_rows([]),
         states,
         rates,
     )

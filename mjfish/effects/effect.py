@@ -80,6 +80,11 @@ class Effect(ABC):
         del dataset
         return ""
 
+    def constants(self, trial: Trial) -> tuple[float, ...]:
+        """Return numbers of the trial that the load gets behind its parameters: where the walls are, say."""
+        del trial
+        return ()
+
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Return the joint motion that the joints got, from the one that was asked for."""
         del values

@@ -13,11 +13,15 @@ from mjfish.errors import UnknownNameError
 from mjfish.fish import COEFFICIENTS, KINDS, Fish
 from mjfish.hydro.outline import INTERVALS, STRIPS, outlines
 
+#: Most hidden states a load may have on each link.
+MEMORY = 4
 #: One link; every field is a float64, so that a record is also a plain row of numbers.
 #: mass, com, inertia, length: of the body; last: 1 of the last link, else 0.
 #: density, c_m, c_d, c_f, munk: of the water on it.
 #: added, wetted, height_moment, node_height, strip_*: integrals, see `mjfish.hydro.outline.LinkOutline`.
 #: u, v, w: velocity of the link's origin relative to the water in the link's frame (x towards the tail).
+#: x, y, heading: place of the link's origin in the world and its heading, of the forward frame; for loads only.
+#: memory: hidden states of the load that is called, on this link.
 LINK = np.dtype(
     [
         ("mass", "f8"),
@@ -34,6 +38,10 @@ LINK = np.dtype(
         ("u", "f8"),
         ("v", "f8"),
         ("w", "f8"),
+        ("x", "f8"),
+        ("y", "f8"),
+        ("heading", "f8"),
+        ("memory", "f8", (MEMORY,)),
         ("added", "f8", (3,)),
         ("node_height", "f8", (INTERVALS + 1,)),
         ("height_moment", "f8", (INTERVALS + 1, 4)),
@@ -47,6 +55,8 @@ LINK = np.dtype(
 )
 
 
+#: Fields that the kernel writes as it goes.
+MOVING = frozenset(("u", "v", "w", "x", "y", "heading", "memory"))
 #: Numbers of a record.
 NUMBERS = LINK.itemsize // 8
 Thing = TypeVar("Thing")

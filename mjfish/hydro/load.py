@@ -12,20 +12,26 @@ import functools
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from llvmlite import ir
-from numba import carray, from_dtype, types
+from numba import carray, from_dtype, literal_unroll, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.compiled import c_callback, compiled
-from mjfish.hydro.link import LINK, column
+from mjfish.errors import InputError, ParameterError
+from mjfish.hydro.link import LINK, MEMORY, MOVING, column
 
 #: Most parameters a load may have.
 PARAMETERS = 8
+#: A row of the standalone engine's table: parameters; size of the memory on a link, where it begins in the state, and
+#: whether the load is special: 1 where its force needs more than the velocity, 2 where it is special and silent.
+AT_MEMORY, AT_FIRST, AT_SPECIAL, ROW = range(PARAMETERS, PARAMETERS + 4)
+#: Room for the answer of a load.
+ANSWER = 3 + MEMORY
 _RECORD = from_dtype(LINK)
 _SIGNATURE = types.void(types.CPointer(_RECORD), types.CPointer(types.float64), types.CPointer(types.float64))
 
@@ -38,34 +44,69 @@ class Load:
         address: of ``void(link*, parameters*, force*)``.
         callback: keeps the code alive.
         fields: names of the fields of a link that it reads.
+        memory: hidden states it has on each link.
     """
 
     address: int
     callback: Any
     fields: frozenset[str] = frozenset(LINK.names or ())
+    memory: int = 0
+
+    @property
+    def special(self) -> bool:
+        """Whether its force depends on more of the motion than the velocity of the link: on its place, or its past."""
+        return self.memory > 0 or not self.fields.isdisjoint(("x", "y", "heading"))
 
     @functools.cached_property
     def reads(self) -> BoolArray:
-        """Which numbers of a link's record it reads, but for the velocity (numbers of `LINK`,)."""
+        """Which numbers of a link's record it reads, but for what the kernel writes (numbers of `LINK`,)."""
         read = np.zeros(LINK.itemsize // 8, dtype=bool)
-        for name in self.fields - set("uvw"):
+        for name in self.fields - MOVING:
             read[column(name) : column(name) + int(np.prod(LINK[name].shape))] = True
         return read
 
 
-def load(function: Callable[[Any, Any], tuple[float, float, float]]) -> Load:
-    """Compile ``function(link, parameters) -> (fx, fy, mz)`` to a load that both engines can call."""
-    inner = compiled(function)
+@overload
+def load(function: Callable[[Any, Any], tuple[float, ...]], *, memory: int = 0) -> Load: ...
 
-    def hook(link: Any, parameters: Any, force: Any) -> None:
+
+@overload
+def load(*, memory: int) -> Callable[[Callable[[Any, Any], tuple[float, ...]]], Load]: ...
+
+
+def load(function: Callable[[Any, Any], tuple[float, ...]] | None = None, *, memory: int = 0) -> Any:
+    """Compile ``function(link, parameters) -> (fx, fy, mz)`` to a load; ``@load``, or ``@load(memory=2)``.
+
+    Args:
+        function: the load; with a memory it returns the rates of its hidden states behind (fx, fy, mz).
+        memory: hidden states on each link, at most MEMORY, zero at the start; read in ``link.memory``.
+
+    Raises:
+        ParameterError: more memory than there is.
+    """
+    if function is None:
+        return lambda given: load(given, memory=memory)
+    if not 0 <= memory <= MEMORY:
+        raise ParameterError(f"a load with memory = {memory}; give 0 to {MEMORY}")
+    inner = compiled(function)
+    wide = 3 + memory
+
+    def plain(link: Any, parameters: Any, force: Any) -> None:
         fx, fy, mz = inner(carray(link, 1)[0], carray(parameters, PARAMETERS))
         out = carray(force, 3)
         out[0] = fx
         out[1] = fy
         out[2] = mz
 
-    callback = c_callback(_SIGNATURE, cached=False)(hook)
-    return Load(address=callback.address, callback=callback, fields=fields_read(function))
+    def remembering(link: Any, parameters: Any, force: Any) -> None:
+        out = carray(force, wide)
+        k = 0
+        for number in literal_unroll(inner(carray(link, 1)[0], carray(parameters, PARAMETERS))):
+            out[k] = number
+            k += 1  # noqa: SIM113 # numba unrolls no enumerate
+
+    callback = c_callback(_SIGNATURE, cached=False)(remembering if memory else plain)
+    return Load(address=callback.address, callback=callback, fields=fields_read(function), memory=memory)
 
 
 def fields_read(function: Callable[..., Any]) -> frozenset[str]:
@@ -84,12 +125,45 @@ def fields_read(function: Callable[..., Any]) -> frozenset[str]:
 
 
 def load_table(loads: Sequence[tuple[Load, Sequence[float]]]) -> tuple[Any, FloatArray]:
-    """Return addresses (k,) uint64 and parameters (k, PARAMETERS) of loads with their parameters, for `apply_loads`."""
+    """Return addresses (k,) uint64 and parameters (k, PARAMETERS) of loads with their parameters, for `apply_loads`.
+
+    Raises:
+        InputError: a load has a memory, or reads where the link is: only the standalone engine knows of that.
+    """
+    if any(one.special for one, _ in loads):
+        raise InputError("a load that has a memory or reads the place of its link runs in the standalone engine only")
+    addresses, rows = load_rows(loads)
+    return addresses, np.ascontiguousarray(rows[:, :PARAMETERS])
+
+
+def load_rows(
+    loads: Sequence[tuple[Load, Sequence[float]]], links: int = 0, first: int = 0, silent: Sequence[Load] = ()
+) -> tuple[Any, FloatArray]:
+    """Return addresses (k,) uint64 and rows (k, ROW) of loads with their parameters, for `loads_on`.
+
+    Args:
+        loads: with their parameters.
+        links: of the fish.
+        first: where the memory of the loads begins in the state: load by load, then link by link.
+        silent: those of the loads that exert nothing now.
+    """
     addresses = np.array([one.address for one, _ in loads], dtype=np.uint64)
-    parameters = np.zeros((max(len(loads), 1), PARAMETERS))
-    for row, (_, given) in zip(parameters, loads, strict=False):
+    rows = np.zeros((max(len(loads), 1), ROW))
+    for row, (one, given) in zip(rows, loads, strict=False):
+        if len(given) > PARAMETERS:
+            raise ParameterError(
+                f"a load with {len(given)} numbers; parameters and constants may be {PARAMETERS} at most"
+            )
         row[: len(given)] = given
-    return addresses, parameters
+        row[AT_MEMORY], row[AT_FIRST] = one.memory, first
+        row[AT_SPECIAL] = (2.0 if one in silent else 1.0) if one.special else 0.0
+        first += links * one.memory
+    return addresses, rows
+
+
+def memory_of(loads: Sequence[tuple[Load, Sequence[float]]], links: int) -> int:
+    """Return how many hidden states the loads have on all links."""
+    return links * sum(one.memory for one, _ in loads)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -121,6 +195,48 @@ def apply_loads(
             np.uint64(parameters.ctypes.data + 8 * k * PARAMETERS),
             np.uint64(force.ctypes.data),
         )
+        fx += force[0]
+        fy += force[1]
+        mz += force[2]
+    return fx, fy, mz
+
+
+@compiled
+def loads_on(
+    links: Any, at: int, link: int, addresses: Any, rows: FloatArray, plain: bool, force: FloatArray, state: Any,
+    rates: Any,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Sum all loads on a link, with their memory.
+
+    Args:
+        links: `LINK` records.
+        at: which of them to call with.
+        link: which link of the fish it is.
+        addresses, rows: (k,), (k, ROW) of `load_rows`.
+        plain: leave out the special ones.
+        force: (ANSWER,) scratch.
+        state: hidden states are in here.
+        rates: their rates are written in here.
+    """
+    fx = 0.0
+    fy = 0.0
+    mz = 0.0
+    one = links[at]
+    for k in range(addresses.shape[0]):
+        if plain and rows[k, AT_SPECIAL] > 0.0:
+            continue
+        memory = int(rows[k, AT_MEMORY])
+        first = int(rows[k, AT_FIRST]) + link * memory
+        for m in range(memory):
+            one.memory[m] = state[first + m]
+        _call(
+            addresses[k],
+            np.uint64(links.ctypes.data + at * LINK_SIZE),
+            np.uint64(rows.ctypes.data + 8 * k * rows.shape[1]),
+            np.uint64(force.ctypes.data),
+        )
+        for m in range(memory):
+            rates[first + m] = force[3 + m]
         fx += force[0]
         fy += force[1]
         mz += force[2]

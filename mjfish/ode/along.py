@@ -13,11 +13,13 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import borrowing, merged
-from mjfish.hydro.load import PARAMETERS
+from mjfish.hydro.load import AT_FIRST, AT_MEMORY, ROW
 from mjfish.hydro.load_slopes import moved_parameters, moved_records
 from mjfish.hydro.slopes import crossflow_along
 from mjfish.ode.algebra import LENGTH, solve
+from mjfish.ode.equation import STATES
 from mjfish.ode.linear import gather, to_head, travel
+from mjfish.ode.special import by_special, carry
 
 #: Numbers of a change of a link: of mass, first moment, A_0, A_1, inertia about the joint, kappa, of the factors of
 #: friction and of drag across, and of the length; lane, link, indices of outline and moved records (-1: none), reach.
@@ -31,38 +33,50 @@ def along(
     links: Any, cos: FloatArray, sin: FloatArray, rate: FloatArray, acceleration: FloatArray, angle_last: float,
     state: FloatArray, moved: FloatArray, lanes: FloatArray, moving: FloatArray, tail: FloatArray, slack: FloatArray,
     printed: bool, hooks: Any, hook_parameters: FloatArray, changes: FloatArray, outlines: FloatArray, records: Any,
-    probes: FloatArray, probed: Any, work: FloatArray, columns: FloatArray, answers: FloatArray, loaded: FloatArray,
-    solver: FloatArray, force: FloatArray, out: FloatArray,
+    probes: FloatArray, probed: Any, right: FloatArray, left: FloatArray, force: FloatArray, solver: FloatArray,
+    loaded: FloatArray, slopes: FloatArray, answers: FloatArray, columns: FloatArray, work: FloatArray,
+    longer: FloatArray, carried: FloatArray, pushed: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """Write the rates of change of all lanes at one instant.
 
     Args:
         links ... state: as in `mjfish.ode.equation.derivative`, called before: `links` have their velocities.
-        moved: (STATES,) its answer.
-        lanes: (STATES, k) of the state.
+        moved: (STATES + hidden,) its answer.
+        lanes: (STATES + hidden, k) of the state.
         moving: (3 joints, b) of angles, rates, accelerations of the joints in the first b lanes.
         tail: (3,) as in `derivative`; slack: (3, k) of it.
         printed, hooks, hook_parameters: as in `derivative`.
         changes ... probed: see `mjfish.ode.lanes`.
-        work ... force: scratch.
-        out: (STATES, k), written.
+        right ... work: scratch; longer: see `mjfish.ode.special.carry`; carried, pushed: scratch.
+        out: (STATES + hidden, k), written.
     """
     flexible = tail[0] > 0.0
     bending = moving.shape[1] > 0 or outlines.shape[0] > 0
     travel(links, cos, sin, rate, acceleration, angle_last, state, moved, flexible, work)
     gather(
-        links, work, tail, printed, hooks, hook_parameters, bending, force, loaded, columns, answers, solver
+        links, work, tail, printed, hooks, hook_parameters, bending, True, state, right, force, loaded, columns,
+        answers, solver,
     )  # fmt: skip
     _by_state(state, lanes, flexible, answers, out)
     if flexible:
         _by_tail(state, slack, solver, out)
     if moving.shape[1] > 0:
         _by_joints(moving, flexible, columns, out)
+    for row in range(STATES, out.shape[0]):
+        for k in range(out.shape[1]):
+            out[row, k] = 0.0
     _by_links(
-        links, printed, hooks, hook_parameters, changes, outlines, records, work, flexible, columns, solver, force, out
+        links, printed, hooks, hook_parameters, changes, outlines, records, work, flexible, columns, solver, force,
+        state, right, left, out,
     )  # fmt: skip
     for q in range(probed.shape[0]):
-        _by_load(links, probes, probed, q, work, flexible, solver, force, out)
+        _by_load(links, probes, probed, q, work, flexible, solver, force, state, right, left, out)
+    if hooks.shape[0] > 0 and carried.shape[2] > 0:
+        carry(links, work, state, lanes, moving, longer, flexible, carried)
+        by_special(
+            links, hooks, hook_parameters, work, state, lanes, carried, flexible, solver, force, right, slopes, pushed,
+            out,
+        )  # fmt: skip
 
 
 @merged
@@ -125,7 +139,7 @@ def _by_joints(moving: FloatArray, flexible: bool, columns: FloatArray, out: Flo
 def _by_links(
     links: Any, printed: bool, hooks: Any, hook_parameters: FloatArray, changes: FloatArray, outlines: FloatArray,
     records: Any, kept: FloatArray, flexible: bool, columns: FloatArray, solver: FloatArray, force: FloatArray,
-    out: FloatArray,
+    state: FloatArray, right: FloatArray, left: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """Add what changes of the links change: dF - dI V', and, of a length, the joints behind."""
     n = links.shape[0]
@@ -154,11 +168,14 @@ def _by_links(
             mz -= 0.5 * link.density * link.c_d * g
         if hooks.shape[0] > 0 and changes[p, MOVED] >= 0.0:
             dx, dy, dz = moved_records(
-                records, int(changes[p, MOVED]), link, hooks, hook_parameters, changes[p, REACH], force
+                records, int(changes[p, MOVED]), links, i, hooks, hook_parameters, changes[p, REACH], force, state,
+                right, left,
             )  # fmt: skip
             fx += dx
             fy += dy
             mz += dz
+            for k in range(hooks.shape[0]):
+                _remember(hook_parameters, k, i, changes[p, REACH], right, left, int(changes[p, LANE]), out)
         hx, hy, hz = to_head(kept, i, fx, fy, mz)
         a0, a1, a2, bend = solve(solver, flexible, hx, hy, hz, mz if i == n - 1 else 0.0)
         longer = changes[p, LONGER]
@@ -177,20 +194,32 @@ def _by_links(
 @merged
 def _by_load(
     links: Any, probes: FloatArray, probed: Any, q: int, kept: FloatArray, flexible: bool, solver: FloatArray,
-    force: FloatArray, out: FloatArray,
+    force: FloatArray, state: FloatArray, right: FloatArray, left: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """Add what a change of the parameters of a load changes."""
     gx, gy, gz, torque = 0.0, 0.0, 0.0, 0.0
     for i in range(links.shape[0]):
-        fx, fy, mz = moved_parameters(links, i, probed, probes, q, force)
+        fx, fy, mz = moved_parameters(links, i, probed, probes, q, force, state, right, left)
+        _remember(probes, 2 * q, i, probes[2 * q, ROW + 1], right, left, int(probes[2 * q, ROW]), out)
         hx, hy, hz = to_head(kept, i, fx, fy, mz)
         gx += hx
         gy += hy
         gz += hz
         torque = mz
     a0, a1, a2, bend = solve(solver, flexible, gx, gy, gz, torque)
-    lane = int(probes[2 * q, PARAMETERS])
+    lane = int(probes[2 * q, ROW])
     out[0, lane] += a0
     out[1, lane] += a1
     out[2, lane] += a2
     out[7, lane] += bend
+
+
+@merged
+def _remember(
+    rows: FloatArray, row: int, link: int, reach: float, right: FloatArray, left: FloatArray, lane: int, out: FloatArray
+) -> None:
+    """Add the difference of the rates of a load's memory on a link."""
+    memory = int(rows[row, AT_MEMORY])
+    first = int(rows[row, AT_FIRST]) + link * memory
+    for k in range(first, first + memory):
+        out[k, lane] += (right[k] - left[k]) / (2.0 * reach)

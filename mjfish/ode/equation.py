@@ -15,7 +15,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, inlined
 from mjfish.hydro.force import added_mass, drag, gyroscopic
-from mjfish.hydro.load import apply_loads
+from mjfish.hydro.load import AT_SPECIAL, loads_on
 
 #: u, v, w [m/s, m/s, rad/s] of the nose, x, y [m], yaw [rad], tail deflection [rad], its rate [rad/s]; model's frame.
 STATES = 8
@@ -43,12 +43,12 @@ def _derivative(
         cos, sin: (n - 1,) of the joint angles.
         rate, acceleration: (n - 1,) of the joints [rad/s, rad/s2].
         angle_last: angle of the last joint [rad], used where the tail is flexible.
-        state: (STATES,).
+        state: (STATES + hidden,), the hidden states of the loads behind those of the fish.
         tail: (3,) flexible (0 or 1), stiffness [N m/rad], damping [N m s/rad] of the last joint's deflection.
         printed: drop c m w u from the moments, as the paper prints gamma_i.
-        hooks, hook_parameters: addresses (k,) and parameters (k, PARAMETERS) of the loads.
-        scratch: (3,).
-        out: (STATES,).
+        hooks, hook_parameters: addresses (k,) and rows (k, ROW) of the loads, `mjfish.hydro.load.load_rows`.
+        scratch: (ANSWER,).
+        out: (STATES + hidden,).
     """
     n = links.shape[0]
     u = state[0]
@@ -75,6 +75,13 @@ def _derivative(
     gy = 0.0
     j = 0.0
     flexible = tail[0].real > 0.0
+    yaw = state[5].real
+    ahead = state[5] - yaw  # of a complex state, its derivative; else 0
+    heading_cos = np.cos(yaw) - np.sin(yaw) * ahead
+    heading_sin = np.sin(yaw) + np.cos(yaw) * ahead
+    placed = False
+    for i in range(hooks.shape[0]):
+        placed = placed or hook_parameters[i, AT_SPECIAL] > 0.0
     for i in range(n):
         if i > 0:
             joint = i - 1
@@ -113,7 +120,11 @@ def _derivative(
         if not printed:
             mz -= mc * w * u
         if hooks.shape[0] > 0:
-            load_x, load_y, load_z = apply_loads(links, i, hooks, hook_parameters, scratch)
+            if placed:
+                link.x = -(state[3] + heading_cos * x - heading_sin * y)  # of the forward frame: half a turn away
+                link.y = -(state[4] + heading_sin * x + heading_cos * y)
+                link.heading = state[5] + np.arctan2(s.real, c.real)
+            load_x, load_y, load_z = loads_on(links, i, i, hooks, hook_parameters, False, scratch, state, out)
             fx += load_x
             fy += load_y
             mz += load_z
@@ -168,10 +179,6 @@ def _derivative(
     out[0] = scale * (c00 * g0 + c01 * g1 + c02 * g2)
     out[1] = scale * (c01 * g0 + c11 * g1 + c12 * g2)
     out[2] = scale * (c02 * g0 + c12 * g1 + c22 * g2)
-    yaw = state[5].real
-    ahead = state[5] - yaw  # of a complex state, its derivative; else 0
-    heading_cos = np.cos(yaw) - np.sin(yaw) * ahead
-    heading_sin = np.sin(yaw) + np.cos(yaw) * ahead
     out[3] = heading_cos * state[0] - heading_sin * state[1]
     out[4] = heading_sin * state[0] + heading_cos * state[1]
     out[5] = state[2]

@@ -21,7 +21,7 @@ from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.force import added_mass, drag, gyroscopic
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import Load, apply_loads, load_table
+from mjfish.hydro.load import ANSWER, Load, load_rows, loads_on, memory_of
 from mjfish.ode.equation import STATES, derivative
 
 
@@ -68,7 +68,8 @@ def link_forces(
         fish: the fish.
         motion: joint motion that drove the run.
         state: (n, 3), (n, 6) or (n, 8) in the forward frame (see `mjfish.ode.Rollout`) at the first n boundaries of
-            the steps, after the jump where there is one; what is absent (pose, tail deflection) counts as zero.
+            the steps, after the jump where there is one, then `Rollout.memory`; what is absent (pose, tail deflection,
+            memory) counts as zero.
         values: coefficients by name that replace the fish's.
         loads: extra forces on every link, with their parameters.
 
@@ -77,14 +78,15 @@ def link_forces(
     """
     if len(state) > len(motion.time):
         raise InputError(f"the state has {len(state)} samples, the motion {len(motion.time)} boundaries of steps")
-    full = np.zeros((len(state), STATES))
+    hidden = memory_of(loads, len(fish.links))
+    full = np.zeros((len(state), max(STATES + hidden, state.shape[1])))
     full[:, : state.shape[1]] = state
     full[:, :3], full[:, 3:6] = frames.flip(full[:, :3]), frames.flip(full[:, 3:6])
     angle, rate, acceleration = (
         np.concatenate([samples[:, 0], samples[-1:, 2]])[: len(state)]
         for samples in (motion.angle, motion.rate, motion.acceleration)
     )
-    addresses, parameters = load_table(loads)
+    addresses, parameters = load_rows(loads, len(fish.links), STATES)
     links = link_records(fish, values)
     wrench = np.zeros((3, len(state), len(links), 3))
     flexible = fish.tail_compliance > 0.0
@@ -118,8 +120,8 @@ def _wrenches(
 ) -> None:
     """Write drag, added mass and loads (3, n, links, 3) in the frames of the links; `states` in the model's frame."""
     count = links.shape[0]
-    moved = np.empty(STATES)
-    scratch = np.zeros(3)
+    moved = np.empty(states.shape[1])
+    scratch = np.zeros(ANSWER)
     for k in range(states.shape[0]):
         state = states[k]
         cos = np.cos(angle[k])
@@ -155,7 +157,9 @@ def _wrenches(
             out[1, k, i, 1] = gyro_y - a0 * v - a1 * w
             out[1, k, i, 2] = gyro_z - a1 * v - a2 * w
             if hooks.shape[0] > 0:
-                load_x, load_y, load_z = apply_loads(links, i, hooks, hook_parameters, scratch)
+                load_x, load_y, load_z = loads_on(
+                    links, i, i, hooks, hook_parameters, False, scratch, state, moved
+                )  # fmt: skip
                 out[2, k, i, 0] = load_x
                 out[2, k, i, 1] = load_y
                 out[2, k, i, 2] = load_z

@@ -8,6 +8,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
+from mjfish.hydro.load import ANSWER
 from mjfish.ode.equation import STATES, derivative, derivative_inlined
 
 #: A rollout has diverged once a velocity passes this [m/s or rad/s]: no fish does.
@@ -40,17 +41,18 @@ def integrate(
         links: (n,) `LINK` records, scratch in u, v, w.
         time: (steps + 1,).
         cos, sin, rate, acceleration: (steps, 3, joints); angle_last: (steps, 3).
-        start: (STATES,).
+        start: (STATES + hidden,).
         tail, printed, hooks, hook_parameters: as in `derivative`.
-        states, rates: (steps, 2, STATES), written: the state and its derivative at start and end of each step.
+        states, rates: (steps, 2, STATES + hidden), written: the state and its derivative at start and end of each step.
     """
     steps = time.shape[0] - 1
+    n = start.shape[0]
     joints = rate.shape[2]
     state = start.copy()
     trial = np.empty_like(start)
     total = np.empty_like(start)
     k = np.empty_like(start)
-    scratch = np.zeros(3)
+    scratch = np.zeros(ANSWER)
     still = np.zeros_like(rate[0, 0])
     jump = np.empty_like(rate[0, 0])
     no_hooks = hooks[:0]
@@ -98,10 +100,16 @@ def integrate(
                 weight = 1.0 if stage == 3 else 2.0
                 for i in range(STATES):
                     total[i] += weight * k[i]
+                for i in range(STATES, n):
+                    total[i] += weight * k[i]
             ahead = h if stage == 2 else 0.5 * h
             for i in range(STATES):
                 trial[i] = state[i] + ahead * k[i]
+            for i in range(STATES, n):
+                trial[i] = state[i] + ahead * k[i]
         for i in range(STATES):
+            state[i] += h / 6.0 * total[i]
+        for i in range(STATES, n):
             state[i] += h / 6.0 * total[i]
         states[step, 1] = state
         if not (abs(state[0]) < DIVERGED and abs(state[1]) < DIVERGED and abs(state[2]) < DIVERGED):

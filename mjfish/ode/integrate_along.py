@@ -12,6 +12,8 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.compiled import borrowing, merged
+from mjfish.hydro.link import MEMORY
+from mjfish.hydro.load import ANSWER
 from mjfish.ode.algebra import SOLVER
 from mjfish.ode.along import along
 from mjfish.ode.equation import STATES, derivative
@@ -45,8 +47,10 @@ def integrate_along(
         read: (m, STATES, k), written as far as the rollout goes.
     """
     steps = time.shape[0] - 1
-    state, trial, total, k, turn, bend, tail_now, force, solver, loaded, answers, columns, work = numbers
-    lane_trial, lane_total, lane_k, left, left_rate, moved, slack_now = buffers
+    state, trial, total, k, turn, bend, tail_now, right, left, force, solver, loaded, slopes, answers, columns, work = (
+        numbers
+    )
+    lane_trial, lane_total, lane_k, before, before_rate, moved, slack_now, longer, carried, pushed = buffers
     _copy(start, state)
     sample = 0
     for step in range(steps + 1):
@@ -77,7 +81,8 @@ def integrate_along(
             along(
                 links, cos[now, at], sin[now, at], turn, bend, angle_last[now, at], trial, k, lane_trial, moved,
                 tail_now, slack_now, printed, hooks[:forced], hook_parameters, changes, outlines, records, probes,
-                probed[:probing], work, columns, answers, loaded, solver, force, lane_k,
+                probed[:probing], right, left, force, solver, loaded, slopes, answers, columns, work, longer, carried,
+                pushed, lane_k,
             )  # fmt: skip
             if phase == _JUMP:
                 _leap(state, k, lanes, lane_k)
@@ -85,18 +90,18 @@ def integrate_along(
             if phase == _END or (phase == 0 and step > 0 and not jump):
                 _copy(k, rates[step - 1, 1])
                 h = time[step] - time[step - 1]
-                sample = _read(step - 1, sample, sample_step, sample_at, h, left, left_rate, lanes, lane_k, read)
+                sample = _read(step - 1, sample, sample_step, sample_at, h, before, before_rate, lanes, lane_k, read)
             if phase == _END:
                 continue
             if phase == 0:
                 _copy(state, states[step, 0])
                 _copy(k, rates[step, 0])
-                _copy_lanes(lanes, left)
-                _copy_lanes(lane_k, left_rate)
+                _copy_lanes(lanes, before)
+                _copy_lanes(lane_k, before_rate)
             h = time[step + 1] - time[step]
             ahead = h if phase == 2 else 0.5 * h
             _advance(phase, h, ahead, k, total, trial, state)
-            for row in range(STATES):
+            for row in range(lanes.shape[0]):
                 _advance(phase, h, ahead, lane_k[row], lane_total[row], lane_trial[row], lanes[row])
         if not over:
             _copy(state, states[step, 1])
@@ -105,14 +110,29 @@ def integrate_along(
     return int(steps)
 
 
-def scratch(joints: int, width: int, bent: int) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
-    """Return the scratch of `integrate_along` for so many joints, lanes, and lanes that move joints."""
+def scratch(
+    joints: int, width: int, bent: int, states: int, longer: FloatArray | None = None
+) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+    """Return the scratch of `integrate_along`.
+
+    Args:
+        joints: of the fish.
+        width: number of lanes.
+        bent: of those that move joints.
+        states: of the fish and its loads.
+        longer: (links, width) of the lengths, where any load is special.
+    """
     shapes = (
-        STATES, STATES, STATES, STATES, joints, joints, 3, 3, SOLVER, (3, 3), (STATE, ROWS), (joints, 4, ROWS),
-        (joints + 1, KEPT),
+        states, states, states, states, joints, joints, 3, states, states, ANSWER, SOLVER, (3, 3),
+        (ANSWER, 6 + MEMORY), (STATE, ROWS), (joints, 4, ROWS), (joints + 1, KEPT),
     )  # fmt: skip
-    lanes = [np.zeros((STATES, width)) for _ in range(5)]
-    return tuple(np.zeros(shape) for shape in shapes), (*lanes, np.zeros((3 * joints, bent)), np.zeros((3, width)))
+    lanes = [np.zeros((states, width)) for _ in range(5)]
+    carried = 0 if longer is None else width
+    return tuple(np.zeros(shape) for shape in shapes), (
+        *lanes, np.zeros((3 * joints, bent)), np.zeros((3, width)),
+        np.zeros((joints + 1, width)) if longer is None else longer, np.zeros((joints + 1, 6, carried)),
+        np.zeros((4, width)),
+    )  # fmt: skip
 
 
 @merged

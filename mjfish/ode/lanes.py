@@ -11,7 +11,7 @@ import numpy as np
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.hydro.link import LINK, NUMBERS, column
-from mjfish.hydro.load import PARAMETERS, Load, load_table
+from mjfish.hydro.load import PARAMETERS, ROW, Load
 from mjfish.hydro.load_slopes import REACH
 from mjfish.hydro.outline import INTERVALS
 from mjfish.ode.along import CHANGE, LANE, MOVED, OUTLINE
@@ -103,23 +103,38 @@ def _moved(here: FloatArray, rate: FloatArray, loads: Sequence[tuple[Load, Seque
     return _numbered(touched), np.ascontiguousarray(sides).reshape(-1).view(LINK), reach
 
 
-def probes_of(directions: Sequence[Direction], loads: Sequence[tuple[Load, Sequence[float]]]) -> tuple[FloatArray, Any]:
+def probes_of(
+    directions: Sequence[Direction], addresses: Any, rows: FloatArray, row_of: Sequence[int]
+) -> tuple[FloatArray, Any]:
     """Return what the lanes change of the loads' parameters.
 
+    Args:
+        directions: of the lanes.
+        addresses, rows: (k,), (k, ROW) of all loads, `mjfish.hydro.load.load_rows`.
+        row_of: (k,) row in this table of each load of a direction.
+
     Returns:
-        Parameters moved to both sides, lane, and how far they are moved (2 q, PARAMETERS + 2); addresses (q,).
+        Rows moved to both sides, with lane, and how far they are moved (2 q, ROW + 2); addresses (q,).
     """
-    addresses, parameters = load_table(loads)
     probes, which = [], []
     held = [(lane, one.loads) for lane, one in enumerate(directions) if one.loads is not None]
     for lane, rates in held:
-        for row in np.flatnonzero(rates.any(axis=1)):
-            rate = rates[row]
+        for k in np.flatnonzero(rates.any(axis=1)):
+            row, rate = row_of[int(k)], np.concatenate([rates[k], np.zeros(ROW - PARAMETERS)])
             hit = rate != 0.0
-            reach = float(REACH * np.min(np.maximum(np.abs(parameters[row, hit]), 0.1) / np.abs(rate[hit])))
-            probes += [[*(parameters[row] + side * reach * rate), lane, reach] for side in (1.0, -1.0)]
+            reach = float(REACH * np.min(np.maximum(np.abs(rows[row, hit]), 0.1) / np.abs(rate[hit])))
+            probes += [[*(rows[row] + side * reach * rate), lane, reach] for side in (1.0, -1.0)]
             which.append(row)
-    return np.array(probes).reshape(-1, PARAMETERS + 2), addresses[np.array(which, dtype=np.int64)]
+    return np.array(probes).reshape(-1, ROW + 2), addresses[np.array(which, dtype=np.int64)]
+
+
+def longer_of(directions: Sequence[Direction], links: int, width: int) -> FloatArray:
+    """Return the rates (links, width) of the lengths of the links."""
+    longer = np.zeros((links, width))
+    for lane, one in enumerate(directions):
+        if one.links is not None:
+            longer[:, lane] = one.links[:, column("length")]
+    return longer
 
 
 def moving_of(directions: Sequence[Direction], motion: JointMotion) -> FloatArray:

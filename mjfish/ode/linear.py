@@ -18,7 +18,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import borrowing, merged
-from mjfish.hydro.load import apply_loads
+from mjfish.hydro.load import loads_on
 from mjfish.hydro.load_slopes import velocity_slopes
 from mjfish.hydro.slopes import crossflow_slopes
 from mjfish.ode.algebra import (
@@ -136,14 +136,17 @@ def slopes_of(links: Any, i: int, kept: FloatArray, printed: bool) -> tuple[Thre
 @borrowing
 def gather(
     links: Any, kept: FloatArray, tail: FloatArray, printed: bool, hooks: Any, hook_parameters: FloatArray,
-    bending: bool, force: FloatArray, loaded: FloatArray, columns: FloatArray, answers: FloatArray, solver: FloatArray,
+    bending: bool, plain: bool, state: FloatArray, rates: FloatArray, force: FloatArray, loaded: FloatArray,
+    columns: FloatArray, answers: FloatArray, solver: FloatArray,
 ) -> None:  # fmt: skip
     """Gather slopes and inertia of the whole fish at the nose, and the columns of the joints, tail to nose.
 
     Args:
         links ... hook_parameters: as in `mjfish.ode.equation.derivative`; `kept` of `travel`.
         bending: whether anything changes angles, rates, accelerations or lengths; else only a flexible tail does.
-        force, loaded: (3,), (3, 3) scratch.
+        plain: leave out the slopes of special loads; else they are those by the velocity alone.
+        state: (STATES + hidden,), for the memory of loads.
+        rates, force, loaded: (STATES + hidden,), (ANSWER,), (3, 3) scratch.
         columns: (joints, 4, ROWS), written: response to angle, rate, acceleration of each joint and length of the link
             in front of it.
         answers: (STATE, ROWS), written: response to u, v, w, the deflection and its rate.
@@ -183,11 +186,12 @@ def gather(
         d = summed(d, slopes)
         m = summed(m, inertia)
         if hooks.shape[0] > 0:
-            load_x, load_y, load_z = apply_loads(links, i, hooks, hook_parameters, force)
-            wx += load_x
-            wy += load_y
-            wz += load_z
-            velocity_slopes(links, i, hooks, hook_parameters, force, loaded)
+            if bending or flexible:
+                load_x, load_y, load_z = loads_on(links, i, i, hooks, hook_parameters, False, force, state, rates)
+                wx += load_x
+                wy += load_y
+                wz += load_z
+            velocity_slopes(links, i, hooks, hook_parameters, plain, force, state, rates, loaded)
             d = summed(
                 d,
                 (

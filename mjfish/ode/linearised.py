@@ -2,7 +2,7 @@
 
     dv' = A(t) dv,   A = d(u', v', w') / d(u, v, w)
 
-exact (`mjfish.ode.linear`); pose and tail deflection are held.
+exact (`mjfish.ode.linear`); pose, tail deflection and the memory of loads are held.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from mjfish.arrays import FloatArray
 from mjfish.compiled import borrowing
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import Load, load_table
-from mjfish.ode.equation import derivative
+from mjfish.hydro.load import Load, load_rows
+from mjfish.ode.equation import STATES, derivative
 from mjfish.ode.integrate_along import scratch
 from mjfish.ode.linear import gather, travel
 from mjfish.ode.rollout import Rollout, tail_of
@@ -40,16 +40,17 @@ def growth(
         loads: extra forces on every link, with their parameters.
     """
     motion, steps = rollout.motion, len(rollout.state)
-    state = rollout.state[:, 0].copy()
+    hidden = np.zeros((steps, 0)) if rollout.memory is None else rollout.memory[:, 0]
+    state = np.concatenate([rollout.state[:, 0], hidden], axis=1)
     state[:, :3], state[:, 3:6] = frames.flip(state[:, :3]), frames.flip(state[:, 3:6])
     out = np.zeros((steps, 3, 3))
     cos, sin = motion.trigonometry
-    numbers, _ = scratch(motion.joints, 0, 0)
+    numbers, _ = scratch(motion.joints, 0, 0, state.shape[1])
     run: Any = _growth
     run(
         link_records(fish, values), cos[:steps, 0], sin[:steps, 0], motion.rate[:steps, 0],
-        motion.acceleration[:steps, 0], motion.angle[:steps, 0, -1], state, tail_of(fish), *load_table(loads), numbers,
-        out,
+        motion.acceleration[:steps, 0], motion.angle[:steps, 0, -1], state, tail_of(fish),
+        *load_rows(loads, len(fish.links), STATES), numbers, out,
     )  # fmt: skip
     signs = frames.flip(np.ones(3))
     return np.asarray(signs[:, None] * out * signs)
@@ -60,7 +61,7 @@ def _growth(
     links: Any, cos: FloatArray, sin: FloatArray, rate: FloatArray, acceleration: FloatArray, last: FloatArray,
     state: FloatArray, tail: FloatArray, hooks: Any, hook_parameters: FloatArray, numbers: Any, out: FloatArray,
 ) -> None:  # fmt: skip
-    _, _, _, moved, _, _, _, force, solver, loaded, answers, columns, work = numbers
+    _, _, _, moved, _, _, _, rates, _, force, solver, loaded, _, answers, columns, work = numbers
     for k in range(out.shape[0]):
         derivative(
             links, cos[k], sin[k], rate[k], acceleration[k], last[k], state[k], tail, False, hooks, hook_parameters,
@@ -68,7 +69,8 @@ def _growth(
         )  # fmt: skip
         travel(links, cos[k], sin[k], rate[k], acceleration[k], last[k], state[k], moved, tail[0] > 0.0, work)
         gather(
-            links, work, tail, False, hooks, hook_parameters, False, force, loaded, columns, answers, solver
+            links, work, tail, False, hooks, hook_parameters, False, False, state[k], rates, force, loaded, columns,
+            answers, solver,
         )  # fmt: skip
         for i in range(3):
             for j in range(3):

@@ -14,7 +14,7 @@ from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import Load, load_table
+from mjfish.hydro.load import Load, load_rows, memory_of
 from mjfish.ode.equation import STATES
 from mjfish.ode.integrate import integrate
 
@@ -37,6 +37,7 @@ class Rollout:
         derivative: (n, 2, 8) its time derivative.
         status: ``ok`` or ``diverged``.
         message: when and with which parameters it diverged, else empty.
+        memory: (n, 2, hidden) hidden states of the loads.
     """
 
     motion: JointMotion
@@ -44,6 +45,7 @@ class Rollout:
     derivative: FloatArray
     status: Literal["ok", "diverged"]
     message: str
+    memory: FloatArray | None = None
 
     @property
     def time(self) -> FloatArray:
@@ -85,8 +87,9 @@ class Rollout:
         ok = done == len(motion.time) - 1
         return cls(
             motion=motion,
-            state=states[:kept] * TO_FORWARD,
-            derivative=rates[:kept] * TO_FORWARD,
+            state=states[:kept, :, :STATES] * TO_FORWARD,
+            derivative=rates[:kept, :, :STATES] * TO_FORWARD,
+            memory=states[:kept, :, STATES:],
             status="ok" if ok else "diverged",
             message="" if ok else f"diverged at {motion.time[done]:.3f} s",
         )
@@ -110,6 +113,7 @@ def simulate(
     *,
     values: Mapping[str, float] | None = None,
     velocity: FloatArray | None = None,
+    pose: FloatArray | None = None,
     coriolis: Coriolis = "corrected",
     loads: Sequence[tuple[Load, Sequence[float]]] = (),
 ) -> Rollout:
@@ -120,6 +124,7 @@ def simulate(
         motion: joint motion on the half-step grid.
         values: coefficients by name that replace the fish's.
         velocity: (3,) surge, sway [m/s], yaw rate [rad/s] at the start; None: at rest.
+        pose: (3,) x, y [m], yaw [rad] of the nose at the start; NaN or None: 0.
         coriolis: ``printed`` drops the term U x p as the paper does (an error; see docs/theory.md).
         loads: extra forces on every link, with their parameters.
 
@@ -129,11 +134,12 @@ def simulate(
     if motion.joints != fish.joints:
         raise InputError(f"the motion has {motion.joints} joints, {fish.name} has {fish.joints}")
     steps = len(motion.time) - 1
-    states, rates = np.zeros((steps, 2, STATES)), np.zeros((steps, 2, STATES))
+    start = start_of(velocity, pose, memory_of(loads, len(fish.links)))
+    states, rates = np.zeros((steps, 2, len(start))), np.zeros((steps, 2, len(start)))
     done = integrate(
         link_records(fish, values), motion.time, *motion.trigonometry, motion.rate, motion.acceleration,
-        np.ascontiguousarray(motion.angle[:, :, -1]), start_of(velocity), tail_of(fish), coriolis == "printed",
-        *load_table(loads), states, rates,
+        np.ascontiguousarray(motion.angle[:, :, -1]), start, tail_of(fish), coriolis == "printed",
+        *load_rows(loads, len(fish.links), STATES), states, rates,
     )  # fmt: skip
     rollout = Rollout.of(motion, states, rates, done)
     if rollout.status == "ok":
@@ -142,11 +148,16 @@ def simulate(
     return replace(rollout, message=f"{rollout.message} with {named}; check the coefficients and the drive")
 
 
-def start_of(velocity: FloatArray | None) -> FloatArray:
-    """Return the state (STATES,) at the start, in the model's frame: at rest, or with a velocity of the forward one."""
-    start = np.zeros(STATES)
+def start_of(velocity: FloatArray | None, pose: FloatArray | None = None, hidden: int = 0) -> FloatArray:
+    """Return the state (STATES + hidden,) at the start, in the model's frame, from what it is in the forward one.
+
+    None is rest, or the origin; a NaN of the pose is 0.
+    """
+    start = np.zeros(STATES + hidden)
     if velocity is not None:
         start[:3] = frames.flip(np.asarray(velocity, dtype=np.float64))
+    if pose is not None:
+        start[3:6] = frames.flip(np.nan_to_num(np.asarray(pose, dtype=np.float64)))
     return start
 
 

@@ -11,10 +11,10 @@ from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import Load, load_table
+from mjfish.hydro.load import Load, load_rows, memory_of
 from mjfish.ode.equation import STATES
 from mjfish.ode.integrate_along import integrate_along, scratch
-from mjfish.ode.lanes import Direction, changes_of, jumps_of, moving_of, probes_of
+from mjfish.ode.lanes import Direction, changes_of, jumps_of, longer_of, moving_of, probes_of
 from mjfish.ode.rollout import TO_FORWARD, Coriolis, Rollout, place_in, start_of, tail_of
 
 #: Lanes come in multiples of what a vector register holds.
@@ -29,6 +29,7 @@ def simulate_along(
     *,
     values: Mapping[str, float] | None = None,
     velocity: FloatArray | None = None,
+    pose: FloatArray | None = None,
     coriolis: Coriolis = "corrected",
     loads: Sequence[tuple[Load, Sequence[float]]] = (),
     silent: Sequence[tuple[Load, Sequence[float]]] = (),
@@ -36,7 +37,7 @@ def simulate_along(
     """Simulate like `mjfish.ode.simulate`, and along with it the derivatives in all `directions`.
 
     Args:
-        fish, motion, values, velocity, coriolis, loads: as in `simulate`.
+        fish, motion, values, velocity, pose, coriolis, loads: as in `simulate`.
         directions: k of them.
         time: (m,) at which derivatives are asked for [s].
         silent: loads with parameters at which they exert nothing, but would along a direction.
@@ -46,27 +47,38 @@ def simulate_along(
     """
     bent_first = sorted(range(len(directions)), key=lambda k: directions[k].motion is None)
     ordered = [directions[k] for k in bent_first]
-    records = link_records(fish, values)
+    records, links = link_records(fish, values), len(fish.links)
+    # Special loads go along even where they exert nothing: what they remember, or where they are, must be known.
+    hushed = sorted(range(len(silent)), key=lambda k: not silent[k][0].special)
+    every = [*loads, *(silent[k] for k in hushed)]
+    acting = len(loads) + sum(one.special for one, _ in silent)
+    row_of = [*range(len(loads)), *(len(loads) + hushed.index(k) for k in range(len(silent)))]
+    start = start_of(velocity, pose, memory_of(every[:acting], links))
+    addresses, rows = load_rows(every, links, STATES, [one for one, _ in silent])
     width = -(-len(ordered) // _WIDTH) * _WIDTH
-    lanes, slack = np.zeros((STATES, width)), np.zeros((3, width))
+    lanes, slack = np.zeros((len(start), width)), np.zeros((3, width))
     for k, one in enumerate(ordered):
         if one.velocity is not None:
-            lanes[:, k] = start_of(one.velocity)
+            lanes[:STATES, k] = start_of(one.velocity)
         if one.tail is not None:
             slack[:, k] = one.tail
     moving = moving_of(ordered, motion)
     steps = len(motion.time) - 1
-    states, rates = np.zeros((steps, 2, STATES)), np.zeros((steps, 2, STATES))
+    states, rates = np.zeros((steps, 2, len(start))), np.zeros((steps, 2, len(start)))
     index, at = place_in(motion.time, time)
     order = np.argsort(index, kind="stable")
     read = np.full((len(time), STATES, width), np.nan)
+    special = any(one.special for one, _ in loads)
     run: Any = integrate_along
     done = run(
         records, motion.time, *motion.trigonometry, motion.rate, motion.acceleration,
-        np.ascontiguousarray(motion.angle[:, :, -1]), jumps_of(motion, moving), start_of(velocity), tail_of(fish),
-        coriolis == "printed", *load_table(loads), lanes, slack, moving, *changes_of(ordered, records, loads),
-        *probes_of(ordered, [*loads, *silent]), index[order], at[order],
-        *scratch(motion.joints, width, moving.shape[3]), states, rates, read,
+        np.ascontiguousarray(motion.angle[:, :, -1]), jumps_of(motion, moving), start, tail_of(fish),
+        coriolis == "printed", addresses[:acting], rows, lanes, slack, moving,
+        *changes_of(ordered, records, loads), *probes_of(ordered, addresses, rows, row_of), index[order], at[order],
+        *scratch(
+            motion.joints, width, moving.shape[3], len(start), longer_of(ordered, links, width) if special else None
+        ),
+        states, rates, read,
     )  # fmt: skip
     along = np.empty((len(time), STATES, len(ordered)))
     along[order[:, None], :, np.array(bent_first, dtype=np.int64)] = np.moveaxis(read, 1, 2)[:, : len(ordered)]

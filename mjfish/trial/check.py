@@ -14,6 +14,7 @@ from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.trial import beat, columns, place
+from mjfish.trial.types import Tank
 
 #: A step longer than this many median steps is a gap: one lost sample makes 2, jitter of the clock far less than 1.5.
 GAP = 1.5
@@ -174,4 +175,16 @@ def waved(time: FloatArray, wave: Wave, path: Path, key: str) -> None:
         raise InputError(
             f"{path}: lasts {time[-1] - time[0]:.4g} s, expected one beat of {1.0 / wave.frequency:.4g} s (frequency = "
             f"{wave.frequency:g} Hz) or more; record longer"
+        )
+
+
+def inside(pose: FloatArray, tank: Tank, source: Path) -> None:
+    """Refuse a nose outside of the tank: its walls, or the poses, are then not what they seem."""
+    outside = np.flatnonzero(tank.distance(pose) < 0.0)
+    if len(outside):
+        first = int(outside[0])
+        x, y = pose[first, :2]
+        raise InputError(
+            f"{place.row(source, first)}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
+            f"{tank.x[0]:g} to {tank.x[1]:g} m, y from {tank.y[0]:g} to {tank.y[1]:g} m; correct tank or poses"
         )

@@ -18,7 +18,7 @@ from mjfish.frames import CHANNELS
 from mjfish.trial import check, columns, place, schema
 from mjfish.trial.schema import DatasetTable, Noise, TrialTable, WaveDrive
 from mjfish.trial.table import read_table
-from mjfish.trial.types import Dataset, Trial
+from mjfish.trial.types import Dataset, Tank, Trial
 
 
 def load(path: str | Path) -> Dataset:
@@ -39,12 +39,13 @@ def load(path: str | Path) -> Dataset:
     table = tomlfile.read(file, DatasetTable)
     schema.check(table, file)
     fish = schema.with_start(_fish(table.fish, file), table.start, file)
+    tank = None if table.tank is None else Tank(table.tank.x, table.tank.y)
     trials = []
     for number, entry in enumerate(table.trials, start=1):
         source = file.parent / entry.file
         with place.named(f"{file}: trials.{number}"):
             numbers = read_table(source, missing=CHANNELS if entry.gaps else ())
-        trials.append(build_trial(entry, numbers, fish, source, f"{file}: trials.{number}"))
+        trials.append(build_trial(entry, numbers, fish, source, f"{file}: trials.{number}", tank))
     return Dataset(
         name=table.name,
         fish=fish,
@@ -55,7 +56,14 @@ def load(path: str | Path) -> Dataset:
     )
 
 
-def build_trial(entry: TrialTable, numbers: Mapping[str, FloatArray], fish: Fish, source: Path, key: str) -> Trial:
+def build_trial(
+    entry: TrialTable,
+    numbers: Mapping[str, FloatArray],
+    fish: Fish,
+    source: Path,
+    key: str,
+    tank: Tank | None = None,
+) -> Trial:
     """Put a trial together from its entry in dataset.toml and its columns, and validate it.
 
     Args:
@@ -64,6 +72,7 @@ def build_trial(entry: TrialTable, numbers: Mapping[str, FloatArray], fish: Fish
         fish: that swam.
         source: file of the columns, for messages.
         key: of the entry in its file, for messages.
+        tank: it swam in.
 
     Raises:
         InputError: see `load`.
@@ -92,6 +101,9 @@ def build_trial(entry: TrialTable, numbers: Mapping[str, FloatArray], fish: Fish
         check.driven(time, drive, source, f"{key}.drive")
     if joints is not None:
         check.angles(time, joints, source)
+    pose = _pose(numbers, source)
+    if tank is not None and pose is not None:
+        check.inside(pose, tank, source)
     return Trial(
         name=entry.name,
         role=entry.role,
@@ -99,11 +111,12 @@ def build_trial(entry: TrialTable, numbers: Mapping[str, FloatArray], fish: Fish
         velocity=readonly(np.stack([numbers[name] for name in CHANNELS], axis=1)),
         drive=drive,
         joint_angle=joints,
-        pose=_pose(numbers, source),
+        pose=pose,
         roll=numbers.get("roll"),
         source=source,
         gaps=entry.gaps,
         wave=wave,
+        tank=tank,
     )
 
 

@@ -121,6 +121,24 @@ class TrialTable(Table):
         return raw
 
 
+def _walls(walls: tuple[float, float]) -> tuple[float, float]:
+    if walls[0] >= walls[1]:
+        raise ValueError(
+            f"the walls are at {walls[0]:g} and {walls[1]:g} m, expected the lower one first; correct them"
+        )
+    return walls
+
+
+Walls = Annotated[tuple[Number, Number], AfterValidator(_walls)]
+
+
+class TankTable(Table):
+    """Walls of the tank: lowest and highest x and y [m], in the world of the poses."""
+
+    x: Walls
+    y: Walls
+
+
 def _flat(raw: object) -> object:
     """Let ``c_f.tail = ..`` mean ``"c_f.tail" = ..``, and a bare number a start value."""
     if not isinstance(raw, Mapping):
@@ -143,6 +161,7 @@ class DatasetTable(Table):
     fish: Annotated[str, Field(min_length=1)]
     clock: Clock = "synchronised"
     noise: Noise | None = None
+    tank: TankTable | None = None
     start: Annotated[dict[str, Bounds], BeforeValidator(_flat), Field(default_factory=dict)]
     trials: Annotated[tuple[TrialTable, ...], Field(min_length=1)]
 

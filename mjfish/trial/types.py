@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from mjfish.arrays import FloatArray
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
@@ -14,6 +16,25 @@ from mjfish.fish import Fish
 
 Role = Literal["fit", "held_out"]
 Clock = Literal["synchronised", "free"]
+
+
+@dataclass(frozen=True)
+class Tank:
+    """Where the walls of the tank are.
+
+    Attributes:
+        x, y: lowest and highest coordinate [m], in the world of the poses.
+    """
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+
+    def distance(self, pose: FloatArray) -> FloatArray:
+        """Return the distances (n,) [m] of places (n, 2 or more) to the nearest wall, negative outside."""
+        gaps = [pose[:, i] - low for i, (low, _) in enumerate((self.x, self.y))]
+        gaps += [high - pose[:, i] for i, (_, high) in enumerate((self.x, self.y))]
+        nearest: FloatArray = np.min(gaps, axis=0)
+        return nearest
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +53,7 @@ class Trial:
         source: the file it was read from.
         gaps: samples are missing, and known to be: times may have gaps.
         wave: the wave that drives the joints, or None.
+        tank: its walls, or None where they are not known.
     """
 
     name: str
@@ -45,6 +67,7 @@ class Trial:
     source: Path | None = None
     gaps: bool = False
     wave: Wave | None = None
+    tank: Tank | None = None
 
     @property
     def starts_at_rest(self) -> bool:

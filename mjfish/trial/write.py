@@ -92,9 +92,23 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
         }
         for trial in dataset.trials
     ]
-    raw = {"schema": 1, "name": dataset.name, "fish": fish, "clock": dataset.clock, "noise": noise, "start": start}
+    raw = {
+        "schema": 1, "name": dataset.name, "fish": fish, "clock": dataset.clock, "noise": noise,
+        "tank": _tank(dataset), "start": start,
+    }  # fmt: skip
     filled = {key: value for key, value in raw.items() if value not in (None, {})}
     return {**filled, "trials": [{key: value for key, value in trial.items() if value} for trial in trials]}
+
+
+def _tank(dataset: Dataset) -> dict[str, list[float]] | None:
+    """Return the table of the one tank that all trials swam in."""
+    tanks = {trial.tank for trial in dataset.trials}
+    if len(tanks) > 1:
+        raise InputError(
+            "the dataset cannot be saved: its trials have different tanks, a file has one; save them apart"
+        )
+    tank = next(iter(tanks), None)
+    return None if tank is None else {"x": [float(v) for v in tank.x], "y": [float(v) for v in tank.y]}
 
 
 def _wave(trial: Trial) -> dict[str, Any]:
@@ -137,7 +151,9 @@ def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, Flo
             tables[entry.file] = _columns(trial)
             for name, values in tables[entry.file].items():
                 check_finite(name, values, Path(entry.file))
-            build_trial(entry, tables[entry.file], dataset.fish, Path(entry.file), f"{file}: trials.{number}")
+            build_trial(
+                entry, tables[entry.file], dataset.fish, Path(entry.file), f"{file}: trials.{number}", trial.tank
+            )
     return tables
 
 

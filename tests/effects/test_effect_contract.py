@@ -18,7 +18,7 @@ from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model import Model
 from mjfish.parameter import Parameter
-from mjfish.trial import Dataset, Trial
+from mjfish.trial import Dataset, Tank, Trial
 
 OWN = Path(__file__).parent / "own_effects.py"
 EFFECTS = catalogue([OWN])
@@ -43,6 +43,8 @@ SHIPPED = {
     "tail_compliance",
     "time_offset",
     "velocity_scale",
+    "wake_memory",
+    "wall_effect",
 }
 AMPLITUDES = [(effect, p) for effect in EFFECTS.values() for p in effect.parameters if not p.shape]
 SHAPES = [(effect, p) for effect in EFFECTS.values() for p in effect.parameters if p.shape]
@@ -66,10 +68,11 @@ def _predict(fish: Fish, trial: Trial, effects: tuple[Effect, ...] = (), **value
 
 @pytest.fixture(scope="session")
 def trials(turning: Trial) -> tuple[Trial, ...]:
-    """A turn, and the same with everything measured that may be: a pose, a roll."""
+    """A turn, the same with everything measured that may be, a pose, a roll, and in a tank."""
     t = turning.time
     pose = np.column_stack([0.3 * t, 0.1 * np.sin(t), 0.2 * t])
-    return turning, replace(turning, pose=readonly(pose), roll=readonly(0.1 * np.sin(9.0 * t)))
+    measured = replace(turning, pose=readonly(pose), roll=readonly(0.1 * np.sin(9.0 * t)))
+    return turning, measured, replace(measured, tank=Tank((-0.9, 20.0), (-4.0, 5.0)))
 
 
 def _showing(effect: Effect, fish: Fish, trials: tuple[Trial, ...]) -> Trial:
