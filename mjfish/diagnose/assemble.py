@@ -27,7 +27,7 @@ def causes(best: Refit | None) -> tuple[Cause, ...]:
 
 def rivals(ruling: Ruling) -> tuple[tuple[str, ...], ...]:
     """Return the names in which the sets that stay differ."""
-    if ruling.verdict != "cannot_tell":
+    if ruling.verdict != "cannot_tell" or not ruling.sets:  # there are none where the data block a verdict
         return ()
     shared = set.intersection(*map(set, ruling.sets))
     ordered = dict.fromkeys(name for names in ruling.sets for name in names if name not in shared)

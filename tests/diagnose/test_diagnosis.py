@@ -177,8 +177,8 @@ def test_noise_that_is_not_white_raises_no_alarm(pike: Fish) -> None:
     assert any("autoregressive" in remark for remark in result.remarks)
 
 
-def test_held_out_trials_do_not_touch_the_verdict_or_the_fit(named: Diagnosis) -> None:
-    """Leakage: held-out measurements replaced by rubbish may change the gain and nothing else."""
+def test_held_out_trials_do_not_touch_the_fit_and_rubbish_in_them_is_found(named: Diagnosis) -> None:
+    """Leakage: held-out measurements replaced by rubbish may change no fit and no score; the checks see them."""
     rng = np.random.default_rng(0)
     spoilt = [
         replace(t, velocity=readonly(rng.standard_normal(t.velocity.shape))) if t.role == "held_out" else t
@@ -187,6 +187,8 @@ def test_held_out_trials_do_not_touch_the_verdict_or_the_fit(named: Diagnosis) -
     result = diagnose(replace(named.dataset, trials=tuple(spoilt)), effects=QUICK, jobs=1, seed=3)
     assert result.nominal == named.nominal
     assert [c.statistic for c in result.candidates] == [c.statistic for c in named.candidates]
+    assert (result.verdict, result.causes, result.rivals) == ("cannot_tell", (), ())
+    assert result.message.startswith("These data cannot tell: trial ")
 
 
 def test_no_candidate_left_is_refused(named: Diagnosis) -> None:
