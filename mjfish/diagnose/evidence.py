@@ -134,13 +134,19 @@ class Evidence:
         return np.asarray(draws if mean is None else draws + mean)
 
     def directed_p(self, rng: np.random.Generator) -> float:
-        """Return the family-wise p value of the largest candidate (Westfall-Young), on the scale of chi2 tails."""
-        observed = min(float(algebra.log_tail(self.statistic(name), self._freedom(name))) for name in self.blocks)
+        """Return the family-wise p value of the largest candidate (Westfall-Young), on the scale of chi2 tails.
+
+        What the coefficients hide is left out: its statistic is a quotient of rounding errors. 1 where nothing is left.
+        """
+        seen = [name for name in self.blocks if not self.hidden(name)]
+        if not seen:
+            return 1.0
+        observed = min(float(algebra.log_tail(self.statistic(name), self._freedom(name))) for name in seen)
         simulated = self.statistics(self.null_draws(rng))
-        smallest = np.min([algebra.log_tail(t, self._freedom(name)) for name, t in simulated.items()], axis=0)
+        smallest = np.min([algebra.log_tail(simulated[name], self._freedom(name)) for name in seen], axis=0)
         p = float(np.mean(smallest <= observed))
         # Beyond the reach of the draws, Bonferroni bounds it.
-        return p if p > 0.0 else min(len(self.blocks) * float(np.exp(observed)), 1.0 / DRAWS)
+        return p if p > 0.0 else min(len(seen) * float(np.exp(observed)), 1.0 / DRAWS)
 
     def saturated(self) -> tuple[float, int]:
         """Return the statistic of all candidates jointly and its rank; compares the model with model + everything."""

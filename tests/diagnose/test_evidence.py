@@ -1,0 +1,29 @@
+"""The tests of a fitted model's residual."""
+
+from __future__ import annotations
+
+import numpy as np
+from planted_cases import draw
+
+from mjfish.diagnose.evidence import gather
+from mjfish.effects import find
+from mjfish.identify import Noise, Problem, fit
+from mjfish.model import Model
+
+
+def test_a_cause_that_the_coefficients_hide_changes_no_p_value() -> None:
+    """Its score and information are rounding errors; their quotient in the draws hides any other cause (p = 1)."""
+    dataset = draw("com_offset", "weak", trials=4).dataset
+    assert dataset.noise is not None
+    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)), jobs=1)
+    fitted = fit(problem)
+    found = {}
+    for names in (("com_offset", "time_offset"), ("com_offset", "time_offset", "mass_error")):
+        evidence = gather(problem, fitted, [find(name) for name in names])
+        found[names] = evidence.directed_p(np.random.default_rng(0))
+        assert evidence.hidden("mass_error") if "mass_error" in names else not evidence.hidden("com_offset")
+    without, beside = found.values()
+    assert without < 0.01
+    assert beside < 0.01
+    alone = gather(problem, fitted, [find("mass_error")])
+    assert alone.directed_p(np.random.default_rng(0)) == 1.0
