@@ -21,7 +21,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.compiled import c_callback, compiled
+from mjfish.compiled import c_callback, compiled, merged
 from mjfish.errors import InputError, ParameterError
 from mjfish.hydro.link import LINK, MEMORY, MOVING, column
 
@@ -201,7 +201,7 @@ def apply_loads(
     return fx, fy, mz
 
 
-@compiled
+@merged
 def loads_on(
     links: Any, at: int, link: int, addresses: Any, rows: FloatArray, plain: bool, force: FloatArray, state: Any,
     rates: Any,
@@ -223,9 +223,9 @@ def loads_on(
     mz = 0.0
     one = links[at]
     for k in range(addresses.shape[0]):
-        if plain and rows[k, AT_SPECIAL] > 0.0:
-            continue
         memory = int(rows[k, AT_MEMORY])
+        if (plain and rows[k, AT_SPECIAL] > 0.0) or (memory == 0 and rows[k, AT_SPECIAL] > 1.0):
+            continue
         first = int(rows[k, AT_FIRST]) + link * memory
         for m in range(memory):
             one.memory[m] = state[first + m]

@@ -15,6 +15,8 @@ from mjfish.hydro.load import AT_FIRST, AT_MEMORY, ROW, loads_on
 
 #: Reach of a difference by parameters and constants, relative to what is moved.
 REACH = 1e-5
+#: By parameters of silent loads, to one side.
+REACH_SILENT = 1e-8
 #: And by velocities: shorter, for the second derivative of a power of |q| may be singular where a strip stops.
 _STEP = 2e-6
 _SLOWEST = 1e-3  # velocities below this are moved as if they were this [m/s]
@@ -154,13 +156,17 @@ def moved_parameters(
     Args:
         links, index, force, state: as in `mjfish.hydro.load.loads_on`.
         addresses: (q,) of the loads that change.
-        moved: (2 q, ROW + 2): rows moved to both sides along each change; lane; how far.
+        moved: (2 q, ROW + 2): rows moved to both sides along each change; lane; how far, negative where the load is
+            silent: it exerts nothing where it is, and the one side is enough.
         which: of the q changes.
         right, left: rates of the memory are written in here, of both sides.
     """
     one = addresses[which : which + 1]
     at = 2 * which
+    reach = moved[at, ROW + 1]
     right_x, right_y, right_z = loads_on(links, index, index, one, moved[at : at + 1], False, force, state, right)
+    if reach < 0.0:
+        return right_x / -reach, right_y / -reach, right_z / -reach
     left_x, left_y, left_z = loads_on(links, index, index, one, moved[at + 1 : at + 2], False, force, state, left)
-    scale = 0.5 / moved[at, ROW + 1]
+    scale = 0.5 / reach
     return scale * (right_x - left_x), scale * (right_y - left_y), scale * (right_z - left_z)

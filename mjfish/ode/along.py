@@ -200,7 +200,8 @@ def _by_load(
     gx, gy, gz, torque = 0.0, 0.0, 0.0, 0.0
     for i in range(links.shape[0]):
         fx, fy, mz = moved_parameters(links, i, probed, probes, q, force, state, right, left)
-        _remember(probes, 2 * q, i, probes[2 * q, ROW + 1], right, left, int(probes[2 * q, ROW]), out)
+        if probes[2 * q, ROW + 1] > 0.0:
+            _remember(probes, 2 * q, i, probes[2 * q, ROW + 1], right, left, int(probes[2 * q, ROW]), out)
         hx, hy, hz = to_head(kept, i, fx, fy, mz)
         gx += hx
         gy += hy

@@ -11,8 +11,8 @@ import numpy as np
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.hydro.link import LINK, NUMBERS, column
-from mjfish.hydro.load import PARAMETERS, ROW, Load
-from mjfish.hydro.load_slopes import REACH
+from mjfish.hydro.load import AT_SPECIAL, PARAMETERS, ROW, Load
+from mjfish.hydro.load_slopes import REACH, REACH_SILENT
 from mjfish.hydro.outline import INTERVALS
 from mjfish.ode.along import CHANGE, LANE, MOVED, OUTLINE
 from mjfish.ode.along import LINK as AT_LINK
@@ -104,7 +104,7 @@ def _moved(here: FloatArray, rate: FloatArray, loads: Sequence[tuple[Load, Seque
 
 
 def probes_of(
-    directions: Sequence[Direction], addresses: Any, rows: FloatArray, row_of: Sequence[int]
+    directions: Sequence[Direction], addresses: Any, rows: FloatArray, row_of: Sequence[int], acting: int
 ) -> tuple[FloatArray, Any]:
     """Return what the lanes change of the loads' parameters.
 
@@ -112,6 +112,7 @@ def probes_of(
         directions: of the lanes.
         addresses, rows: (k,), (k, ROW) of all loads, `mjfish.hydro.load.load_rows`.
         row_of: (k,) row in this table of each load of a direction.
+        acting: how many of the rows exert something; the others are silent.
 
     Returns:
         Rows moved to both sides, with lane, and how far they are moved (2 q, ROW + 2); addresses (q,).
@@ -122,10 +123,14 @@ def probes_of(
         for k in np.flatnonzero(rates.any(axis=1)):
             row, rate = row_of[int(k)], np.concatenate([rates[k], np.zeros(ROW - PARAMETERS)])
             hit = rate != 0.0
-            reach = float(REACH * np.min(np.maximum(np.abs(rows[row, hit]), 0.1) / np.abs(rate[hit])))
-            probes += [[*(rows[row] + side * reach * rate), lane, reach] for side in (1.0, -1.0)]
+            share = REACH if row < acting else REACH_SILENT
+            reach = share * float(np.min(np.maximum(np.abs(rows[row, hit]), 0.1) / np.abs(rate[hit])))
+            told = reach if row < acting else -reach
+            probes += [[*(rows[row] + side * reach * rate), lane, told] for side in (1.0, -1.0)]
             which.append(row)
-    return np.array(probes).reshape(-1, ROW + 2), addresses[np.array(which, dtype=np.int64)]
+    made = np.array(probes).reshape(-1, ROW + 2)
+    made[:, AT_SPECIAL] = 0.0  # asked for here, whatever else it does
+    return made, addresses[np.array(which, dtype=np.int64)]
 
 
 def longer_of(directions: Sequence[Direction], links: int, width: int) -> FloatArray:

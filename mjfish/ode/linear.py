@@ -18,7 +18,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import borrowing, merged
-from mjfish.hydro.load import loads_on
+from mjfish.hydro.load import AT_SPECIAL, loads_on
 from mjfish.hydro.load_slopes import velocity_slopes
 from mjfish.hydro.slopes import crossflow_slopes
 from mjfish.ode.algebra import (
@@ -159,6 +159,12 @@ def gather(
     m = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     t = (0.0, 0.0, 0.0)  # slopes of the torque of the tail by V, and by -V'
     q = (0.0, 0.0, 0.0)
+    pushing = False
+    sloping = False
+    for k in range(hooks.shape[0]):
+        special = hook_parameters[k, AT_SPECIAL]
+        pushing = pushing or special <= 1.0
+        sloping = sloping or special == 0.0 or (special <= 1.0 and not plain)
     for i in range(n - 1, -1, -1):
         if i < n - 1:
             cj = kept[i, 6] * kept[i + 1, 6] + kept[i, 7] * kept[i + 1, 7]
@@ -185,12 +191,12 @@ def gather(
         wz += wrench[2]
         d = summed(d, slopes)
         m = summed(m, inertia)
-        if hooks.shape[0] > 0:
-            if bending or flexible:
-                load_x, load_y, load_z = loads_on(links, i, i, hooks, hook_parameters, False, force, state, rates)
-                wx += load_x
-                wy += load_y
-                wz += load_z
+        if pushing and (bending or flexible):
+            load_x, load_y, load_z = loads_on(links, i, i, hooks, hook_parameters, False, force, state, rates)
+            wx += load_x
+            wy += load_y
+            wz += load_z
+        if sloping:
             velocity_slopes(links, i, hooks, hook_parameters, plain, force, state, rates, loaded)
             d = summed(
                 d,

@@ -74,7 +74,8 @@ def simulate_along(
         records, motion.time, *motion.trigonometry, motion.rate, motion.acceleration,
         np.ascontiguousarray(motion.angle[:, :, -1]), jumps_of(motion, moving), start, tail_of(fish),
         coriolis == "printed", addresses[:acting], rows, lanes, slack, moving,
-        *changes_of(ordered, records, loads), *probes_of(ordered, addresses, rows, row_of), index[order], at[order],
+        *changes_of(ordered, records, loads), *probes_of(ordered, addresses, rows, row_of, len(loads)),
+        index[order], at[order],
         *scratch(
             motion.joints, width, moving.shape[3], len(start), longer_of(ordered, links, width) if special else None
         ),
