@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import stats
 
 from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.progress import Progress, silent
@@ -90,6 +91,22 @@ def refits(
         progress(f"refining the fit with {name}", (len(chosen) + done) / (len(chosen) + len(running)))
         found[name] = refined(one)
     return found
+
+
+def abrupt_p(evidence: Evidence, effects: Sequence[Effect]) -> float:
+    """Return the family-wise p value of causes that have no gradient at their null: of their refits, by Bonferroni.
+
+    They declare where a fit starts, off the null; a score says nothing of them. The size is a nuisance under the null:
+    one more degree of freedom bounds what choosing it is worth [Davies1977].
+
+    [Davies1977] R. Davies, Biometrika 64.
+    """
+    abrupt = [e for e in effects if any(p.start != p.default for p in e.parameters if not p.shape)]
+    if not abrupt:
+        return 1.0
+    gains = [refit(evidence, effect) for effect in abrupt]
+    smallest = min(float(stats.chi2.sf(max(one.gain, 0.0), one.freedom + 1)) for one in gains)
+    return min(1.0, 2.0 * len(abrupt) * smallest)
 
 
 def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effect]:

@@ -9,11 +9,12 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.evidence import Evidence, gather, signatures
+from mjfish.diagnose.noise.drifting import Drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed
 from mjfish.diagnose.noise.saturated import noise_of, saturated_residuals
 from mjfish.diagnose.progress import Progress
-from mjfish.diagnose.refit import Refit, refits
+from mjfish.diagnose.refit import Refit, abrupt_p, refits
 from mjfish.diagnose.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.identify import Noise, Problem, fit
@@ -72,6 +73,8 @@ def search(
         progress("testing the residual", 0.15)
         directed, omnibus = evidence.directed_p(rng), evidence.omnibus_p()
         p_wrong = min(1.0, 2.0 * min(directed, omnibus))
+        if p_wrong >= ALARM:
+            p_wrong = min(p_wrong, abrupt_p(evidence, candidates))
 
         def shown(what: str, done: float) -> None:
             progress(what, 0.2 + 0.5 * done)
@@ -110,8 +113,8 @@ def _resolved(problem: Problem) -> tuple[Problem, FloatArray]:
 
 def _same(new: Noise, old: Noise) -> bool:
     """Return whether two noise models have the same spectrum, nearly."""
-    if isinstance(new, Pushed) or isinstance(old, Pushed):
-        return isinstance(new, Pushed) and isinstance(old, Pushed) and new.resembles(old, 2.0 * _SAME)
+    if isinstance(new, Pushed | Drifting) or isinstance(old, Pushed | Drifting):
+        return type(new) is type(old) and np.allclose(new.numbers(), old.numbers(), rtol=4.0 * _SAME)  # type: ignore[attr-defined]
     ratio = np.log(_spectrum(new) / _spectrum(old))
     return bool(np.max(np.abs(ratio)) < 2.0 * _SAME)
 

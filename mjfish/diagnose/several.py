@@ -27,7 +27,7 @@ _BASES, _ADDED = 2, 3
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
 #: and every member must explain this much beyond the set without it, also as a share of what the set explains.
-MEMBER, SHARE = 40.0, 0.03
+MEMBER, SHARE = 20.0, 0.03
 
 Names = tuple[str, ...]
 

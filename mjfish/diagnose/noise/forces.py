@@ -16,24 +16,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from scipy import linalg, optimize, signal
+from scipy import linalg, optimize
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.diagnose.noise.coloured import Coloured, grid
+from mjfish.diagnose.noise.coloured import grid
 from mjfish.diagnose.noise.kalman import Gains, gains, whitened
+from mjfish.diagnose.noise.spectrum import Spectrum, spectrum
 from mjfish.identify import Fit, Noise, Problem
 from mjfish.ode.linearised import growth
 from mjfish.trial import Trial
 
 #: Correlation times that are tried [s].
 _TIMES = (0.1, 0.3, 1.0, 3.0)
-#: Highest frequency of Whittle's likelihood, as a share of the sampling rate.
-_HIGHEST = 0.45
-#: Bands of frequency in which periodograms are averaged.
-_BANDS = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +62,9 @@ class Pushed(Noise):
             self.made[key] = _filter(self._growth(trial, len(seen)), step, self, seen)
         return self.made[key]
 
-    def resembles(self, other: Pushed, share: float) -> bool:
-        """Return whether another has nearly the same numbers."""
-        mine, theirs = (np.concatenate([one.sigma, one.push]) for one in (self, other))
-        return self.time == other.time and bool(np.all(np.abs(mine - theirs) < share * (np.abs(mine) + np.abs(theirs))))
+    def numbers(self) -> FloatArray:
+        """Return all numbers of the model (7,)."""
+        return np.concatenate([self.sigma, self.push, [self.time]])
 
     def log_determinant(self, trial: Trial, seen: BoolArray) -> float:
         """Return the log determinant of the noise's covariance."""
@@ -113,12 +108,7 @@ def pushed(problem: Problem, fit: Fit, residuals: Sequence[FloatArray]) -> Pushe
     """Estimate force noise from residuals (n_r, 3) of the trials of a fit."""
     growing = along(problem, fit)
     step = float(np.median(np.diff(problem.trials[0].time)))
-    spectrum = _binned(
-        [
-            _periodogram(block, grid(trial.time, problem.mask(i)), step)
-            for i, (trial, block) in enumerate(zip(problem.trials, residuals, strict=True))
-        ]
-    )
+    seen = spectrum(problem, residuals)
     mean = np.mean([a.mean(axis=0) for a in growing.values()], axis=0)
     spread = np.sqrt(np.mean(np.concatenate([block**2 for block in residuals]), axis=0))
     best: tuple[float, FloatArray, float] | None = None
@@ -126,7 +116,7 @@ def pushed(problem: Problem, fit: Fit, residuals: Sequence[FloatArray]) -> Pushe
         start = np.log(np.concatenate([0.7 * spread, 0.7 * spread * np.abs(np.diag(mean))]))
 
         def cost(x: FloatArray, time: float = time) -> float:
-            return _whittle(np.exp(x[:3]), np.exp(x[3:]), time, mean, spectrum, step)
+            return _whittle(np.exp(x[:3]), np.exp(x[3:]), time, mean, seen, step)
 
         found = optimize.minimize(cost, start, method="L-BFGS-B", bounds=[(s - 9.0, s + 4.0) for s in start])
         if best is None or found.fun < best[0]:
@@ -137,53 +127,7 @@ def pushed(problem: Problem, fit: Fit, residuals: Sequence[FloatArray]) -> Pushe
     )
 
 
-def likelihood(noise: Coloured | Pushed, problem: Problem, residuals: Sequence[FloatArray]) -> float:
-    """Return the log-likelihood of residuals (n_r, 3), less a constant: -1/2 (sum of white squares + log det)."""
-    total = 0.0
-    for i, (trial, block) in enumerate(zip(problem.trials, residuals, strict=True)):
-        mask = problem.mask(i)
-        white = noise.of_trial(trial, mask, block, (0,))
-        seen = grid(trial.time, mask)
-        total -= 0.5 * (float(np.sum(white**2)) + noise.log_determinant(trial, seen))
-    return total
-
-
-def _periodogram(block: FloatArray, seen: BoolArray, step: float) -> tuple[FloatArray, Any]:
-    """Return frequencies (f,) [Hz] and cross-periodograms (f, 3, 3) of a tapered series; gaps count as zero."""
-    filled = np.zeros((len(seen), 3))
-    filled[seen] = block
-    window = signal.windows.hann(len(seen), sym=False) * seen
-    waves = np.fft.rfft(filled * window[:, None], axis=0)
-    power = np.einsum("fi,fj->fij", waves, waves.conj()) * step / np.sum(window**2)
-    frequency = np.asarray(np.fft.rfftfreq(len(seen), step), dtype=np.float64)
-    kept = (frequency > 0.0) & (frequency < _HIGHEST / step)
-    return frequency[kept], power[kept]
-
-
-@dataclass(frozen=True, eq=False)
-class _Spectrum:
-    """Mean periodograms in bands: middle [Hz] (b,), power (b, 3, 3), how many went into each (b,)."""
-
-    frequency: FloatArray
-    power: Any
-    count: FloatArray
-
-
-def _binned(spectra: Sequence[tuple[FloatArray, Any]]) -> _Spectrum:
-    """Average periodograms of all trials in bands that widen with frequency."""
-    frequency = np.concatenate([f for f, _ in spectra])
-    power = np.concatenate([p for _, p in spectra])
-    edges = np.geomspace(frequency.min() * 0.99, frequency.max() * 1.01, _BANDS + 1)
-    band = np.digitize(frequency, edges) - 1
-    used = np.unique(band)
-    return _Spectrum(
-        np.array([frequency[band == b].mean() for b in used]),
-        np.stack([power[band == b].mean(axis=0) for b in used]),
-        np.array([float(np.count_nonzero(band == b)) for b in used]),
-    )
-
-
-def _whittle(sigma: FloatArray, push: FloatArray, time: float, mean: FloatArray, seen: _Spectrum, step: float) -> float:
+def _whittle(sigma: FloatArray, push: FloatArray, time: float, mean: FloatArray, seen: Spectrum, step: float) -> float:
     """Return minus Whittle's log-likelihood."""
     turn = 2.0 * np.pi * seen.frequency
     h = np.linalg.inv(1j * turn[:, None, None] * np.eye(3) - mean)

@@ -14,7 +14,8 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra
 from mjfish.diagnose.noise.coloured import Coloured, grid
-from mjfish.diagnose.noise.forces import likelihood, pushed
+from mjfish.diagnose.noise.drifting import Drifting, drifting
+from mjfish.diagnose.noise.forces import Pushed, pushed
 from mjfish.identify import Fit, Noise, Problem
 from mjfish.identify.noise import estimate, floor
 
@@ -64,15 +65,38 @@ def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: Fl
 
 
 def _better(problem: Problem, fit: Fit, residuals: Sequence[FloatArray], found: Noise, what: str) -> tuple[Noise, str]:
-    """Return the noise with the model of forces behind it where that is likelier, else as it was found."""
+    """Return the likeliest of coloured noise, drifting noise, and noise through forces; the first one on a tie."""
     coloured = Coloured.of(found)
-    if found.order > 0:
-        forces = pushed(problem, fit, residuals)
-        if likelihood(forces, problem, residuals) > likelihood(coloured, problem, residuals) + _LIKELIER:
-            sigma, push = (", ".join(f"{v:.3g}" for v in values) for values in (forces.sigma, forces.push))
-            told = f"random accelerations {push} over {forces.time:g} s push the fish, sigma of the camera {sigma}"
-            return forces, f"noise: {what} ({told}); the innovations form of the fit is used"
+    if found.order == 0:
+        return coloured, _describe(found, what)
+    drift, forces = drifting(problem, residuals), pushed(problem, fit, residuals)
+    base = likelihood(coloured, problem, residuals) + _LIKELIER
+    worth = {"drift": likelihood(drift, problem, residuals), "forces": likelihood(forces, problem, residuals)}
+    if worth["forces"] > max(base, worth["drift"] + _LIKELIER):
+        told = f"random accelerations {_three(forces.push)} over {forces.time:g} s push the fish"
+        camera = f"sigma of the camera {_three(forces.sigma)}"
+        return forces, f"noise: {what} ({told}, {camera}); the innovations form of the fit is used"
+    if worth["drift"] > base - _LIKELIER:
+        told = (
+            f"a wander of {_three(drift.wander)} over {_three(drift.time)} s under white noise of {_three(drift.sigma)}"
+        )
+        return drift, f"noise: {what} ({told})"
     return coloured, _describe(found, what)
+
+
+def likelihood(noise: Coloured | Drifting | Pushed, problem: Problem, residuals: Sequence[FloatArray]) -> float:
+    """Return the log-likelihood of residuals (n_r, 3), less a constant: -1/2 (sum of white squares + log det)."""
+    total = 0.0
+    for i, (trial, block) in enumerate(zip(problem.trials, residuals, strict=True)):
+        mask = problem.mask(i)
+        white = noise.of_trial(trial, mask, block, (0,))
+        seen = grid(trial.time, mask)
+        total -= 0.5 * (float(np.sum(white**2)) + noise.log_determinant(trial, seen))
+    return total
+
+
+def _three(values: FloatArray) -> str:
+    return ", ".join(f"{v:.3g}" for v in values)
 
 
 def _describe(noise: Noise, what: str) -> str:

@@ -1,0 +1,97 @@
+"""Noise that drifts: white noise on top of a slow wander of each channel.
+
+    v = d + sigma eps,   d' = -d / tau + sqrt(2 / tau) q w
+
+An autoregressive model of finite order cannot say this with few numbers, for the white part hides the slow one. Numbers
+follow, channel by channel, from the periodograms by Whittle's likelihood; a Kalman filter of one state whitens.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import optimize
+
+from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.diagnose.noise.coloured import grid
+from mjfish.diagnose.noise.kalman import Gains, gains, whitened
+from mjfish.diagnose.noise.spectrum import spectrum
+from mjfish.identify import Noise, Problem
+from mjfish.trial import Trial
+
+#: Correlation times that are tried [s].
+_TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Drifting(Noise):
+    """White noise on a slow wander.
+
+    Attributes:
+        sigma: (3,) of the white part; `phi` is empty.
+        wander: (3,) q, standard deviation of the wander.
+        time: (3,) tau [s].
+    """
+
+    wander: FloatArray = field(default_factory=lambda: np.zeros(3))
+    time: FloatArray = field(default_factory=lambda: np.ones(3))
+
+    def of_trial(self, trial: Trial, mask: BoolArray, block: FloatArray, starts: Sequence[int]) -> FloatArray:
+        """Return the white innovations (n, 3, ...) of columns (n, 3, ...), one row a counted sample."""
+        del starts
+        seen = grid(trial.time, mask)
+        flat = block.reshape(len(block), 3, -1)
+        parts = [whitened(self._filter(c, trial, seen), seen, flat[:, c : c + 1]) for c in range(3)]
+        return np.concatenate(parts, axis=1).reshape(block.shape)
+
+    def log_determinant(self, trial: Trial, seen: BoolArray) -> float:
+        """Return the log determinant of the noise's covariance."""
+        return sum(self._filter(c, trial, seen).log_determinant for c in range(3))
+
+    def numbers(self) -> FloatArray:
+        """Return all numbers of the model (9,)."""
+        return np.concatenate([self.sigma, self.wander, self.time])
+
+    def _filter(self, channel: int, trial: Trial, seen: BoolArray) -> Gains:
+        step = float(np.median(np.diff(trial.time)))
+        sigma, wander, time = (float(one[channel]) for one in (self.sigma, self.wander, self.time))
+        return _gains(sigma, wander, float(np.exp(-step / time)), seen.tobytes())
+
+
+@functools.lru_cache(maxsize=256)
+def _gains(sigma: float, wander: float, decay: float, seen: bytes) -> Gains:
+    one = np.ones((1, 1))
+    return gains(
+        decay * one[None], wander**2 * (1.0 - decay**2) * one[None], one, sigma**2 * one, wander**2 * one,
+        np.frombuffer(seen, dtype=np.bool_),
+    )  # fmt: skip
+
+
+def drifting(problem: Problem, residuals: Sequence[FloatArray]) -> Drifting:
+    """Estimate drifting noise from residuals (n_r, 3) of the trials of a problem."""
+    seen = spectrum(problem, residuals)
+    step = float(np.median(np.diff(problem.trials[0].time)))
+    turn = 2.0 * np.pi * seen.frequency
+    spread = np.sqrt(np.mean(np.concatenate([block**2 for block in residuals]), axis=0))
+    found = np.zeros((3, 3))
+    for c in range(3):
+        power = seen.power[:, c, c].real
+        best = np.inf
+        for time in _TIMES:
+            # of the sampled wander, aliases included
+            decay = np.exp(-step / time)
+            shape = step * (1.0 - decay**2) / (1.0 - 2.0 * decay * np.cos(turn * step) + decay**2)
+
+            def cost(x: FloatArray, shape: FloatArray = shape, power: FloatArray = power) -> float:
+                density = np.exp(2.0 * x[0]) * step + np.exp(2.0 * x[1]) * shape
+                return float(seen.count @ (np.log(density) + power / density))
+
+            start = np.log(0.7 * spread[c] * np.ones(2))
+            one = optimize.minimize(cost, start, method="L-BFGS-B", bounds=[(s - 9.0, s + 4.0) for s in start])
+            if one.fun < best:
+                best = float(one.fun)
+                found[c] = [np.exp(one.x[0]), np.exp(one.x[1]), time]
+    return Drifting(readonly(found[:, 0]), readonly(np.zeros((3, 0))), readonly(found[:, 1]), readonly(found[:, 2]))
