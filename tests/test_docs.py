@@ -73,9 +73,9 @@ def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
 def test_a_cause_of_ones_own_goes_through_all_of_it(tmp_path: Path) -> None:
     """The how-to's file and commands, as they stand."""
     page = ROOT / "docs" / "own-cause.md"
-    source, force = blocks(page, "python")
+    source, *forces = blocks(page, "python")
     (tmp_path / "my_effects.py").write_text(source)
-    (tmp_path / "force.py").write_text(force)
+    (tmp_path / "force.py").write_text("\n".join(forces))
     (tmp_path / "out").mkdir()
     _run("python force.py", tmp_path)
     told = [_run(command, tmp_path) for command in blocks(page, "sh")[0].splitlines()]
