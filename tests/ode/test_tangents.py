@@ -46,6 +46,14 @@ def _of_joints(motion: JointMotion, part: int, seed: int) -> Direction:
     return Direction(motion=rates)
 
 
+def _of_rates(motion: JointMotion) -> Direction:
+    """Change the rates, and by more from the jump of the motion on."""
+    rates = np.zeros((3, *motion.angle.shape))
+    rates[1] = np.array([0.3, -0.5, 1.0, 0.7])
+    rates[1, 100:] *= 1.7
+    return Direction(motion=rates)
+
+
 def _worst(found: FloatArray, fish: Fish, motion: JointMotion, directions: list[Direction], time: FloatArray) -> float:
     worst = 0.0
     for k, direction in enumerate(directions):
@@ -64,7 +72,8 @@ def test_every_number_of_a_link_joint_tail_and_start(pike: Fish, compliance: flo
               "node_height", "height_moment")  # fmt: skip
     directions = [
         *map(_of_links, fields[:6]),
-        *(_of_joints(motion, part, part) for part in range(3) if part != 1),
+        *(_of_joints(motion, part, part) for part in (0, 2)),
+        _of_rates(motion),
         *map(_of_links, fields[6:]),
         *(Direction(velocity=row) for row in np.eye(3)),
     ]
