@@ -61,10 +61,12 @@ STRONG: dict[str, Draw] = {
     "linear_drag": lambda rng: {"along": rng.uniform(2.0, 5.0), "across": rng.uniform(60.0, 150.0)},
     "fin_lift": _one("slope", 2.0, 4.0),
     "roll": _one("height", 0.015, 0.03, signed=True),
+    "wake_memory": _one("share", 0.3, 0.6),
 }
 #: Shapes, which a strength does not scale.
 SHAPES: dict[str, Draw] = {
     "tail_compliance": _one("damping", 0.005, 0.08),
+    "wake_memory": _one("time", 0.08, 0.3),
     "roll": lambda rng: {"frequency": rng.uniform(5.0, 15.0), "damping": rng.uniform(0.1, 0.5)},
 }
 

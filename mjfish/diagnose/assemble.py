@@ -71,13 +71,14 @@ def candidates(
             result.append(Candidate(name, False, remark=reasons[name]))
             continue
         one, place = refitted.get(name), standing.get(name)
-        statistic = one.gain if one else evidence.statistic(name)
+        score = 0.0 if evidence.hidden(name) else evidence.statistic(name)
+        statistic = one.gain if one else score
         freedom = one.freedom if one else sum(not p.shape for p in effect.parameters)
         result.append(
             Candidate(
                 name=name,
                 applicable=True,
-                score=evidence.statistic(name),
+                score=score,
                 statistic=statistic,
                 freedom=freedom,
                 p_value=chance(statistic, freedom),

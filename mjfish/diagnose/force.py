@@ -53,7 +53,7 @@ def missing_force(problem: Problem, fit: Fit) -> tuple[MissingForce, ...]:
         seen = grid(trial.time, mask)
         step = float(np.median(np.diff(trial.time)))
         mean, covariance = _smoothed(noise, noise.growth[trial.name], step, seen, residual)
-        time = trial.time[mask][0] + step * np.arange(len(seen))
+        time = trial.time[0] + step * np.arange(len(seen))
         band = np.sqrt(np.einsum("ij,njk,ik->ni", inertia, covariance, inertia))
         found.append(MissingForce(trial.name, readonly(time), readonly(mean @ inertia.T), readonly(band)))
     return tuple(found)

@@ -21,9 +21,11 @@ _OFF_NULL = 0.02
 #: Relative change of the sum of squares at which a refit stops.
 TOLERANCE = 1e-5
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
-COARSE = (3, 5)
+COARSE = (4, 6)
 #: Mean square of the whitened residual above which a refit is tried from afresh.
 _MISFIT = 1.1
+#: Share of the best gain from which a coarse refit is followed to its optimum.
+_RUNNING = 0.25
 #: How many candidates are refitted for their score alone.
 _BEST = 5
 #: A candidate that a refit of the coefficients hides to this share is refitted where its score is within _NEAR.
@@ -71,7 +73,7 @@ def refits(
 ) -> dict[str, Refit]:
     """Refit candidates: a few steps each, then to the optimum those that are still in the running.
 
-    In the running is whoever removes at least half of what the best removes.
+    In the running is whoever removes at least a quarter of what the best removes.
 
     Args:
         evidence: of the nominal model.
@@ -85,7 +87,7 @@ def refits(
         progress(f"refitting with {effect.name}", done / (len(chosen) + 2))
         found[effect.name] = refit(evidence, effect, before=(before or {}).get(effect.name))
     ranked = sorted(found.values(), key=lambda one: -one.gain)
-    running = [one for one in ranked if one.gain >= 0.5 * ranked[0].gain]
+    running = [one for one in ranked if one.gain >= _RUNNING * ranked[0].gain]
     for done, one in enumerate(running):
         name = one.effects[-1].name
         progress(f"refining the fit with {name}", (len(chosen) + done) / (len(chosen) + len(running)))

@@ -26,7 +26,7 @@ LARGEST = 3
 _BASES, _ADDED = 2, 3
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
-#: and every member must explain this much beyond the set without it, also as a share of what the set explains.
+#: and the set must explain this much beyond every smaller one, also as a share of what it explains.
 MEMBER, SHARE = 20.0, 0.03
 
 Names = tuple[str, ...]
@@ -118,8 +118,8 @@ def _without(one: Refit, known: Mapping[Names, Refit]) -> list[Refit]:
 
 
 def _earned(one: Refit, known: Mapping[Names, Refit]) -> bool:
-    """Return whether every member explains more than its share beyond the set without it."""
-    worth = one.gain - max((part.gain for part in _without(one, known)), default=0.0)
+    """Return whether the set explains more than its share beyond every smaller set, of its members or of others."""
+    worth = one.gain - max(other.gain for names, other in known.items() if len(names) < len(one.names))
     return worth >= max(MEMBER, SHARE * one.gain)
 
 

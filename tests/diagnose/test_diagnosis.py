@@ -71,6 +71,7 @@ def _fading(pike: Fish) -> Any:
     )
 
 
+@pytest.mark.slow
 def test_an_effect_off_the_list_is_unexplained(pike: Fish) -> None:
     result = diagnose(_fading(pike), jobs=1)
     assert result.verdict == "unexplained"

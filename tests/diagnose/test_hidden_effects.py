@@ -10,8 +10,8 @@ from mjfish.diagnose import Diagnosis, diagnose
 from mjfish.diagnose.result import Estimate
 from mjfish.effects import catalogue, find
 
-#: Causes that the free coefficients hide, and those that need a tank: see test_blind_causes.py and test_walls.py.
-ELSEWHERE = ("mass_error", "section_height")
+#: Causes that the free coefficients hide (see below), and one that needs a tank (tests/effects/test_wall_effect.py).
+ELSEWHERE = ("mass_error", "section_height", "wall_effect")
 #: Half-widths of the 95 % interval that make one of 99.9 %: of two dozen intervals one would miss at 95 %.
 WIDER = 3.29 / 1.96
 
@@ -77,3 +77,10 @@ def test_false_alarms_on_null_data_are_as_rare_as_stated() -> None:
     alarms = sum(result.verdict != "nothing_wrong" for result in results)
     assert alarms <= 4, alarms  # 2 % of 40; five or more would come once in 900 times
     assert np.median([result.p_wrong for result in results]) > 0.2
+
+
+def test_a_gauge_is_said_to_be_invisible() -> None:
+    """All masses off by a share: the equation is homogeneous in masses and coefficients."""
+    nothing = diagnose(draw(None, "strong", 0).dataset, jobs=1)
+    assert "mass_error" in nothing.blind
+    assert "coefficients hide" in nothing.blind["mass_error"]

@@ -56,11 +56,11 @@ class Coloured(Noise):
 
 
 def grid(time: FloatArray, mask: BoolArray) -> BoolArray:
-    """Return, on a grid of equal steps from the first counted sample to the last, whether there is a counted sample."""
+    """Return, on a grid of equal steps from the first sample to the last counted one, whether one is counted there."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
     cell = np.rint((time - time[0]) / step).astype(np.int64)[mask]
-    seen = np.zeros(int(cell[-1] - cell[0]) + 1 if len(cell) else 0, dtype=np.bool_)
-    seen[cell - cell[:1]] = True
+    seen = np.zeros(int(cell[-1]) + 1 if len(cell) else 0, dtype=np.bool_)
+    seen[cell] = True
     return seen
 
 

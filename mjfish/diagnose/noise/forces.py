@@ -40,7 +40,7 @@ class Pushed(Noise):
         sigma: (3,) of the camera [m/s, m/s, rad/s]; `phi` is empty.
         push: (3,) q, standard deviation of the random accelerations [m/s2, m/s2, rad/s2].
         time: tau [s].
-        growth: by trial name, A (n, 3, 3) on the grid of its counted samples.
+        growth: by trial name, A (n, 3, 3) on the grid of its samples.
     """
 
     push: FloatArray = field(default_factory=lambda: np.zeros(3))
@@ -90,7 +90,7 @@ def _filter(growing: FloatArray, step: float, noise: Pushed, seen: BoolArray) ->
 
 
 def along(problem: Problem, fit: Fit) -> dict[str, FloatArray]:
-    """Return A on the grid of the counted samples of every trial of a fit."""
+    """Return A on the grid of the samples of every trial of a fit."""
     result = {}
     for i, trial in enumerate(problem.trials):
         run = problem.model.prepare(trial, fit.values)
@@ -98,7 +98,7 @@ def along(problem: Problem, fit: Fit) -> dict[str, FloatArray]:
         a = growth(run.fish, rollout, values=run.coefficients, loads=run.loads)
         mask = problem.mask(i)
         step = float(np.median(np.diff(trial.time)))
-        first, count = float(trial.time[mask][0]), len(grid(trial.time, mask))
+        first, count = float(trial.time[0]), len(grid(trial.time, mask))
         at = np.clip(np.searchsorted(rollout.time, first + step * np.arange(count)), 0, len(a) - 1)
         result[trial.name] = readonly(a[at])
     return result
