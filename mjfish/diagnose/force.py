@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import linalg
@@ -40,6 +41,11 @@ class MissingForce:
     time: FloatArray
     force: FloatArray
     band: FloatArray
+
+    def summary(self) -> dict[str, Any]:
+        """Return root mean squares of the force and of its band, along, across [N] and moment [N m]."""
+        force, band = (np.sqrt(np.mean(one**2, axis=0)).tolist() for one in (self.force, self.band))
+        return {"trial": self.trial, "rms": force, "band": band, "units": ["N", "N", "N m"]}
 
 
 def missing_force(problem: Problem, fit: Fit) -> tuple[MissingForce, ...]:

@@ -173,6 +173,7 @@ class Diagnosis:
             "candidates": [_candidate(candidate) for candidate in self.candidates],
             "blind": dict(self.blind),
             "checks": self.checks.to_dict(),
+            "missing_force": [one.summary() for one in self.force],
             "fingerprint": asdict(self.fingerprint) if self.fingerprint else None,
             "description": asdict(self.description) if self.description else None,
             "p_wrong": self.p_wrong,
