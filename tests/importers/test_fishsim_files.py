@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from planted_swimming import Swim
+from filmed_swimming import Swim
 
 from mjfish import importers
 from mjfish.arrays import FloatArray

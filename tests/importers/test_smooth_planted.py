@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planted_swimming import Swim
+from filmed_swimming import Swim
 
 from mjfish import fish as fishes
 from mjfish import importers
