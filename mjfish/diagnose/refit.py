@@ -96,14 +96,14 @@ def refits(
 
 
 def abrupt_p(evidence: Evidence, effects: Sequence[Effect]) -> float:
-    """Return the family-wise p value of causes that have no gradient at their null: of their refits, by Bonferroni.
+    """Return the family-wise p value of causes that are not smooth at their null: of their refits, by Bonferroni.
 
-    They declare where a fit starts, off the null; a score says nothing of them. The size is a nuisance under the null:
-    one more degree of freedom bounds what choosing it is worth [Davies1977].
+    A score says little or nothing of them. The size is a nuisance under the null: one more degree of freedom stands for
+    what choosing it is worth [Davies1977].
 
     [Davies1977] R. Davies, Biometrika 64.
     """
-    abrupt = [e for e in effects if any(p.start != p.default for p in e.parameters if not p.shape)]
+    abrupt = [effect for effect in effects if not effect.smooth]
     if not abrupt:
         return 1.0
     gains = [refit(evidence, effect) for effect in abrupt]
