@@ -12,6 +12,7 @@ from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.importers.mapping import ANGLES, Driven
+from mjfish.trial.read import wave_of
 
 
 def angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish, mapping: Path) -> FloatArray | None:
@@ -31,21 +32,7 @@ def angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish, mapping
 def wave(table: Driven, fish: Fish, mapping: Path) -> Wave | None:
     """Return the law of the joints, None where their angles were measured."""
     law = table.wave
-    if law is None:
-        return None
-    factor = ANGLES[law.unit]
-    bias = law.bias or (0.0,) * fish.joints
-    for name, values in (("amplitude", law.amplitude), ("phase", law.phase), ("bias", bias)):
-        if len(values) != fish.joints:
-            raise InputError(
-                f"{mapping}: wave.{name}: {len(values)} numbers, expected {fish.joints}, one for each joint of fish "
-                f"'{fish.name}'; correct it"
-            )
-
-    def radians(values: tuple[float, ...]) -> tuple[float, ...]:
-        return tuple(factor * value for value in values)
-
-    return Wave(law.frequency, radians(law.amplitude), radians(law.phase), radians(bias), law.ramp, law.free)
+    return None if law is None else wave_of(law, fish, f"{mapping}: wave", ANGLES[law.unit])
 
 
 def columns(table: Driven) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from mjfish import fish as fishes
 from mjfish import tomlfile
@@ -16,24 +16,7 @@ from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.tomlfile import Table
 from mjfish.trial import place
-
-Number = Annotated[float, Field(strict=True)]
-
-
-def _positive(value: float) -> float:
-    if value <= 0.0:
-        raise ValueError("must be above 0; correct it")
-    return value
-
-
-def _not_negative(value: float) -> float:
-    if value < 0.0:
-        raise ValueError("must be at least 0; correct it")
-    return value
-
-
-Positive = Annotated[Number, AfterValidator(_positive)]
-NotNegative = Annotated[Number, AfterValidator(_not_negative)]
+from mjfish.trial.schema import Law, NotNegative, Number, Positive
 
 #: What one unit is in SI.
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -48,16 +31,10 @@ Time = Literal["s", "ms"]
 M = TypeVar("M", bound=Table)
 
 
-class WaveTable(Table):
-    """The joint law sent to the joints, see `mjfish.drive.wave`; `free`: its clock is not that of the record."""
+class WaveTable(Law):
+    """The joint law sent to the joints; `unit` of its angles."""
 
-    frequency: Positive
-    amplitude: tuple[Number, ...]
-    phase: tuple[Number, ...]
-    bias: tuple[Number, ...] = ()
-    ramp: NotNegative = 0.0
     unit: Angle = "rad"
-    free: bool = False
 
 
 class JointColumns(Table):

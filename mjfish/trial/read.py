@@ -16,7 +16,7 @@ from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.trial import check, columns, place, schema
-from mjfish.trial.schema import DatasetTable, Noise, TrialTable, WaveDrive
+from mjfish.trial.schema import DatasetTable, Law, Noise, TrialTable
 from mjfish.trial.table import read_table
 from mjfish.trial.types import Dataset, Tank, Trial
 
@@ -92,7 +92,7 @@ def build_trial(
     check.times(time, source, gaps=entry.gaps)
     drive = tuple(DriveSegment(segment.start, segment.omega, segment.bias) for segment in entry.drive)
     joints = _joints(numbers, fish, source)
-    wave = _wave(entry.wave, fish, f"{key}.drive")
+    wave = None if entry.wave is None else wave_of(entry.wave, fish, f"{key}.drive")
     _check_one_drive(bool(drive) or wave is not None, joints, fish, source, key)
     if wave is not None:
         check.waved(time, wave, source, f"{key}.drive")
@@ -120,18 +120,21 @@ def build_trial(
     )
 
 
-def _wave(table: WaveDrive | None, fish: Fish, key: str) -> Wave | None:
-    """Return the wave of an entry, one of everything a joint."""
-    if table is None:
-        return None
-    bias = table.bias or (0.0,) * fish.joints
-    for name, values in (("amplitude", table.amplitude), ("phase", table.phase), ("bias", bias)):
+def wave_of(law: Law, fish: Fish, key: str, unit: float = 1.0) -> Wave:
+    """Return the wave of a joint law whose angles are in `unit` [rad]; `key` is where it stands.
+
+    Raises:
+        InputError: there is not one of everything a joint.
+    """
+    bias = law.bias or (0.0,) * fish.joints
+    for name, values in (("amplitude", law.amplitude), ("phase", law.phase), ("bias", bias)):
         if len(values) != fish.joints:
             raise InputError(
                 f"{key}.{name}: {len(values)} numbers, expected {fish.joints}, one for each joint of fish "
                 f"'{fish.name}'; correct it"
             )
-    return Wave(table.frequency, table.amplitude, table.phase, bias, table.ramp, table.free)
+    amplitude, phase, bias = (tuple(unit * value for value in row) for row in (law.amplitude, law.phase, bias))
+    return Wave(law.frequency, amplitude, phase, bias, law.ramp, law.free)
 
 
 def _recorded(numbers: Mapping[str, FloatArray], source: Path) -> Mapping[str, FloatArray]:

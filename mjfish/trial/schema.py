@@ -84,19 +84,24 @@ class Drive(Table):
     bias: tuple[Number, ...]
 
 
-class WaveDrive(Table):
-    """A wave as the drive, see `mjfish.drive.wave`: frequency [Hz]; amplitude, phase and bias [rad], one a joint.
+class Law(Table):
+    """A joint law, see `mjfish.drive.wave`: frequency [Hz]; amplitude, phase and bias [rad], one a joint.
 
     `free`: drive and record have no common clock, so that frequency and phase are fitted with every trial.
     """
 
-    kind: Literal["wave"]
     frequency: Positive
     amplitude: tuple[Number, ...]
     phase: tuple[Number, ...]
     bias: tuple[Number, ...] = ()
     ramp: NotNegative = 0.0
     free: bool = False
+
+
+class WaveDrive(Law):
+    """A wave as the drive."""
+
+    kind: Literal["wave"]
 
 
 class TrialTable(Table):
