@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mjfish.arrays import FloatArray
+from mjfish.compiled import inlined
 from mjfish.drive.motion import JointMotion
 from mjfish.trial import Dataset
 
@@ -33,3 +34,11 @@ def balanced(time: FloatArray, angle: FloatArray, rate: FloatArray, acceleration
     acceleration[:, 1] = 1.5 * (rate[:, 2] - rate[:, 0]) / steps - 0.25 * (acceleration[:, 0] + acceleration[:, 2])
     rate[:, 1] = 1.5 * (angle[:, 2] - angle[:, 0]) / steps - 0.25 * (rate[:, 0] + rate[:, 2])
     return JointMotion(time=time, angle=angle, rate=rate, acceleration=acceleration)
+
+
+@inlined
+def cubic(left: float, slope: float, right: float, slope_right: float, d: float) -> tuple[float, float]:
+    """Return a_2, a_3 of the cubic left + slope s + a_2 s^2 + a_3 s^3 through values and slopes at 0 and d."""
+    rise = (right - left - slope * d) / (d * d)
+    bend = (slope_right - slope) / d
+    return 3.0 * rise - bend, (bend - 2.0 * rise) / d

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+import numpy as np
+
 from mjfish.effects.effect import Effect, Family, Fingerprint
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
@@ -17,14 +19,14 @@ def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
     """Excess over the constant coefficients: c a sqrt(U_0 / |q|) in place of c, strip by strip."""
     friction = parameters[0]
     pressure = parameters[1]
-    along = friction * link.c_f * link.wetted * (REFERENCE_SPEED * abs(link.u)) ** 0.5 * link.u
+    along = friction * link.c_f * link.wetted * np.sqrt(REFERENCE_SPEED * abs(link.u)) * link.u
     across = 0.0
     moment = 0.0
     if pressure != 0.0:
         for k in range(link.strip_r.shape[0]):
             r = link.strip_r[k]
             q = link.v + link.w * r
-            share = link.strip_weight[k] * link.strip_height[k] * (REFERENCE_SPEED * abs(q)) ** 0.5 * q
+            share = link.strip_weight[k] * link.strip_height[k] * np.sqrt(REFERENCE_SPEED * abs(q)) * q
             across += share
             moment += share * r
         across *= pressure * link.c_d

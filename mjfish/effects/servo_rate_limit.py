@@ -9,7 +9,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, inlined
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import balanced, nothing_between
+from mjfish.effects.commanded import balanced, cubic, nothing_between
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
 from mjfish.trial import Dataset
@@ -84,10 +84,7 @@ def _limited(
                 if stage > 0:
                     a0 = rate[step, stage - 1, j]
                     a1 = acceleration[step, stage - 1, j]
-                    rise = (rate[step, stage, j] - a0 - a1 * d) / (d * d)
-                    bend = (acceleration[step, stage, j] - a1) / d
-                    a2 = 3.0 * rise - bend
-                    a3 = (bend - 2.0 * rise) / d
+                    a2, a3 = cubic(a0, a1, rate[step, stage, j], acceleration[step, stage, j], d)
                     total = 0.0
                     k = 0.0
                     for part in range(4):
