@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.arrays import FloatArray
+from mjfish.compiled import inlined
 from mjfish.diagnose.evidence import Evidence, gather
 from mjfish.effects.effect import Effect, Family
 from mjfish.hydro.load import Load, load
@@ -30,25 +31,29 @@ _MOST = 3
 _PAIRS, _OFTEN = 25, 0.7
 
 
+@inlined
+def _total(link: Any, p: Any) -> Any:
+    """Return the sum of all functions of a link's velocity."""
+    u, v, w = link.u, link.v, link.w
+    return p[0] + p[1] * u + p[2] * abs(u) * u + p[3] * v + p[4] * abs(v) * v + p[5] * w + p[6] * u * v
+
+
 @load
 def _along(link: Any, p: Any) -> tuple[float, float, float]:
-    u, v, w, length = link.u, link.v, link.w, link.length
-    total = p[0] + p[1] * u + p[2] * abs(u) * u + p[3] * v + p[4] * abs(v) * v + p[5] * w + p[6] * u * v
-    return total * length, 0.0, 0.0
+    total = _total(link, p)
+    return total * link.length, 0.0, 0.0
 
 
 @load
 def _across(link: Any, p: Any) -> tuple[float, float, float]:
-    u, v, w, length = link.u, link.v, link.w, link.length
-    total = p[0] + p[1] * u + p[2] * abs(u) * u + p[3] * v + p[4] * abs(v) * v + p[5] * w + p[6] * u * v
-    return 0.0, total * length, 0.5 * total * length**2
+    total = _total(link, p)
+    return 0.0, total * link.length, 0.5 * total * link.length**2
 
 
 @load
 def _turning(link: Any, p: Any) -> tuple[float, float, float]:
-    u, v, w, length = link.u, link.v, link.w, link.length
-    total = p[0] + p[1] * u + p[2] * abs(u) * u + p[3] * v + p[4] * abs(v) * v + p[5] * w + p[6] * u * v
-    return 0.0, 0.0, total * length
+    total = _total(link, p)
+    return 0.0, 0.0, total * link.length
 
 
 class _Term(Effect):

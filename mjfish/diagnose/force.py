@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import linalg
 
 from mjfish import frames
 from mjfish.arrays import BoolArray, FloatArray, readonly
@@ -92,15 +91,10 @@ def _smoothed(
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean (n, 3) and covariance (n, 3, 3) of the accelerations, given all samples."""
     n = len(seen)
-    whole = np.zeros((n, 6, 6))
-    whole[:, :3, :3], whole[:, :3, 3:], whole[:, 3:, 3:] = growing[:n], np.eye(3), -np.eye(3) / noise.time
-    ahead = linalg.expm(whole * step)
-    drive = np.zeros((6, 6))
-    drive[3:, 3:] = np.diag(noise.push**2 * (1.0 - np.exp(-2.0 * step / noise.time)))
+    ahead, drive, p = noise.matrices(growing[:n], step)
     spread = np.diag(noise.sigma**2)
     mean, covariance = np.zeros((n, 6)), np.zeros((n, 6, 6))
-    m, p = np.zeros(6), np.zeros((6, 6))
-    p[3:, 3:] = np.diag(noise.push**2)
+    m = np.zeros(6)
     rows = np.cumsum(seen) - 1
     for t in range(n):
         if t > 0:

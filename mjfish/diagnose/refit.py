@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from mjfish.arrays import FloatArray
 from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.progress import Progress, silent
 from mjfish.effects.effect import Effect
@@ -26,6 +27,8 @@ COARSE = (4, 6)
 _MISFIT = 1.1
 #: Share of the best gain from which a coarse refit is followed to its optimum.
 _RUNNING = 0.25
+#: A fit that is behind the best is followed until a step gains less than this share of its distance.
+_BEHIND = 0.01
 #: How many candidates are refitted for their score alone.
 _BEST = 5
 #: A candidate that a refit of the coefficients hides to this share is refitted where its score is within _NEAR.
@@ -70,6 +73,7 @@ def refits(
     effects: Sequence[Effect],
     progress: Progress = silent,
     before: Mapping[str, Refit] | None = None,
+    made: Mapping[str, Refit] | None = None,
 ) -> dict[str, Refit]:
     """Refit candidates: a few steps each, then to the optimum those that are still in the running.
 
@@ -80,35 +84,34 @@ def refits(
         effects: candidates; those that the scores leave a chance are refitted (see `worth_refitting`).
         progress: told what is being done.
         before: refits under another noise, to start from as well.
+        made: coarse refits of this evidence that are known already.
     """
     chosen = worth_refitting(evidence, effects)
     found = {}
     for done, effect in enumerate(chosen):
         progress(f"refitting with {effect.name}", done / (len(chosen) + 2))
-        found[effect.name] = refit(evidence, effect, before=(before or {}).get(effect.name))
+        earlier, known = (before or {}).get(effect.name), (made or {}).get(effect.name)
+        found[effect.name] = known if known and not earlier else refit(evidence, effect, before=earlier)
     ranked = sorted(found.values(), key=lambda one: -one.gain)
     running = [one for one in ranked if one.gain >= _RUNNING * ranked[0].gain]
     for done, one in enumerate(running):
         name = one.effects[-1].name
         progress(f"refining the fit with {name}", (len(chosen) + done) / (len(chosen) + len(running)))
-        found[name] = refined(one)
+        found[name] = refined(one, min(other.fit.sse for other in found.values()))
     return found
 
 
-def abrupt_p(evidence: Evidence, effects: Sequence[Effect]) -> float:
-    """Return the family-wise p value of causes that are not smooth at their null: of their refits, by Bonferroni.
+def abrupt(evidence: Evidence, effects: Sequence[Effect]) -> tuple[float, dict[str, Refit]]:
+    """Refit causes that are not smooth at their null; return the p value of the best by Bonferroni, and them.
 
     A score says little or nothing of them. The size is a nuisance under the null: one more degree of freedom stands for
     what choosing it is worth [Davies1977].
 
     [Davies1977] R. Davies, Biometrika 64.
     """
-    abrupt = [effect for effect in effects if not effect.smooth]
-    if not abrupt:
-        return 1.0
-    gains = [refit(evidence, effect) for effect in abrupt]
-    smallest = min(float(stats.chi2.sf(max(one.gain, 0.0), one.freedom + 1)) for one in gains)
-    return min(1.0, 2.0 * len(abrupt) * smallest)
+    found = {effect.name: refit(evidence, effect) for effect in effects if not effect.smooth}
+    chances = [float(stats.chi2.sf(max(one.gain, 0.0), one.freedom + 1)) for one in found.values()]
+    return min([1.0, *(2.0 * len(found) * p for p in chances)]), found
 
 
 def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effect]:
@@ -142,7 +145,7 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0, before: Re
         before: a refit of the same cause to start from as well.
     """
     base = evidence.problem
-    problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **_off_null(effect)})
+    problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect)})
     starts = [problem.start({**evidence.fit.values, **guess}) for guess in _guesses(evidence, effect)]
     one_step = evidence.first_guess(effect.name)
     starts.insert(0, problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
@@ -155,16 +158,30 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0, before: Re
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse, freedom)
 
 
-def refined(one: Refit) -> Refit:
+def refined(one: Refit, best: float) -> Refit:
     """Follow a refit to its optimum; where it still misfits, once more with the coefficients at their declared starts.
 
     A large effect drags the coefficients of the nominal model far off, and from there an optimum may be out of reach.
+
+    Args:
+        one: a coarse refit.
+        best: least sum of squares of all refits: who stays far behind it need not be followed to the last digit.
     """
-    problem, best = one.problem, fit(one.problem, one.fit.x, tolerance=TOLERANCE)
-    if best.sse > _MISFIT * len(best.residual):
-        afresh = fit(problem, problem.start(one.parameter_values()), tolerance=TOLERANCE)
-        best = min(best, afresh, key=lambda result: result.sse)
-    return replace(one, fit=best, gain=one.gain + one.fit.sse - best.sse) if best.sse <= one.fit.sse else one
+    result = _followed(one.problem, one.fit.x, one.fit.sse, best)
+    if result.sse > _MISFIT * len(result.residual):
+        start = one.problem.start(one.parameter_values())
+        result = min(result, _followed(one.problem, start, result.sse, best), key=lambda each: each.sse)
+    return replace(one, fit=result, gain=one.gain + one.fit.sse - result.sse) if result.sse <= one.fit.sse else one
+
+
+def _followed(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
+    """Fit from x, ever finer as long as the result comes near the best."""
+    while True:
+        tolerance = max(TOLERANCE, _BEHIND * (sse - best) / sse)
+        result = fit(problem, x, tolerance=tolerance)
+        if tolerance == TOLERANCE or _BEHIND * (result.sse - best) > 0.5 * tolerance * result.sse:
+            return result
+        x, sse = result.x, result.sse
 
 
 def _guesses(evidence: Evidence, effect: Effect) -> list[dict[str, float]]:
@@ -185,7 +202,7 @@ def _inside(effect: Effect, guess: Mapping[str, float]) -> dict[str, float]:
     return {p.name: float(np.clip(guess[p.name], p.low, p.high)) for p in effect.parameters if not p.shape}
 
 
-def _off_null(effect: Effect) -> dict[str, Parameter]:
+def off_null(effect: Effect) -> dict[str, Parameter]:
     """Keep amplitudes that cannot be negative a little above zero, where they have derivatives on both sides."""
     lifted = {}
     for p in effect.parameters:

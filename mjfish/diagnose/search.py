@@ -14,7 +14,7 @@ from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed
 from mjfish.diagnose.noise.saturated import noise_of, saturated_residuals
 from mjfish.diagnose.progress import Progress
-from mjfish.diagnose.refit import Refit, abrupt_p, refits
+from mjfish.diagnose.refit import Refit, abrupt, refits
 from mjfish.diagnose.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.identify import Noise, Problem, fit
@@ -73,13 +73,15 @@ def search(
         progress("testing the residual", 0.15)
         directed, omnibus = evidence.directed_p(rng), evidence.omnibus_p()
         p_wrong = min(1.0, 2.0 * min(directed, omnibus))
+        made_refits: Mapping[str, Refit] = {}
         if p_wrong >= ALARM:
-            p_wrong = min(p_wrong, abrupt_p(evidence, candidates))
+            p_abrupt, made_refits = abrupt(evidence, candidates)
+            p_wrong = min(p_wrong, p_abrupt)
 
         def shown(what: str, done: float) -> None:
             progress(what, 0.2 + 0.5 * done)
 
-        refitted = refits(evidence, candidates, shown, refitted) if p_wrong < ALARM else {}
+        refitted = refits(evidence, candidates, shown, refitted, made_refits) if p_wrong < ALARM else {}
         findings = Findings(evidence, refitted, p_wrong, directed < ALARM)
         if round_ == _ROUNDS or not refitted:
             break

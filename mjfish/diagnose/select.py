@@ -20,7 +20,7 @@ from typing import TypeVar
 import numpy as np
 from scipy import stats
 
-from mjfish.diagnose.evidence import Evidence, gather
+from mjfish.diagnose.evidence import gather
 from mjfish.diagnose.refit import Refit
 from mjfish.effects.effect import Effect
 
@@ -83,12 +83,12 @@ def rival_p(refits: Mapping[Key, Refit], rng: np.random.Generator) -> dict[Key, 
     return result
 
 
-def standing(one: Refit, candidates: Sequence[Effect], rival: float = 1.0) -> tuple[Standing, Evidence]:
-    """Return the goodness of fit of a refit, and the evidence against it."""
+def standing(one: Refit, candidates: Sequence[Effect], rival: float) -> Standing:
+    """Return the goodness of fit of a refit in the confidence set."""
     after = gather(one.problem, one.fit, candidates)
     excess = max(after.saturated_excess(), after.omnibus_excess(), 0.0)
     left = excess / max(one.gain + excess, 1e-9)
-    return Standing(rival, after.saturated_p(), after.omnibus_p(), left), after
+    return Standing(rival, after.saturated_p(), after.omnibus_p(), left)
 
 
 def standings(
@@ -97,7 +97,7 @@ def standings(
     """Return the standing of every refitted candidate; the goodness of fit only of those in the confidence set."""
     rivals = rival_p(refits, rng)
     return {
-        name: Standing(rivals[name]) if rivals[name] < KEEP else standing(one, candidates, rivals[name])[0]
+        name: Standing(rivals[name]) if rivals[name] < KEEP else standing(one, candidates, rivals[name])
         for name, one in refits.items()
     }
 

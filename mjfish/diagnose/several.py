@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.diagnose.evidence import Evidence
+from mjfish.diagnose.evidence import Evidence, gather
 from mjfish.diagnose.progress import Progress
 from mjfish.diagnose.refit import Refit, refined, refit
 from mjfish.diagnose.select import KEEP, Standing, rival_p, standing
@@ -90,7 +90,7 @@ def _extended(
     """Refit the bases with the best few additions to each; those near the best to the optimum."""
     found: dict[Names, Refit] = {}
     for base in bases:
-        _, after = standing(base, candidates)
+        after = gather(base.problem, base.fit, candidates)
         if not after.candidates or after.directed_p(rng) > _SEEN:
             continue
         for effect in _shortlist(after):
@@ -102,7 +102,8 @@ def _extended(
     if found:
         top = max(one.gain for one in found.values())
         floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
-        found = {names: refined(one) if one.gain >= floor else one for names, one in found.items()}
+        least = min(one.fit.sse for one in found.values())
+        found = {names: refined(one, least) if one.gain >= floor else one for names, one in found.items()}
     return found
 
 
@@ -128,7 +129,7 @@ def _standing(
 ) -> Sets:
     rivals = rival_p(sets, rng)
     standings = {
-        names: Standing(rivals[names]) if rivals[names] < KEEP else standing(one, candidates, rivals[names])[0]
+        names: Standing(rivals[names]) if rivals[names] < KEEP else standing(one, candidates, rivals[names])
         for names, one in sets.items()
     }
     parts = {names: max(_without(one, known), key=lambda part: part.gain) for names, one in sets.items()}

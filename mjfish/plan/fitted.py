@@ -10,6 +10,7 @@ import numpy as np
 
 from mjfish.diagnose.evidence import gather
 from mjfish.diagnose.progress import Progress, silent
+from mjfish.diagnose.refit import off_null
 from mjfish.effects.effect import Effect
 from mjfish.identify import Fit, Noise, Problem, fit
 from mjfish.identify.noise import estimate
@@ -20,8 +21,6 @@ from mjfish.trial import Dataset
 
 #: Multiples of the one-step estimate, and of a declared scale, that a fit may start from.
 _MULTIPLES = (0.3, 1.0, 3.0)
-#: An amplitude that cannot be negative keeps this share of its scale away from zero, where it has no derivative.
-_OFF_NULL = 0.02
 _TOLERANCE = 1e-6
 
 
@@ -60,7 +59,7 @@ def baseline(dataset: Dataset, jobs: int | None = None) -> Problem:
 
 def extended(problem: Problem, rival: Effect) -> Problem:
     """Return the problem of the model with a rival."""
-    declared = {**problem.declared, **_off_null(rival)}
+    declared = {**problem.declared, **off_null(rival)}
     return replace(problem, model=problem.model.extended(rival), declared=declared)
 
 
@@ -116,12 +115,3 @@ def _guesses(rival: Effect, one_step: Mapping[str, float]) -> list[dict[str, flo
         sizes.append({p: multiple * (one_step[p.name] - p.default) for p in amplitudes})
         sizes.append({p: multiple * (-p.scale if one_step[p.name] < p.default else p.scale) for p in amplitudes})
     return [{p.name: float(np.clip(p.default + size, p.low, p.high)) for p, size in one.items()} for one in sizes]
-
-
-def _off_null(rival: Effect) -> dict[str, Parameter]:
-    lifted = {}
-    for p in rival.parameters:
-        if not p.shape and p.default == p.low:
-            floor = p.low + _OFF_NULL * p.scale
-            lifted[p.name] = p.rebound(low=floor, start=max(p.start, floor))
-    return lifted

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from mjfish import fish as fishes
 from mjfish.arrays import BoolArray, FloatArray, readonly
@@ -37,7 +38,11 @@ def _trial(samples: int) -> Any:
 
 
 def _coloured(rng: np.random.Generator, samples: int) -> FloatArray:
-    return COLOURED.draw(rng, np.ones(samples, dtype=np.bool_))
+    """Draw it by its recursion, from long before the first sample."""
+    warm = 40
+    white = SIGMA * rng.standard_normal((warm + samples, 3))
+    series = [signal.lfilter([1.0], [1.0, *-COLOURED.phi[c]], white[:, c])[warm:] for c in range(3)]
+    return np.stack(series, axis=1)
 
 
 def _drifting(rng: np.random.Generator, samples: int) -> FloatArray:

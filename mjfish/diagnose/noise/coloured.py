@@ -6,7 +6,7 @@ import functools
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import linalg, signal
+from scipy import linalg
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnose.noise.kalman import Gains, gains, whitened
@@ -46,13 +46,6 @@ class Coloured(Noise):
             return float(np.count_nonzero(seen) * np.sum(np.log(self.sigma**2)))
         there = seen.tobytes()
         return sum(_filter(self.phi[c].tobytes(), float(self.sigma[c]), there).log_determinant for c in range(3))
-
-    def draw(self, rng: np.random.Generator, seen: BoolArray) -> FloatArray:
-        """Return a draw (samples seen, 3) of the noise on a grid."""
-        warm = 20 * max(self.phi.shape[1], 1)
-        white = rng.standard_normal((warm + len(seen), 3)) * self.sigma
-        series = [signal.lfilter([1.0], np.concatenate([[1.0], -self.phi[c]]), white[:, c]) for c in range(3)]
-        return np.asarray(np.stack(series, axis=1)[warm:][seen])
 
 
 def grid(time: FloatArray, mask: BoolArray) -> BoolArray:

@@ -62,6 +62,15 @@ class Pushed(Noise):
             self.made[key] = _filter(self._growth(trial, len(seen)), step, self, seen)
         return self.made[key]
 
+    def matrices(self, growing: FloatArray, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the transition (n, 6, 6), drive (6, 6) and start (6, 6) of the state (dv, a), for A (n, 3, 3)."""
+        whole = np.zeros((len(growing), 6, 6))
+        whole[:, :3, :3], whole[:, :3, 3:], whole[:, 3:, 3:] = growing, np.eye(3), -np.eye(3) / self.time
+        drive, start = np.zeros((6, 6)), np.zeros((6, 6))
+        drive[3:, 3:] = np.diag(self.push**2 * (1.0 - np.exp(-2.0 * step / self.time)))
+        start[3:, 3:] = np.diag(self.push**2)
+        return linalg.expm(whole * step), drive, start
+
     def numbers(self) -> FloatArray:
         """Return all numbers of the model (7,)."""
         return np.concatenate([self.sigma, self.push, [self.time]])
@@ -79,14 +88,9 @@ class Pushed(Noise):
 
 def _filter(growing: FloatArray, step: float, noise: Pushed, seen: BoolArray) -> Gains:
     """Make the filter of one series of samples."""
-    whole = np.zeros((len(growing), 6, 6))
-    whole[:, :3, :3], whole[:, :3, 3:], whole[:, 3:, 3:] = growing, np.eye(3), -np.eye(3) / noise.time
-    drive, start = np.zeros((1, 6, 6)), np.zeros((6, 6))
-    drive[0, 3:, 3:] = np.diag(noise.push**2 * (1.0 - np.exp(-2.0 * step / noise.time)))
-    start[3:, 3:] = np.diag(noise.push**2)
+    transition, drive, start = noise.matrices(growing, step)
     reading = np.concatenate([np.eye(3), np.zeros((3, 3))], axis=1)
-    transition: FloatArray = linalg.expm(whole * step)
-    return gains(transition, drive, reading, np.diag(noise.sigma**2), start, seen)
+    return gains(transition, drive[None], reading, np.diag(noise.sigma**2), start, seen)
 
 
 def along(problem: Problem, fit: Fit) -> dict[str, FloatArray]:
