@@ -87,11 +87,18 @@ def refits(
         made: coarse refits of this evidence that are known already.
     """
     chosen = worth_refitting(evidence, effects)
+    earlier, known = before or {}, made or {}
+    floor = _RUNNING * max((one.gain for one in earlier.values()), default=0.0)
     found = {}
     for done, effect in enumerate(chosen):
-        progress(f"refitting with {effect.name}", done / (len(chosen) + 2))
-        earlier, known = (before or {}).get(effect.name), (made or {}).get(effect.name)
-        found[effect.name] = known if known and not earlier else refit(evidence, effect, before=earlier)
+        name = effect.name
+        progress(f"refitting with {name}", done / (len(chosen) + 2))
+        if name in earlier and earlier[name].gain < floor:
+            found[name] = _kept(evidence, earlier[name])
+        elif name in known and name not in earlier:
+            found[name] = known[name]
+        else:
+            found[name] = refit(evidence, effect, before=earlier.get(name))
     ranked = sorted(found.values(), key=lambda one: -one.gain)
     running = [one for one in ranked if one.gain >= _RUNNING * ranked[0].gain]
     for done, one in enumerate(running):
@@ -158,8 +165,15 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0, before: Re
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse, freedom)
 
 
+def _kept(evidence: Evidence, one: Refit) -> Refit:
+    """Return a refit as it is, under the noise of the evidence."""
+    problem = replace(one.problem, noise=evidence.problem.noise)
+    here = fit(problem, one.fit.x, evaluations=1)
+    return replace(one, problem=problem, fit=here, gain=evidence.fit.sse - here.sse)
+
+
 def refined(one: Refit, best: float) -> Refit:
-    """Follow a refit to its optimum; where it still misfits, once more with the coefficients at their declared starts.
+    """Follow a refit to its optimum; while nothing fits, once more with the coefficients at their declared starts.
 
     A large effect drags the coefficients of the nominal model far off, and from there an optimum may be out of reach.
 
@@ -168,7 +182,7 @@ def refined(one: Refit, best: float) -> Refit:
         best: least sum of squares of all refits: who stays far behind it need not be followed to the last digit.
     """
     result = _followed(one.problem, one.fit.x, one.fit.sse, best)
-    if result.sse > _MISFIT * len(result.residual):
+    if min(best, result.sse) > _MISFIT * len(result.residual):
         start = one.problem.start(one.parameter_values())
         result = min(result, _followed(one.problem, start, result.sse, best), key=lambda each: each.sse)
     return replace(one, fit=result, gain=one.gain + one.fit.sse - result.sse) if result.sse <= one.fit.sse else one
