@@ -12,6 +12,7 @@ from mjfish.checks import Checks
 from mjfish.diagnose import Candidate, Cause, Diagnosis, Estimate, Overlay
 from mjfish.diagnose.description import Description, Term
 from mjfish.diagnose.fingerprint import Measured
+from mjfish.diagnose.force import MissingForce
 from mjfish.diagnose.heldout import Gain
 from mjfish.diagnose.locate import Where
 from mjfish.diagnose.result import Verdict
@@ -83,7 +84,7 @@ def diagnosis(
         candidates=_candidates(verdict),
         best=(cause,) if wrong else (),
         where=_where(names) if wrong else None,
-        force=(),
+        force=tuple(_force(trial) for trial in (overlay.trial for overlay in overlays)) if wrong else (),
         fingerprint=Measured(1.04, 0.9, 1.2, 0.01, 0.4, find(cause).fingerprint) if wrong else None,
         description=Description((Term("a moment on every link ~ u v", -0.2, 0.9),), 0.6)
         if verdict == "unexplained"
@@ -99,16 +100,27 @@ def diagnosis(
     )
 
 
+def _force(trial: Trial) -> MissingForce:
+    """Return a force that beats, with a band of a tenth of it."""
+    beat = np.sin(14.0 * trial.time)[:, None] * np.array([0.1, 0.4, 0.02])
+    band = np.full_like(beat, 0.1) * np.array([0.1, 0.4, 0.02])
+    return MissingForce(trial.name, trial.time, beat, band, np.array([1.0, 2.0, 0.1]))
+
+
 def _where(names: tuple[str, str]) -> Where:
     return Where(
         channel="yaw_rate",
         trial=names[0],
         part="start-up",
         phase="0/8 to 1/8",
+        speed="lowest fifth",
+        turn="highest fifth",
         channels={"surge": 0.2, "sway": 0.3, "yaw_rate": 0.5},
         trials={names[0]: 1.0},
         parts={"start-up": 0.75, "steady": 0.25},
         phases={"0/8 to 1/8": 0.6, "4/8 to 5/8": 0.4},
+        speeds={"lowest fifth": 0.6, "highest fifth": 0.4},
+        turns={"lowest fifth": 0.3, "highest fifth": 0.7},
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
@@ -42,7 +43,15 @@ def _where(result: Diagnosis) -> None:
     if (where := result.where) is not None:
         out.print(
             f"The misfit is densest in {where.channel} ({where.channels[where.channel]:.0%} of it), "
-            f"trial {escape(where.trial)}, {where.part}, {where.phase} of the beat.",
+            f"trial {escape(where.trial)}, {where.part}, {where.phase} of the beat, "
+            f"{where.speed} of the surge, {where.turn} of the yaw rate.",
+            soft_wrap=True,
+        )
+    if result.force:
+        along, across, turning = (f"{share:.0%}" for share in np.max([one.share for one in result.force], axis=0))
+        out.print(
+            f"The missing force is {along} along, {across} across and {turning} in moment of what moves the fish (root "
+            "mean squares, in the trial where it is most).",
             soft_wrap=True,
         )
     if (seen := result.fingerprint) is not None and (seen.exponent is not None or seen.odd is not None):

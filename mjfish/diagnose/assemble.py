@@ -84,7 +84,7 @@ def candidates(
                 p_value=chance(statistic, freedom),
                 rival_p=place.rival_p if place else None,
                 fit_p=min(place.saturated_p, place.omnibus_p) if place and place.in_set else None,
-                held_out_gain=single.held_out.get((name,)),
+                held_out_gain=held.gained if (held := single.held_out.get((name,))) is not None else None,
                 error=pooled_error(one.problem.raw(one.fit.x), one.problem.trials) if one else None,
                 held_out_error=held_out_errors.get(name),
                 absorbed=evidence.absorbed(name),

@@ -13,6 +13,7 @@ from mjfish.diagnose.description import describe
 from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.fingerprint import fingerprint
 from mjfish.diagnose.force import missing_force
+from mjfish.diagnose.heldout import Confirmation, confirmation
 from mjfish.diagnose.locate import locate
 from mjfish.diagnose.progress import Progress, silent
 from mjfish.diagnose.refit import Refit
@@ -24,6 +25,7 @@ from mjfish.diagnose.verdict import Hearing, Ruling, rule
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
 from mjfish.identify import Noise, Problem
+from mjfish.identify.clocks import aligned
 from mjfish.identify.report import first_sigma
 from mjfish.identify.score import Score, predict_held_out
 from mjfish.model import Model
@@ -54,6 +56,7 @@ def diagnose(
     candidates = tuple((catalogue() if effects is None else dict(effects)).values())
     reasons = {effect.name: effect.not_applicable(dataset) for effect in candidates}
     applicable = tuple(effect for effect in candidates if not reasons[effect.name])
+    dataset = aligned(dataset)
     fitted, held = dataset.split()
     if not applicable:
         raise InputError(f"{dataset.name}: none of the {len(candidates)} effects applies to this dataset; add one")
@@ -76,7 +79,7 @@ def diagnose(
     single = Hearing(
         {(name,): one for name, one in refitted.items()},
         {(name,): one for name, one in standing.items()},
-        {(name,): scores.gained(refitted[name], None) for name, one in standing.items() if one.in_set},
+        {(name,): scores.confirmed(refitted[name], None) for name, one in standing.items() if one.in_set},
     )
     several_ = None
     if refitted and not single.staying(clean=True):
@@ -137,11 +140,9 @@ class _Scores:
             self.known[names] = predict_held_out(problem, fitted.values, self.held)
         return self.known[names]
 
-    def gained(self, one: Refit, against: Refit | None) -> float | None:
-        """Return the log-likelihood that a refit gains on the held-out trials; None where there are none."""
-        if not self.held:
-            return None
-        return 0.5 * (sum(self.of(against).whitened_sse) - sum(self.of(one).whitened_sse))
+    def confirmed(self, one: Refit, against: Refit | None) -> Confirmation | None:
+        """Return what a refit gains on the held-out trials; None where there are none."""
+        return confirmation(self.of(against), self.of(one)) if self.held else None
 
 
 def _several(
@@ -158,7 +159,7 @@ def _several(
     if sets is None:
         return None
     staying = [names for names, one in sets.standings.items() if one.in_set]
-    held_out = {names: scores.gained(sets.refits[names], sets.parts[names]) for names in staying}
+    held_out = {names: scores.confirmed(sets.refits[names], sets.parts[names]) for names in staying}
     return Hearing(sets.refits, sets.standings, held_out)
 
 

@@ -34,17 +34,25 @@ class MissingForce:
         time: (n,) [s].
         force: (n, 3) along, across [N] and moment [N m] at the nose, in the head's forward frame.
         band: (n, 3) its standard deviation.
+        driving: (3,) root mean square of what moves the simulated fish and its water, M v', in the same units.
     """
 
     trial: str
     time: FloatArray
     force: FloatArray
     band: FloatArray
+    driving: FloatArray
+
+    @property
+    def share(self) -> FloatArray:
+        """Root mean square of the missing force over that of the driving one (3,): how much it matters."""
+        return np.asarray(np.sqrt(np.mean(self.force**2, axis=0)) / np.maximum(self.driving, 1e-300))
 
     def summary(self) -> dict[str, Any]:
-        """Return root mean squares of the force and of its band, along, across [N] and moment [N m]."""
+        """Return root mean squares of the force and of its band, along, across [N] and moment [N m], and its share."""
         force, band = (np.sqrt(np.mean(one**2, axis=0)).tolist() for one in (self.force, self.band))
-        return {"trial": self.trial, "rms": force, "band": band, "units": ["N", "N", "N m"]}
+        share = self.share.tolist()
+        return {"trial": self.trial, "rms": force, "band": band, "units": ["N", "N", "N m"], "share": share}
 
 
 def missing_force(problem: Problem, fit: Fit) -> tuple[MissingForce, ...]:
@@ -60,7 +68,9 @@ def missing_force(problem: Problem, fit: Fit) -> tuple[MissingForce, ...]:
         mean, covariance = _smoothed(noise, noise.growth[trial.name], step, seen, residual)
         time = trial.time[0] + step * np.arange(len(seen))
         band = np.sqrt(np.einsum("ij,njk,ik->ni", inertia, covariance, inertia))
-        found.append(MissingForce(trial.name, readonly(time), readonly(mean @ inertia.T), readonly(band)))
+        swum = np.gradient(trial.velocity[mask] - residual, trial.time[mask], axis=0) @ inertia.T
+        driving = readonly(np.sqrt(np.mean(swum**2, axis=0)))
+        found.append(MissingForce(trial.name, readonly(time), readonly(mean @ inertia.T), readonly(band), driving))
     return tuple(found)
 
 

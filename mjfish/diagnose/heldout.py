@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from mjfish.arrays import FloatArray
 from mjfish.identify.score import Score
@@ -14,6 +15,38 @@ from mjfish.trial import Trial
 #: Draws of the block bootstrap of the gain, and the length of a block [s].
 _DRAWS = 2000
 _BLOCK = 0.7
+
+
+#: A cause has failed on held-out trials where it loses there, and were it true that would happen less often than this.
+_FAILED = 0.01
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """What a cause does on trials to which nothing was fitted.
+
+    Attributes:
+        gained: log-likelihood gained there.
+        chance: probability to gain so little, or less, were the extended model true.
+    """
+
+    gained: float
+    chance: float
+
+    @property
+    def failed(self) -> bool:
+        """Whether the cause predicts these trials worse than they are without it, by more than noise does."""
+        return self.gained <= 0.0 and self.chance < _FAILED
+
+
+def confirmation(nominal: Score, extended: Score) -> Confirmation:
+    """Hold two models against each other on held-out trials.
+
+    With whitened predictions apart by d and the extended model true, the sum of squares falls by |d|^2 + 2 d' eps.
+    """
+    before, after = np.concatenate(nominal.whitened), np.concatenate(extended.whitened)
+    fall, apart = float(before @ before - after @ after), float(np.sum((before - after) ** 2))
+    return Confirmation(0.5 * fall, float(stats.norm.cdf((fall - apart) / (2.0 * np.sqrt(max(apart, 1e-300))))))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Where the discrepancy sits: channel, trial, part of the run, phase of the beat.
+"""Where the discrepancy sits: channel, trial, part of the run, phase of the beat, speed, rate of turning.
 
 The systematic part of the residual is its projection on what the tests found: the signatures of all candidates where
 those explain it, else the omnibus basis; the coefficients' own directions are taken out first.
@@ -20,6 +20,7 @@ from mjfish.trial import Trial
 #: Beats that count as start-up, and as transition after a change of the drive.
 _BEATS = 3.0
 PHASES = 8
+FIFTHS = ("lowest fifth", "second fifth", "middle fifth", "fourth fifth", "highest fifth")
 
 
 @dataclass(frozen=True)
@@ -27,19 +28,24 @@ class Where:
     """Shares of the systematic misfit's energy, each table adding up to one.
 
     Attributes:
-        channel, trial, part, phase: where most of it is, counting shares against the share of the samples.
-        channels, trials, parts, phases: all shares. Parts are ``start-up`` (the first three beats), ``transition``
-            (three beats after a change of the drive), ``steady``; phases are eighths of the last joint's beat.
+        channel, trial, part, phase, speed, turn: where most of it is, counting shares against the share of samples.
+        channels, trials, parts, phases, speeds, turns: all shares. Parts are ``start-up`` (the first three beats),
+            ``transition`` (three beats after a change of the drive), ``steady``; phases are eighths of the last joint's
+            beat; speeds and turns are fifths of all samples by surge and by |yaw rate| as the fitted model has them.
     """
 
     channel: str
     trial: str
     part: str
     phase: str
+    speed: str
+    turn: str
     channels: dict[str, float]
     trials: dict[str, float]
     parts: dict[str, float]
     phases: dict[str, float]
+    speeds: dict[str, float]
+    turns: dict[str, float]
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
@@ -65,6 +71,8 @@ def locate(evidence: Evidence, directed: bool) -> Where:
     names = np.concatenate([np.full(int(k.sum()), t.name) for k, t in zip(counted, problem.trials, strict=True)])
     parts = np.concatenate([part[k] for (part, _), k in zip(labels, counted, strict=True)])
     phases = np.concatenate([phase[k] for (_, phase), k in zip(labels, counted, strict=True)])
+    swum = np.concatenate([v[k] for v, k in zip(problem.predictions(evidence.fit.x), counted, strict=True)])
+    speeds, turns = _fifths(swum[:, 0]), _fifths(np.abs(swum[:, 2]))
     per_sample = energy.sum(axis=1)
     total = max(float(per_sample.sum()), 1e-300)
     channels = {name: float(v) / total for name, v in zip(CHANNELS, energy.sum(axis=0), strict=True)}
@@ -73,11 +81,21 @@ def locate(evidence: Evidence, directed: bool) -> Where:
         trial=_densest(names, per_sample),
         part=_densest(parts, per_sample),
         phase=_densest(phases, per_sample),
+        speed=_densest(speeds, per_sample),
+        turn=_densest(turns, per_sample),
         channels=channels,
         trials=_shares(names, per_sample),
         parts=_shares(parts, per_sample),
         phases=_shares(phases, per_sample),
+        speeds=_shares(speeds, per_sample),
+        turns=_shares(turns, per_sample),
     )
+
+
+def _fifths(values: FloatArray) -> np.ndarray[Any, Any]:
+    """Return, per sample, in which fifth of all samples its value lies."""
+    edges = np.quantile(values, [0.2, 0.4, 0.6, 0.8])
+    return np.array(FIFTHS)[np.searchsorted(edges, values, side="right")]
 
 
 def _shares(labels: np.ndarray[Any, Any], energy: FloatArray) -> dict[str, float]:

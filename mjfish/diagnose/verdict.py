@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mjfish.checks import Finding
+from mjfish.diagnose.heldout import Confirmation
 from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Verdict
 from mjfish.diagnose.select import Standing
@@ -32,20 +33,19 @@ class Hearing:
     Attributes:
         refits: of the sets.
         standings: of the sets.
-        held_out: log-likelihood gained on held-out trials, against the best set with one member less; None where there
-            are none.
+        held_out: on held-out trials, against the best set with one member less; None where there are none.
     """
 
     refits: Mapping[Names, Refit]
     standings: Mapping[Names, Standing]
-    held_out: Mapping[Names, float | None]
+    held_out: Mapping[Names, Confirmation | None]
 
     def staying(self, *, clean: bool) -> tuple[Names, ...]:
-        """Return the sets that the data cannot tell from the best, that fit and gain on held-out trials, best first."""
+        """Return the sets not told from the best that fit and do not fail on held-out trials, best first."""
         kept = [
             names
             for names, one in self.standings.items()
-            if one.in_set and (one.clean if clean else one.fits) and not _loses(self.held_out.get(names))
+            if one.in_set and (one.clean if clean else one.fits) and not _failed(self.held_out.get(names))
         ]
         return tuple(sorted(kept, key=lambda names: -self.refits[names].adjusted))
 
@@ -90,14 +90,14 @@ def _named(one: Refit) -> str:
     return f"{len(one.effects)} causes together: {listed}."
 
 
-def _loses(gained: float | None) -> bool:
-    return gained is not None and gained <= 0.0
+def _failed(one: Confirmation | None) -> bool:
+    return one is not None and one.failed
 
 
 def _why(best: Names, hearing: Hearing) -> str:
     standing = hearing.standings.get(best)
     if standing is not None and not standing.fits:
         return "leaves a systematic residual"
-    if _loses(hearing.held_out.get(best)):
+    if _failed(hearing.held_out.get(best)):
         return "does not hold on the held-out trials"
     return "does not hold"

@@ -27,19 +27,24 @@ class Score:
     Attributes:
         residuals: (n_r, 3) per trial, scored samples only, physical units.
         predictions: (n_r, 3) per trial, all samples.
-        whitened_sse: sum of squares in the metric of the noise, per trial.
+        whitened: the scored residuals in the metric of the noise, (3 n_r,) per trial.
     """
 
     residuals: tuple[FloatArray, ...]
     predictions: tuple[FloatArray, ...]
-    whitened_sse: tuple[float, ...]
+    whitened: tuple[FloatArray, ...]
+
+    @property
+    def whitened_sse(self) -> tuple[float, ...]:
+        """Sum of squares of `whitened`, per trial."""
+        return tuple(float(one @ one) for one in self.whitened)
 
 
 def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
     """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""
     everything = {**fitted.fixed, **values}
     shared = {p.name: everything[p.name] for p in fitted.model.parameters}
-    residuals, predictions, sums = [], [], []
+    residuals, predictions, whitened = [], [], []
     for trial in trials:
         own = nuisances(trial, fitted.free_clock)
         alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
@@ -51,6 +56,5 @@ def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple
             alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
         residuals.append(alone.raw(x)[0])
         predictions.append(alone.predictions(x)[0])
-        whitened = alone.residual(x)
-        sums.append(float(whitened @ whitened))
-    return Score(tuple(residuals), tuple(predictions), tuple(sums))
+        whitened.append(alone.residual(x))
+    return Score(tuple(residuals), tuple(predictions), tuple(whitened))

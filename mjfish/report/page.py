@@ -12,6 +12,7 @@ from mjfish.report.beat import beat_figure
 from mjfish.report.candidates import candidate_views, parameter_views
 from mjfish.report.coefficients import coefficient_views
 from mjfish.report.experiments import experiments
+from mjfish.report.force import force_figure, force_shares
 from mjfish.report.gain import gain_view
 from mjfish.report.series import trial_figures
 from mjfish.report.where import where_view
@@ -43,6 +44,8 @@ def _view(diagnosis: Diagnosis) -> dict[str, Any]:
         "trials": trial_figures(diagnosis),
         "beat": beat_figure(diagnosis),
         "where": where_view(diagnosis),
+        "force": force_figure(diagnosis),
+        "force_shares": force_shares(diagnosis),
         "candidates": candidate_views(diagnosis),
         "experiments": experiments(diagnosis),
         "coefficients": coefficient_views(diagnosis),

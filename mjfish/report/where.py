@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from mjfish.diagnose import Diagnosis
+from mjfish.diagnose.locate import FIFTHS
 from mjfish.frames import CHANNELS
 from mjfish.report.words import CHANNEL_NAMES, percent
 
@@ -31,7 +32,7 @@ class BarGroup:
 
 
 def where_view(diagnosis: Diagnosis) -> tuple[BarGroup, ...]:
-    """Return the shares by channel, trial, part of the run and phase; none where nothing was located."""
+    """Return the shares by channel, trial, part of the run, phase, speed, turning; none where nothing was located."""
     where = diagnosis.where
     if where is None:
         return ()
@@ -42,6 +43,8 @@ def where_view(diagnosis: Diagnosis) -> tuple[BarGroup, ...]:
         _group("trial", where.trials, trials, where.trial),
         _group("part of the run", where.parts, _PARTS, where.part),
         _group("phase of the beat", where.phases, sorted(where.phases), where.phase),
+        _group("surge", where.speeds, FIFTHS, where.speed),
+        _group("|yaw rate|", where.turns, FIFTHS, where.turn),
     )
 
 

@@ -136,7 +136,7 @@ def test_the_json_keeps_its_contract(named: Diagnosis, tmp_path: Path) -> None:
 def test_shares_of_the_misfit_add_up(named: Diagnosis) -> None:
     where = named.where
     assert where is not None
-    for shares in (where.channels, where.trials, where.parts, where.phases):
+    for shares in (where.channels, where.trials, where.parts, where.phases, where.speeds, where.turns):
         assert sum(shares.values()) == pytest.approx(1.0)
 
 

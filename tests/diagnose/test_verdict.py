@@ -5,10 +5,13 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from mjfish.diagnose.heldout import Confirmation, confirmation
 from mjfish.diagnose.select import Standing
 from mjfish.diagnose.verdict import Hearing, Ruling, rule
+from mjfish.identify.score import Score
 
 GOOD = Standing(rival_p=1.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
 RIVAL = Standing(rival_p=0.3, saturated_p=0.5, omnibus_p=0.5, left=0.0)
@@ -22,12 +25,17 @@ def _refit(names: str, gain: float) -> Any:
     return SimpleNamespace(effects=effects, names=tuple(names), gain=gain, adjusted=gain)
 
 
-def _hearing(standings: dict[str, Standing], held: dict[str, float | None] | None = None) -> Hearing:
+def _hearing(
+    standings: dict[str, Standing], held: dict[str, float | None] | None = None, chance: float = 1e-3
+) -> Hearing:
     """Return a hearing of sets named by one letter a member."""
     return Hearing(
         {tuple(names): _refit(names, 100.0 - k) for k, names in enumerate(standings)},
         {tuple(names): one for names, one in standings.items()},
-        {tuple(names): gained for names, gained in (held or dict.fromkeys(standings, 5.0)).items()},
+        {
+            tuple(names): None if gained is None else Confirmation(gained, chance)
+            for names, gained in (held or dict.fromkeys(standings, 5.0)).items()
+        },
     )
 
 
@@ -66,6 +74,26 @@ def test_a_rival_that_fits_stands_in_for_a_best_that_does_not() -> None:
 @pytest.mark.parametrize(("held", "verdict"), [(-0.1, "unexplained"), (0.1, "named"), (None, "named")])
 def test_a_cause_must_not_lose_on_held_out_trials(held: float | None, verdict: str) -> None:
     assert _rule({"a": GOOD}, {"a": held}).verdict == verdict
+
+
+def test_a_loss_on_held_out_trials_that_noise_explains_is_no_failure() -> None:
+    """A weak cause gains nothing there every other time."""
+    hearing = _hearing({"a": GOOD}, {"a": -0.1}, chance=0.2)
+    assert rule(1e-6, hearing, None).verdict == "named"
+
+
+@pytest.mark.parametrize(("size", "sign"), [(0.5, 1.0), (0.5, -1.0), (3.0, 1.0)])
+def test_the_chance_of_a_gain_is_that_of_the_extended_model(size: float, sign: float) -> None:
+    """Drawn from the extended model (sign 1) the chances are uniform; from its mirror image they are none."""
+    rng = np.random.default_rng(5)
+    apart = size * rng.standard_normal(300) / np.sqrt(300.0) * 5.0
+    chances = []
+    for _ in range(400):
+        noise = rng.standard_normal(300)
+        scores = (Score((), (), (noise + sign * apart - base,)) for base in (0.0 * apart, apart))
+        chances.append(confirmation(*scores).chance)
+    mean = float(np.mean(chances))
+    assert (abs(mean - 0.5) < 0.05) if sign > 0.0 else mean < 0.05
 
 
 def test_several_causes_are_named_only_where_no_single_one_leaves_nothing() -> None:

@@ -99,7 +99,7 @@ def test_without_a_held_out_trial_the_page_says_what_to_record() -> None:
     page = _page(diagnosis(held_out=False))
     assert "No trial was held out" in page.text
     assert "held_out" in page.text
-    assert len(page.figures()) == 3  # two trials and the beat
+    assert len(page.figures()) == 4  # two trials, the beat and the missing force
 
 
 def test_when_nothing_is_wrong_only_the_nominal_model_is_shown() -> None:

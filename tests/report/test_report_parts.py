@@ -14,6 +14,7 @@ from mjfish.report.beat import BINS, beat_figure, binned
 from mjfish.report.candidates import candidate_views
 from mjfish.report.coefficients import coefficient_views
 from mjfish.report.figure import POINTS, compact, thinned
+from mjfish.report.force import force_figure, force_shares
 from mjfish.report.where import where_view
 from mjfish.report.words import chance, estimate, interval, number, percent
 
@@ -139,7 +140,7 @@ def test_a_cause_from_a_users_own_file_needs_no_entry_in_the_catalogue() -> None
 
 
 def test_shares_are_bars_in_a_fixed_order_with_the_chief_one_marked() -> None:
-    channels, trials, parts, phases = where_view(diagnosis())
+    channels, trials, parts, phases, *_ = where_view(diagnosis())
     assert [(bar.name, bar.share, bar.chief) for bar in channels.bars] == [
         ("surge", "20\N{NO-BREAK SPACE}%", False),
         ("sway", "30\N{NO-BREAK SPACE}%", False),
@@ -161,3 +162,23 @@ def test_whiskers_keep_their_place_between_the_ends_of_both_intervals() -> None:
     low, high = one.nominal["c_d.tail"].low, 3.2
     assert view.extended.whisker.at == pytest.approx(6.0 + 88.0 * (3.0 - low) / (high - low), abs=0.01)
     assert (view.nominal.whisker.low, view.extended.whisker.high) == (6.0, 94.0)
+
+
+def test_the_missing_force_is_that_of_the_densest_trial_with_two_sigma_on_each_side() -> None:
+    shown = diagnosis()
+    spec = force_figure(shown)
+    assert spec is not None
+    band, line = spec["data"][0], spec["data"][1]
+    assert line["y"] == pytest.approx(shown.force[0].force[:, 0], rel=1e-4)
+    count = len(line["y"])
+    wide = np.subtract(band["y"][count:][::-1], band["y"][:count])
+    assert wide == pytest.approx(4.0 * shown.force[0].band[:, 0], rel=1e-3)
+    assert force_figure(diagnosis("nothing_wrong")) is None
+
+
+def test_how_much_is_missing_is_told_as_a_share_of_what_moves_the_fish() -> None:
+    """A sine of 0.1 N has 0.071 N root mean square; 1 N moves the fish."""
+    name, (along, across, _) = force_shares(diagnosis())[0]
+    assert name == "slow"
+    assert float(along.rstrip("%")) == pytest.approx(7.1, abs=0.2)
+    assert float(across.rstrip("%")) == pytest.approx(14.2, abs=0.4)
