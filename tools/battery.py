@@ -65,12 +65,12 @@ def table(folder: Annotated[Path, typer.Argument(help="Folder of truths and answ
 @app.command()
 def page(
     folder: Annotated[Path, typer.Argument(help="Folder of truths and answers.")] = OUT / "test",
+    forces: Annotated[Path, typer.Option(help="The same, of cases with force noise on top.")] = OUT / "forces",
     target: Annotated[Path, typer.Option(help="Page whose tables are replaced.")] = Path("docs/battery.md"),
 ) -> None:
     """Write the figures into the page, between its markers."""
-    cases = judged(folder)
     text = target.read_text(encoding="utf-8")
-    for name, rows in _tables(cases).items():
+    for name, rows in {**_tables(judged(folder)), "forces": figures.figures(judged(forces))}.items():
         begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
         head, _, rest = text.partition(begin)
         _, _, tail = rest.partition(end)

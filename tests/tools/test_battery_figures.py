@@ -38,14 +38,18 @@ TRUTH = Truth(
 
 def _case(verdict: str, named: dict[str, float], truth: Truth = TRUTH) -> Judged:
     candidates = [
-        {"name": "time_offset", "score": 9.0, "error": 0.2, "held_out_error": 0.1},
-        {"name": "servo_lag", "score": 8.0, "error": 0.1, "held_out_error": None},
+        {"name": "time_offset", "score": 9.0, "error": 0.2, "held_out_error": 0.05},
+        {"name": "servo_lag", "score": 8.0, "error": 0.1, "held_out_error": 0.1},
     ]
     causes = {
         name: {"time_constant": {"estimate": size, "low": 0.9 * size, "high": 1.1 * size, "at_bound": False}}
         for name, size in named.items()
     }
     answer: dict[str, Any] = {"verdict": verdict, "causes": causes, "candidates": candidates, "where": "surge"}
+    reached = {"servo_lag": 0.1, "time_offset": 0.2}
+    held = {"nominal": {"pooled": 0.3}, "extended": {"pooled": reached.get(next(iter(named), ""), 0.3)}}
+    answer["gain"] = {"held_out": held} if named else None
+    answer["sparse"] = "servo_lag"
     return Judged(truth, {**answer, "alternatives": [list(named)] if named else []})
 
 
@@ -68,6 +72,14 @@ def test_right_wrong_and_silent_answers_are_counted_apart() -> None:
     size = _row(cases, "size of the named cause")
     assert size.value == pytest.approx(0.05)
     assert size.good
+
+
+def test_the_gain_is_held_against_that_of_the_true_cause() -> None:
+    """0.3 falls to 0.1 with the truth; a wrong name that falls to 0.2 has 5/8 of it, silence nothing."""
+    cases = [_case("named", {"servo_lag": 0.01}), _case("named", {"time_offset": 0.01}), _case("nothing_wrong", {})]
+    row = _row(cases, "held-out gain")
+    assert row.value == pytest.approx((1.0 + 5.0 / 8.0 + 0.0) / 3.0)
+    assert not row.good
 
 
 def test_only_causes_that_can_be_told_apart_must_be_named() -> None:

@@ -14,6 +14,7 @@ from typing import Any
 from sealed.case import Case, make_case
 from sealed.truth import Truth, open_truth, seal
 
+from judged.sparse import sparsest
 from mjfish.diagnose import Diagnosis, diagnose
 
 
@@ -49,6 +50,8 @@ def _one(task: Task, folder: Path) -> dict[str, Any]:
     seal([case.truth], folder / "truth" / f"{task.name}.json")
     begun = time.process_time()
     answer = {"task": vars(task), **told(diagnose(case.dataset, jobs=1)), "cpu": time.process_time() - begun}
+    if task.kind == "one":
+        answer["sparse"] = sparsest(case.dataset)
     target = _answer(folder, task)
     partial = target.with_suffix(".partial")
     partial.write_text(json.dumps(answer, indent=1), encoding="utf-8")

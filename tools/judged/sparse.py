@@ -1,0 +1,48 @@
+"""Sparse regression on differentiated velocities, as one would do it without a simulator's sensitivities in time.
+
+Measured less simulated velocities are differentiated by a cubic over nine samples, and so is what each coefficient and
+each cause would do to them; thresholded least squares ([Brunton2016]) then drops, one by one, the cause that moves the
+fish least. Nothing is whitened.
+
+[Brunton2016] S. Brunton, J. Proctor, J. Kutz, PNAS 113.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import signal
+
+from mjfish.arrays import FloatArray
+from mjfish.diagnose.evidence import signatures
+from mjfish.effects import catalogue
+from mjfish.identify import fit
+from mjfish.plan.fitted import baseline
+from mjfish.trial import Dataset
+
+_WINDOW, _DEGREE = 9, 3
+
+
+def sparsest(dataset: Dataset) -> str:
+    """Return the cause that sequential thresholding leaves last."""
+    candidates = [effect for effect in catalogue().values() if not effect.not_applicable(dataset)]
+    problem = baseline(dataset, jobs=1)
+    nominal = fit(problem, tolerance=1e-6)
+    wrong = _differentiated([residual[:, :, None] for residual in problem.raw(nominal.x)])[:, 0]
+    known = _differentiated(problem.sensitivities(nominal.x))
+    library = _differentiated(signatures(problem, nominal.values, candidates))
+    widths = [sum(not p.shape for p in effect.parameters) for effect in candidates]
+    ends = np.cumsum(widths)
+    blocks = {e.name: np.arange(end - width, end) for e, end, width in zip(candidates, ends, widths, strict=True)}
+    while len(blocks) > 1:
+        columns = np.concatenate(list(blocks.values()))
+        sizes = np.linalg.lstsq(np.concatenate([known, library[:, columns]], axis=1), wrong, rcond=1e-8)[0]
+        moved = dict(zip(columns, sizes[known.shape[1] :], strict=True))
+        worth = {name: np.linalg.norm(library[:, own] @ [moved[k] for k in own]) for name, own in blocks.items()}
+        del blocks[min(worth, key=worth.__getitem__)]
+    return next(iter(blocks))
+
+
+def _differentiated(rows: list[FloatArray]) -> FloatArray:
+    """Differentiate blocks (n_r, 3, k) over samples and stack them to (n, k)."""
+    slopes = [signal.savgol_filter(block, _WINDOW, _DEGREE, deriv=1, axis=0) for block in rows]
+    return np.concatenate([slope.reshape(-1, slope.shape[2]) for slope in slopes])
