@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 TEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
 STAMP := $(VENV)/.installed
 
-.PHONY: env demo test test-slow check format bench clean
+.PHONY: env demo test test-slow real check format bench clean
 
 env: $(STAMP)
 
@@ -24,6 +24,10 @@ test: env
 
 test-slow: env
 	$(TEST) -m slow
+
+# The measured fish of srl-ethz/fishsim; MJFISH_FISHSIM names the folder of its marker files.
+real: env
+	$(BIN)/python tools/real_fish.py
 
 check: env
 	$(BIN)/ruff format --check .

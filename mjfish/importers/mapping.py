@@ -79,11 +79,21 @@ class MarkerEntry(Table):
 
 
 class PlaneEntry(Table):
-    """Markers at another height than the first two: how far they may appear shifted and wobble sideways [m]."""
+    """Markers at another height than the first two: how far they may appear shifted and wobble sideways [m].
+
+    `below`: how far they lie below the first two [m]; their wobble is then a measured roll.
+    """
 
     markers: tuple[str, ...]
     shift: Positive
     slip: NotNegative = 0.0
+    below: Positive | None = None
+
+    @model_validator(mode="after")
+    def _wobbles(self) -> PlaneEntry:
+        if self.below is not None and self.slip == 0.0:
+            raise ValueError("below, but no slip to read a roll from; give slip")
+        return self
 
 
 class MarkersMap(Mapping):

@@ -39,6 +39,7 @@ class Marked:
         planes: of markers at other heights.
         base: the two markers that define the head, front one first.
         behind: those on links behind the head.
+        rolling: the plane whose slip measures the roll, and how far it lies below the base [m]; None: nothing does.
     """
 
     names: tuple[str, ...]
@@ -47,6 +48,7 @@ class Marked:
     planes: tuple[Plane, ...]
     base: tuple[int, int]
     behind: tuple[int, ...]
+    rolling: tuple[int, float] | None = None
 
     @staticmethod
     def of(table: MarkersMap, fish: Fish, place: Path) -> Marked:
@@ -88,9 +90,16 @@ class Marked:
                 f"{place}: markers: {len(behind)} behind the head, expected {fish.joints} or more, as many as joints; "
                 "add them"
             )
-        return Marked(
-            names, readonly([link.length for link in fish.links]), markers, planes, (base[0], base[-1]), behind
-        )
+        lengths = readonly([link.length for link in fish.links])
+        rolling = next(((i, plane.below) for i, plane in enumerate(table.planes) if plane.below is not None), None)
+        return Marked(names, lengths, markers, planes, (base[0], base[-1]), behind, rolling)
+
+    def roll(self, fit: Fit) -> FloatArray | None:
+        """Return the roll (n,) [rad], positive with port up: what lies below the base then slips to port."""
+        if self.rolling is None:
+            return None
+        plane, below = self.rolling
+        return np.asarray(-fit.coordinates()[:, 2 + len(self.lengths) + plane] / below)
 
     def without(self, dropped: Sequence[int], measured: FloatArray) -> FloatArray:
         """Return the points with some never seen."""

@@ -78,7 +78,7 @@ def _import(path: Path, table: MarkersMap, marked: Marked, fish: Fish) -> _Impor
     track = fit_track(position, marked, table.rate, path)
     name = path.stem.removeprefix(table.prefix)
     seen, reasons = _seen(track, marked)
-    recording = record(track.fit, fish.joints, seen, reasons, name, path)
+    recording = record(track.fit, fish.joints, seen, reasons, name, path, marked.roll(track.fit))
     report = FileReport(
         path=path,
         trials=tuple(trial.name for trial in recording.trials),

@@ -55,7 +55,15 @@ class Recording:
         return replace(self, trials=tuple(trials))
 
 
-def record(fit: Fit, joints: int, seen: BoolArray, reasons: dict[int, str], name: str, source: Path) -> Recording:
+def record(
+    fit: Fit,
+    joints: int,
+    seen: BoolArray,
+    reasons: dict[int, str],
+    name: str,
+    source: Path,
+    roll: FloatArray | None = None,
+) -> Recording:
     """Turn a fit into trials.
 
     Args:
@@ -65,6 +73,7 @@ def record(fit: Fit, joints: int, seen: BoolArray, reasons: dict[int, str], name
         reasons: what was lost, by frame.
         name: of the run.
         source: the file.
+        roll: (n,) [rad], where it was measured.
 
     Raises:
         InputError: no stretch is long enough.
@@ -86,7 +95,7 @@ def record(fit: Fit, joints: int, seen: BoolArray, reasons: dict[int, str], name
     place = fit.coordinates()
     names = [name] if len(kept) == 1 else [f"{name}-{letter}" for letter in _letters(len(kept))]
     trials = [
-        _trial(label, fit.basis.time, place, moved.value, slice(a, b, every), joints, source)
+        _trial(label, fit.basis.time, place, moved.value, slice(a, b, every), joints, source, roll)
         for label, (a, b) in zip(names, kept, strict=True)
     ]
     inside = np.zeros(len(seen), dtype=np.bool_)
@@ -104,7 +113,14 @@ def record(fit: Fit, joints: int, seen: BoolArray, reasons: dict[int, str], name
 
 
 def _trial(
-    name: str, time: FloatArray, place: FloatArray, value: FloatArray, rows: slice, joints: int, source: Path
+    name: str,
+    time: FloatArray,
+    place: FloatArray,
+    value: FloatArray,
+    rows: slice,
+    joints: int,
+    source: Path,
+    roll: FloatArray | None,
 ) -> Trial:
     pose = place[rows, :3] - [*place[rows.start, :2], 0.0]
     return Trial(
@@ -114,6 +130,7 @@ def _trial(
         velocity=readonly(value[rows]),
         joint_angle=readonly(place[rows, 3 : 3 + joints]) if joints else None,
         pose=readonly(pose),
+        roll=None if roll is None else readonly(roll[rows]),
         source=source,
     )
 

@@ -49,6 +49,8 @@ class Swim:
         wander: correlation of its errors from frame to frame; 0 is white.
         tilt: of the camera [rad].
         height: of the camera over the markers of the head [m].
+        roll: amplitude of its roll about the middle plane, a third of a beat behind the first joint [rad].
+        heights: whether perspective shows the heights of the markers.
         seed: of noise and amplitude.
     """
 
@@ -62,6 +64,7 @@ class Swim:
     height: float = 2.4
     focal: float = 2300.0
     heights: bool = False
+    roll: float = 0.0
     seed: int = 0
 
     @property
@@ -85,6 +88,10 @@ class Swim:
         place = (state[:, 3:5] - state[:, 3:5].mean(axis=0)) @ rotation.T
         return np.column_stack([place, state[:, 5] + turn])
 
+    def rolled(self) -> FloatArray:
+        """Return the roll (n,) [rad], positive with port up."""
+        return np.asarray(self.roll * np.sin(2.0 * np.pi * (self.beat * self.truth[0] - 1.0 / 3.0)))
+
     def markers(self) -> FloatArray:
         """Return where the markers are (n, 9, 3) [m], z up from the middle plane of the fish."""
         pose, angle = self.pose(), self.truth[2]
@@ -97,6 +104,8 @@ class Swim:
                 place += lengths[front] * np.column_stack([np.cos(direction), np.sin(direction)])
                 direction = direction + angle[:, front]
             place += (station - starts[link]) * np.column_stack([np.cos(direction), np.sin(direction)])
+            starboard = np.column_stack([np.sin(pose[:, 2]), -np.cos(pose[:, 2])])
+            place += HEIGHTS[marker] * self.rolled()[:, None] * starboard
             points[:, marker] = np.column_stack([place, np.full(len(pose), HEIGHTS[marker])])
         return points
 

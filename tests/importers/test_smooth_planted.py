@@ -82,6 +82,24 @@ def test_tracking_that_wanders_is_stated_as_worse(tmp_path: Path) -> None:
     assert np.all((ratio > 0.6) & (ratio < 1.2)), ratio
 
 
+def test_roll_is_read_off_what_the_tail_does_under_the_head(tmp_path: Path) -> None:
+    """Head markers 60 mm over those of the plates, which the mapping takes for 100 mm: six tenths of the roll.
+
+    With the wrong sign the sway of the head would be put right twice over instead of once.
+    """
+    swim = replace(ABOVE, roll=0.15)
+    dataset, report = importers.import_files("fishsim", [swim.write(tmp_path / "markers_run.csv")])
+    (run,) = dataset.trials
+    assert run.roll is not None
+    true = np.interp(run.time + _began(report.files[0]), swim.truth[0], swim.rolled())
+    seen = float(run.roll @ true / (true @ true))
+    assert seen == pytest.approx(0.6, abs=0.12)
+    assert np.std(run.roll - 0.6 * true) < 0.25 * np.std(0.6 * true)
+    sway = _at(run.time + _began(report.files[0]), swim.truth[1])[:, 1]
+    rate = np.gradient(true, run.time)
+    assert np.std(run.velocity[:, 1] - sway + 0.1 * rate) < 0.25 * np.std(0.1 * rate)
+
+
 def test_lost_and_exchanged_markers_are_noticed_and_hardly_matter(tmp_path: Path) -> None:
     """Two plates exchanged, one jumping, one stuck on its neighbour, at four times."""
 

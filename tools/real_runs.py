@@ -1,0 +1,214 @@
+"""The real fish: settings in, a diagnosis of its measured runs and the scores of both models out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from mjfish import importers, tomlfile
+from mjfish.arrays import FloatArray, readonly
+from mjfish.diagnose import Diagnosis, Overlay, diagnose
+from mjfish.diagnose.basis import beat_phase
+from mjfish.diagnose.progress import Progress, silent
+from mjfish.effects import Effect, catalogue
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.identify import Noise, Problem, fit, predict_held_out
+from mjfish.identify.score import PREFIX
+from mjfish.importers import ImportReport
+from mjfish.report.counted import counted
+from mjfish.trial import Dataset, Trial, schema
+
+ROOT = Path(__file__).parents[1]
+SETTINGS = Path(__file__).with_name("real_fish.toml")
+VARIABLE = "MJFISH_FISHSIM"
+Which = Literal["nominal", "extended"]
+MODELS: tuple[Which, ...] = ("nominal", "extended")
+
+
+class Goal(tomlfile.Table):
+    """What is asked of the held-out run: error of the mean speed [m/s], nRMSE of the yaw rate [-]."""
+
+    speed: float
+    yaw_rate: float
+
+
+class Settings(tomlfile.Table):
+    """Settings of ``make real``, see the comments of tools/real_fish.toml."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    fit: Annotated[tuple[str, ...], Field(min_length=1)]
+    held_out: tuple[str, ...]
+    folder: str
+    noise: Literal["tracks"] | tuple[float, float, float] = "tracks"
+    candidates: tuple[str, ...] = ("*",)
+    start: Annotated[dict[str, schema.Bounds], Field(default_factory=dict)]
+    seed: int = 0
+    goal: Goal
+    openings: tuple[str, ...] = ()
+
+    def causes(self) -> dict[str, Effect]:
+        """Return the causes that are tried.
+
+        Raises:
+            UnknownNameError: a pattern that fits none.
+        """
+        known = catalogue()
+        for pattern in self.candidates:
+            if not any(fnmatchcase(name, pattern) for name in known):
+                raise UnknownNameError("cause", pattern, known)
+        return {name: one for name, one in known.items() if any(fnmatchcase(name, p) for p in self.candidates)}
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What ``make real`` found.
+
+    Attributes:
+        settings: it was made with.
+        tracks: what the importer says of the files, fitted ones first.
+        diagnosis: of the runs.
+    """
+
+    settings: Settings
+    tracks: ImportReport
+    diagnosis: Diagnosis
+
+
+@dataclass(frozen=True)
+class Score:
+    """One model on one run, over the samples that count; of a held-out run those behind its first quarter.
+
+    Attributes:
+        run, role, model: which.
+        nrmse: (surge, sway, yaw_rate), RMSE over the range of the measured channel.
+        speed: mean measured surge [m/s].
+        error: mean simulated less mean measured surge [m/s].
+    """
+
+    run: str
+    role: str
+    model: str
+    nrmse: tuple[float, float, float]
+    speed: float
+    error: float
+
+
+def folder(settings: Settings) -> Path:
+    """Return where the files are.
+
+    Raises:
+        InputError: nowhere; how they are got is said.
+    """
+    named = os.environ.get(VARIABLE)
+    found = Path(named) if named else ROOT / settings.folder
+    for name in (*settings.fit, *settings.held_out):
+        if not (found / f"markers_{name}.csv").is_file():
+            raise InputError(
+                f"{found}: no markers_{name}.csv. The files are public: git clone --depth 1 "
+                f"https://github.com/srl-ethz/fishsim, and name its folder: make real {VARIABLE}=fishsim/Data/Markers"
+            )
+    return found
+
+
+def dataset(settings: Settings, files: Path) -> tuple[Dataset, ImportReport]:
+    """Import the runs; noise and start values come from the fitted ones and the settings alone."""
+    fitted, tracks = _imported(files, settings.fit, "fit")
+    trials, reports = fitted.trials, tracks.files
+    if settings.held_out:
+        held, more = _imported(files, settings.held_out, "held_out")
+        trials, reports = (*trials, *held.trials), (*reports, *more.files)
+    return (
+        replace(
+            fitted,
+            name=f"fishsim {', '.join(trial.name for trial in trials)}",
+            trials=trials,
+            noise=fitted.noise if settings.noise == "tracks" else readonly(settings.noise),
+            fish=schema.with_start(fitted.fish, settings.start, SETTINGS),
+        ),
+        replace(tracks, files=reports),
+    )
+
+
+def _imported(files: Path, names: tuple[str, ...], role: Literal["fit", "held_out"]) -> tuple[Dataset, ImportReport]:
+    made, tracks = importers.import_files("fishsim", [files / f"markers_{name}.csv" for name in names])
+    return replace(made, trials=tuple(replace(trial, role=role) for trial in made.trials)), tracks
+
+
+def run(settings: Settings, *, jobs: int | None = None, progress: Progress = silent) -> Outcome:
+    """Import and diagnose."""
+    made, tracks = dataset(settings, folder(settings))
+    causes = settings.causes()
+    return Outcome(settings, tracks, diagnose(made, effects=causes, seed=settings.seed, jobs=jobs, progress=progress))
+
+
+def residual(diagnosis: Diagnosis, overlay: Overlay, model: Which) -> FloatArray:
+    """Return measured less simulated velocities (n, 3), NaN where nothing is scored."""
+    trial = overlay.trial
+    left = trial.velocity - counted(diagnosis, overlay, getattr(overlay, model))
+    if overlay.held_out:
+        times = trial.time[np.isfinite(left).all(axis=1)]
+        left = np.where((trial.time <= times[0] + PREFIX * (times[-1] - times[0]))[:, None], np.nan, left)
+    return np.asarray(left)
+
+
+def scores(diagnosis: Diagnosis) -> tuple[Score, ...]:
+    """Return how well both models do on every run."""
+    return tuple(
+        _score(one.trial, "held out" if one.held_out else "fitted", model, residual(diagnosis, one, model))
+        for one in diagnosis.overlays
+        for model in MODELS
+    )
+
+
+def _score(trial: Trial, role: str, model: str, left: FloatArray) -> Score:
+    inside = np.isfinite(left).all(axis=1)
+    nrmse = np.sqrt(np.mean(left[inside] ** 2, axis=0)) / np.ptp(trial.velocity, axis=0)
+    surge, sway, yaw_rate = (float(number) for number in nrmse)
+    speed = float(trial.velocity[inside, 0].mean())
+    return Score(trial.name, role, model, (surge, sway, yaw_rate), speed, -float(left[inside, 0].mean()))
+
+
+def crossed(outcome: Outcome) -> Iterator[Score]:
+    """Fit both models to each fitted run alone and score them on the others: what the settings were chosen by."""
+    made = outcome.diagnosis.dataset
+    fitted, _ = made.split()
+    assert made.noise is not None  # noqa: S101 - the importer states it
+    for model, which in ((outcome.diagnosis.nominal_model, "nominal"), (outcome.diagnosis.extended_model, "extended")):
+        for one in fitted if len(fitted) > 1 else ():
+            alone = Problem(model, (one,), Noise.white(made.noise))
+            others = tuple(trial for trial in fitted if trial is not one)
+            found = predict_held_out(alone, fit(alone).values, others)
+            for trial, left in zip(others, found.residuals, strict=True):
+                whole = np.full_like(trial.velocity, np.nan)
+                whole[-len(left) :] = left  # where it sits does not matter to a mean, but for the measured speed
+                yield _score(trial, f"from {one.name}", which, whole)
+
+
+def phases(outcome: Outcome, overlay: Overlay, bins: int) -> Mapping[str, FloatArray]:
+    """Return the mean residual (bins, 3) of both models over the beat of the last joint, from its crest on."""
+    turn = np.mod(beat_phase(None, overlay.trial) / (2.0 * np.pi), 1.0)
+    index = np.minimum((turn * bins).astype(int), bins - 1)
+    found = {}
+    for model in MODELS:
+        left = residual(outcome.diagnosis, overlay, model)
+        scored = np.isfinite(left).all(axis=1)
+        found[model] = np.array([left[scored & (index == k)].mean(axis=0) for k in range(bins)])
+    return found
+
+
+def reached(outcome: Outcome) -> tuple[float, float] | None:
+    """Return the mean error of the mean speed [m/s] and nRMSE of the yaw rate of the extended model, held out.
+
+    None where nothing is held out.
+    """
+    held = [one for one in scores(outcome.diagnosis) if one.role == "held out" and one.model == "extended"]
+    if not held:
+        return None
+    return float(np.mean([abs(one.error) for one in held])), float(np.mean([one.nrmse[2] for one in held]))
