@@ -33,7 +33,7 @@ def run(fish: str, *, fit: bool, seed: int, jobs: int | None, json: Path | None,
     units = ", ".join(f"{UNITS[channel]} ({channel})" for channel in CHANNELS)
     console.out.print(
         f"ranges in {units}; ratio: simulated / published; start-up: first ten beats; then: ten beats after a change; "
-        "steady: the end",
+        "steady: the end; λ*, unit: the unit of beta psi alone is fitted; fitted: it and the coefficients",
         soft_wrap=True,
     )
     if found.fits is not None:
@@ -64,7 +64,7 @@ def _ranges(found: PaperComparison) -> Table:
     fits = found.fits
     headings = ["paper", "λ*", "ratio", "start-up", "steady"]
     if fits is not None:
-        headings += ["fitted", "ratio", "start-up", "then", "steady"]
+        headings += ["λ*, unit", "ratio", "fitted", "ratio", "start-up", "then", "steady"]
     title = f"{escape(found.fish)}: ranges of the modes of Table IV"
     shown = _table(title, ("mode", "channel"), tuple(headings))
     for i, mode in enumerate(found.modes):
@@ -72,6 +72,7 @@ def _ranges(found: PaperComparison) -> Table:
             cells = [f"{found.published[i, c]:.3f}", *_simulated(found.nominal_ranges[i], found.nominal, i, c)]
             del cells[4]
             if fits is not None:
+                cells += _simulated(fits.scaled_ranges[i], fits.scaled, i, c)[:2]
                 cells += _simulated(fits.ranges[i], fits.fitted, i, c)
             shown.add_row(mode if c == 0 else "", channel, *cells)
         shown.add_section()

@@ -69,6 +69,8 @@ class Fits:
         coefficients: the nine alone.
         fitted: with the unit of beta psi.
         ranges: of every mode, simulated with the latter.
+        scaled: lambda* with the unit of beta psi alone.
+        scaled_ranges: of every mode, simulated with these.
         accounts: of the reasons.
         held: the coefficients fitted with the unit held.
     """
@@ -76,6 +78,8 @@ class Fits:
     coefficients: Fitted
     fitted: Fitted
     ranges: tuple[Ranges, ...]
+    scaled: Fitted
+    scaled_ranges: tuple[Ranges, ...]
     accounts: tuple[Account, ...]
     held: tuple[Held, ...]
 
@@ -109,10 +113,12 @@ class PaperComparison:
 
     @property
     def fitted_unit(self) -> float:
-        """Fitted unit of beta psi [deg]; that of the fish where nothing was fitted."""
-        if self.fits is None:
-            return self.unit
-        return self.unit * (1.0 + self.fits.fitted.values[UNIT.parameters[0].name])
+        """Unit of beta psi [deg] fitted with the coefficients; that of the fish where nothing was fitted."""
+        return self.unit if self.fits is None else self.unit_of(self.fits.fitted)
+
+    def unit_of(self, fitted: Fitted) -> float:
+        """Return the unit of beta psi [deg] in a fit that has it free."""
+        return self.unit * (1.0 + fitted.values[UNIT.parameters[0].name])
 
     @property
     def scatter(self) -> FloatArray:
@@ -142,6 +148,11 @@ class PaperComparison:
         }
         if self.fits is not None:
             found |= {
+                "nominal_with_unit": {
+                    "unit [deg]": self.unit_of(self.fits.scaled),
+                    "speed [m/s]": {one.mode: one.speed for one in self.fits.scaled_ranges},
+                    **_outcome(self.fits.scaled, set()),
+                },
                 "coefficients": _outcome(self.fits.coefficients),
                 "fitted": {
                     "unit [deg]": self.fitted_unit,
@@ -163,6 +174,7 @@ class PaperComparison:
                 row = {"mode": mode, "channel": channel, "unit": UNITS[channel], "published": self.published[i, c]}
                 row |= _cells("nominal", self.nominal_ranges[i], c)
                 if self.fits is not None:
+                    row |= _cells("nominal_with_unit", self.fits.scaled_ranges[i], c)
                     row |= _cells("fitted", self.fits.ranges[i], c)
                 rows.append({key: float(v) if isinstance(v, np.floating) else v for key, v in row.items()})
         return rows

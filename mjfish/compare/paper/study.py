@@ -23,7 +23,7 @@ from mjfish.fish import Fish
 from mjfish.model import Model
 
 #: Own starts of a fit of the coefficients, with a reason beside them, of a reason alone.
-_STARTS, _BESIDE, _ALONE = 3, 2, 2
+_STARTS, _BESIDE, _ALONE = 3, 1, 2
 #: Units of beta psi at which the coefficients are fitted [deg].
 _UNITS = (0.02, 0.03, 0.04, 0.06, 0.08, 0.09, 0.1)
 _UNIT = UNIT.parameters[0].name
@@ -125,7 +125,10 @@ def _fits(study: _Study, jobs: int, tell: Callable[[float], None]) -> Fits:
     fitted = finer.fitted(np.array([fitted.values[name] for name in finer.names]), fitted.evaluations)
     rest = [functools.partial(study.account, reason, coefficients, fitted) for reason in known]
     held, *accounts = _together([functools.partial(study.held, fitted), *rest], jobs, told)
-    return Fits(coefficients, fitted, finer.ranges(fitted.values), tuple(accounts), held)
+    scaled = next(one.alone for one in accounts if one.reason is UNIT)
+    return Fits(
+        coefficients, fitted, finer.ranges(fitted.values), scaled, finer.ranges(scaled.values), tuple(accounts), held
+    )
 
 
 class _Counter:

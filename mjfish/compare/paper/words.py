@@ -9,7 +9,6 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compare.paper.misfit import rms
 from mjfish.compare.paper.ranges import rounding
-from mjfish.compare.paper.reasons import UNIT
 from mjfish.compare.paper.result import OFF, Account, Fits, PaperComparison, by_channel
 from mjfish.frames import CHANNELS
 
@@ -22,7 +21,8 @@ def sentences(found: PaperComparison) -> Iterator[str]:
     ratio = float(np.exp(np.mean(found.nominal.residuals)))
     yield (
         f"lambda* at {found.unit:.4g} deg a unit of beta psi: the ranges are {ratio:.2f} times the published ones; "
-        f"misfit (rms of log ratios) {_split(found.nominal.misfit, found.nominal.residuals)}."
+        f"misfit (rms of log ratios) {_split(found.nominal.misfit, found.nominal.residuals)}; {found.modes[0]} swims "
+        f"at {found.nominal_ranges[0].speed:.2f} m/s."
     )
     if found.fits is not None:
         yield from _fitted(found, found.fits)
@@ -31,10 +31,11 @@ def sentences(found: PaperComparison) -> Iterator[str]:
 
 
 def _fitted(found: PaperComparison, fits: Fits) -> Iterator[str]:
-    alone = next((one.alone for one in fits.accounts if one.reason is UNIT), None)
-    if alone is not None:
-        size = found.unit * (1.0 + alone.optimum[UNIT.parameters[0].name])
-        yield f"lambda* and a unit of {size:.4f} deg, the only number fitted: misfit {alone.misfit:.3f}."
+    scaled, first = fits.scaled, fits.scaled_ranges[0]
+    yield (
+        f"lambda* and a unit of {found.unit_of(scaled):.4f} deg, the only number fitted: misfit "
+        f"{_split(scaled.misfit, scaled.residuals)}; {first.mode} swims at {first.speed:.2f} m/s."
+    )
     at = len(fits.coefficients.at_bounds)
     yield (
         f"Coefficients fitted within the bounds of Table III: misfit {fits.coefficients.misfit:.3f}, "
@@ -84,8 +85,8 @@ def _left(found: PaperComparison) -> Iterator[str]:
         ]
         yield (
             f"Scatter of the experiment: published ranges of runs that begin alike differ by {rms(own):.3f} "
-            f"({', '.join(told)}; rms of logs about their mean), their rounding is {rounding(found.modes):.3f}: no "
-            "model fits them better."
+            f"({', '.join(told)}; rms of logs about their mean), their rounding is {rounding(found.modes):.3f}: a "
+            "model that swims the same from the same start cannot fit them better."
         )
     shown = found.nominal_ranges if found.fits is None else found.fits.ranges
     early = sum(int(np.count_nonzero(one.reached <= one.settled)) for one in shown)
