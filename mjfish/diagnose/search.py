@@ -9,6 +9,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.evidence import Evidence, gather, signatures
+from mjfish.diagnose.noise.differentiated import Differentiated
 from mjfish.diagnose.noise.drifting import Drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed
@@ -115,7 +116,7 @@ def _resolved(problem: Problem) -> tuple[Problem, FloatArray]:
 
 def _same(new: Noise, old: Noise) -> bool:
     """Return whether two noise models have the same spectrum, nearly."""
-    if isinstance(new, Pushed | Drifting) or isinstance(old, Pushed | Drifting):
+    if isinstance(new, Pushed | Drifting | Differentiated) or isinstance(old, Pushed | Drifting | Differentiated):
         return type(new) is type(old) and np.allclose(new.numbers(), old.numbers(), rtol=4.0 * _SAME)  # type: ignore[attr-defined]
     ratio = np.log(_spectrum(new) / _spectrum(old))
     return bool(np.max(np.abs(ratio)) < 2.0 * _SAME)

@@ -9,7 +9,7 @@ are all kept (the lower boundary of [Ferrari2015]).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from mjfish.diagnose.evidence import Evidence, gather
 from mjfish.diagnose.progress import Progress
 from mjfish.diagnose.refit import Refit, refined, refit
-from mjfish.diagnose.select import KEEP, Standing, rival_p, standing
+from mjfish.diagnose.select import GOODNESS, KEEP, Standing, rival_p, standing
 from mjfish.effects.effect import Effect
 
 #: Most causes that are claimed together.
@@ -66,34 +66,38 @@ def several(
     best: Sets | None = None
     for size in range(2, LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
-        found = _extended(bases, candidates, known, rng)
-        if not found:
-            return best
-        known.update(found)
-        leader = max(found.values(), key=lambda one: one.gain)
-        swaps = _without(leader, known)
-        known.update(more := _extended(swaps, candidates, known, rng))
-        found.update(more)
-        earned = {names: one for names, one in found.items() if _earned(one, known)}
+        earned: dict[Names, Refit] = {}
+        for shortlist in (_visible, _abrupt):
+            found = _extended(bases, candidates, known, rng, shortlist)
+            if not found:
+                continue
+            known.update(found)
+            leader = max(found.values(), key=lambda one: one.gain)
+            known.update(more := _extended(_without(leader, known), candidates, known, rng, shortlist))
+            found.update(more)
+            earned = {names: one for names, one in {**earned, **found}.items() if _earned(one, known)}
+            if earned:
+                best = _standing(earned, candidates, known, rng)
+                if any(one.in_set and one.clean for one in best.standings.values()):
+                    return best
         if not earned:
-            return best
-        best = _standing(earned, candidates, known, rng)
-        if any(one.in_set and one.clean for one in best.standings.values()):
             return best
         bases = sorted(earned.values(), key=lambda one: -one.gain)[:_BASES]
     return best
 
 
 def _extended(
-    bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
+    bases: Sequence[Refit],
+    candidates: Sequence[Effect],
+    known: Mapping[Names, Refit],
+    rng: np.random.Generator,
+    shortlist: Callable[[Evidence, np.random.Generator], list[Effect]],
 ) -> dict[Names, Refit]:
     """Refit the bases with the best few additions to each; those near the best to the optimum."""
     found: dict[Names, Refit] = {}
     for base in bases:
         after = gather(base.problem, base.fit, candidates)
-        if not after.candidates or after.directed_p(rng) > _SEEN:
-            continue
-        for effect in _shortlist(after):
+        for effect in shortlist(after, rng):
             names = tuple(sorted((*base.names, effect.name)))
             if names not in known:
                 one = refit(after, effect, gained=base.gain)
@@ -107,9 +111,20 @@ def _extended(
     return found
 
 
-def _shortlist(after: Evidence) -> list[Effect]:
-    visible = [effect for effect in after.candidates if not after.hidden(effect.name)]
-    return sorted(visible, key=lambda effect: -after.statistic(effect.name))[:_ADDED]
+def _visible(after: Evidence, rng: np.random.Generator) -> list[Effect]:
+    """Return the additions with the best scores, if any is seen."""
+    shown = [effect for effect in after.candidates if not after.hidden(effect.name)]
+    if not shown or after.directed_p(rng) > _SEEN:
+        return []
+    return sorted(shown, key=lambda effect: -after.statistic(effect.name))[:_ADDED]
+
+
+def _abrupt(after: Evidence, rng: np.random.Generator) -> list[Effect]:
+    """Return additions of which a score says little, if anything is left to explain."""
+    del rng
+    if min(after.saturated_p(), after.omnibus_p()) >= GOODNESS:
+        return []
+    return [effect for effect in after.candidates if not effect.smooth]
 
 
 def _without(one: Refit, known: Mapping[Names, Refit]) -> list[Refit]:

@@ -13,6 +13,7 @@ from scipy import signal
 from mjfish import fish as fishes
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnose.noise.coloured import Coloured, grid
+from mjfish.diagnose.noise.differentiated import Differentiated, differentiated
 from mjfish.diagnose.noise.drifting import Drifting, drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed, pushed
@@ -20,6 +21,7 @@ from mjfish.diagnose.noise.saturated import likelihood
 from mjfish.fish import Fish
 from mjfish.identify import Fit, Noise, Problem
 from mjfish.identify import fit as fitted
+from mjfish.identify.noise import estimate
 from mjfish.model import Model
 from mjfish.plant import plant
 
@@ -27,6 +29,7 @@ SIGMA = readonly([0.01, 0.02, 0.05])
 STEP = 0.02
 COLOURED = Coloured(SIGMA, readonly([[0.6, -0.3], [1.2, -0.5], [0.9, 0.0]]))
 DRIFTING = Drifting(SIGMA, readonly(np.zeros((3, 0))), readonly(2.0 * SIGMA), readonly([0.2, 0.5, 1.0]))
+ROUGH = Differentiated(SIGMA, readonly(np.zeros((3, 0))), window=9, degree=4, rounding=0.1)
 GROWTH = np.array([[-1.0, 0.3, 0.1], [0.0, -4.0, 0.5], [0.0, -8.0, -9.0]])
 PUSHED = Pushed(
     SIGMA, readonly(np.zeros((3, 0))), readonly([0.1, 0.3, 2.0]), 0.3, {"run": np.tile(GROWTH, (400, 1, 1))}
@@ -54,6 +57,16 @@ def _drifting(rng: np.random.Generator, samples: int) -> FloatArray:
     return wander + SIGMA * rng.standard_normal((samples, 3))
 
 
+def _rough(rng: np.random.Generator, samples: int) -> FloatArray:
+    """Differentiate white positions by scipy's filter, away from its ends, and add what rounding adds."""
+    ends = 2 * ROUGH.window
+    places = rng.standard_normal((samples + 2 * ends, 3))
+    slopes = signal.savgol_filter(places, ROUGH.window, ROUGH.degree, deriv=1, axis=0)[ends:-ends]
+    gain = np.linalg.norm(signal.savgol_coeffs(ROUGH.window, ROUGH.degree, deriv=1))
+    both = slopes / gain + ROUGH.rounding * rng.standard_normal((samples, 3))
+    return SIGMA * both / np.sqrt(1.0 + ROUGH.rounding**2)
+
+
 def _pushed(rng: np.random.Generator, samples: int) -> FloatArray:
     """Integrate the pushed deviation by a hundred small steps a sample: another discretisation than the filter's."""
     fine, push, v = 20, rng.standard_normal(3) * PUSHED.push, np.zeros(3)
@@ -70,7 +83,9 @@ def _pushed(rng: np.random.Generator, samples: int) -> FloatArray:
 
 @pytest.mark.parametrize("gaps", [False, True], ids=["whole", "gaps"])
 @pytest.mark.parametrize(
-    ("noise", "draw"), [(COLOURED, _coloured), (DRIFTING, _drifting), (PUSHED, _pushed)], ids=["ar", "drift", "forces"]
+    ("noise", "draw"),
+    [(COLOURED, _coloured), (DRIFTING, _drifting), (ROUGH, _rough), (PUSHED, _pushed)],
+    ids=["ar", "drift", "differentiated", "forces"],
 )
 def test_noise_is_whitened_from_the_first_sample_on_and_over_gaps(
     noise: Any, draw: Callable[[np.random.Generator, int], FloatArray], gaps: bool
@@ -96,7 +111,7 @@ def test_the_plain_filter_and_the_exact_one_agree_where_both_know_the_past() -> 
     np.testing.assert_allclose(exact[2:], plain, rtol=0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("noise", [COLOURED, DRIFTING, PUSHED], ids=["ar", "drift", "forces"])
+@pytest.mark.parametrize("noise", [COLOURED, DRIFTING, ROUGH, PUSHED], ids=["ar", "drift", "differentiated", "forces"])
 def test_the_log_determinant_is_that_of_the_filter(noise: Any) -> None:
     """Whitening is a triangular matrix L^-1: log det of the covariance is -2 sum log of its diagonal."""
     samples = 60
@@ -131,6 +146,24 @@ def test_drift_is_found_and_is_likelier_than_an_autoregression(swum: tuple[Probl
     np.testing.assert_allclose(found.wander, DRIFTING.wander, rtol=0.5)
     fair = Coloured.of(Noise.white(np.sqrt(np.mean(np.concatenate(blocks) ** 2, axis=0))))
     assert likelihood(found, problem, blocks) > likelihood(fair, problem, blocks) + 100.0
+
+
+def test_the_filter_behind_differentiated_positions_is_found_and_tells_more_than_an_autoregression(
+    swum: tuple[Problem, Fit],
+) -> None:
+    """What counts is the deep valley at low frequencies: an autoregression sees a slow effect there far worse."""
+    problem, _ = swum
+    rng = np.random.default_rng(8)
+    blocks = [_rough(rng, int(problem.mask(i).sum())) for i in range(2)]
+    found = differentiated(problem, blocks)
+    assert (found.window, found.degree, found.rounding) == (ROUGH.window, ROUGH.degree, ROUGH.rounding)
+    np.testing.assert_allclose(found.sigma, SIGMA, rtol=0.1)
+    coloured = Coloured.of(estimate(blocks))
+    assert likelihood(found, problem, blocks) > likelihood(coloured, problem, blocks)
+    trial, mask = problem.trials[0], problem.mask(0)
+    slow = np.sin(np.pi * np.arange(mask.sum()) / mask.sum())[:, None] * SIGMA
+    seen = {noise: float(np.sum(noise.of_trial(trial, mask, slow, (0,)) ** 2)) for noise in (found, coloured)}
+    assert seen[found] > 2.0 * seen[coloured]
 
 
 def test_white_noise_has_no_forces_behind_it(swum: tuple[Problem, Fit]) -> None:

@@ -49,8 +49,8 @@ def _rule(
 
 
 def test_a_model_that_is_not_contradicted_has_nothing_wrong() -> None:
-    assert _rule({"a": GOOD}, p=0.02).verdict == "nothing_wrong"
-    assert _rule({"a": GOOD}, p=0.0199).verdict == "named"
+    assert _rule({"a": GOOD}, p=0.015).verdict == "nothing_wrong"
+    assert _rule({"a": GOOD}, p=0.0149).verdict == "named"
 
 
 def test_one_cause_that_stays_is_named() -> None:

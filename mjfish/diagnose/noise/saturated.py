@@ -14,6 +14,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra
 from mjfish.diagnose.noise.coloured import Coloured, grid
+from mjfish.diagnose.noise.differentiated import Differentiated, differentiated
 from mjfish.diagnose.noise.drifting import Drifting, drifting
 from mjfish.diagnose.noise.forces import Pushed, pushed
 from mjfish.identify import Fit, Noise, Problem
@@ -51,13 +52,13 @@ def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: Fl
     residuals, lost = saturated_residuals(problem, fit, known)
     seen = [grid(trial.time, problem.mask(i)) for i, trial in enumerate(problem.trials)]
     found = estimate(residuals, lost, seen)
-    if stated is None:
-        least = floor(problem.trials)
-        if np.any(found.sigma < least):
-            found = Noise.white(np.maximum(found.sigma, least))
-        return _better(problem, fit, residuals, found, "estimated from the data")
     total = sum(len(block) for block in residuals)
     spread = np.sqrt(sum((block**2).sum(axis=0) for block in residuals) / (total - lost))
+    if stated is None:
+        least = floor(problem.trials)
+        if np.any(spread < least):  # of the noise itself: innovations of a blue one may be far smaller
+            found = Noise.white(np.maximum(found.sigma, least))
+        return _better(problem, fit, residuals, found, "estimated from the data")
     off = np.abs(spread / stated - 1.0) * np.sqrt(2.0 * (total - lost))
     if found.order == 0 and np.all(off < _CONTRADICTED):
         return Coloured.of(Noise.white(stated)), ""
@@ -65,18 +66,21 @@ def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: Fl
 
 
 def _better(problem: Problem, fit: Fit, residuals: Sequence[FloatArray], found: Noise, what: str) -> tuple[Noise, str]:
-    """Return the likeliest of coloured noise, drifting noise, and noise through forces; the first one on a tie."""
+    """Return the likeliest of coloured, drifting and differentiated noise, and noise through forces."""
     coloured = Coloured.of(found)
     if found.order == 0:
         return coloured, _describe(found, what)
-    drift, forces = drifting(problem, residuals), pushed(problem, fit, residuals)
-    base = likelihood(coloured, problem, residuals) + _LIKELIER
-    worth = {"drift": likelihood(drift, problem, residuals), "forces": likelihood(forces, problem, residuals)}
-    if worth["forces"] > max(base, worth["drift"] + _LIKELIER):
+    drift, rough = drifting(problem, residuals), differentiated(problem, residuals)
+    forces = pushed(problem, fit, residuals)
+    worth = {one: likelihood(one, problem, residuals) for one in (coloured, drift, rough, forces)}
+    if worth[forces] > max(worth[coloured], worth[drift], worth[rough]) + _LIKELIER:
         told = f"random accelerations {_three(forces.push)} over {forces.time:g} s push the fish"
         camera = f"sigma of the camera {_three(forces.sigma)}"
         return forces, f"noise: {what} ({told}, {camera}); the innovations form of the fit is used"
-    if worth["drift"] > base - _LIKELIER:
+    if worth[rough] > max(worth[coloured], worth[drift]):
+        told = f"of positions differentiated over {rough.window} samples; sigma {_three(rough.sigma)}"
+        return rough, f"noise: {what} ({told})"
+    if worth[drift] > worth[coloured]:
         told = (
             f"a wander of {_three(drift.wander)} over {_three(drift.time)} s under white noise of {_three(drift.sigma)}"
         )
@@ -84,7 +88,9 @@ def _better(problem: Problem, fit: Fit, residuals: Sequence[FloatArray], found: 
     return coloured, _describe(found, what)
 
 
-def likelihood(noise: Coloured | Drifting | Pushed, problem: Problem, residuals: Sequence[FloatArray]) -> float:
+def likelihood(
+    noise: Coloured | Drifting | Differentiated | Pushed, problem: Problem, residuals: Sequence[FloatArray]
+) -> float:
     """Return the log-likelihood of residuals (n_r, 3), less a constant: -1/2 (sum of white squares + log det)."""
     total = 0.0
     for i, (trial, block) in enumerate(zip(problem.trials, residuals, strict=True)):
