@@ -67,15 +67,9 @@ def several(
     for size in range(2, LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
-        for shortlist in (_visible, _abrupt):
-            found = _extended(bases, candidates, known, rng, shortlist)
-            if not found:
-                continue
-            known.update(found)
-            leader = max(found.values(), key=lambda one: one.gain)
-            known.update(more := _extended(_without(leader, known), candidates, known, rng, shortlist))
-            found.update(more)
-            earned = {names: one for names, one in {**earned, **found}.items() if _earned(one, known)}
+        for grown in (_grown, _abruptly_grown):
+            known.update(found := grown(bases, candidates, known, rng))
+            earned.update({names: one for names, one in found.items() if _earned(one, known)})
             if earned:
                 best = _standing(earned, candidates, known, rng)
                 if any(one.in_set and one.clean for one in best.standings.values()):
@@ -84,6 +78,24 @@ def several(
             return best
         bases = sorted(earned.values(), key=lambda one: -one.gain)[:_BASES]
     return best
+
+
+def _grown(
+    bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
+) -> dict[Names, Refit]:
+    """Add what is seen best to the bases; then, to the best result less one member, what is seen best there."""
+    found = _extended(bases, candidates, known, rng, _visible)
+    if not found:
+        return {}
+    leader, known = max(found.values(), key=lambda one: one.gain), {**known, **found}
+    return {**found, **_extended(_without(leader, known), candidates, known, rng, _visible)}
+
+
+def _abruptly_grown(
+    bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
+) -> dict[Names, Refit]:
+    """Add causes of which a score says little to the best base."""
+    return _extended(bases[:1], candidates, known, rng, _abrupt)
 
 
 def _extended(
