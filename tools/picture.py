@@ -8,6 +8,7 @@ The picture is plain SVG text, so that a new one shows in a diff what moved.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
@@ -66,19 +67,19 @@ def picture(diagnosis: Diagnosis) -> str:
         values[part, channel] for values in (overlay.trial.velocity, overlay.nominal, overlay.extended)
     )
     span = (float(time[0]), float(time[-1]))
-    upper = Frame(span, _range(measured, before, after), *PANELS[0])
-    lower = Frame(span, _range(measured - before, measured - after), *PANELS[1])
+    upper = Frame(span, span_of(measured, before, after), *PANELS[0])
+    lower = Frame(span, span_of(measured - before, measured - after), *PANELS[1])
     name, unit = CHANNELS[channel].replace("_", " "), UNITS[CHANNELS[channel]]
     lines = [
-        *_axes(upper, f"{name} [{unit}]", numbered=False),
-        _line(upper, time, before, "before"),
-        _line(upper, time, after, "after"),
-        _dots(upper, time, measured),
-        *_axes(lower, f"measured − simulated [{unit}]", numbered=True),
-        _line(lower, time, measured - before, "before"),
-        _line(lower, time, measured - after, "after"),
+        *axes(upper, f"{name} [{unit}]", numbered=False),
+        line(upper, time, before, "before"),
+        line(upper, time, after, "after"),
+        dots(upper, time, measured),
+        *axes(lower, f"measured − simulated [{unit}]", numbered=True),
+        line(lower, time, measured - before, "before"),
+        line(lower, time, measured - after, "after"),
     ]
-    return _page(_title(diagnosis, overlay), lines)
+    return page(_title(diagnosis, overlay), lines)
 
 
 def _stretch(overlay: Overlay, channel: int) -> slice:
@@ -93,7 +94,8 @@ def _stretch(overlay: Overlay, channel: int) -> slice:
     return slice(first, first + count)
 
 
-def _range(*curves: FloatArray) -> tuple[float, float]:
+def span_of(*curves: FloatArray) -> tuple[float, float]:
+    """Return the range of curves with a margin."""
     low, high = min(float(np.nanmin(c)) for c in curves), max(float(np.nanmax(c)) for c in curves)
     margin = 0.06 * (high - low)
     return low - margin, high + margin
@@ -107,23 +109,25 @@ def _ticks(low: float, high: float, count: int) -> FloatArray:
     return np.asarray(step * np.arange(np.ceil(low / step), np.floor(high / step) + 1) + 0.0)  # no minus zero
 
 
-def _axes(frame: Frame, label: str, *, numbered: bool) -> list[str]:
-    lines = [_text(LEFT, frame.top - 9, label, fill=MUTED)]
+def axes(frame: Frame, label: str, *, numbered: bool, below: str = "time [s]") -> list[str]:
+    """Return grid and numbers of a panel."""
+    lines = [text(LEFT, frame.top - 9, label, fill=MUTED)]
     for value in _ticks(*frame.y, 4):
         y = frame.down(value)
         lines.append(f'<path d="M{LEFT} {y:.1f}H{RIGHT}" stroke="{GRID}"/>')
-        lines.append(_text(LEFT - 8, y + 4, f"{value:g}".replace("-", "−"), anchor="end", fill=MUTED))
+        lines.append(text(LEFT - 8, y + 4, f"{value:g}".replace("-", "−"), anchor="end", fill=MUTED))
     for value in _ticks(*frame.x, 8):
         x = frame.across(value)
         lines.append(f'<path d="M{x:.1f} {frame.top}V{frame.bottom}" stroke="{GRID}"/>')
         if numbered:
-            lines.append(_text(x, frame.bottom + 18, f"{value:g}", anchor="middle", fill=MUTED))
+            lines.append(text(x, frame.bottom + 18, f"{value:g}", anchor="middle", fill=MUTED))
     if numbered:
-        lines.append(_text(RIGHT, frame.bottom + 36, "time [s]", anchor="end", fill=MUTED))
+        lines.append(text(RIGHT, frame.bottom + 36, below, anchor="end", fill=MUTED))
     return lines
 
 
-def _line(frame: Frame, time: FloatArray, values: FloatArray, who: str) -> str:
+def line(frame: Frame, time: FloatArray, values: FloatArray, who: str) -> str:
+    """Return a curve in the colour of `who`; NaN are left out."""
     drawn = np.isfinite(values)
     pairs = zip(time[drawn], values[drawn], strict=True)
     points = " ".join(f"{frame.across(t):.1f},{frame.down(v):.1f}" for t, v in pairs)
@@ -131,44 +135,56 @@ def _line(frame: Frame, time: FloatArray, values: FloatArray, who: str) -> str:
     return f'<polyline class="{who}" {style} points="{points}"/>'
 
 
-def _dots(frame: Frame, time: FloatArray, values: FloatArray) -> str:
+def dots(frame: Frame, time: FloatArray, values: FloatArray) -> str:
     """Return dots: strokes without length, with round ends."""
-    path = "".join(f"M{frame.across(t):.1f} {frame.down(v):.1f}h0" for t, v in zip(time, values, strict=True))
+    pairs = ((t, v) for t, v in zip(time, values, strict=True) if np.isfinite(v))
+    path = "".join(f"M{frame.across(t):.1f} {frame.down(v):.1f}h0" for t, v in pairs)
     colour = COLOURS["measured"]
     return f'<path class="measured" d="{path}" stroke="{colour}" stroke-width="3.8" stroke-linecap="round"/>'
 
 
 def _title(diagnosis: Diagnosis, overlay: Overlay) -> list[str]:
-    """Return the heading: whose run it is, and the legend with the errors."""
+    """Return the heading: whose run it is, and the legend."""
     what = "Held-out run" if overlay.held_out else "Fitted run"
-    lines = [_text(LEFT, 28, f"{what} {overlay.trial.name}", fill=INK, weight="600", size=15)]
-    texts = {"measured": "measured", "before": "nominal model", "after": f"with {diagnosis.best or 'no cause'}"}
+    after = f"with {' and '.join(diagnosis.best) or 'no cause'}"
+    return title(f"{what} {overlay.trial.name}", {"measured": "measured", "before": "nominal model", "after": after})
+
+
+def title(heading: str, legend: Mapping[str, str]) -> list[str]:
+    """Return a heading with a legend: what each colour stands for."""
+    lines = [text(LEFT, 28, heading, fill=INK, weight="600", size=15)]
     x = float(RIGHT)
-    for who, text in reversed(texts.items()):
-        x -= 7.0 * len(text)
-        lines.append(_text(x, 28, text, fill=MUTED))
+    for who, words in reversed(legend.items()):
+        x -= 7.0 * len(words)
+        lines.append(text(x, 28, words, fill=MUTED))
         lines.append(f'<path d="M{x - 26:.1f} 24h18" stroke="{COLOURS[who]}" stroke-width="4" stroke-linecap="round"/>')
         x -= 48.0
     return lines
 
 
-def _text(
-    x: float, y: float, text: str, *, fill: str, anchor: str = "start", weight: str = "400", size: int = 13
+def text(
+    x: float, y: float, words: str, *, fill: str, anchor: str = "start", weight: str = "400", size: int = 13
 ) -> str:
+    """Return a piece of text."""
     return (
         f'<text x="{x:.1f}" y="{y:.1f}" fill="{fill}" text-anchor="{anchor}" font-weight="{weight}" '
-        f'font-size="{size}">{escape(text)}</text>'
+        f'font-size="{size}">{escape(words)}</text>'
     )
 
 
-def _page(title: list[str], lines: list[str]) -> str:
+def page(
+    heading: list[str],
+    lines: list[str],
+    about: str = "Measured against simulated, before and after, and the residuals",
+) -> str:
+    """Return the picture; `about` says what it shows."""
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}" '
         'font-family="system-ui, -apple-system, Segoe UI, Roboto, sans-serif" role="img" '
-        'aria-label="Measured against simulated, before and after, and the residuals">'
+        f'aria-label="{escape(about)}">'
     )
     card = f'<rect width="{WIDTH}" height="{HEIGHT}" rx="10" fill="#ffffff" stroke="{GRID}"/>'
-    return "\n".join([head, card, *title, *lines, "</svg>", ""])
+    return "\n".join([head, card, *heading, *lines, "</svg>", ""])
 
 
 def main() -> None:

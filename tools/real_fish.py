@@ -73,7 +73,7 @@ def over_the_beat(outcome: Outcome) -> Table:
         for k, channel in enumerate(CHANNELS)
     ]
     heads = ("run", "model", "channel", *(f"{k / BINS:.2f}" for k in range(BINS)))
-    title = "Measured less simulated over the beat [mm/s, mrad/s], from the crest of the last joint on"
+    title = "Measured less simulated over the beat in mm/s and mrad/s, from the crest of the last joint on"
     return table(title, heads, rows, texts=3)
 
 

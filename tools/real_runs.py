@@ -13,13 +13,13 @@ import numpy as np
 from pydantic import Field
 
 from mjfish import importers, tomlfile
-from mjfish.arrays import FloatArray, readonly
+from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnose import Diagnosis, Overlay, diagnose
 from mjfish.diagnose.basis import beat_phase
 from mjfish.diagnose.progress import Progress, silent
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.identify import Noise, Problem, fit, predict_held_out
+from mjfish.identify import Fit, Noise, Problem, fit, predict_held_out
 from mjfish.identify.score import PREFIX
 from mjfish.importers import ImportReport
 from mjfish.report.counted import counted
@@ -175,20 +175,33 @@ def _score(trial: Trial, role: str, model: str, left: FloatArray) -> Score:
     return Score(trial.name, role, model, (surge, sway, yaw_rate), speed, -float(left[inside, 0].mean()))
 
 
-def crossed(outcome: Outcome) -> Iterator[Score]:
-    """Fit both models to each fitted run alone and score them on the others: what the settings were chosen by."""
+def alone(outcome: Outcome, which: Which) -> Iterator[tuple[Problem, Fit]]:
+    """Fit a model to each fitted run alone, under the noise of the tracks."""
     made = outcome.diagnosis.dataset
-    fitted, _ = made.split()
     assert made.noise is not None  # noqa: S101 - the importer states it
-    for model, which in ((outcome.diagnosis.nominal_model, "nominal"), (outcome.diagnosis.extended_model, "extended")):
-        for one in fitted if len(fitted) > 1 else ():
-            alone = Problem(model, (one,), Noise.white(made.noise))
+    model = outcome.diagnosis.nominal_model if which == "nominal" else outcome.diagnosis.extended_model
+    for trial in made.split()[0]:
+        problem = Problem(model, (trial,), Noise.white(made.noise))
+        yield problem, fit(problem)
+
+
+def crossed(outcome: Outcome) -> Iterator[Score]:
+    """Score both models, fitted to each fitted run alone, on the others: what the settings were chosen by."""
+    fitted, _ = outcome.diagnosis.dataset.split()
+    for which in MODELS:
+        for problem, found in alone(outcome, which):
+            (one,) = problem.trials
             others = tuple(trial for trial in fitted if trial is not one)
-            found = predict_held_out(alone, fit(alone).values, others)
-            for trial, left in zip(others, found.residuals, strict=True):
+            score = predict_held_out(problem, found.values, others)
+            for trial, left in zip(others, score.residuals, strict=True):
                 whole = np.full_like(trial.velocity, np.nan)
-                whole[-len(left) :] = left  # where it sits does not matter to a mean, but for the measured speed
+                whole[np.flatnonzero(_counts(problem, trial))[-len(left) :]] = left  # the first quarter is not scored
                 yield _score(trial, f"from {one.name}", which, whole)
+
+
+def _counts(problem: Problem, trial: Trial) -> BoolArray:
+    """Return which samples (n,) of another trial count."""
+    return replace(problem, trials=(trial,)).mask(0)
 
 
 def phases(outcome: Outcome, overlay: Overlay, bins: int) -> Mapping[str, FloatArray]:
@@ -203,12 +216,12 @@ def phases(outcome: Outcome, overlay: Overlay, bins: int) -> Mapping[str, FloatA
     return found
 
 
-def reached(outcome: Outcome) -> tuple[float, float] | None:
-    """Return the mean error of the mean speed [m/s] and nRMSE of the yaw rate of the extended model, held out.
+def reached(outcome: Outcome, model: Which = "extended") -> tuple[float, float] | None:
+    """Return the mean error of the mean speed [m/s] and nRMSE of the yaw rate over the held-out runs.
 
     None where nothing is held out.
     """
-    held = [one for one in scores(outcome.diagnosis) if one.role == "held out" and one.model == "extended"]
+    held = [one for one in scores(outcome.diagnosis) if one.role == "held out" and one.model == model]
     if not held:
         return None
     return float(np.mean([abs(one.error) for one in held])), float(np.mean([one.nrmse[2] for one in held]))
