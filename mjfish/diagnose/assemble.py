@@ -8,7 +8,7 @@ from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.heldout import pooled_error
 from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Candidate, Cause, Estimate, Overlay
-from mjfish.diagnose.select import Standing, chance
+from mjfish.diagnose.select import chance
 from mjfish.diagnose.verdict import Hearing, Ruling
 from mjfish.effects import Effect
 from mjfish.identify import Fit, Problem
@@ -59,7 +59,6 @@ def candidates(
     reasons: Mapping[str, str],
     evidence: Evidence,
     refitted: Mapping[str, Refit],
-    standing: Mapping[str, Standing],
     single: Hearing,
     held_out_errors: Mapping[str, float],
 ) -> tuple[Candidate, ...]:
@@ -70,7 +69,7 @@ def candidates(
         if reasons[name]:
             result.append(Candidate(name, False, remark=reasons[name]))
             continue
-        one, place = refitted.get(name), standing.get(name)
+        one, place = refitted.get(name), single.standings.get((name,))
         score = 0.0 if evidence.hidden(name) else evidence.statistic(name)
         statistic = one.gain if one else score
         freedom = one.freedom if one else sum(not p.shape for p in effect.parameters)

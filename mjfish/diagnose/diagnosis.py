@@ -75,16 +75,14 @@ def diagnose(
 
     progress("comparing the candidates", 0.75)
     scores = _Scores(evidence, held)
-    standing = standings(refitted, applicable, rng) if refitted else {}
-    single = Hearing(
-        {(name,): one for name, one in refitted.items()},
-        {(name,): one for name, one in standing.items()},
-        {(name,): scores.confirmed(refitted[name], None) for name, one in standing.items() if one.in_set},
-    )
-    several_ = None
+    single = _heard(refitted, applicable, scores, rng)
+    several_, others = None, None
     if refitted and not single.staying(clean=True):
         several_ = _several(refitted, applicable, scores, rng, progress)
-    ruling = rule(findings.p_wrong, single, several_, checked.blocks)
+        if failed := single.failed():
+            rest = {name: one for name, one in refitted.items() if (name,) not in failed}
+            others = _heard(rest, applicable, scores, rng)
+    ruling = rule(findings.p_wrong, single, several_, checked.blocks, others)
     best = _best(ruling, single, several_)
     scored = (scores.of(None), scores.of(best)) if held else None
 
@@ -94,7 +92,7 @@ def diagnose(
     final = evidence.fit if best is None else best.fit
     extended = evidence.problem if best is None else best.problem
     errors = {name: heldout.pooled_error(scores.of(one).residuals, held) for name, one in refitted.items() if held}
-    table = assemble.candidates(candidates, reasons, evidence, refitted, standing, single, errors)
+    table = assemble.candidates(candidates, reasons, evidence, refitted, single, errors)
     result = Diagnosis(
         dataset=dataset,
         verdict=ruling.verdict,
@@ -142,7 +140,21 @@ class _Scores:
 
     def confirmed(self, one: Refit, against: Refit | None) -> Confirmation | None:
         """Return what a refit gains on the held-out trials; None where there are none."""
-        return confirmation(self.of(against), self.of(one)) if self.held else None
+        if not self.held:
+            return None
+        return confirmation(self.of(against), self.of(one), one.gain - (against.gain if against else 0.0))
+
+
+def _heard(
+    refitted: Mapping[str, Refit], candidates: Sequence[Effect], scores: _Scores, rng: np.random.Generator
+) -> Hearing:
+    """Return what speaks for single causes: how they stand against each other, and on the held-out trials."""
+    standing = standings(refitted, candidates, rng) if refitted else {}
+    return Hearing(
+        {(name,): one for name, one in refitted.items()},
+        {(name,): one for name, one in standing.items()},
+        {(name,): scores.confirmed(refitted[name], None) for name, one in standing.items() if one.in_set},
+    )
 
 
 def _several(

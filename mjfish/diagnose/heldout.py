@@ -39,14 +39,20 @@ class Confirmation:
         return self.gained <= 0.0 and self.chance < _FAILED
 
 
-def confirmation(nominal: Score, extended: Score) -> Confirmation:
+def confirmation(nominal: Score, extended: Score, fall: float = np.inf) -> Confirmation:
     """Hold two models against each other on held-out trials.
 
-    With whitened predictions apart by d and the extended model true, the sum of squares falls by |d|^2 + 2 d' eps.
+    With whitened predictions apart by d and the extended model true, the sum of squares falls by |d|^2 + 2 d' eps; that
+    the size of the cause is known to a share of 1 / sqrt(fall) adds 2 |d|^2 / sqrt(fall) to the standard deviation.
+
+    Args:
+        nominal, extended: of the models.
+        fall: of the sum of squares on the fitted trials.
     """
     before, after = np.concatenate(nominal.whitened), np.concatenate(extended.whitened)
-    fall, apart = float(before @ before - after @ after), float(np.sum((before - after) ** 2))
-    return Confirmation(0.5 * fall, float(stats.norm.cdf((fall - apart) / (2.0 * np.sqrt(max(apart, 1e-300))))))
+    here, apart = float(before @ before - after @ after), float(np.sum((before - after) ** 2))
+    spread = 2.0 * np.sqrt(max(apart + apart**2 / max(fall, 1.0), 1e-300))
+    return Confirmation(0.5 * here, float(stats.norm.cdf((here - apart) / spread)))
 
 
 @dataclass(frozen=True)

@@ -50,14 +50,27 @@ class Hearing:
         ]
         return tuple(sorted(kept, key=lambda names: -self.refits[names].adjusted))
 
+    def failed(self) -> tuple[Names, ...]:
+        """Return the sets in the confidence set that leave nothing, yet fail on the held-out trials."""
+        return tuple(
+            n for n, one in self.standings.items() if one.in_set and one.clean and _failed(self.held_out.get(n))
+        )
 
-def rule(p_wrong: float, single: Hearing, several: Hearing | None, blocks: Sequence[Finding] = ()) -> Ruling:
+
+def rule(
+    p_wrong: float,
+    single: Hearing,
+    several: Hearing | None,
+    blocks: Sequence[Finding] = (),
+    others: Hearing | None = None,
+) -> Ruling:
     """Decide.
 
     - something about the data makes any verdict worthless: ``cannot_tell``;
     - the nominal model is not contradicted: ``nothing_wrong``;
     - single causes stay that leave nothing: one is ``named``, several are ``cannot_tell``;
     - else sets of several causes, and last single causes that leave little, in the same way;
+    - a single cause fits best and fails on held-out trials, where others would do: ``cannot_tell``;
     - nothing stays: ``unexplained``.
 
     Args:
@@ -65,6 +78,7 @@ def rule(p_wrong: float, single: Hearing, several: Hearing | None, blocks: Seque
         single: every candidate that was refitted, alone.
         several: sets of two or three; None where none was to be seen.
         blocks: findings about the data with which no verdict is worth its words.
+        others: single causes without those that failed on held-out trials, where any did.
     """
     if blocks:
         return Ruling("cannot_tell", (), f"These data cannot tell: {blocks[0].message}.")
@@ -77,11 +91,19 @@ def rule(p_wrong: float, single: Hearing, several: Hearing | None, blocks: Seque
         if hearing is not None and len(staying) == 1:
             return Ruling("named", staying, _named(hearing.refits[staying[0]]))
         if staying:
-            listed = " or ".join(" with ".join(names) for names in staying)
-            return Ruling("cannot_tell", staying, f"Something is wrong, but these data cannot tell {listed} apart.")
+            return Ruling(
+                "cannot_tell", staying, f"Something is wrong, but these data cannot tell {_listed(staying)} apart."
+            )
     best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
+    if best and others is not None and (staying := others.staying(clean=True)):
+        told = f"{best[0]}, which fits best, fails on the held-out trials; {_listed(staying)} would do"
+        return Ruling("cannot_tell", staying, f"Something is wrong, but these data cannot tell what: {told}.")
     closest = f"; the closest, {best[0]}, {_why(best, single)}" if best else ""
     return Ruling("unexplained", (), f"Something is wrong that no known cause explains{closest}.")
+
+
+def _listed(sets: Sequence[Names]) -> str:
+    return " or ".join(" with ".join(names) for names in sets)
 
 
 def _named(one: Refit) -> str:

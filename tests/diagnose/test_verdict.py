@@ -82,6 +82,15 @@ def test_a_loss_on_held_out_trials_that_noise_explains_is_no_failure() -> None:
     assert rule(1e-6, hearing, None).verdict == "named"
 
 
+def test_where_the_best_fails_on_held_out_trials_the_others_are_heard_but_none_is_named() -> None:
+    """The best may owe its lead to noise: what would do without it is told, and told as uncertain."""
+    first, others = _hearing({"a": GOOD, "b": BEATEN}, {"a": -5.0}), _hearing({"b": GOOD})
+    ruling = rule(1e-6, first, None, (), others)
+    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("b",),))
+    assert first.failed() == (("a",),)
+    assert rule(1e-6, first, None, (), _hearing({"b": MISFIT})).verdict == "unexplained"
+
+
 @pytest.mark.parametrize(("size", "sign"), [(0.5, 1.0), (0.5, -1.0), (3.0, 1.0)])
 def test_the_chance_of_a_gain_is_that_of_the_extended_model(size: float, sign: float) -> None:
     """Drawn from the extended model (sign 1) the chances are uniform; from its mirror image they are none."""
