@@ -17,8 +17,9 @@ from mjfish.parameter import Parameter
 
 #: Sizes of the one-step estimate, and of an amplitude's scale, that a refit starts from.
 _MULTIPLES = (0.3, 1.0, 3.0)
-#: A refit of an amplitude that cannot be negative keeps this share of its scale away from zero.
-_OFF_NULL = 0.02
+#: A refit of an amplitude that cannot be negative keeps this share of its scale away from zero; or of its one-step
+#: estimate, where that is smaller and its score is at least so large.
+_OFF_NULL, _OFF_ESTIMATE, _SHOWN = 0.02, 0.1, 10.0
 #: Relative change of the sum of squares at which a refit stops.
 TOLERANCE = 1e-5
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
@@ -152,7 +153,8 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0, before: Re
         before: a refit of the same cause to start from as well.
     """
     base = evidence.problem
-    problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect)})
+    small = evidence.first_guess(effect.name) if evidence.statistic(effect.name) > _SHOWN else {}
+    problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, small)})
     starts = [problem.start({**evidence.fit.values, **guess}) for guess in _guesses(evidence, effect)]
     one_step = evidence.first_guess(effect.name)
     starts.insert(0, problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
@@ -216,11 +218,17 @@ def _inside(effect: Effect, guess: Mapping[str, float]) -> dict[str, float]:
     return {p.name: float(np.clip(guess[p.name], p.low, p.high)) for p in effect.parameters if not p.shape}
 
 
-def off_null(effect: Effect) -> dict[str, Parameter]:
-    """Keep amplitudes that cannot be negative a little above zero, where they have derivatives on both sides."""
+def off_null(effect: Effect, estimates: Mapping[str, float] | None = None) -> dict[str, Parameter]:
+    """Keep amplitudes that cannot be negative a little above zero, where they have derivatives on both sides.
+
+    Args:
+        effect: whose amplitudes.
+        estimates: rough ones that may be smaller than that.
+    """
     lifted = {}
     for p in effect.parameters:
         if not p.shape and p.default == p.low:
-            floor = p.low + _OFF_NULL * p.scale
-            lifted[p.name] = p.rebound(low=floor, start=max(p.start, floor))
+            small = (estimates or {}).get(p.name, 0.0) - p.low
+            off = min(_OFF_NULL * p.scale, _OFF_ESTIMATE * small) if small > 0.0 else _OFF_NULL * p.scale
+            lifted[p.name] = p.rebound(low=p.low + off, start=max(p.start, p.low + off))
     return lifted
