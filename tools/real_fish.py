@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from real_runs import SETTINGS, Outcome, Score, Settings, crossed, phases, reached, run, scores
+from real_runs import SETTINGS, Outcome, Score, Settings, crossed, phases, reached, run, scores, told
 from rich import box
 from rich.markup import escape
 from rich.table import Table
@@ -54,7 +54,7 @@ def scored(title: str, found: tuple[Score, ...]) -> Table:
 
 def estimated(outcome: Outcome) -> Table:
     """Return the coefficients of both models; those at a bound are marked."""
-    nominal, wide = outcome.diagnosis.nominal, outcome.diagnosis.extended
+    nominal, wide = outcome.diagnosis.nominal, told(outcome)
     rows = [(name, _said(nominal.get(name)), _said(one), one.unit) for name, one in wide.items()]
     return table("Coefficients (*: at a bound)", ("", "nominal", "extended", "unit"), rows)
 

@@ -9,10 +9,11 @@ from pathlib import Path
 import jinja2
 import numpy as np
 import real_pictures
-from real_runs import Outcome, Score, alone, crossed, reached, scores
+from real_runs import Outcome, Score, alone, crossed, reached, scores, told
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnose import Estimate
+from mjfish.diagnose import Candidate, Estimate
+from mjfish.effects import find
 from mjfish.files import make_folder, write_text
 from mjfish.frames import CHANNELS
 from mjfish.importers import HEADERS
@@ -39,7 +40,7 @@ def write(outcome: Outcome, path: Path) -> None:
 def page(outcome: Outcome) -> str:
     """Return the page."""
     found = outcome.diagnosis
-    told = {
+    parts = {
         "fitted": _list(outcome.settings.fit),
         "held": _list(outcome.settings.held_out),
         "tracks": _table(_TOLD, ([row[HEADERS.index(n)] for n in _TOLD] for row in outcome.tracks.rows())),
@@ -50,16 +51,16 @@ def page(outcome: Outcome) -> str:
         "candidates": _candidates(outcome),
         "gains": _gains(outcome),
         "crossed": _scores(tuple(crossed(outcome))),
-        "bound": _list([name for name, one in found.extended.items() if one.at_bound]) or "none",
+        "bound": _list([name for name, one in told(outcome).items() if one.at_bound]) or "none",
         "coefficients": _coefficients(outcome),
         "openings": "\n".join(f"{k}. {why[0].upper()}{why[1:]}." for k, why in enumerate(outcome.settings.openings, 1)),
         **_results(outcome),
         **(_rolled(outcome) if "roll" in found.best else {}),
     }
     template = Path(__file__).with_name("real_fish.md.j2").read_text(encoding="utf-8")
-    made = jinja2.Template(template, undefined=jinja2.StrictUndefined, trim_blocks=True).render(**told)
-    parts = [part.strip("\n") for part in made.split("\n\n") if part.strip("\n")]
-    return "\n\n".join(_wrapped(part) for part in parts) + "\n"
+    made = jinja2.Template(template, undefined=jinja2.StrictUndefined, trim_blocks=True).render(**parts)
+    blocks = [part.strip("\n") for part in made.split("\n\n") if part.strip("\n")]
+    return "\n\n".join(_wrapped(part) for part in blocks) + "\n"
 
 
 def _results(outcome: Outcome) -> dict[str, str]:
@@ -122,11 +123,17 @@ def _candidates(outcome: Outcome) -> str:
             f"{one.statistic:.0f}",
             "" if one.error is None else f"{one.error:.3f}",
             "" if one.held_out_error is None else f"{one.held_out_error:.3f}",
-            ", ".join(f"{name} {value.estimate:.3g} {value.unit}" for name, value in (one.parameters or {}).items()),
+            ", ".join(f"{name} {value.estimate:.3g} {value.unit}" for name, value in _sizes(one).items()),
         )
         for one in tried
     )
     return _table(head, rows)
+
+
+def _sizes(one: Candidate) -> dict[str, Estimate]:
+    """Return the sizes of a cause without shapes, which say nothing of how large it is."""
+    shapes = {parameter.short for parameter in find(one.name).parameters if parameter.shape}
+    return {name: value for name, value in (one.parameters or {}).items() if name not in shapes}
 
 
 def _gains(outcome: Outcome) -> str:
@@ -143,7 +150,7 @@ def _gains(outcome: Outcome) -> str:
 
 def _coefficients(outcome: Outcome) -> str:
     found = outcome.diagnosis
-    rows = ((name, _said(found.nominal.get(name)), _said(one), one.unit) for name, one in found.extended.items())
+    rows = ((name, _said(found.nominal.get(name)), _said(one), one.unit) for name, one in told(outcome).items())
     return _table(("coefficient (bold: at a bound)", "nominal", "extended", "unit"), rows)
 
 

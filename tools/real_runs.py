@@ -11,13 +11,14 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
+from threadpoolctl import threadpool_limits
 
 from mjfish import importers, tomlfile
 from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.diagnose import Diagnosis, Overlay, diagnose
+from mjfish.diagnose import Diagnosis, Estimate, Overlay, diagnose
 from mjfish.diagnose.basis import beat_phase
 from mjfish.diagnose.progress import Progress, silent
-from mjfish.effects import Effect, catalogue
+from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.identify import Fit, Noise, Problem, fit, predict_held_out
 from mjfish.identify.score import PREFIX
@@ -143,9 +144,10 @@ def _imported(files: Path, names: tuple[str, ...], role: Literal["fit", "held_ou
 
 def run(settings: Settings, *, jobs: int | None = None, progress: Progress = silent) -> Outcome:
     """Import and diagnose."""
-    made, tracks = dataset(settings, folder(settings))
-    causes = settings.causes()
-    return Outcome(settings, tracks, diagnose(made, effects=causes, seed=settings.seed, jobs=jobs, progress=progress))
+    with threadpool_limits(1, "blas"):  # small matrices: on two cores more threads take three times as long
+        made, tracks = dataset(settings, folder(settings))
+        found = diagnose(made, effects=settings.causes(), seed=settings.seed, jobs=jobs, progress=progress)
+    return Outcome(settings, tracks, found)
 
 
 def residual(diagnosis: Diagnosis, overlay: Overlay, model: Which) -> FloatArray:
@@ -214,6 +216,12 @@ def phases(outcome: Outcome, overlay: Overlay, bins: int) -> Mapping[str, FloatA
         scored = np.isfinite(left).all(axis=1)
         found[model] = np.array([left[scored & (index == k)].mean(axis=0) for k in range(bins)])
     return found
+
+
+def told(outcome: Outcome) -> dict[str, Estimate]:
+    """Return the extended model's estimates, but for shapes of a roll: where it is measured they play no part."""
+    shapes = {parameter.name for parameter in find("roll").parameters if parameter.shape}
+    return {name: one for name, one in outcome.diagnosis.extended.items() if name not in shapes}
 
 
 def reached(outcome: Outcome, model: Which = "extended") -> tuple[float, float] | None:
