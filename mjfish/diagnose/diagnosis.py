@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from mjfish import checks
 from mjfish.diagnose import assemble, heldout, provenance
@@ -52,6 +53,13 @@ def diagnose(
         jobs: threads; None: one a processor. The answer does not depend on it.
         progress: told what is being done.
     """
+    with threadpool_limits(1, "blas"):  # small matrices: more threads only wait for each other
+        return _diagnosed(dataset, effects, seed, jobs, progress)
+
+
+def _diagnosed(
+    dataset: Dataset, effects: Mapping[str, Effect] | None, seed: int, jobs: int | None, progress: Progress
+) -> Diagnosis:
     rng = np.random.default_rng(seed)
     candidates = tuple((catalogue() if effects is None else dict(effects)).values())
     reasons = {effect.name: effect.not_applicable(dataset) for effect in candidates}
