@@ -81,7 +81,7 @@ class MarkerEntry(Table):
 class PlaneEntry(Table):
     """Markers at another height than the first two: how far they may appear shifted and wobble sideways [m].
 
-    `below`: how far they lie below the first two [m]; their wobble is then a measured roll.
+    `below`: how far they lie below the first two [m]; their wobble is then a measured roll. For one plane of all.
     """
 
     markers: tuple[str, ...]
@@ -106,6 +106,16 @@ class MarkersMap(Mapping):
     y: Literal["up", "down"] = "down"
     markers: Annotated[tuple[MarkerEntry, ...], Field(min_length=3)]
     planes: tuple[PlaneEntry, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_roll(self) -> MarkersMap:
+        rolling = [", ".join(plane.markers) for plane in self.planes if plane.below is not None]
+        if len(rolling) > 1:
+            raise ValueError(
+                f"below in {len(rolling)} planes (markers {'; '.join(rolling)}), expected one to read the roll from; "
+                "keep it in the one that wobbles most"
+            )
+        return self
 
 
 class PosesMap(Driven):

@@ -191,6 +191,16 @@ def test_a_fish_that_these_modes_cannot_drive_is_refused() -> None:
         compare_paper(fishes.load("eth_tendon"), fit=False)
 
 
+def test_a_fish_whose_own_numbers_diverge_is_refused_before_any_fit(
+    pike: Fish, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Catches stand-in numbers of a divergence in a table that looks measured."""
+    monkeypatch.setattr(study, "_fits", lambda *_: pytest.fail("fitted"))
+    heavy = pike.model_copy(update={"density": 1e9})
+    with pytest.raises(InputError, match=r"pike: its simulation diverges in v1, v5.*check density"):
+        compare_paper(heavy, names=TWO)
+
+
 def test_the_study_names_a_planted_unit(pike: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two modes, two reasons, few starts, for time: lambda* with angles a third smaller."""
     for starts in ("_STARTS", "_BESIDE"):

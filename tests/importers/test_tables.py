@@ -207,6 +207,11 @@ def test_any_layout_of_markers_is_a_mapping(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="1 behind the head, expected 5 or more"):
         importers.import_files("markers", [tmp_path / "run.csv"], mapping=mapping)
-    mapping.write_text(mapping.read_text().replace('"fin"', '"tail_9"'))
+    planes = "".join(f'[[planes]]\nmarkers = ["{m}"]\nshift = 0.1\nslip = 0.02\nbelow = 0.1\n' for m in "bc")
+    plain = mapping.read_text()
+    mapping.write_text(plain + planes)
+    with pytest.raises(InputError, match=r"map.toml: below in 2 planes \(markers b; c\), expected one"):
+        importers.import_files("markers", [tmp_path / "run.csv"], mapping=mapping)
+    mapping.write_text(plain.replace('"fin"', '"tail_9"'))
     with pytest.raises(MjfishError, match=r"unknown link in .* marker c 'tail_9'; known: fin, head"):
         importers.import_files("markers", [tmp_path / "run.csv"], mapping=mapping)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compare.paper.misfit import STEP, Fitted, RangeProblem
-from mjfish.compare.paper.ranges import published, trials
+from mjfish.compare.paper.ranges import Ranges, published, trials
 from mjfish.compare.paper.reasons import UNIT, Reason, reasons
 from mjfish.compare.paper.result import Account, Fits, Held, PaperComparison
 from mjfish.drive import modes
@@ -104,7 +104,7 @@ def compare_paper(
         tell: called with the share that is done.
 
     Raises:
-        InputError: the fish has no CPG that these modes can drive.
+        InputError: the fish has no CPG that these modes can drive, or its own numbers diverge in some.
     """
     if fish.cpg is None or fish.joints != len(modes.drive(modes.MODES[0])[0].bias):
         raise InputError(f"{fish.name}: expected a fish with a [cpg] of four joints, as the paper's; name another")
@@ -112,8 +112,20 @@ def compare_paper(
     study = _Study(fish, published(names) if measured is None else measured, names, seed, unit)
     own = study.problem(coefficients=False, step=Model(fish).step)
     nominal = own.fitted(np.zeros(0))
+    ranges = own.ranges(nominal.values)
+    _finite(fish, ranges)
     fits = _fits(study, jobs or os.cpu_count() or 1, tell or (lambda _: None)) if fit else None
-    return PaperComparison(fish.name, unit, tuple(names), study.measured, nominal, own.ranges(nominal.values), fits)
+    return PaperComparison(fish.name, unit, tuple(names), study.measured, nominal, ranges, fits)
+
+
+def _finite(fish: Fish, ranges: Sequence[Ranges]) -> None:
+    """Refuse a fish whose own numbers diverge: there is nothing to compare, and nothing to fit from."""
+    lost = [one.mode for one in ranges if not np.all(np.isfinite(one.whole))]
+    if lost:
+        raise InputError(
+            f"{fish.name}: its simulation diverges in {', '.join(lost)}, expected finite ranges; check density, "
+            "masses, lengths and coefficients of the fish (SI units), or name another"
+        )
 
 
 def _fits(study: _Study, jobs: int, tell: Callable[[float], None]) -> Fits:

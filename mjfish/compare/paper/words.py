@@ -10,6 +10,7 @@ from mjfish.arrays import FloatArray
 from mjfish.compare.paper.misfit import rms
 from mjfish.compare.paper.ranges import rounding
 from mjfish.compare.paper.result import OFF, Account, Fits, PaperComparison, by_channel
+from mjfish.drive import modes
 from mjfish.frames import CHANNELS
 
 #: A unit with which the coefficients leave at most this many times the smallest misfit fits as well.
@@ -107,7 +108,7 @@ def _growth(found: PaperComparison) -> str:
     if len(names) < 2:
         return ""
     rows = [found.modes.index(name) for name in names]
-    omega = np.log([16.0 + 2.0 * float(name[1:]) for name in names])
+    omega = np.log([modes.drive(name)[0].omega for name in names])
     simulated = found.nominal_ranges if found.fits is None else found.fits.ranges
     tables = {"published": found.published[rows], "simulated": np.array([simulated[row].whole for row in rows])}
     told = [f"{name} {_exponents(omega, table)}" for name, table in tables.items()]
