@@ -17,7 +17,7 @@ from mjfish import extended, tomlfile
 from mjfish.cli import console
 from mjfish.diagnose import Estimate
 from mjfish.errors import MjfishError
-from mjfish.files import make_folder
+from mjfish.files import check_file, check_folder, make_folder
 from mjfish.frames import CHANNELS
 from mjfish.importers import HEADERS
 
@@ -64,8 +64,8 @@ def _said(one: Estimate | None) -> str:
 
 
 def over_the_beat(outcome: Outcome) -> Table:
-    """Return the mean residual of the held-out runs, or of all where none is held out, over the phase of the beat."""
-    overlays = [one for one in outcome.diagnosis.overlays if one.held_out] or list(outcome.diagnosis.overlays)
+    """Return the mean residual of the held-out runs over the phase of the beat."""
+    overlays = [one for one in outcome.diagnosis.overlays if one.held_out]
     rows = [
         (overlay.trial.name, model, channel, *(f"{1e3 * value:+.0f}" for value in mean[:, k]))
         for overlay in overlays
@@ -92,10 +92,8 @@ def tell(outcome: Outcome) -> None:
     out.print(scored("The same, fitted to one run and scored on the other", tuple(crossed(outcome))))
     out.print(estimated(outcome))
     out.print(over_the_beat(outcome))
-    goal, got = outcome.settings.goal, reached(outcome)
-    if got is None:
-        return
-    speed, yaw_rate = got
+    goal = outcome.settings.goal
+    speed, yaw_rate = reached(outcome)
     out.print(
         f"Held out, extended: error of the mean speed {speed:.4f} m/s (goal {goal.speed:g}), nRMSE of the yaw rate "
         f"{yaw_rate:.3f} (goal {goal.yaw_rate:g}).",
@@ -112,6 +110,18 @@ def save(outcome: Outcome, folder: Path) -> None:
     extended.write(folder / "extended.toml", outcome.diagnosis.extended_model, values, comments)
 
 
+def check(folder: Path, page: Path | None) -> None:
+    """Refuse what cannot be written to before anything is fitted.
+
+    Raises:
+        InputError: see `mjfish.files`.
+    """
+    check_folder(folder)
+    if page is not None:
+        check_file(page)
+        check_folder(page.parent / "images")
+
+
 def main() -> int:
     """Run, print, write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -121,6 +131,7 @@ def main() -> int:
     given = parser.parse_args()
     try:
         settings = tomlfile.read(given.settings, Settings)
+        check(given.out, given.page)
         with console.progress_bar() as bar:
             outcome = run(settings, progress=bar)
         save(outcome, given.out)

@@ -8,21 +8,20 @@ from pathlib import Path
 
 import jinja2
 import numpy as np
+import real_causes
 import real_pictures
-from real_runs import Outcome, Score, alone, crossed, reached, scores, told
+from real_runs import Outcome, Score, alone, crossed, reached, refitted, scores, told
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnose import Candidate, Estimate
-from mjfish.effects import find
+from mjfish.diagnose import Estimate
 from mjfish.files import make_folder, write_text
 from mjfish.frames import CHANNELS
 from mjfish.importers import HEADERS
 from mjfish.importers.layouts import layout
 from mjfish.importers.mapping import MarkersMap, read
 
-#: Columns of the importer's report that are told, and how many candidates are.
+#: Columns of the importer's report that are told.
 _TOLD = ("file", "frames", "usable", "beat [Hz]", "mean speed [m/s]", "sigma yaw_rate [rad/s]", "sigma joints [rad]")
-_FIRST = 6
 _WIDTH = 128
 
 
@@ -48,7 +47,9 @@ def page(outcome: Outcome) -> str:
         "message": found.message,
         "best": _list([f"`{name}`" for name in found.best]),
         "roll": "roll" in found.best,
-        "candidates": _candidates(outcome),
+        "candidates": _table(real_causes.HEAD, real_causes.rows(found)),
+        "coarse": real_causes.left_out(found),
+        "preferred": real_causes.preferred(found),
         "gains": _gains(outcome),
         "crossed": _scores(tuple(crossed(outcome))),
         "bound": _list([name for name, one in told(outcome).items() if one.at_bound]) or "none",
@@ -66,8 +67,8 @@ def page(outcome: Outcome) -> str:
 def _results(outcome: Outcome) -> dict[str, str]:
     """Return errors of both models."""
     every, goal = scores(outcome.diagnosis), outcome.settings.goal
-    speed, yaw_rate = reached(outcome, "extended") or (np.nan, np.nan)
-    plain_speed, plain_yaw_rate = reached(outcome, "nominal") or (np.nan, np.nan)
+    speed, yaw_rate = reached(outcome, "extended")
+    plain_speed, plain_yaw_rate = reached(outcome, "nominal")
     fitted = [one for one in every if one.role == "fitted" and one.model == "nominal"]
     files = outcome.tracks.files[: len(outcome.settings.fit)]
     beats = [file.beat or np.nan for file in files]
@@ -86,25 +87,38 @@ def _results(outcome: Outcome) -> dict[str, str]:
         "slow_beat": f"{min(beats):.2f}",
         "fast_beat": f"{max(beats):.2f}",
         "growth": f"{max(file.speed for file in files) / min(file.speed for file in files):.1f}",
+        "sway_fitted": _list([_fall(every, run, 1) for run in outcome.settings.fit]),
+        "sway_held": _list([_fall(every, run, 1) for run in outcome.settings.held_out]),
         "left_surge": _list([f"{100 * one.nrmse[0]:.0f} %" for one in every if one.model == "extended"]),
     }
 
 
-def _rolled(outcome: Outcome) -> dict[str, str]:
+def _fall(every: Sequence[Score], run: str, channel: int) -> str:
+    """Return the nRMSE of a channel of a run, of the nominal and of the extended model."""
+    return " to ".join(f"{one.nrmse[channel]:.3f}" for one in every if one.run == run)
+
+
+def _rolled(outcome: Outcome) -> dict[str, str | bool]:
     """Return what speaks for roll: its height, and how alike what is lacking and what it makes are."""
     found = outcome.diagnosis
     table = read(layout("fishsim"), MarkersMap, "fishsim")
     below = next(plane.below for plane in table.planes if plane.below is not None)
     height = found.extended["roll.height"]
     fitted = [one for one in found.overlays if not one.held_out]
-    alike = [_correlation(*real_pictures.beyond(outcome, one, height.estimate)) for one in fitted]
+    alike = [_correlation(*real_pictures.lacking(outcome, one, height.estimate)) for one in fitted]
+    each = [one.values["roll.height"] for _, one in alone(outcome, "extended")]
+    both = refitted(outcome, "extended", found.dataset.split()[0])[1].values["roll.height"]
+    apart = not all(height.low <= one <= height.high for one in (*each, both))
     rolls = [one.trial.roll for one in found.overlays if one.trial.roll is not None]
     return {
         "wobble": _list([f"{1e3 * below * np.sqrt(2.0) * float(roll.std()):.0f}" for roll in rolls]),
+        "below": f"{1e3 * below:.0f}",
         "height": f"{1e3 * height.estimate:.0f}",
         "height_low": f"{1e3 * height.low:.0f}",
         "height_high": f"{1e3 * height.high:.0f}",
-        "heights": _list([f"{1e3 * one.values['roll.height']:.0f}" for _, one in alone(outcome, "extended")]),
+        "heights": _list([f"{1e3 * one:.0f}" for one in each]),
+        "height_both": f"{1e3 * both:.0f}",
+        "apart": apart,
         "alike": _list([f"{r:.2f} in {one.trial.name}" for r, one in zip(alike, fitted, strict=True)]),
     }
 
@@ -114,32 +128,10 @@ def _correlation(left: FloatArray, wobble: FloatArray) -> float:
     return float(np.corrcoef(left[inside], wobble[inside])[0, 1])
 
 
-def _candidates(outcome: Outcome) -> str:
-    tried = [one for one in outcome.diagnosis.candidates if one.applicable and one.parameters][:_FIRST]
-    head = ("cause", "fall of the sum of squares", "nRMSE fitted", "nRMSE held out", "size")
-    rows = (
-        (
-            one.name,
-            f"{one.statistic:.0f}",
-            "" if one.error is None else f"{one.error:.3f}",
-            "" if one.held_out_error is None else f"{one.held_out_error:.3f}",
-            ", ".join(f"{name} {value.estimate:.3g} {value.unit}" for name, value in _sizes(one).items()),
-        )
-        for one in tried
-    )
-    return _table(head, rows)
-
-
-def _sizes(one: Candidate) -> dict[str, Estimate]:
-    """Return the sizes of a cause without shapes, which say nothing of how large it is."""
-    shapes = {parameter.short for parameter in find(one.name).parameters if parameter.shape}
-    return {name: value for name, value in (one.parameters or {}).items() if name not in shapes}
-
-
 def _gains(outcome: Outcome) -> str:
     gain = outcome.diagnosis.gain
     if gain is None:
-        return "Nothing is held out, or nothing is extended."
+        return "Nothing is extended."
     channels = [f"{c.replace('_', ' ')} {gain.nominal[c]:.3f} to {gain.extended[c]:.3f}" for c in CHANNELS]
     return (
         f"On the held-out run, nRMSE of {_list(channels)}; together {100 * gain.relative_reduction:.0f} % less (95 %: "

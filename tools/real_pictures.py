@@ -51,10 +51,10 @@ def over_the_beat(outcome: Outcome) -> str:
 
 
 def rolled(outcome: Outcome) -> str:
-    """Return the sway that the fitted runs have beyond the model without roll, and what measured roll makes of it.
+    """Return the sway that the nominal model lacks in the fitted runs, and what the measured roll makes.
 
-    Measured: sway of the head's markers less that of the extended model with its roll taken out, less its mean; curve:
-    -height times the measured rate of roll.
+    Measured: sway of the head's markers less that of the nominal model, less its mean; curve: -height times the
+    measured rate of roll.
     """
     height = outcome.diagnosis.extended["roll.height"].estimate
     lines: list[str] = []
@@ -62,20 +62,23 @@ def rolled(outcome: Outcome) -> str:
     for panel, overlay in zip(PANELS, fitted, strict=False):
         time = overlay.trial.time
         part = time <= time[0] + LENGTH
-        left, wobble = beyond(outcome, overlay, height)
+        left, wobble = lacking(outcome, overlay, height)
         frame = Frame((float(time[0]), float(time[part][-1])), span_of(left[part], wobble[part]), *panel)
         lines += axes(frame, f"{overlay.trial.name}: {_label(_SWAY)}", numbered=panel is PANELS[-1])
         lines += [line(frame, time[part], wobble[part], "after"), dots(frame, time[part], left[part])]
-    legend = {"measured": "measured less simulated without roll", "after": "from the measured roll"}
-    return page(title("Fitted runs", legend), lines, "Sway that the model without roll lacks, and measured roll")
+    legend = {"measured": "measured less nominal", "after": "from the measured roll"}
+    return page(title("Fitted runs", legend), lines, "Sway that the nominal model lacks, and measured roll")
 
 
-def beyond(outcome: Outcome, overlay: Overlay, height: float) -> tuple[FloatArray, FloatArray]:
-    """Return the sway (n,) [m/s] beyond the extended model without its roll, and that by the measured roll."""
+def lacking(outcome: Outcome, overlay: Overlay, height: float) -> tuple[FloatArray, FloatArray]:
+    """Return the sway (n,) [m/s] that the nominal model lacks, and that by the measured roll.
+
+    The nominal fit knows of no roll, so that likeness of the two is none that the fit has made.
+    """
     trial = overlay.trial
     assert trial.roll is not None  # noqa: S101 - the importer measures it
     wobble = -height * smoothing_spline(trial.time, trial.roll)(trial.time, nu=1)
-    left = residual(outcome.diagnosis, overlay, "extended")[:, _SWAY] + wobble
+    left = residual(outcome.diagnosis, overlay, "nominal")[:, _SWAY]
     return np.asarray(left - np.nanmean(left)), np.asarray(wobble)
 
 

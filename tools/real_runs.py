@@ -45,8 +45,8 @@ class Settings(tomlfile.Table):
 
     schema_: Literal[1] = Field(alias="schema")
     fit: Annotated[tuple[str, ...], Field(min_length=1)]
-    held_out: tuple[str, ...]
-    folder: str
+    held_out: Annotated[tuple[str, ...], Field(min_length=1)]
+    folder: str | None = None
     noise: Literal["tracks"] | tuple[float, float, float] = "tracks"
     candidates: tuple[str, ...] = ("*",)
     start: Annotated[dict[str, schema.Bounds], Field(default_factory=dict)]
@@ -107,14 +107,17 @@ def folder(settings: Settings) -> Path:
     Raises:
         InputError: nowhere; how they are got is said.
     """
+    how = (
+        f"{VARIABLE} must name the folder of the measured files, which are public: git clone --depth 1 "
+        f"https://github.com/srl-ethz/fishsim, then make real {VARIABLE}=fishsim/Data/Markers"
+    )
     named = os.environ.get(VARIABLE)
-    found = Path(named) if named else ROOT / settings.folder
+    if not named and settings.folder is None:
+        raise InputError(f"{how}; it is not set")
+    found = Path(named) if named else ROOT / str(settings.folder)
     for name in (*settings.fit, *settings.held_out):
         if not (found / f"markers_{name}.csv").is_file():
-            raise InputError(
-                f"{found}: no markers_{name}.csv. The files are public: git clone --depth 1 "
-                f"https://github.com/srl-ethz/fishsim, and name its folder: make real {VARIABLE}=fishsim/Data/Markers"
-            )
+            raise InputError(f"{how}; there is no markers_{name}.csv in {found}")
     return found
 
 
@@ -178,13 +181,19 @@ def _score(trial: Trial, role: str, model: str, left: FloatArray) -> Score:
 
 
 def alone(outcome: Outcome, which: Which) -> Iterator[tuple[Problem, Fit]]:
-    """Fit a model to each fitted run alone, under the noise of the tracks."""
+    """Fit a model to each fitted run alone, see `refitted`."""
+    for trial in outcome.diagnosis.dataset.split()[0]:
+        yield refitted(outcome, which, (trial,))
+
+
+def refitted(outcome: Outcome, which: Which, trials: tuple[Trial, ...]) -> tuple[Problem, Fit]:
+    """Fit a model to some runs, under the white noise of the tracks, which is not that of the diagnosis."""
     made = outcome.diagnosis.dataset
     assert made.noise is not None  # noqa: S101 - the importer states it
     model = outcome.diagnosis.nominal_model if which == "nominal" else outcome.diagnosis.extended_model
-    for trial in made.split()[0]:
-        problem = Problem(model, (trial,), Noise.white(made.noise))
-        yield problem, fit(problem)
+    problem = Problem(model, trials, Noise.white(made.noise))
+    with threadpool_limits(1, "blas"):
+        return problem, fit(problem)
 
 
 def crossed(outcome: Outcome) -> Iterator[Score]:
@@ -224,12 +233,7 @@ def told(outcome: Outcome) -> dict[str, Estimate]:
     return {name: one for name, one in outcome.diagnosis.extended.items() if name not in shapes}
 
 
-def reached(outcome: Outcome, model: Which = "extended") -> tuple[float, float] | None:
-    """Return the mean error of the mean speed [m/s] and nRMSE of the yaw rate over the held-out runs.
-
-    None where nothing is held out.
-    """
+def reached(outcome: Outcome, model: Which = "extended") -> tuple[float, float]:
+    """Return the mean error of the mean speed [m/s] and nRMSE of the yaw rate over the held-out runs."""
     held = [one for one in scores(outcome.diagnosis) if one.role == "held out" and one.model == model]
-    if not held:
-        return None
     return float(np.mean([abs(one.error) for one in held])), float(np.mean([one.nrmse[2] for one in held]))

@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import real_causes
 import real_fish
 import real_page
+import real_pictures
 import real_runs
 from diagnosed import diagnosis
 from real_runs import Outcome, Settings
 
 from mjfish import tomlfile
+from mjfish.diagnose import Candidate
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.importers import HEADERS
 
@@ -49,6 +52,31 @@ def test_without_the_files_it_says_how_to_get_them(
     assert not (tmp_path / "out").exists()
 
 
+def test_without_a_folder_in_the_settings_the_variable_is_asked_for(
+    settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(real_runs.VARIABLE, raising=False)
+    with pytest.raises(InputError, match=r"^MJFISH_FISHSIM must name .* git clone .* it is not set"):
+        real_runs.folder(settings.model_copy(update={"folder": None}))
+
+
+def test_what_cannot_be_written_is_refused_before_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(real_fish, "run", lambda *_, **__: pytest.fail("ran"))
+    (tmp_path / "file").write_text("")
+    (tmp_path / "images").write_text("")
+    fine, page = str(tmp_path / "out"), str(tmp_path / "page.md")
+    for given, message in (
+        (["--out", str(tmp_path / "file")], "file: is a file, expected a folder"),
+        (["--out", fine, "--page", str(tmp_path / "no" / "page.md")], "there is no folder"),
+        (["--out", fine, "--page", page], "images: is a file, expected a folder"),
+    ):
+        monkeypatch.setattr("sys.argv", ["real_fish.py", *given])
+        assert real_fish.main() == 2
+        assert message in capsys.readouterr().err
+
+
 @pytest.mark.real
 def test_what_is_held_out_is_not_fitted_and_gives_no_noise(settings: Settings, fishsim: Path) -> None:
     assert not set(settings.fit) & set(settings.held_out)
@@ -70,10 +98,15 @@ def test_settings_take_effect_or_are_refused(settings: Settings, tmp_path: Path)
     }  # fmt: skip
     with pytest.raises(UnknownNameError, match="unknown cause 'rol'"):
         settings.model_copy(update={"candidates": ("rol",)}).causes()
-    broken = tmp_path / "broken.toml"
-    broken.write_text(real_runs.SETTINGS.read_text(encoding="utf-8").replace("seed = 0", "seeds = 0"))
-    with pytest.raises(InputError, match=r"seeds.*unknown key"):
-        tomlfile.read(broken, Settings)
+    broken, text = tmp_path / "broken.toml", real_runs.SETTINGS.read_text(encoding="utf-8")
+    for old, new, message in (
+        ("seed = 0", "seeds = 0", r"seeds.*unknown key"),
+        ('held_out = ["f1_25"]', "held_out = []", r"held_out: .*at least 1"),
+    ):
+        assert old in text
+        broken.write_text(text.replace(old, new))
+        with pytest.raises(InputError, match=message):
+            tomlfile.read(broken, Settings)
 
 
 def test_scores_leave_out_what_start_velocities_were_fitted_to(settings: Settings) -> None:
@@ -93,11 +126,56 @@ def test_scores_leave_out_what_start_velocities_were_fitted_to(settings: Setting
     assert real_runs.reached(Outcome(settings, None, made)) == pytest.approx((0.01, extended.nrmse[2]))  # type: ignore[arg-type]
 
 
+def test_causes_rank_by_fall_or_score_and_coarse_refits_are_told_apart() -> None:
+    """Catches a negative fall in the table, and a cause that ranks by its score but was not refitted left out."""
+    best, second, third, _ = diagnosis().candidates
+    by_score = Candidate("wake_memory", True, score=200.0, statistic=200.0)
+    coarse = replace(third, score=151.0, statistic=-11.0)
+    made = replace(diagnosis(), candidates=(best, coarse, by_score, second))
+    assert [row[:3] for row in real_causes.rows(made)] == [
+        (best.name, "903", "812"), (second.name, "640", "812"), ("wake_memory", "", "200"),
+    ]  # fmt: skip
+    assert "tail_compliance (score 151)" in real_causes.left_out(made)
+    assert real_causes.left_out(diagnosis()) == ""
+
+
+def test_what_held_out_runs_do_not_prefer_is_said() -> None:
+    made = diagnosis()
+    assert made.gain is not None
+    own = made.gain.extended["pooled"]
+    best, second, third, _ = made.candidates
+
+    def said(one: float, other: float) -> str:
+        scored = (replace(second, held_out_error=one * own), replace(third, held_out_error=other * own))
+        return real_causes.preferred(replace(made, candidates=(replace(best, held_out_error=own), *scored)))
+
+    assert "smaller with time_offset" in said(0.99, 1.01)
+    assert "larger by at most 2 % with tail_compliance" in said(0.99, 1.01)
+    assert "does not prefer" in said(0.99, 1.5)
+    assert "does not prefer" in said(1.01, 1.5)
+    assert "does not prefer" not in said(1.03, 1.5)
+
+
+def test_sway_that_lacks_is_that_of_the_model_without_roll(settings: Settings) -> None:
+    """Catches the residual of a model that has the wobble already, and a wobble of the wrong sign."""
+    made = diagnosis()
+    overlay = made.overlays[0]
+    time = overlay.trial.time
+    beat = 2.0 * np.pi / (time[-1] - time[0]) * 5.0
+    trial = replace(overlay.trial, roll=0.1 * np.sin(beat * time))
+    wobble = -0.2 * 0.1 * beat * np.cos(beat * time)
+    nominal = trial.velocity - np.column_stack([0.0 * time, wobble + 0.01, 0.0 * time])
+    overlay = replace(overlay, trial=trial, nominal=nominal, extended=trial.velocity)
+    left, made_of_roll = real_pictures.lacking(Outcome(settings, None, made), overlay, 0.2)  # type: ignore[arg-type]
+    inside = np.isfinite(left)
+    np.testing.assert_allclose(made_of_roll[inside], wobble[inside], atol=0.02 * np.ptp(wobble))
+    np.testing.assert_allclose(left[inside] - wobble[inside], (left - wobble)[inside].mean(), atol=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.real
 def test_the_held_out_run_is_predicted_as_well_as_was_asked(real: Outcome) -> None:
     got = real_runs.reached(real)
-    assert got is not None
     assert got[0] < real.settings.goal.speed
     assert got[1] < real.settings.goal.yaw_rate
 
