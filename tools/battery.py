@@ -49,7 +49,7 @@ def run_(
     out: Annotated[Path | None, typer.Option(help="Folder of truths and answers.")] = None,
 ) -> None:
     """Draw, seal and diagnose cases."""
-    folder = out or OUT / split
+    folder = out or OUT / (split if disturbance == "none" else disturbance)
     for answer in run(tasks(cases, split, first, disturbance), folder, jobs):
         task = answer["task"]
         print(f"{task['kind']:8} {task['seed']:6} {answer['verdict']:14} {answer['cpu']:.1f} s  {answer['message']}")
@@ -70,12 +70,21 @@ def page(
 ) -> None:
     """Write the figures into the page, between its markers."""
     text = target.read_text(encoding="utf-8")
-    for name, rows in {**_tables(judged(folder)), "forces": figures.figures(judged(forces))}.items():
+    for name, rows in {**_tables(_opened(folder)), "forces": figures.figures(_opened(forces))}.items():
         begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+        if begin not in text or end not in text:
+            raise typer.BadParameter(f"{target}: no {begin} and {end}, expected both; put them where the table goes")
         head, _, rest = text.partition(begin)
         _, _, tail = rest.partition(end)
         text = f"{head}{begin}\n{_markdown(rows)}\n{end}{tail}"
     target.write_text(text, encoding="utf-8")
+
+
+def _opened(folder: Path) -> list[figures.Judged]:
+    cases = judged(folder)
+    if not cases:
+        raise typer.BadParameter(f"{folder}: no answers, expected some; make them by 'battery.py run'")
+    return cases
 
 
 def _tables(cases: Sequence[figures.Judged]) -> dict[str, list[figures.Figure]]:

@@ -51,7 +51,7 @@ def _where(result: Diagnosis) -> None:
         along, across, turning = (f"{share:.0%}" for share in np.max([one.share for one in result.force], axis=0))
         out.print(
             f"The missing force is {along} along, {across} across and {turning} in moment of what moves the fish (root "
-            "mean squares, in the trial where it is most).",
+            "mean squares, each in the trial where it is most).",
             soft_wrap=True,
         )
     if (seen := result.fingerprint) is not None and (seen.exponent is not None or seen.odd is not None):

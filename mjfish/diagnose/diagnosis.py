@@ -22,7 +22,7 @@ from mjfish.diagnose.result import Diagnosis
 from mjfish.diagnose.search import search
 from mjfish.diagnose.select import standings
 from mjfish.diagnose.several import several
-from mjfish.diagnose.verdict import Hearing, Ruling, rule
+from mjfish.diagnose.verdict import ALARM, Hearing, Ruling, rule
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
 from mjfish.identify import Noise, Problem
@@ -95,12 +95,12 @@ def _diagnosed(
     scored = (scores.of(None), scores.of(best)) if held else None
 
     progress("looking at what is wrong", 0.96)
-    wrong = bool(refitted)
+    wrong = findings.p_wrong < ALARM
     unexplained = ruling.verdict == "unexplained"
     final = evidence.fit if best is None else best.fit
     extended = evidence.problem if best is None else best.problem
     errors = {name: heldout.pooled_error(scores.of(one).residuals, held) for name, one in refitted.items() if held}
-    table = assemble.candidates(candidates, reasons, evidence, refitted, single, errors)
+    table = assemble.candidates(candidates, reasons, evidence, refitted, single.joined(others), errors)
     result = Diagnosis(
         dataset=dataset,
         verdict=ruling.verdict,
@@ -184,8 +184,8 @@ def _several(
 
 
 def _best(ruling: Ruling, single: Hearing, several_: Hearing | None) -> Refit | None:
-    """Return whose extended model is shown: the named one's, else that of the largest gain among single causes."""
+    """Return whose extended model is shown: the named one's, else that of the single cause that explains most."""
     for hearing in (single, several_):
         if hearing is not None and ruling.sets and ruling.sets[0] in hearing.refits:
             return hearing.refits[ruling.sets[0]]
-    return max(single.refits.values(), key=lambda one: one.gain) if single.refits else None
+    return max(single.refits.values(), key=lambda one: one.adjusted) if single.refits else None

@@ -20,6 +20,7 @@ from mjfish import frames
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnose.noise.coloured import grid
 from mjfish.diagnose.noise.forces import Pushed, pushed
+from mjfish.diagnose.noise.stepwise import parts
 from mjfish.fish import Fish
 from mjfish.hydro.outline import outlines
 from mjfish.identify import Fit, Problem
@@ -58,20 +59,31 @@ class MissingForce:
 def missing_force(problem: Problem, fit: Fit) -> tuple[MissingForce, ...]:
     """Return the missing force of every trial of a fit."""
     residuals = problem.raw(fit.x)
-    noise = pushed(problem, fit, residuals)
-    inertia = stretched(problem.model.fish, fit.values)
-    found = []
-    for i, (trial, residual) in enumerate(zip(problem.trials, residuals, strict=True)):
-        mask = problem.mask(i)
-        seen = grid(trial.time, mask)
-        step = float(np.median(np.diff(trial.time)))
-        mean, covariance = _smoothed(noise, noise.growth[trial.name], step, seen, residual)
-        time = trial.time[0] + step * np.arange(len(seen))
-        band = np.sqrt(np.einsum("ij,njk,ik->ni", inertia, covariance, inertia))
-        swum = np.gradient(trial.velocity[mask] - residual, trial.time[mask], axis=0) @ inertia.T
-        driving = readonly(np.sqrt(np.mean(swum**2, axis=0)))
-        found.append(MissingForce(trial.name, readonly(time), readonly(mean @ inertia.T), readonly(band), driving))
-    return tuple(found)
+    found: dict[int, MissingForce] = {}
+    for here, part in parts(problem).values():
+        noise = pushed(part, fit, [residuals[i] for i in here])
+        found.update({i: _of_trial(problem, i, fit.values, noise, residuals[i]) for i in here})
+    return tuple(found[i] for i in range(len(problem.trials)))
+
+
+def _of_trial(
+    problem: Problem, index: int, values: Mapping[str, float], noise: Pushed, residual: FloatArray
+) -> MissingForce:
+    inertia = stretched(problem.model.fish, values)
+    trial, mask = problem.trials[index], problem.mask(index)
+    seen = grid(trial.time, mask)
+    step = float(np.median(np.diff(trial.time)))
+    mean, covariance = _smoothed(noise, noise.growth[trial.name], step, seen, residual)
+    band = np.sqrt(np.einsum("ij,njk,ik->ni", inertia, covariance, inertia))
+    rollout = problem.prediction(trial, values).rollout
+    swum = rollout.rate_at(trial.time[mask])[:, :3] @ inertia.T
+    return MissingForce(
+        trial=trial.name,
+        time=readonly(trial.time[0] + step * np.arange(len(seen))),
+        force=readonly(mean @ inertia.T),
+        band=readonly(band),
+        driving=readonly(np.sqrt(np.mean(swum**2, axis=0))),
+    )
 
 
 def stretched(fish: Fish, values: Mapping[str, float]) -> FloatArray:

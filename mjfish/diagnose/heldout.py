@@ -43,7 +43,7 @@ def confirmation(nominal: Score, extended: Score, fall: float = np.inf) -> Confi
     """Hold two models against each other on held-out trials.
 
     With whitened predictions apart by d and the extended model true, the sum of squares falls by |d|^2 + 2 d' eps; that
-    the size of the cause is known to a share of 1 / sqrt(fall) adds 2 |d|^2 / sqrt(fall) to the standard deviation.
+    the size of the cause is known to a share of 1 / sqrt(fall) adds 4 |d|^4 / fall to the variance, 4 |d|^2 without it.
 
     Args:
         nominal, extended: of the models.

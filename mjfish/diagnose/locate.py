@@ -72,7 +72,7 @@ def locate(evidence: Evidence, directed: bool) -> Where:
     parts = np.concatenate([part[k] for (part, _), k in zip(labels, counted, strict=True)])
     phases = np.concatenate([phase[k] for (_, phase), k in zip(labels, counted, strict=True)])
     swum = np.concatenate([v[k] for v, k in zip(problem.predictions(evidence.fit.x), counted, strict=True)])
-    speeds, turns = _fifths(swum[:, 0]), _fifths(np.abs(swum[:, 2]))
+    speeds, turns = fifths(swum[:, 0]), fifths(np.abs(swum[:, 2]))
     per_sample = energy.sum(axis=1)
     total = max(float(per_sample.sum()), 1e-300)
     channels = {name: float(v) / total for name, v in zip(CHANNELS, energy.sum(axis=0), strict=True)}
@@ -92,7 +92,7 @@ def locate(evidence: Evidence, directed: bool) -> Where:
     )
 
 
-def _fifths(values: FloatArray) -> np.ndarray[Any, Any]:
+def fifths(values: FloatArray) -> np.ndarray[Any, Any]:
     """Return, per sample, in which fifth of all samples its value lies."""
     edges = np.quantile(values, [0.2, 0.4, 0.6, 0.8])
     return np.array(FIFTHS)[np.searchsorted(edges, values, side="right")]

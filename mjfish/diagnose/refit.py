@@ -90,7 +90,7 @@ def refits(
     chosen = worth_refitting(evidence, effects)
     earlier, known = before or {}, made or {}
     floor = _RUNNING * max((one.gain for one in earlier.values()), default=0.0)
-    found = {}
+    found: dict[str, Refit] = {}
     for done, effect in enumerate(chosen):
         name = effect.name
         progress(f"refitting with {name}", done / (len(chosen) + 2))
@@ -130,6 +130,8 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     """
     scores = {effect.name: evidence.statistic(effect.name) for effect in effects if not evidence.hidden(effect.name)}
     ranked = sorted((effect for effect in effects if effect.name in scores), key=lambda effect: -scores[effect.name])
+    if not ranked:
+        return []
     close = scores[ranked[0].name] - _NEAR
     return [
         effect
@@ -158,6 +160,7 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0, before: Re
     starts = [problem.start({**evidence.fit.values, **guess}) for guess in _guesses(evidence, effect)]
     one_step = evidence.first_guess(effect.name)
     starts.insert(0, problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
+    starts.append(problem.start(evidence.fit.values))  # next to nothing of it: no refit need be worse than none
     if before is not None:
         starts.append(problem.start(before.fit.values))
     costs = [float(np.sum(problem.residual(start) ** 2)) for start in starts]

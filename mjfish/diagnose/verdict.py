@@ -50,6 +50,13 @@ class Hearing:
         ]
         return tuple(sorted(kept, key=lambda names: -self.refits[names].adjusted))
 
+    def joined(self, others: Hearing | None) -> Hearing:
+        """Return this hearing with what others found of the sets that stay there."""
+        if others is None:
+            return self
+        staying = {names: one for names, one in others.standings.items() if one.in_set}
+        return Hearing(self.refits, {**self.standings, **staying}, {**self.held_out, **others.held_out})
+
     def failed(self) -> tuple[Names, ...]:
         """Return the sets in the confidence set that leave nothing, yet fail on the held-out trials."""
         return tuple(
@@ -95,9 +102,12 @@ def rule(
                 "cannot_tell", staying, f"Something is wrong, but these data cannot tell {_listed(staying)} apart."
             )
     best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
-    if best and others is not None and (staying := others.staying(clean=True)):
-        told = f"{best[0]}, which fits best, fails on the held-out trials; {_listed(staying)} would do"
-        return Ruling("cannot_tell", staying, f"Something is wrong, but these data cannot tell what: {told}.")
+    if others is not None and (staying := others.staying(clean=True)):
+        failed = single.failed()
+        told = f"{_listed(failed)} fits best and fails on the held-out trials; {_listed(staying)} would do"
+        return Ruling(
+            "cannot_tell", (*staying, *failed), f"Something is wrong, but these data cannot tell what: {told}."
+        )
     closest = f"; the closest, {best[0]}, {_why(best, single)}" if best else ""
     return Ruling("unexplained", (), f"Something is wrong that no known cause explains{closest}.")
 

@@ -86,6 +86,8 @@ class Problem:
 
     def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
         """Whiten blocks (n_r, 3, k), one a trial, and stack them to (n, k)."""
+        if blocks[0].shape[2] == 0:  # filters refuse columns that are none
+            return self.whiten([np.zeros((len(block), len(CHANNELS), 1)) for block in blocks])[:, :0]
         whitened = [self.whitened(i, block) for i, block in enumerate(blocks)]
         return np.concatenate([block.reshape(-1, block.shape[2]) for block in whitened])
 

@@ -13,6 +13,7 @@ from planted_cases import coefficients, draw
 
 from mjfish.arrays import readonly
 from mjfish.diagnose import Diagnosis, diagnose
+from mjfish.diagnose.locate import FIFTHS, fifths
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect, find
 from mjfish.effects.effect import Family, Values
@@ -138,6 +139,20 @@ def test_shares_of_the_misfit_add_up(named: Diagnosis) -> None:
     assert where is not None
     for shares in (where.channels, where.trials, where.parts, where.phases, where.speeds, where.turns):
         assert sum(shares.values()) == pytest.approx(1.0)
+
+
+def test_fifths_are_equal_parts_from_the_lowest_to_the_highest() -> None:
+    values = np.random.default_rng(0).permutation(100.0 + np.arange(100.0))
+    labels = fifths(values)
+    for k, name in enumerate(FIFTHS):
+        assert sorted(values[labels == name]) == list(100.0 + 20.0 * k + np.arange(20.0))
+
+
+def test_a_misfit_that_no_candidate_could_show_is_still_unexplained(named: Diagnosis) -> None:
+    """The coefficients hide a wrong mass wholly: with it as the only candidate there is nothing to refit."""
+    result = diagnose(named.dataset, effects={"mass_error": find("mass_error")}, jobs=1)
+    assert result.verdict == "unexplained"
+    assert result.causes == ()
 
 
 def test_provenance_has_the_hash_of_every_input(named: Diagnosis, tmp_path: Path) -> None:

@@ -62,3 +62,18 @@ def test_a_steady_push_across_comes_back_with_its_size_inside_its_band(pike: Fis
         assert force.force[middle, 1].mean() == pytest.approx(expected, rel=0.3)
         assert abs(force.force[before, 1].mean()) < 0.25 * expected
         assert abs(force.force[middle, 1].mean() - expected) < 2.0 * force.band[middle, 1].mean()
+
+
+def test_what_moves_the_fish_is_its_inertia_times_its_acceleration(pike: Fish) -> None:
+    """Against differences of the simulated velocities. Catches measured, noisy ones that are differentiated."""
+    dataset = plant(pike, ["v1", "v5"], noise=SIGMA, duration=6.0, seed=2, held_out=[])
+    problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
+    one = fit(problem, tolerance=1e-6)
+    inertia = stretched(pike, one.values)
+    for i, found in enumerate(missing_force(problem, one)):
+        times = dataset.trials[i].time[problem.mask(i)]
+        rollout = problem.prediction(dataset.trials[i], one.values).rollout
+        ahead, back = rollout.at(times + 1e-4), rollout.at(times - 1e-4)
+        inner = slice(1, -1)  # at rest and at the end there is one side only
+        swum = ((ahead - back) / 2e-4)[inner, :3] @ inertia.T
+        np.testing.assert_allclose(found.driving, np.sqrt(np.mean(swum**2, axis=0)), rtol=0.02)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,12 +13,15 @@ from scipy import signal
 
 from mjfish import fish as fishes
 from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.diagnose.evidence import signatures
 from mjfish.diagnose.noise.coloured import Coloured, grid
 from mjfish.diagnose.noise.differentiated import Differentiated, differentiated
 from mjfish.diagnose.noise.drifting import Drifting, drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed, pushed
-from mjfish.diagnose.noise.saturated import likelihood
+from mjfish.diagnose.noise.saturated import likelihood, noise_of
+from mjfish.diagnose.noise.stepwise import Stepwise
+from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.identify import Fit, Noise, Problem
 from mjfish.identify import fit as fitted
@@ -188,3 +192,45 @@ def test_noisier_ends_are_found_and_quiet_ones_are_left_alone() -> None:
     assert windows[0] is not None
     low, high = windows[0]
     assert np.count_nonzero((_trial(300).time >= low) & (_trial(300).time <= high)) == 292
+
+
+def test_trials_at_two_steps_have_a_noise_each(pike: Fish) -> None:
+    """One record is thinned to every second sample: what is correlated in one is hardly so in the other.
+
+    Catches one autoregression, whose numbers count in samples, for both.
+    """
+    dataset = plant(pike, ["v1", "v5"], noise=np.full(3, 1e-6), duration=8.0, seed=1, held_out=[])
+    rng = np.random.default_rng(9)
+    whole, thin = (
+        replace(trial, velocity=readonly(trial.velocity + _coloured(rng, len(trial.time)))) for trial in dataset.trials
+    )
+    thin = replace(thin, time=readonly(thin.time[::2]), velocity=readonly(thin.velocity[::2]))
+    problem = Problem(Model(dataset.fish), (whole, thin), Noise.white(SIGMA), jobs=1)
+    one = fitted(problem, tolerance=1e-4)
+    known = signatures(problem, one.values, [find("linear_drag")])
+    noise, told = noise_of(problem, one, known, None)
+    assert isinstance(noise, Stepwise)
+    assert set(noise.models) == {0.02, 0.04}
+    assert "every 0.02 s" in told
+    assert "every 0.04 s" in told
+    for i, trial in enumerate(problem.trials):
+        white = noise.of_trial(trial, problem.mask(i), problem.raw(one.x)[i], (0,))
+        np.testing.assert_allclose(white.std(axis=0), 1.0, atol=0.25)
+        product = np.mean(white[1:] * white[:-1], axis=0)
+        assert np.all(np.abs(product) < 5.0 / np.sqrt(len(white)))
+
+
+def test_one_quiet_channel_does_not_make_the_noise_of_the_others_their_innovations(swum: tuple[Problem, Fit]) -> None:
+    """Surge without noise is held at the floor; sway with long memory keeps its whole spread."""
+    problem, one = swum
+    slow = Coloured(SIGMA, readonly([[0.0], [0.97], [0.0]]))
+    rng = np.random.default_rng(10)
+    trials = []
+    for trial in problem.trials:
+        white = rng.standard_normal((len(trial.time) + 200, 3)) * SIGMA
+        series = np.stack([signal.lfilter([1.0], [1.0, *-slow.phi[c]], white[:, c])[200:] for c in range(3)], axis=1)
+        trials.append(replace(trial, velocity=readonly(trial.velocity + series * [0.0, 1.0, 1.0])))
+    noisy = replace(problem, trials=tuple(trials))
+    noise, _ = noise_of(noisy, one, signatures(noisy, one.values, [find("linear_drag")]), None)
+    left = np.concatenate(noisy.raw(one.x))
+    assert noise.sigma[1] == pytest.approx(left[:, 1].std(), rel=0.25)

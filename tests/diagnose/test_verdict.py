@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
+from mjfish.diagnose import assemble
 from mjfish.diagnose.heldout import Confirmation, confirmation
 from mjfish.diagnose.select import Standing
 from mjfish.diagnose.verdict import Hearing, Ruling, rule
@@ -86,9 +88,23 @@ def test_where_the_best_fails_on_held_out_trials_the_others_are_heard_but_none_i
     """The best may owe its lead to noise: what would do without it is told, and told as uncertain."""
     first, others = _hearing({"a": GOOD, "b": BEATEN}, {"a": -5.0}), _hearing({"b": GOOD})
     ruling = rule(1e-6, first, None, (), others)
-    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("b",),))
-    assert first.failed() == (("a",),)
+    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("b",), ("a",)))
+    assert assemble.rivals(ruling) == (("b", "a"),)
+    joined = first.joined(others)
+    assert joined.standings[("b",)] is GOOD
+    assert joined.held_out[("b",)] is not None
     assert rule(1e-6, first, None, (), _hearing({"b": MISFIT})).verdict == "unexplained"
+
+
+def test_a_size_that_is_hardly_known_makes_a_loss_likelier() -> None:
+    """|d|^2 = 16 and a fall of -16 are four sigma of noise; a size known to a quarter doubles the variance."""
+    base = np.zeros(16)
+    apart = np.ones(16)
+    scores = Score((), (), (base,)), Score((), (), (base + apart,))
+    sure, unsure = confirmation(*scores), confirmation(*scores, fall=16.0)
+    assert sure.gained == unsure.gained == pytest.approx(-8.0)
+    assert sure.chance == pytest.approx(stats.norm.cdf(-4.0))
+    assert unsure.chance == pytest.approx(stats.norm.cdf(-4.0 / np.sqrt(2.0)))
 
 
 @pytest.mark.parametrize(("size", "sign"), [(0.5, 1.0), (0.5, -1.0), (3.0, 1.0)])

@@ -24,7 +24,7 @@ def guessers(cases: Sequence[Judged]) -> dict[str, Guess]:
         ),
         "refit with the lowest error": lambda case: _lowest(case, "error"),
         "refit with the lowest held-out error": lambda case: _lowest(case, "held_out_error"),
-        "sparse regression on differentiated velocities": lambda case: case.answer["sparse"],
+        "sparse regression on differentiated velocities": lambda case: case.answer.get("sparse"),
         "largest score": lambda case: max(case.answer["candidates"], key=lambda one: one["score"])["name"],
     }
 

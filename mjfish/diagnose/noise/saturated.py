@@ -14,9 +14,10 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra
 from mjfish.diagnose.noise.coloured import Coloured, grid
-from mjfish.diagnose.noise.differentiated import Differentiated, differentiated
-from mjfish.diagnose.noise.drifting import Drifting, drifting
-from mjfish.diagnose.noise.forces import Pushed, pushed
+from mjfish.diagnose.noise.differentiated import differentiated
+from mjfish.diagnose.noise.drifting import drifting
+from mjfish.diagnose.noise.forces import pushed
+from mjfish.diagnose.noise.stepwise import Model, Stepwise, parts
 from mjfish.identify import Fit, Noise, Problem
 from mjfish.identify.noise import estimate, floor
 
@@ -50,47 +51,56 @@ def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: Fl
         stated: (3,) sigma that the dataset gives, or None.
     """
     residuals, lost = saturated_residuals(problem, fit, known)
-    seen = [grid(trial.time, problem.mask(i)) for i, trial in enumerate(problem.trials)]
-    found = estimate(residuals, lost, seen)
     total = sum(len(block) for block in residuals)
     spread = np.sqrt(sum((block**2).sum(axis=0) for block in residuals) / (total - lost))
-    if stated is None:
+    what = "estimated from the data"
+    if stated is not None:
+        off = np.abs(spread / stated - 1.0) * np.sqrt(2.0 * (total - lost))
+        if np.all(off < _CONTRADICTED) and _estimated(problem, residuals, lost).order == 0:
+            return Coloured.of(Noise.white(stated)), ""
+        what = "the stated noise does not fit the data; estimated instead"
+    models, told = {}, []
+    for step, (here, part) in parts(problem).items():
+        own = [residuals[i] for i in here]
+        count = sum(len(block) for block in own)
+        found = _estimated(part, own, lost * count / total)
         least = floor(problem.trials)
-        if np.any(spread < least):  # of the noise itself: innovations of a blue one may be far smaller
-            found = Noise.white(np.maximum(found.sigma, least))
-        return _better(problem, fit, residuals, found, "estimated from the data")
-    off = np.abs(spread / stated - 1.0) * np.sqrt(2.0 * (total - lost))
-    if found.order == 0 and np.all(off < _CONTRADICTED):
-        return Coloured.of(Noise.white(stated)), ""
-    return _better(problem, fit, residuals, found, "the stated noise does not fit the data; estimated instead")
+        if stated is None and np.any(
+            spread < least
+        ):  # of the noise itself: innovations of a blue one may be far smaller
+            found = Noise.white(np.maximum(spread, least))
+        models[step], words = _better(part, fit, own, found)
+        told.append((step, words))
+    if len(models) == 1:
+        return models[told[0][0]], f"noise: {what} ({told[0][1]})"
+    listed = "; ".join(f"every {step:g} s: {words}" for step, words in told)
+    return Stepwise.of(models), f"noise: {what} by sampling step ({listed})"
 
 
-def _better(problem: Problem, fit: Fit, residuals: Sequence[FloatArray], found: Noise, what: str) -> tuple[Noise, str]:
-    """Return the likeliest of coloured, drifting and differentiated noise, and noise through forces."""
+def _estimated(problem: Problem, residuals: Sequence[FloatArray], lost: float) -> Noise:
+    return estimate(residuals, lost, [grid(trial.time, problem.mask(i)) for i, trial in enumerate(problem.trials)])
+
+
+def _better(problem: Problem, fit: Fit, residuals: Sequence[FloatArray], found: Noise) -> tuple[Model, str]:
+    """Return the likeliest of coloured, drifting and differentiated noise and noise through forces, and it in words."""
     coloured = Coloured.of(found)
     if found.order == 0:
-        return coloured, _describe(found, what)
+        return coloured, _described(found)
     drift, rough = drifting(problem, residuals), differentiated(problem, residuals)
     forces = pushed(problem, fit, residuals)
     worth = {one: likelihood(one, problem, residuals) for one in (coloured, drift, rough, forces)}
     if worth[forces] > max(worth[coloured], worth[drift], worth[rough]) + _LIKELIER:
         told = f"random accelerations {_three(forces.push)} over {forces.time:g} s push the fish"
-        camera = f"sigma of the camera {_three(forces.sigma)}"
-        return forces, f"noise: {what} ({told}, {camera}); the innovations form of the fit is used"
+        return forces, f"{told}, sigma of the camera {_three(forces.sigma)}; the innovations form of the fit is used"
     if worth[rough] > max(worth[coloured], worth[drift]):
-        told = f"of positions differentiated over {rough.window} samples; sigma {_three(rough.sigma)}"
-        return rough, f"noise: {what} ({told})"
+        return rough, f"of positions differentiated over {rough.window} samples; sigma {_three(rough.sigma)}"
     if worth[drift] > worth[coloured]:
-        told = (
-            f"a wander of {_three(drift.wander)} over {_three(drift.time)} s under white noise of {_three(drift.sigma)}"
-        )
-        return drift, f"noise: {what} ({told})"
-    return coloured, _describe(found, what)
+        under = f"under white noise of {_three(drift.sigma)}"
+        return drift, f"a wander of {_three(drift.wander)} over {_three(drift.time)} s {under}"
+    return coloured, _described(found)
 
 
-def likelihood(
-    noise: Coloured | Drifting | Differentiated | Pushed, problem: Problem, residuals: Sequence[FloatArray]
-) -> float:
+def likelihood(noise: Model, problem: Problem, residuals: Sequence[FloatArray]) -> float:
     """Return the log-likelihood of residuals (n_r, 3), less a constant: -1/2 (sum of white squares + log det)."""
     total = 0.0
     for i, (trial, block) in enumerate(zip(problem.trials, residuals, strict=True)):
@@ -105,11 +115,11 @@ def _three(values: FloatArray) -> str:
     return ", ".join(f"{v:.3g}" for v in values)
 
 
-def _describe(noise: Noise, what: str) -> str:
+def _described(noise: Noise) -> str:
     kind = "white" if noise.order == 0 else f"autoregressive of order {noise.order}"
     gain = [float(np.sqrt(_variance_gain(phi))) for phi in noise.phi]
     sigma = ", ".join(f"{s * g:.3g}" for s, g in zip(noise.sigma, gain, strict=True))
-    return f"noise: {what} ({kind}; sigma of surge, sway, yaw rate: {sigma})"
+    return f"{kind}; sigma of surge, sway, yaw rate: {sigma}"
 
 
 def _variance_gain(phi: FloatArray) -> float:
