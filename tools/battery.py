@@ -65,12 +65,15 @@ def table(folder: Annotated[Path, typer.Argument(help="Folder of truths and answ
 @app.command()
 def page(
     folder: Annotated[Path, typer.Argument(help="Folder of truths and answers.")] = OUT / "test",
-    forces: Annotated[Path, typer.Option(help="The same, of cases with force noise on top.")] = OUT / "forces",
+    forces: Annotated[Path | None, typer.Option(help="The same, of cases with force noise on top.")] = None,
     target: Annotated[Path, typer.Option(help="Page whose tables are replaced.")] = Path("docs/battery.md"),
 ) -> None:
     """Write the figures into the page, between its markers."""
     text = target.read_text(encoding="utf-8")
-    for name, rows in {**_tables(_opened(folder)), "forces": figures.figures(_opened(forces))}.items():
+    tables = _tables(_opened(folder))
+    if forces is not None:
+        tables["forces"] = figures.figures(_opened(forces))
+    for name, rows in tables.items():
         begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
         if begin not in text or end not in text:
             raise typer.BadParameter(f"{target}: no {begin} and {end}, expected both; put them where the table goes")

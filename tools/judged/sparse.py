@@ -1,8 +1,8 @@
 """Sparse regression on differentiated velocities, as one would do it without a simulator's sensitivities in time.
 
 Measured less simulated velocities are differentiated by a cubic over nine samples, and so is what each coefficient and
-each cause would do to them; thresholded least squares ([Brunton2016]) then drops, one by one, the cause that moves the
-fish least. Nothing is whitened.
+each cause would do to them, less what the coefficients do; thresholded least squares ([Brunton2016]) then drops, one by
+one, the cause that moves the fish least. Nothing is whitened.
 
 [Brunton2016] S. Brunton, J. Proctor, J. Kutz, PNAS 113.
 """
@@ -29,14 +29,15 @@ def sparsest(dataset: Dataset) -> str:
     nominal = fit(problem, tolerance=1e-6)
     wrong = _differentiated([residual[:, :, None] for residual in problem.raw(nominal.x)])[:, 0]
     known = _differentiated(problem.sensitivities(nominal.x))
+    span = np.linalg.qr(known)[0]
     library = _differentiated(signatures(problem, nominal.values, candidates))
+    library, wrong = library - span @ (span.T @ library), wrong - span @ (span.T @ wrong)
     widths = [sum(not p.shape for p in effect.parameters) for effect in candidates]
     ends = np.cumsum(widths)
     blocks = {e.name: np.arange(end - width, end) for e, end, width in zip(candidates, ends, widths, strict=True)}
     while len(blocks) > 1:
         columns = np.concatenate(list(blocks.values()))
-        sizes = np.linalg.lstsq(np.concatenate([known, library[:, columns]], axis=1), wrong, rcond=1e-8)[0]
-        moved = dict(zip(columns, sizes[known.shape[1] :], strict=True))
+        moved = dict(zip(columns, np.linalg.lstsq(library[:, columns], wrong, rcond=1e-6)[0], strict=True))
         worth = {name: np.linalg.norm(library[:, own] @ [moved[k] for k in own]) for name, own in blocks.items()}
         del blocks[min(worth, key=worth.__getitem__)]
     return next(iter(blocks))
