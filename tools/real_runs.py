@@ -192,8 +192,7 @@ def refitted(outcome: Outcome, which: Which, trials: tuple[Trial, ...]) -> tuple
     assert made.noise is not None  # noqa: S101 - the importer states it
     model = outcome.diagnosis.nominal_model if which == "nominal" else outcome.diagnosis.extended_model
     problem = Problem(model, trials, Noise.white(made.noise))
-    with threadpool_limits(1, "blas"):
-        return problem, fit(problem)
+    return problem, fit(problem)
 
 
 def crossed(outcome: Outcome) -> Iterator[Score]:

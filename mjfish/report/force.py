@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from mjfish.diagnose import Diagnosis
 from mjfish.report import figure
 
@@ -31,7 +29,7 @@ def force_figure(diagnosis: Diagnosis) -> dict[str, Any] | None:
 
 def force_shares(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
     """Return, per trial, the share of the missing force in what moves the fish: along, across and in moment."""
-    return [(one.trial, [f"{share:.1%}" for share in np.asarray(one.share)]) for one in diagnosis.force]
+    return [(one.trial, [f"{share:.1%}" for share in one.share]) for one in diagnosis.force]
 
 
 def _layout(begin: float, end: float) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.diagnose.noise.kalman import Gains, gains, whitened
+from mjfish.diagnose.noise.kalman import Gains, gains, whitened_channels
 from mjfish.identify import Noise
 from mjfish.trial import Trial
 
@@ -32,12 +32,9 @@ class Coloured(Noise):
         if self.phi.shape[1] == 0:
             return np.asarray(block / self.sigma.reshape(1, 3, *[1] * (block.ndim - 2)))
         seen = grid(trial.time, mask)
-        flat = block.reshape(len(block), 3, -1)
-        parts = [
-            whitened(_filter(self.phi[c].tobytes(), float(self.sigma[c]), seen.tobytes()), seen, flat[:, c : c + 1])
-            for c in range(3)
-        ]
-        return np.concatenate(parts, axis=1).reshape(block.shape)
+        there = seen.tobytes()
+        filters = [_filter(self.phi[c].tobytes(), float(self.sigma[c]), there) for c in range(3)]
+        return whitened_channels(filters, seen, block)
 
     def log_determinant(self, trial: Trial, seen: BoolArray) -> float:
         """Return the log determinant of the noise's covariance."""

@@ -20,7 +20,7 @@ from scipy import signal
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnose.noise.coloured import grid
-from mjfish.diagnose.noise.kalman import Gains, gains, whitened
+from mjfish.diagnose.noise.kalman import Gains, gains, whitened_channels
 from mjfish.diagnose.noise.spectrum import spectrum
 from mjfish.identify import Noise, Problem
 from mjfish.trial import Trial
@@ -47,10 +47,8 @@ class Differentiated(Noise):
         """Return the white innovations (n, 3, ...) of columns (n, 3, ...), one row a counted sample."""
         del starts
         seen = grid(trial.time, mask)
-        flat = (block / self.sigma.reshape(1, 3, *[1] * (block.ndim - 2))).reshape(len(block), 3, -1)
-        filter_ = self._filter(seen)
-        parts = [whitened(filter_, seen, flat[:, c : c + 1]) for c in range(3)]
-        return np.concatenate(parts, axis=1).reshape(block.shape)
+        scaled = block / self.sigma.reshape(1, 3, *[1] * (block.ndim - 2))
+        return whitened_channels([self._filter(seen)] * 3, seen, scaled)
 
     def log_determinant(self, trial: Trial, seen: BoolArray) -> float:
         """Return the log determinant of the noise's covariance."""

@@ -17,7 +17,7 @@ from scipy import optimize
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnose.noise.coloured import grid
-from mjfish.diagnose.noise.kalman import Gains, gains, whitened
+from mjfish.diagnose.noise.kalman import Gains, gains, whitened_channels
 from mjfish.diagnose.noise.spectrum import spectrum
 from mjfish.identify import Noise, Problem
 from mjfish.trial import Trial
@@ -43,9 +43,7 @@ class Drifting(Noise):
         """Return the white innovations (n, 3, ...) of columns (n, 3, ...), one row a counted sample."""
         del starts
         seen = grid(trial.time, mask)
-        flat = block.reshape(len(block), 3, -1)
-        parts = [whitened(self._filter(c, trial, seen), seen, flat[:, c : c + 1]) for c in range(3)]
-        return np.concatenate(parts, axis=1).reshape(block.shape)
+        return whitened_channels([self._filter(c, trial, seen) for c in range(3)], seen, block)
 
     def log_determinant(self, trial: Trial, seen: BoolArray) -> float:
         """Return the log determinant of the noise's covariance."""

@@ -12,6 +12,7 @@ and sensitivities pass the same linear filter.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,6 +101,13 @@ def whitened(filter_: Gains, seen: BoolArray, columns: FloatArray) -> FloatArray
     out = np.empty_like(columns)
     _whiten(filter_.transition, filter_.reading, filter_.gain, filter_.root, seen, np.ascontiguousarray(columns), out)
     return out
+
+
+def whitened_channels(filters: Sequence[Gains], seen: BoolArray, block: FloatArray) -> FloatArray:
+    """Return the white innovations (samples seen, m, ...) of columns (samples seen, m, ...), a filter a channel."""
+    flat = block.reshape(len(block), len(filters), -1)
+    parts = [whitened(filter_, seen, flat[:, c : c + 1]) for c, filter_ in enumerate(filters)]
+    return np.concatenate(parts, axis=1).reshape(block.shape)
 
 
 @compiled
