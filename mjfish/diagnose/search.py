@@ -13,6 +13,7 @@ from mjfish.diagnose.noise.differentiated import Differentiated
 from mjfish.diagnose.noise.drifting import Drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed
+from mjfish.diagnose.noise.misread import Misread
 from mjfish.diagnose.noise.saturated import noise_of, saturated_residuals
 from mjfish.diagnose.noise.stepwise import Stepwise
 from mjfish.diagnose.progress import Progress
@@ -28,7 +29,7 @@ _SAME = 0.05
 #: Integration steps that are tried [s], and what their error may add to a sum of squares in units of the noise.
 _STEPS = (0.01, 0.005, 0.0025, 0.00125)
 _UNSEEN = 0.1
-_OTHER = Stepwise | Pushed | Drifting | Differentiated
+_OTHER = Misread | Stepwise | Pushed | Drifting | Differentiated
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +119,8 @@ def _resolved(problem: Problem) -> tuple[Problem, FloatArray]:
 
 def _same(new: Noise, old: Noise) -> bool:
     """Return whether two noise models have the same spectrum, nearly."""
+    if isinstance(new, Misread) and isinstance(old, Misread):
+        return _same(new.base, old.base)
     if isinstance(new, Stepwise) and isinstance(old, Stepwise):
         return new.models.keys() == old.models.keys() and all(_same(new.models[k], old.models[k]) for k in new.models)
     if isinstance(new, Pushed | Drifting | Differentiated) and isinstance(old, type(new)):

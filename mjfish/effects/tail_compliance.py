@@ -22,7 +22,7 @@ class TailCompliance(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("tail_compliance.compliance", "rad/(N m)", 0.0, 0.0, 2.0, 0.0, 0.05, about="deflection per torque"),
         Parameter(
-            "tail_compliance.damping", "N m s/rad", 0.02, 0.0, 0.2, 0.02, 0.02, about="of the deflection", shape=True
+            "tail_compliance.damping", "N m s/rad", 0.02, 0.0, 0.2, 0.1, 0.02, about="of the deflection", shape=True
         ),
     )
     source: ClassVar[str] = "[Yu2016] sec. V-B: the undulating tail is not completely rigid"

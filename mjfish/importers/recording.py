@@ -14,7 +14,7 @@ from mjfish.errors import InputError
 from mjfish.importers.report import Cut
 from mjfish.importers.smooth import stretch, velocity
 from mjfish.importers.smooth.batch import Fit
-from mjfish.trial import Trial
+from mjfish.trial import Trial, errors
 
 #: Shortest stretch that is kept: beats, or seconds where there is no beat.
 BEATS, SECONDS = 2.0, 1.0
@@ -95,7 +95,7 @@ def record(
     place = fit.coordinates()
     names = [name] if len(kept) == 1 else [f"{name}-{letter}" for letter in _letters(len(kept))]
     trials = [
-        _trial(label, fit.basis.time, place, moved.value, slice(a, b, every), joints, source, roll)
+        _trial(label, fit, place, moved.value, slice(a, b, every), joints, source, roll)
         for label, (a, b) in zip(names, kept, strict=True)
     ]
     inside = np.zeros(len(seen), dtype=np.bool_)
@@ -114,7 +114,7 @@ def record(
 
 def _trial(
     name: str,
-    time: FloatArray,
+    fit: Fit,
     place: FloatArray,
     value: FloatArray,
     rows: slice,
@@ -122,6 +122,7 @@ def _trial(
     source: Path,
     roll: FloatArray | None,
 ) -> Trial:
+    time = fit.basis.time
     pose = place[rows, :3] - [*place[rows.start, :2], 0.0]
     return Trial(
         name=name,
@@ -132,7 +133,16 @@ def _trial(
         pose=readonly(pose),
         roll=None if roll is None else readonly(roll[rows]),
         source=source,
+        errors=readonly(_errors(fit, rows, joints)) if joints else None,
     )
+
+
+def _errors(fit: Fit, rows: slice, joints: int) -> FloatArray:
+    """Return the modes (modes, n, 3 + joints) of the errors of velocities and joint angles."""
+    values, vectors = np.linalg.eigh(fit.covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    slopes = [*velocity.gradients(fit), *(fit.gradient(3 + i) for i in range(joints))]
+    return errors.principal(np.stack([slope[rows] @ root for slope in slopes]))
 
 
 def _every(apart: int, joints: int, beat: float | None, step: float) -> int:

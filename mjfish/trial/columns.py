@@ -16,6 +16,7 @@ POSE = ("x", "y", "yaw")
 ATTITUDE = ("roll", "pitch", "heave")
 #: Unit of every column but the joints'.
 UNITS = {"time": "s", **VELOCITY_UNITS, "x": "m", "y": "m", "yaw": "rad", "roll": "rad", "pitch": "rad", "heave": "m"}
+UNITS["mode"] = "-"  # number of a mode of the errors
 #: Columns that every trial must have.
 REQUIRED = ("time", *CHANNELS)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
-from mjfish.trial import check, columns, place, schema
+from mjfish.trial import check, columns, errors, place, schema
 from mjfish.trial.schema import DatasetTable, Law, Noise, TrialTable
 from mjfish.trial.table import read_table
 from mjfish.trial.types import Dataset, Tank, Trial
@@ -45,7 +46,11 @@ def load(path: str | Path) -> Dataset:
         source = file.parent / entry.file
         with place.named(f"{file}: trials.{number}"):
             numbers = read_table(source, missing=CHANNELS if entry.gaps else ())
-        trials.append(build_trial(entry, numbers, fish, source, f"{file}: trials.{number}", tank))
+            modes = None if entry.errors is None else read_table(file.parent / entry.errors)
+        trial = build_trial(entry, numbers, fish, source, f"{file}: trials.{number}", tank)
+        if modes is not None:
+            trial = replace(trial, errors=errors.modes(modes, trial, file.parent / str(entry.errors)))
+        trials.append(trial)
     return Dataset(
         name=table.name,
         fish=fish,

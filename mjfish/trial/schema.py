@@ -108,12 +108,14 @@ class TrialTable(Table):
     """One entry of ``[[trials]]``; `file` is relative to the folder of dataset.toml.
 
     `gaps`: samples are missing, rows or velocities in rows; only where a CPG drives the fish, whose motion is known.
+    `errors`: file of the modes of the errors of velocities and joint angles, see `mjfish.trial.errors`.
     """
 
     name: Annotated[str, AfterValidator(_safe)]
     file: Annotated[str, AfterValidator(_path)]
     role: Role | None = None
     gaps: bool = False
+    errors: Annotated[str, AfterValidator(_path)] | None = None
     drive: tuple[Drive, ...] = ()
     wave: WaveDrive | None = None
 

@@ -54,6 +54,8 @@ class Trial:
         gaps: samples are missing, and known to be: times may have gaps.
         wave: the wave that drives the joints, or None.
         tank: its walls, or None where they are not known.
+        errors: (modes, n, 3 + joints) what is known of the errors of `velocity` and `joint_angle`: their sum, each mode
+            times an independent standard normal number (`mjfish.trial.errors`); None: not known.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Trial:
     gaps: bool = False
     wave: Wave | None = None
     tank: Tank | None = None
+    errors: FloatArray | None = None
 
     @property
     def starts_at_rest(self) -> bool:

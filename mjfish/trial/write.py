@@ -15,7 +15,7 @@ from mjfish.arrays import FloatArray
 from mjfish.errors import InputError, MjfishError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
-from mjfish.trial import columns, place, schema
+from mjfish.trial import columns, errors, place, schema
 from mjfish.trial.read import build_trial
 from mjfish.trial.schema import Bounds, DatasetTable
 from mjfish.trial.table import check_finite, write_table
@@ -84,6 +84,7 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
             "file": f"{trial.name}{suffix}",
             "role": trial.role,
             "gaps": trial.gaps,
+            "errors": None if trial.errors is None else errors.file(trial.name),
             "drive": [
                 {"start": float(part.start), "omega": float(part.omega), "bias": [float(bias) for bias in part.bias]}
                 for part in trial.drive
@@ -154,6 +155,8 @@ def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, Flo
             build_trial(
                 entry, tables[entry.file], dataset.fish, Path(entry.file), f"{file}: trials.{number}", trial.tank
             )
+            if entry.errors is not None:
+                tables[entry.errors] = errors.table(trial)
     return tables
 
 
@@ -198,7 +201,11 @@ def _replaceable(folder: Path) -> list[Path]:
         raise InputError(f"{folder}: holds a dataset that cannot be read; {remedy} ({error})") from None
     if not file.read_text(encoding="utf-8").startswith(MARK.partition(".")[0]):
         raise InputError(f"{folder}: holds a dataset that mjfish did not write, expected one that it did; {remedy}")
-    names = [schema.FILE, *(trial.file for trial in old.trials), *([_FISH_FILE] if old.fish == _FISH_FILE else [])]
+    names = [
+        schema.FILE,
+        *(file for trial in old.trials for file in (trial.file, trial.errors) if file),
+        *([_FISH_FILE] if old.fish == _FISH_FILE else []),
+    ]
     return [folder / name for name in names if Path(name).name == name]
 
 

@@ -10,11 +10,11 @@ import pytest
 from filmed_swimming import FISH, HEIGHTS, Swim
 
 from mjfish import importers
-from mjfish.diagnose import Diagnosis, diagnose
+from mjfish.diagnose import diagnose
 from mjfish.effects import find
 from mjfish.identify import Noise, Problem, fit, predict_held_out
 from mjfish.model import Model
-from mjfish.trial import Dataset
+from mjfish.trial import Dataset, load, save
 
 #: The head's markers over those of the plates as the mapping has it [m], and as the film has it.
 _TAKEN, _PLANTED = 0.1, float(HEIGHTS[0] - HEIGHTS[3])
@@ -23,18 +23,18 @@ _HEIGHT = float(HEIGHTS[0]) * _TAKEN / _PLANTED
 _SHAPES = {"roll.frequency": 8.0, "roll.damping": 0.2}
 
 
-def _swims(roll: float) -> dict[str, Swim]:
+def _swims(roll: float, seed: int) -> dict[str, Swim]:
     """Return runs at three beats that differ in amplitude, seen as the real camera saw its fish."""
     one = Swim(seconds=4.5, noise=0.4, roll=roll)
     return {
-        "slow": replace(one, beat=0.6, seconds=6.0),
-        "fast": replace(one, beat=1.1, seed=1),
-        "unseen": replace(one, beat=0.85, seed=2),
+        "slow": replace(one, beat=0.6, seconds=6.0, seed=10 * seed),
+        "fast": replace(one, beat=1.1, seed=10 * seed + 1),
+        "unseen": replace(one, beat=0.85, seed=10 * seed + 2),
     }
 
 
-def _filmed(folder: Path, roll: float) -> Dataset:
-    files = [swim.write(folder / f"markers_{name}.csv") for name, swim in _swims(roll).items()]
+def _filmed(folder: Path, roll: float, seed: int = 0) -> Dataset:
+    files = [swim.write(folder / f"markers_{name}.csv") for name, swim in _swims(roll, seed).items()]
     return importers.import_files("fishsim", files, ["unseen"])[0]
 
 
@@ -72,38 +72,30 @@ def test_drag_of_the_tail_comes_back_from_film(rolling: Dataset) -> None:
 
 
 @pytest.mark.slow
-def test_roll_is_what_the_diagnosis_finds_on_film_that_has_it(rolling: Dataset) -> None:
-    """It leads by far, at the planted height; added mass is right to a fifth only.
+def test_roll_is_named_on_film_that_has_it(rolling: Dataset) -> None:
+    """At the planted height; the added mass of head and tail is right to a seventh, that of the body to a quarter.
 
-    The head's comes out 16 % low: nothing allows for joint angles that are off by 0.02 rad and more.
+    The importer puts the sway of the plates down to the joints, off by 0.1 rad: more than it states.
     """
     result = diagnose(rolling)
-    assert result.best == ("roll",), result.message
-    assert result.verdict in ("named", "unexplained"), result.message
+    assert result.verdict == "named", result.message
+    assert [cause.name for cause in result.causes] == ["roll"], result.message
     assert result.extended["roll.height"].estimate == pytest.approx(_HEIGHT, rel=0.15)
-    for group in ("head", "body", "tail"):
+    for group, share in (("head", 0.15), ("body", 0.25), ("tail", 0.15)):
         planted = FISH.values[f"c_m.{group}"]
-        assert result.extended[f"c_m.{group}"].estimate == pytest.approx(planted, rel=0.2)
-    others = [one.statistic for one in result.candidates if one.name != "roll"]
-    leader = next(one for one in result.candidates if one.name == "roll")
-    assert leader.statistic > 3.0 * max(others)
+        assert result.extended[f"c_m.{group}"].estimate == pytest.approx(planted, rel=share)
     assert result.gain is not None
     assert result.gain.extended["sway"] < 0.6 * result.gain.nominal["sway"]
 
 
-@pytest.fixture(scope="module")
-def still(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
-    """A diagnosis of film with nothing wrong."""
-    return diagnose(_filmed(tmp_path_factory.mktemp("still"), 0.0))
-
-
 @pytest.mark.slow
-def test_nothing_is_named_on_film_with_nothing_wrong(still: Diagnosis) -> None:
-    assert still.causes == (), still.message
-    assert still.gain is None or abs(still.gain.relative_reduction) < 0.05
-
-
-@pytest.mark.slow
-@pytest.mark.xfail(reason="the errors of filmed joint angles are taken for something wrong", strict=True)
-def test_nothing_is_wrong_with_film_that_has_nothing_wrong(still: Diagnosis) -> None:
-    assert still.verdict == "nothing_wrong", still.message
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_wrong_with_film_that_has_nothing_wrong(tmp_path: Path, seed: int) -> None:
+    """The errors of filmed joint angles, 0.02 rad, are not taken for something wrong; nor by way of files."""
+    dataset = _filmed(tmp_path, 0.0, seed)
+    save(dataset, tmp_path / "dataset")
+    result = diagnose(load(tmp_path / "dataset"))
+    assert result.verdict == "nothing_wrong", result.message
+    for group in ("head", "body", "tail"):
+        planted = FISH.values[f"c_m.{group}"]
+        assert result.nominal[f"c_m.{group}"].estimate == pytest.approx(planted, rel=0.1)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from joint_motions import waving
+from joint_motions import stages, waving
 
 from mjfish import ode
 from mjfish.fish import COEFFICIENTS, Fish
-from mjfish.ode.linearised import growth
+from mjfish.ode.linearised import deviations, growth, steered
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 
@@ -27,3 +29,29 @@ def test_growth_is_the_slope_of_the_acceleration(pike: Fish, compliance: float) 
             for side in (step, -step)
         )
         np.testing.assert_allclose(found[0, :, column], (right - left) / (2.0 * h), rtol=1e-6, atol=1e-6)
+
+
+def test_wrong_joint_motion_moves_the_fish_as_the_linear_response_says(pike: Fish) -> None:
+    """Rates or accelerations forgotten, joints exchanged, or a response that does not die."""
+    motion, start = waving(2.0, 800), np.array([0.3, 0.02, -0.4])
+    rollout = ode.simulate(pike, motion, values=VALUES, velocity=start)
+    steps = len(rollout.state)
+    grid = stages(motion.time)
+    push, moved = np.zeros((steps, 3, 2)), []
+    slopes = steered(pike, rollout, values=VALUES)
+    for k, (joint, omega) in enumerate([(0, 9.0), (3, 14.0)]):
+        error = 1e-5 * np.array(
+            [np.sin(omega * grid), omega * np.cos(omega * grid), -(omega**2) * np.sin(omega * grid)]
+        )
+        push[:, :, k] = np.einsum("nio,on->ni", slopes[..., joint], error[:, :, 0])
+        pair = []
+        for sign in (1.0, -1.0):
+            there = [getattr(motion, name).copy() for name in ("angle", "rate", "acceleration")]
+            for value, change in zip(there, error, strict=True):
+                value[:, :, joint] += sign * change
+            wrong = replace(motion, angle=there[0], rate=there[1], acceleration=there[2])
+            pair.append(ode.simulate(pike, wrong, values=VALUES, velocity=start).state[:, 0, :3])
+        moved.append(0.5 * (pair[0] - pair[1]))
+    found = deviations(growth(pike, rollout, values=VALUES), push, motion.time[:steps])
+    for k, expected in enumerate(moved):
+        np.testing.assert_allclose(found[:, :, k], expected, atol=2e-3 * np.abs(expected).max())

@@ -83,7 +83,7 @@ def _linear(rng: np.random.Generator) -> dict[str, float]:
 
 
 def _compliance(rng: np.random.Generator) -> dict[str, float]:
-    return {"tail_compliance.compliance": 0.03, "tail_compliance.damping": float(rng.uniform(0.01, 0.05))}
+    return {"tail_compliance.compliance": 0.03, "tail_compliance.damping": float(rng.uniform(0.05, 0.18))}
 
 
 def _stick(rng: np.random.Generator) -> dict[str, float]:
@@ -141,7 +141,7 @@ LISTED = (
     Cause("linear_drag", _linear, 0.0, 15.0),
     Cause("fin_lift", _one("fin_lift.slope", 0.3), 0.0, 25.0, exact=False),
     Cause("munk_moment", _one("munk_moment.kappa", 0.1, signed=True), 0.0, 10.0),
-    Cause("tail_compliance", _compliance, 0.01, 40.0, shapes=("tail_compliance.damping",)),
+    Cause("tail_compliance", _compliance, 0.1, 40.0, shapes=("tail_compliance.damping",)),
     Cause("inertia_error", _one("inertia_error.error", 0.05, signed=True), 0.0, 11.0),
     Cause("com_offset", _one("com_offset.shift", 0.005, signed=True), 0.0, 15.0),
     Cause("roll", _roll, 0.0, 90.0, exact=False, shapes=("roll.frequency", "roll.damping")),

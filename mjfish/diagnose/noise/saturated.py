@@ -17,7 +17,9 @@ from mjfish.diagnose.noise.coloured import Coloured, grid
 from mjfish.diagnose.noise.differentiated import differentiated
 from mjfish.diagnose.noise.drifting import drifting
 from mjfish.diagnose.noise.forces import pushed
+from mjfish.diagnose.noise.misread import Misread, misreading, unaccounted
 from mjfish.diagnose.noise.stepwise import Model, Stepwise, parts
+from mjfish.frames import CHANNELS
 from mjfish.identify import Fit, Noise, Problem
 from mjfish.identify.noise import estimate, floor
 
@@ -51,12 +53,43 @@ def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: Fl
         stated: (3,) sigma that the dataset gives, or None.
     """
     residuals, lost = saturated_residuals(problem, fit, known)
+    through = misreading(problem, fit)
+    if through is None:
+        return _of_velocities(problem, fit, residuals, lost, stated)
+    first = Misread.of(Coloured.of(Noise.white(problem.noise.sigma)), through)
+    if (rest := unaccounted(problem.trials)) is not None:
+        first, stated = Misread.of(Coloured.of(Noise.white(rest)), through), None
+    cleared = [
+        first.cleared(trial, problem.mask(i), block, problem.stretches(i))
+        for i, (trial, block) in enumerate(zip(problem.trials, residuals, strict=True))
+    ]
+    blocks, lost = [block for block, _ in cleared], lost + sum(freedom for _, freedom in cleared) / len(CHANNELS)
+    if rest is not None and np.all(_excess(blocks, lost, rest) < _CONTRADICTED):
+        return first, ""
+    base, told = _of_velocities(problem, fit, blocks, lost, stated)
+    allowed = "errors of the measured joint angles are allowed for"
+    return Misread.of(base, through), f"{told}; {allowed}" if told else f"noise: {allowed}"
+
+
+def _excess(residuals: Sequence[FloatArray], lost: float, sigma: FloatArray) -> FloatArray:
+    """Return by how many standard errors the spread of residuals (n_r, 3) is above sigma (3,)."""
+    free = sum(len(block) for block in residuals) - lost
+    spread = np.sqrt(sum((block**2).sum(axis=0) for block in residuals) / free)
+    return np.asarray((spread / sigma - 1.0) * np.sqrt(2.0 * free))
+
+
+def _of_velocities(
+    problem: Problem, fit: Fit, residuals: Sequence[FloatArray], lost: float, stated: FloatArray | None
+) -> tuple[Model | Stepwise, str]:
+    """Return the noise of the velocities alone from saturated residuals (n_r, 3), and a sentence on it."""
     total = sum(len(block) for block in residuals)
     spread = np.sqrt(sum((block**2).sum(axis=0) for block in residuals) / (total - lost))
     what = "estimated from the data"
     if stated is not None:
-        off = np.abs(spread / stated - 1.0) * np.sqrt(2.0 * (total - lost))
-        if np.all(off < _CONTRADICTED) and _estimated(problem, residuals, lost).order == 0:
+        if (
+            np.all(np.abs(_excess(residuals, lost, stated)) < _CONTRADICTED)
+            and _estimated(problem, residuals, lost).order == 0
+        ):
             return Coloured.of(Noise.white(stated)), ""
         what = "the stated noise does not fit the data; estimated instead"
     models, told = {}, []

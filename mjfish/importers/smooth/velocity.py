@@ -41,24 +41,28 @@ class Velocities:
 
 def of(fit: Fit) -> Velocities:
     """Return the velocities of a fit whose first coordinates are x, y [m] and yaw [rad]."""
-    place, rate = fit.coordinates(), fit.coordinates(1)
-    yaw = place[:, _YAW]
+    yaw, rate = fit.coordinates()[:, _YAW], fit.coordinates(1)
+    lags = max(len(yaw) // 4, 1)
+    pairs = [_errors(slope, fit.covariance, lags) for slope in gradients(fit)]
+    return Velocities(
+        value=np.column_stack([frames.to_body(rate[:, :2], yaw), rate[:, _YAW]]),
+        sigma=np.column_stack([sigma for sigma, _ in pairs]),
+        correlation=np.column_stack([correlation for _, correlation in pairs]),
+    )
+
+
+def gradients(fit: Fit) -> list[FloatArray]:
+    """Return the derivatives (n, unknowns) of surge, sway and yaw rate by all unknowns of a fit."""
+    yaw, rate = fit.coordinates()[:, _YAW], fit.coordinates(1)
     cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
     body = frames.to_body(rate[:, :2], yaw)
     along, to_port = fit.gradient(_X, 1), fit.gradient(_Y, 1)
     turned = fit.gradient(_YAW)
-    slopes = [
+    return [
         cos * along + sin * to_port + body[:, 1:] * turned,
         cos * to_port - sin * along - body[:, :1] * turned,
         fit.gradient(_YAW, 1),
     ]
-    lags = max(len(yaw) // 4, 1)
-    pairs = [_errors(slope, fit.covariance, lags) for slope in slopes]
-    return Velocities(
-        value=np.column_stack([body, rate[:, _YAW]]),
-        sigma=np.column_stack([sigma for sigma, _ in pairs]),
-        correlation=np.column_stack([correlation for _, correlation in pairs]),
-    )
 
 
 def _errors(slope: FloatArray, covariance: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
