@@ -80,7 +80,7 @@ def _by_trial(problem: Problem, fit: Fit) -> list[tuple[FloatArray, FloatArray]]
 def _without(blocks: Sequence[tuple[FloatArray, FloatArray]], fit: Fit, r: int) -> list[FloatArray]:
     """Return the residuals (m, 3) of all runs at the estimates without run r."""
     free = np.flatnonzero(~fit.at_bound)
-    design = np.concatenate([j[:, :, free].reshape(-1, len(free)) for k, (_, j) in enumerate(blocks) if k != r])
+    design = np.concatenate([j[:, :, free].reshape(e.size, len(free)) for k, (e, j) in enumerate(blocks) if k != r])
     left = np.concatenate([e.ravel() for k, (e, _) in enumerate(blocks) if k != r])
     # A direction that the other runs do not see is not moved.
     step = np.linalg.lstsq(design, left, rcond=1e-6)[0]

@@ -77,6 +77,15 @@ def test_a_run_that_nothing_can_be_compared_with_is_a_remark() -> None:
     assert [one.trials for one in remarked(found, "odd_run")] == [("v5",)]
 
 
+def test_an_odd_run_is_looked_for_where_every_coefficient_rests_on_a_bound() -> None:
+    """Nothing is free, and nothing moves when a run is left out."""
+    fitted, held = good().split()
+    posed = Problem(Model(good().fish), fitted, Noise.white(readonly(SIGMA)), jobs=1)
+    found = fit(posed, posed.start(TRUTH), evaluations=1)
+    pinned = replace(found, at_bound=np.ones_like(found.at_bound))
+    assert wrong(checks.after(posed, pinned, held)) == []
+
+
 Draw = Callable[[np.random.Generator, int], FloatArray]
 
 
