@@ -24,6 +24,9 @@ DURATION = 7.2
 #: Sizes in units of a strong effect.
 STRENGTHS = {"strong": 1.0, "middling": 0.4, "weak": 0.15}
 
+#: Sigma of surge, sway [m/s] and yaw rate [rad/s], to half as much more or less.
+NOISE = np.array([0.01, 0.01, 0.05])
+
 Draw = Callable[[np.random.Generator], dict[str, float]]
 
 
@@ -90,8 +93,11 @@ def coefficients(rng: np.random.Generator) -> dict[str, float]:
     return drawn
 
 
-def draw(effect: str | None, strength: str, number: int = 0, trials: int = 5) -> Case:
-    """Draw coefficients, size of the effect, modes, noise; two trials are held out."""
+def draw(effect: str | None, strength: str, number: int = 0, trials: int = 5, *, hide: bool = True) -> Case:
+    """Draw coefficients, size of the effect, modes, noise; two trials are held out.
+
+    Unless `hide`, the effect is left out of the data, and nothing else is changed.
+    """
     key = [SEED, number, 0 if effect is None else 1 + list(STRONG).index(effect), list(STRENGTHS).index(strength)]
     rng = np.random.default_rng(key)
     truth = coefficients(rng)
@@ -104,12 +110,19 @@ def draw(effect: str | None, strength: str, number: int = 0, trials: int = 5) ->
     dataset = plant(
         fishes.load("pike"),
         modes,
-        values=truth,
-        effects=[] if effect is None else [find(effect)],
-        noise=np.array([0.01, 0.01, 0.05]) * rng.uniform(0.5, 1.5),
+        values={name: value for name, value in truth.items() if hide or name in COEFFICIENTS},
+        effects=[find(effect)] if effect is not None and hide else [],
+        noise=NOISE * rng.uniform(0.5, 1.5),
         duration=DURATION,
         seed=int(rng.integers(2**32)),
         held_out=modes[-2:],
         name=f"{effect or 'null'}, {strength}, seed {SEED}",
     )
     return Case(dataset, effect, truth)
+
+
+def change(effect: str, strength: str, number: int) -> float:
+    """Return the largest change of any sample that the hidden effect makes, in units of the noise."""
+    with_it, without = (draw(effect, strength, number, hide=hide).dataset.trials for hide in (True, False))
+    apart = np.concatenate([a.velocity - b.velocity for a, b in zip(with_it, without, strict=True)])
+    return float(np.max(np.abs(apart) / NOISE))

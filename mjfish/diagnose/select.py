@@ -1,7 +1,9 @@
 """Which causes: the confidence set by test inversion, and the goodness of fit of its members.
 
 A set l of causes stays as long as, were l the truth, the best rival would beat it by the observed margin more often
-than in 5 % of cases. With whitened predictions eta_k at the refits and d_k = eta_k - eta_l,
+than in 5 % of cases; or as long as the likelihood of the best is less than ten times its own: where two causes that can
+be told apart are as likely as each other, the data are odd under both, and name neither. With whitened predictions
+eta_k at the refits and d_k = eta_k - eta_l,
 
     LR_k - LR_l = 2 d_k' eps - |d_k|^2,    eps ~ N(0, 1),    were l true,
 
@@ -14,7 +16,7 @@ are not linear in their amplitudes, or not smooth, need no linearisation).
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -27,6 +29,8 @@ from mjfish.effects.effect import Effect
 Key = TypeVar("Key", bound=Hashable)
 #: A cause is kept in the confidence set above this p value.
 KEEP = 0.05
+#: Or within this fall of the sum of squares, 2 ln 10, of the best.
+CLOSE = 2.0 * float(np.log(10.0))
 #: A cause that fits worse than this in either of two tests is no explanation: four true causes in a thousand are lost.
 GOODNESS = 0.002
 #: What is left may be this share of all there was to explain: a cause's form is a model, too.
@@ -40,12 +44,14 @@ class Standing:
 
     Attributes:
         rival_p: p value of the margin by which the best rival beats it.
+        behind: that margin, a fall of the sum of squares, adjusted for parameters.
         saturated_p: of the joint score of all other candidates at its refit.
         omnibus_p: of the omnibus basis at its refit.
         left: what is left at its refit beyond chance, as a share of all there was to explain.
     """
 
     rival_p: float
+    behind: float
     saturated_p: float = 0.0
     omnibus_p: float = 0.0
     left: float = 1.0
@@ -53,7 +59,7 @@ class Standing:
     @property
     def in_set(self) -> bool:
         """Whether the data cannot tell it from the best."""
-        return self.rival_p >= KEEP
+        return self.rival_p >= KEEP or self.behind < CLOSE
 
     @property
     def clean(self) -> bool:
@@ -66,8 +72,8 @@ class Standing:
         return self.clean or self.left < LEFT
 
 
-def rival_p(refits: Mapping[Key, Refit], rng: np.random.Generator) -> dict[Key, float]:
-    """Return, per refit, the p value of the margin by which the best rival beats it."""
+def rivalry(refits: Mapping[Key, Refit], rng: np.random.Generator) -> dict[Key, Standing]:
+    """Return, per refit, the margin by which the best rival beats it and its p value; goodness of fit is not tested."""
     names = list(refits)
     residuals = np.stack([refits[name].fit.residual for name in names])
     gains = np.array([refits[name].adjusted for name in names])
@@ -79,27 +85,27 @@ def rival_p(refits: Mapping[Key, Refit], rng: np.random.Generator) -> dict[Key, 
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         margin = 2.0 * rng.standard_normal((DRAWS, len(names))) @ root.T - np.diag(inner)
         observed = gains.max() - gains[index]
-        result[name] = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
+        chance_ = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
+        result[name] = Standing(chance_, float(observed))
     return result
 
 
-def standing(one: Refit, candidates: Sequence[Effect], rival: float) -> Standing:
-    """Return the goodness of fit of a refit in the confidence set."""
+def standings(
+    refits: Mapping[Key, Refit], candidates: Sequence[Effect], rng: np.random.Generator
+) -> dict[Key, Standing]:
+    """Return the standing of every refit; the goodness of fit only of those in the confidence set."""
+    return {
+        name: _tested(refits[name], candidates, one) if one.in_set else one
+        for name, one in rivalry(refits, rng).items()
+    }
+
+
+def _tested(one: Refit, candidates: Sequence[Effect], known: Standing) -> Standing:
+    """Return the standing of a refit with its goodness of fit."""
     after = gather(one.problem, one.fit, candidates)
     excess = max(after.saturated_excess(), after.omnibus_excess(), 0.0)
     left = excess / max(one.gain + excess, 1e-9)
-    return Standing(rival, after.saturated_p(), after.omnibus_p(), left)
-
-
-def standings(
-    refits: Mapping[str, Refit], candidates: Sequence[Effect], rng: np.random.Generator
-) -> dict[str, Standing]:
-    """Return the standing of every refitted candidate; the goodness of fit only of those in the confidence set."""
-    rivals = rival_p(refits, rng)
-    return {
-        name: Standing(rivals[name]) if rivals[name] < KEEP else standing(one, candidates, rivals[name])
-        for name, one in refits.items()
-    }
+    return replace(known, saturated_p=after.saturated_p(), omnibus_p=after.omnibus_p(), left=left)
 
 
 def chance(statistic: float, freedom: int) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 from mjfish.diagnose.evidence import Evidence, gather
 from mjfish.diagnose.progress import Progress
 from mjfish.diagnose.refit import Refit, refined, refit
-from mjfish.diagnose.select import GOODNESS, KEEP, Standing, rival_p, standing
+from mjfish.diagnose.select import GOODNESS, Standing, standings
 from mjfish.effects.effect import Effect
 
 #: Most causes that are claimed together.
@@ -154,10 +154,5 @@ def _earned(one: Refit, known: Mapping[Names, Refit]) -> bool:
 def _standing(
     sets: Mapping[Names, Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
 ) -> Sets:
-    rivals = rival_p(sets, rng)
-    standings = {
-        names: Standing(rivals[names]) if rivals[names] < KEEP else standing(one, candidates, rivals[names])
-        for names, one in sets.items()
-    }
     parts = {names: max(_without(one, known), key=lambda part: part.gain) for names, one in sets.items()}
-    return Sets(sets, standings, parts)
+    return Sets(sets, standings(sets, candidates, rng), parts)

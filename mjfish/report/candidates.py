@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mjfish.diagnose import Candidate, Diagnosis, Estimate
-from mjfish.diagnose.select import GOODNESS, KEEP
+from mjfish.diagnose.select import GOODNESS
 from mjfish.effects import Effect, catalogue
 from mjfish.report.words import chance, estimate, interval, number, percent, unit
 
@@ -104,7 +104,7 @@ def _verdict(one: Candidate, diagnosis: Diagnosis, effects: Mapping[str, Effect]
         return "The cause: with it in the model nothing systematic is left."
     if any(one.name in group for group in diagnosis.rivals):
         return "Possible: the data cannot tell it from its rivals, and with it nothing systematic is left."
-    if one.rival_p is not None and one.rival_p < KEEP:
+    if one.rival_p is not None and one.fit_p is None:
         return f"Ruled out: {' with '.join(diagnosis.best)} explains the misfit better by more than chance allows."
     if one.fit_p is not None and one.fit_p < GOODNESS:
         return "Close, but with it in the model something systematic is left."

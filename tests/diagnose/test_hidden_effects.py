@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planted_cases import STRENGTHS, STRONG, draw
+from planted_cases import STRENGTHS, STRONG, change, draw
 
 from mjfish.diagnose import Diagnosis, diagnose
 from mjfish.diagnose.result import Estimate
@@ -53,14 +53,19 @@ def test_every_cause_of_the_catalogue_is_hidden_once_or_cannot_be_seen() -> None
 @pytest.mark.parametrize("strength", STRENGTHS)
 @pytest.mark.parametrize("effect", STRONG)
 def test_other_draws_of_a_hidden_effect_are_named_too(effect: str, strength: str) -> None:
-    """Of four more draws one may get no name (a true cause is lost in four of a thousand), none another name."""
+    """Of four more draws one may get no name (a true cause is lost in four of a thousand), none another name.
+
+    A weak one may have rivals; a servo that is never asked for more than its limit leaves no trace and does not count.
+    """
     told = []
     for number in range(1, 5):
-        case = draw(effect, strength, number)
-        result = diagnose(case.dataset, jobs=1)
-        told.append((result.verdict, [cause.name for cause in result.causes], result.message))
-    assert all(names in ([], [effect]) for _, names, _ in told), told
-    assert sum(names == [effect] for _, names, _ in told) >= 3, told
+        result = diagnose(draw(effect, strength, number).dataset, jobs=1)
+        names = [cause.name for cause in result.causes]
+        among = strength == "weak" and (effect,) in result.alternatives
+        lost = not among and names != [effect] and change(effect, strength, number) > 0.5
+        told.append((lost, names, result.verdict, result.message))
+    assert all(names in ([], [effect]) for _, names, _, _ in told), told
+    assert sum(lost for lost, *_ in told) <= 1, told
 
 
 @pytest.mark.parametrize("number", range(3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,11 +16,19 @@ from mjfish.diagnose.select import Standing
 from mjfish.diagnose.verdict import Hearing, Ruling, rule
 from mjfish.identify.score import Score
 
-GOOD = Standing(rival_p=1.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
-RIVAL = Standing(rival_p=0.3, saturated_p=0.5, omnibus_p=0.5, left=0.0)
-BEATEN = Standing(rival_p=0.001)
-LITTLE = Standing(rival_p=1.0, saturated_p=1e-5, omnibus_p=0.5, left=0.02)
-MISFIT = Standing(rival_p=1.0, saturated_p=1e-5, omnibus_p=0.5, left=0.3)
+GOOD = Standing(rival_p=1.0, behind=0.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
+RIVAL = Standing(rival_p=0.3, behind=7.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
+BEATEN = Standing(rival_p=0.001, behind=30.0)
+LITTLE = Standing(rival_p=1.0, behind=0.0, saturated_p=1e-5, omnibus_p=0.5, left=0.02)
+MISFIT = Standing(rival_p=1.0, behind=0.0, saturated_p=1e-5, omnibus_p=0.5, left=0.3)
+
+
+def test_a_cause_as_likely_as_the_best_stays_however_odd_that_is() -> None:
+    """Two causes that the data could have told apart, and that fit alike: neither is named."""
+    tied = Standing(rival_p=0.03, behind=0.1, saturated_p=0.5, omnibus_p=0.5, left=0.0)
+    assert tied.in_set
+    assert not replace(tied, behind=6.0).in_set
+    assert replace(tied, rival_p=0.06, behind=6.0).in_set
 
 
 def _refit(names: str, gain: float) -> Any:
