@@ -48,7 +48,7 @@ def clock(trial: Trial, shifted: FloatArray, sigma: FloatArray) -> Iterator[Find
     drifting, ends = _drift(misfit)
     if min(float(joined[at]), drifting) > SHARE * constant:
         return
-    step = float(np.median(np.diff(trial.time)))
+    step = trial.step
     when = float(trial.time[side + at])
     if drifting < joined[at]:
         share = (SHIFTS[ends[1]] - SHIFTS[ends[0]]) * step / float(np.ptp(trial.time))

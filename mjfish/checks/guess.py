@@ -42,7 +42,7 @@ def sampled_enough(trial: Trial) -> bool:
     if not trial.drive:
         return True
     beat = 2.0 * np.pi / max(segment.omega for segment in trial.drive)
-    return bool(np.median(np.diff(trial.time)) * _FEWEST < beat and trial.time[-1] < 600.0)
+    return bool(trial.step * _FEWEST < beat and trial.time[-1] < 600.0)
 
 
 def value_sets(fish: Fish) -> tuple[dict[str, float], ...]:

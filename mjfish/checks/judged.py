@@ -147,7 +147,7 @@ def of_start(trial: Trial, guess: FloatArray | None, noise: FloatArray) -> Itera
             )
     if guess is None or not trial.starts_at_rest or trial.time[0] > 0.05:
         return
-    step = float(np.median(np.diff(trial.time)))
+    step = trial.step
     few = slice(0, max(int(0.1 / step), 2))
     usual = float(np.median(trial.velocity[len(trial.time) // 2 :, 0]))
     excess = float(np.median(trial.velocity[few, 0] - guess[few, 0]))

@@ -127,7 +127,7 @@ def _beats_otherwise(trial: Trial) -> Iterator[Finding]:
     """Find a run that beats at another frequency than its drive, where the drive has one and the run is long enough."""
     omegas = {segment.omega for segment in trial.drive}
     span = float(np.ptp(trial.time))
-    frequency = np.arange(0.2, 0.4 / float(np.median(np.diff(trial.time))), 0.25 / span)
+    frequency = np.arange(0.2, 0.4 / trial.step, 0.25 / span)
     wave = np.exp(-2j * np.pi * frequency[:, None] * trial.time) @ (trial.velocity[:, 2] - trial.velocity[:, 2].mean())
     found, asked = float(frequency[np.argmax(np.abs(wave))]), float(trial.drive[0].omega / (2.0 * np.pi))
     # A tail that gives way may answer loudest at three times the beat.

@@ -54,7 +54,7 @@ def after(problem: Problem, fit: Fit, held: Sequence[Trial] = ()) -> Checks:
     found += [one for one in odd_run(problem, fit) if not wrong & set(one.trials)]
     if not wrong:
         settled = [one for i, r in enumerate(residuals) if len((one := _settled(problem, i, r))[1]) >= _LONG]
-        steps = [float(np.median(np.diff(t.time))) for t, _ in settled]
+        steps = [t.step for t, _ in settled]
         found += remarks(making([r for _, r in settled], steps, [beats(t) for t, _ in settled]))
     return Checks(ordered(found))
 
@@ -83,7 +83,7 @@ def _shifted(problem: Problem, trial: Trial, values: dict[str, float], offset: f
     rollout = predicted.rollout
     if rollout.status != "ok":
         return np.full((len(clock.SHIFTS), len(trial.time), 3), np.nan)
-    step = float(np.median(np.diff(trial.time)))
+    step = trial.step
     when = problem.model.prepare(trial, values, offset=offset).time[None, :] + clock.SHIFTS[:, None] * step
     inside = np.clip(when, rollout.time[0], rollout.time[-1])
     return np.asarray(rollout.at(inside.ravel())[:, :3].reshape(*when.shape, 3))

@@ -97,7 +97,7 @@ def _differences(
     group: Sequence[Trial], free_clock: bool
 ) -> tuple[list[FloatArray], list[BoolArray], tuple[str, ...], float, float] | None:
     """Return differences (n, 3) a repeat, where they stand on the grid, names, seconds, power at the beat."""
-    step = float(np.median(np.diff(group[0].time)))
+    step = group[0].step
     cells = [np.rint(trial.time / step).astype(np.int64) for trial in group]
     aligned = all(np.abs(t.time - c * step).max() < 0.05 * step for t, c in zip(group, cells, strict=True))
     common = cells[0]

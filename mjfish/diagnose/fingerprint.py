@@ -95,7 +95,7 @@ def _stretches(problem: Problem, index: int, raw: FloatArray) -> list[_Stretch]:
     for segment, end in zip(trial.drive, edges[1:], strict=True):
         beat = 2.0 * np.pi / segment.omega if segment.omega > 0.0 else np.inf
         here = (trial.time >= segment.start + _SETTLING * beat) & (trial.time <= end)
-        if any(segment.bias) or np.count_nonzero(here) * np.median(np.diff(trial.time)) < _LASTING * beat:
+        if any(segment.bias) or np.count_nonzero(here) * trial.step < _LASTING * beat:
             continue
         rows = here[mask]
         turned = phase[mask][rows]

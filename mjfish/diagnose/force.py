@@ -72,7 +72,7 @@ def _of_trial(
     inertia = stretched(problem.model.fish, values)
     trial, mask = problem.trials[index], problem.mask(index)
     seen = grid(trial.time, mask)
-    step = float(np.median(np.diff(trial.time)))
+    step = trial.step
     mean, covariance = _smoothed(noise, noise.growth[trial.name], step, seen, residual)
     band = np.sqrt(np.einsum("ij,njk,ik->ni", inertia, covariance, inertia))
     rollout = problem.prediction(trial, values).rollout

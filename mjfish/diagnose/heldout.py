@@ -105,7 +105,7 @@ def _speed_error(one: Score) -> float:
 
 
 def _blocks(nominal: FloatArray, extended: FloatArray, trial: Trial) -> FloatArray:
-    step = float(np.median(np.diff(trial.time)))
+    step = trial.step
     size = max(round(_BLOCK / step), 1)
     count = max(len(nominal) // size, 1)
     rows = [

@@ -132,7 +132,7 @@ class Problem:
         """
         trial = self.trials[index]
         keep = np.ones(len(trial.time), dtype=np.bool_)
-        beside = 1.5 * float(np.median(np.diff(trial.time)))
+        beside = 1.5 * trial.step
         for segment in trial.drive[1:]:
             keep &= np.abs(trial.time - segment.start) > beside
         if trial.joint_angle is not None:

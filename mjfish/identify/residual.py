@@ -47,7 +47,7 @@ class Residual:
     @property
     def interval(self) -> float:
         """Time between samples [s]."""
-        return float(np.median(np.diff(self.trial.time)))
+        return self.trial.step
 
     @cached_property
     def rows(self) -> NDArray[np.intp]:

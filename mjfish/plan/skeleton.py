@@ -119,7 +119,7 @@ def _command(dataset: Dataset, run: Run) -> dict[str, Any]:
 
 
 def _list(dataset: Dataset, plan: Plan, run: Run) -> Sequence[str]:
-    interval = float(np.median(np.diff(run.trial.time)))
+    interval = run.trial.step
     lines = [f"# {run.name}", "", plan.question.why, plan.message, ""]
     calibrations = [option for option in plan.options if option.kind == "calibration"]
     if calibrations:

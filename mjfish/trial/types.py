@@ -73,6 +73,11 @@ class Trial:
     errors: FloatArray | None = None
 
     @property
+    def step(self) -> float:
+        """Step between samples [s]: the median, for gaps may be among them."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
     def starts_at_rest(self) -> bool:
         """Whether the trial begins at time 0 with the fish at rest in the water, as every CPG-driven trial does.
 

@@ -89,7 +89,7 @@ def differentiated(problem: Problem, residuals: Sequence[FloatArray]) -> Differe
     For each share of rounding the filter with the largest likelihood of [Whittle1953]; of those the likeliest.
     """
     seen = spectrum(problem, residuals)
-    step = float(np.median(np.diff(problem.trials[0].time)))
+    step = problem.trials[0].step
     power = np.stack([seen.power[:, c, c].real for c in range(3)])
     filters = [(window, degree) for degree in _DEGREES for window in _WINDOWS if window > degree]
     responses = [

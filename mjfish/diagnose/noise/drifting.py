@@ -54,7 +54,7 @@ class Drifting(Noise):
         return np.concatenate([self.sigma, self.wander, self.time])
 
     def _filter(self, channel: int, trial: Trial, seen: BoolArray) -> Gains:
-        step = float(np.median(np.diff(trial.time)))
+        step = trial.step
         sigma, wander, time = (float(one[channel]) for one in (self.sigma, self.wander, self.time))
         return _gains(sigma, wander, float(np.exp(-step / time)), seen.tobytes())
 
@@ -71,7 +71,7 @@ def _gains(sigma: float, wander: float, decay: float, seen: bytes) -> Gains:
 def drifting(problem: Problem, residuals: Sequence[FloatArray]) -> Drifting:
     """Estimate drifting noise from residuals (n_r, 3) of the trials of a problem."""
     seen = spectrum(problem, residuals)
-    step = float(np.median(np.diff(problem.trials[0].time)))
+    step = problem.trials[0].step
     turn = 2.0 * np.pi * seen.frequency
     spread = np.sqrt(np.mean(np.concatenate([block**2 for block in residuals]), axis=0))
     found = np.zeros((3, 3))

@@ -43,7 +43,7 @@ def inside(trials: Sequence[Trial], samples: int) -> tuple[tuple[float, float] |
         return None
     windows = []
     for trial in trials:
-        step = float(np.median(np.diff(trial.time)))
+        step = trial.step
         cut = (samples - 0.5) * step
         windows.append((float(trial.time[0]) + cut, float(trial.time[-1]) - cut))
     return tuple(windows)

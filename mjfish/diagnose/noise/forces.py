@@ -58,7 +58,7 @@ class Pushed(Noise):
         """Return the Kalman filter of a trial."""
         key = (trial.name, seen.tobytes())
         if key not in self.made:
-            step = float(np.median(np.diff(trial.time)))
+            step = trial.step
             self.made[key] = _filter(self._growth(trial, len(seen)), step, self, seen)
         return self.made[key]
 
@@ -101,7 +101,7 @@ def along(problem: Problem, fit: Fit) -> dict[str, FloatArray]:
         rollout = problem.prediction(trial, fit.values).rollout
         a = growth(run.fish, rollout, values=run.coefficients, loads=run.loads)
         mask = problem.mask(i)
-        step = float(np.median(np.diff(trial.time)))
+        step = trial.step
         first, count = float(trial.time[0]), len(grid(trial.time, mask))
         at = np.clip(np.searchsorted(rollout.time, first + step * np.arange(count)), 0, len(a) - 1)
         result[trial.name] = readonly(a[at])
@@ -111,7 +111,7 @@ def along(problem: Problem, fit: Fit) -> dict[str, FloatArray]:
 def pushed(problem: Problem, fit: Fit, residuals: Sequence[FloatArray]) -> Pushed:
     """Estimate force noise from residuals (n_r, 3) of the trials of a fit."""
     growing = along(problem, fit)
-    step = float(np.median(np.diff(problem.trials[0].time)))
+    step = problem.trials[0].step
     seen = spectrum(problem, residuals)
     mean = np.mean([a.mean(axis=0) for a in growing.values()], axis=0)
     spread = np.sqrt(np.mean(np.concatenate([block**2 for block in residuals]), axis=0))

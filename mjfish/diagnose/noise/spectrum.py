@@ -33,7 +33,7 @@ class Spectrum:
 
 def spectrum(problem: Problem, residuals: Sequence[FloatArray]) -> Spectrum:
     """Return the spectrum of residuals (n_r, 3) of the trials of a problem, two-sided, per Hz."""
-    step = float(np.median(np.diff(problem.trials[0].time)))
+    step = problem.trials[0].step
     return _binned(
         [
             _periodogram(block, grid(trial.time, problem.mask(i)), step)

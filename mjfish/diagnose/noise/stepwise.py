@@ -55,7 +55,7 @@ class Stepwise(Noise):
 
 def step(trial: Trial) -> float:
     """Return the step of a trial [s], two digits."""
-    return float(f"{np.median(np.diff(trial.time)):.2g}")
+    return float(f"{trial.step:.2g}")
 
 
 def parts(problem: Problem) -> dict[float, tuple[list[int], Problem]]:
