@@ -157,8 +157,8 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0, before: Re
     base = evidence.problem
     small = evidence.first_guess(effect.name) if evidence.statistic(effect.name) > _SHOWN else {}
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, small)})
-    starts = [problem.start({**evidence.fit.values, **guess}) for guess in _guesses(evidence, effect)]
     one_step = evidence.first_guess(effect.name)
+    starts = [problem.start({**evidence.fit.values, **guess}) for guess in guesses(effect, one_step)]
     starts.insert(0, problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
     starts.append(problem.start(evidence.fit.values))  # next to nothing of it: no refit need be worse than none
     if before is not None:
@@ -203,18 +203,18 @@ def _followed(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
         x, sse = result.x, result.sse
 
 
-def _guesses(evidence: Evidence, effect: Effect) -> list[dict[str, float]]:
-    one_step = evidence.first_guess(effect.name)
+def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, float]]:
+    """Return amplitudes that a fit may start from: multiples of the one-step estimate and of the declared scale."""
     amplitudes = [p for p in effect.parameters if not p.shape]
-    guesses = [
+    found = [
         {p.name: p.default + multiple * (one_step[p.name] - p.default) for p in amplitudes} for multiple in _MULTIPLES
     ]
     for multiple in _MULTIPLES:
         signs = {p.name: -1.0 if one_step[p.name] < p.default else 1.0 for p in amplitudes}
-        guesses.append({p.name: p.default + multiple * signs[p.name] * p.scale for p in amplitudes})
+        found.append({p.name: p.default + multiple * signs[p.name] * p.scale for p in amplitudes})
     if any(p.start != p.default for p in amplitudes):  # declared where there is no gradient at the null
-        guesses += [{p.name: p.default + share * (p.start - p.default) for p in amplitudes} for share in (1.0, 2.0)]
-    return [_inside(effect, guess) for guess in guesses]
+        found += [{p.name: p.default + share * (p.start - p.default) for p in amplitudes} for share in (1.0, 2.0)]
+    return [_inside(effect, guess) for guess in found]
 
 
 def _inside(effect: Effect, guess: Mapping[str, float]) -> dict[str, float]:

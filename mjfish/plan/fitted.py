@@ -10,7 +10,7 @@ import numpy as np
 
 from mjfish.diagnose.evidence import gather
 from mjfish.diagnose.progress import Progress, silent
-from mjfish.diagnose.refit import off_null
+from mjfish.diagnose.refit import guesses, off_null
 from mjfish.effects.effect import Effect
 from mjfish.identify import Fit, Noise, Problem, fit
 from mjfish.identify.noise import estimate
@@ -19,8 +19,6 @@ from mjfish.model import Model
 from mjfish.parameter import Parameter
 from mjfish.trial import Dataset
 
-#: Multiples of the one-step estimate, and of a declared scale, that a fit may start from.
-_MULTIPLES = (0.3, 1.0, 3.0)
 _TOLERANCE = 1e-6
 
 
@@ -81,7 +79,7 @@ def fit_rivals(
     for done, rival in enumerate(rivals):
         progress(f"fitting with {rival.name}", 0.1 + 0.3 * done / len(rivals))
         found.append(
-            _fit(problem, nominal, rival, [_given(rival, starts), *_guesses(rival, evidence.first_guess(rival.name))])
+            _fit(problem, nominal, rival, [_given(rival, starts), *guesses(rival, evidence.first_guess(rival.name))])
         )
     return tuple(found)
 
@@ -97,21 +95,12 @@ def with_noise_of_the_best(fitted: Sequence[Fitted]) -> tuple[Fitted, ...]:
     return tuple(again)
 
 
-def _fit(problem: Problem, nominal: Fit, rival: Effect, guesses: Sequence[Mapping[str, float]]) -> Fitted:
+def _fit(problem: Problem, nominal: Fit, rival: Effect, tried: Sequence[Mapping[str, float]]) -> Fitted:
     wider = extended(problem, rival)
-    starts = [wider.start({**nominal.values, **guess}) for guess in guesses if guess]
+    starts = [wider.start({**nominal.values, **guess}) for guess in tried if guess]
     costs = [float(np.sum(wider.residual(start) ** 2)) for start in starts]
     return Fitted(rival, wider, fit(wider, starts[int(np.argmin(costs))], tolerance=_TOLERANCE))
 
 
 def _given(rival: Effect, starts: Mapping[str, float]) -> dict[str, float]:
     return {p.name: float(np.clip(starts[p.name], p.low, p.high)) for p in rival.parameters if p.name in starts}
-
-
-def _guesses(rival: Effect, one_step: Mapping[str, float]) -> list[dict[str, float]]:
-    amplitudes = [p for p in rival.parameters if not p.shape]
-    sizes = []
-    for multiple in _MULTIPLES:
-        sizes.append({p: multiple * (one_step[p.name] - p.default) for p in amplitudes})
-        sizes.append({p: multiple * (-p.scale if one_step[p.name] < p.default else p.scale) for p in amplitudes})
-    return [{p.name: float(np.clip(p.default + size, p.low, p.high)) for p, size in one.items()} for one in sizes]
