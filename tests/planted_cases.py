@@ -121,8 +121,8 @@ def draw(effect: str | None, strength: str, number: int = 0, trials: int = 5, *,
     return Case(dataset, effect, truth)
 
 
-def change(effect: str, strength: str, number: int) -> float:
-    """Return the largest change of any sample that the hidden effect makes, in units of the noise."""
-    with_it, without = (draw(effect, strength, number, hide=hide).dataset.trials for hide in (True, False))
+def trace(effect: str, strength: str, number: int) -> float:
+    """Return the sum of squares that the hidden effect adds to the fitted trials, in units of the noise."""
+    with_it, without = (draw(effect, strength, number, hide=hide).dataset.split()[0] for hide in (True, False))
     apart = np.concatenate([a.velocity - b.velocity for a, b in zip(with_it, without, strict=True)])
-    return float(np.max(np.abs(apart) / NOISE))
+    return float(np.sum((apart / NOISE) ** 2))

@@ -14,7 +14,7 @@ from mjfish.diagnose.noise.drifting import Drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed
 from mjfish.diagnose.noise.misread import Misread
-from mjfish.diagnose.noise.saturated import noise_of, saturated_residuals
+from mjfish.diagnose.noise.saturated import noise_of, saturated
 from mjfish.diagnose.noise.stepwise import Stepwise
 from mjfish.diagnose.progress import Progress
 from mjfish.diagnose.refit import Refit, abrupt, refits
@@ -61,7 +61,7 @@ def search(
     problem, start = _resolved(problem)
     baseline = fit(problem, start, tolerance=1e-6)
     made = signatures(problem, baseline.values, candidates)
-    ends = noisy_ends(saturated_residuals(problem, baseline, made)[0])
+    ends = noisy_ends(saturated(problem, baseline, made).residuals)
     if ends:
         problem = replace(problem, windows=inside(problem.trials, ends))
         baseline = fit(problem, baseline.x, tolerance=1e-6)

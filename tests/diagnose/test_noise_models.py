@@ -19,7 +19,7 @@ from mjfish.diagnose.noise.differentiated import Differentiated, differentiated
 from mjfish.diagnose.noise.drifting import Drifting, drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed, pushed
-from mjfish.diagnose.noise.saturated import likelihood, noise_of
+from mjfish.diagnose.noise.saturated import Saturated, kept, likelihood, noise_of
 from mjfish.diagnose.noise.stepwise import Stepwise
 from mjfish.effects import find
 from mjfish.fish import Fish
@@ -41,7 +41,7 @@ PUSHED = Pushed(
 
 
 def _trial(samples: int) -> Any:
-    return SimpleNamespace(name="run", time=STEP * np.arange(samples))
+    return SimpleNamespace(name="run", time=STEP * np.arange(samples), step=STEP)
 
 
 def _coloured(rng: np.random.Generator, samples: int) -> FloatArray:
@@ -145,11 +145,40 @@ def test_drift_is_found_and_is_likelier_than_an_autoregression(swum: tuple[Probl
     problem, _ = swum
     rng = np.random.default_rng(5)
     blocks = [_drifting(rng, int(problem.mask(i).sum())) for i in range(2)]
-    found = drifting(problem, blocks)
+    left = _nothing_taken(blocks)
+    found = drifting(problem, blocks, kept(problem, left))
     np.testing.assert_allclose(found.sigma, SIGMA, rtol=0.2)
     np.testing.assert_allclose(found.wander, DRIFTING.wander, rtol=0.5)
     fair = Coloured.of(Noise.white(np.sqrt(np.mean(np.concatenate(blocks) ** 2, axis=0))))
-    assert likelihood(found, problem, blocks) > likelihood(fair, problem, blocks) + 100.0
+    assert likelihood(found, problem, left) > likelihood(fair, problem, left) + 100.0
+
+
+def test_a_drift_is_not_taken_for_smaller_where_the_saturated_model_swallows_what_is_slow(
+    swum: tuple[Problem, Fit],
+) -> None:
+    """Five slow waves a trial and channel are taken out. Catches spectra and likelihoods that do not know of it."""
+    problem, _ = swum
+    rng = np.random.default_rng(9)
+    counts = [int(problem.mask(i).sum()) for i in range(2)]
+    waves = [np.cos(np.pi * np.outer((np.arange(n) + 0.5) / n, np.arange(5))) for n in counts]
+    span = [np.zeros((n, 3, 30)) for n in counts]
+    blocks = []
+    for i, (n, wave) in enumerate(zip(counts, waves, strict=True)):
+        basis = np.linalg.qr(wave)[0]
+        for c in range(3):
+            span[i][:, c, 15 * i + 5 * c : 15 * i + 5 * (c + 1)] = basis * SIGMA[c]
+        noise = _drifting(rng, n)
+        blocks.append(noise - basis @ (basis.T @ noise))
+    left = Saturated(blocks, span, 10.0)
+    found = drifting(problem, blocks, kept(problem, left))
+    blind = drifting(problem, blocks, kept(problem, _nothing_taken(blocks)))
+    slow = [one.wander**2 * one.time / (DRIFTING.wander**2 * DRIFTING.time) for one in (found, blind)]
+    assert np.all(slow[0] > 2.0 * slow[1]), slow  # what nobody sees any more cannot come back, but all else does
+    assert likelihood(found, problem, left) > likelihood(blind, problem, left) + 5.0
+
+
+def _nothing_taken(blocks: list[FloatArray]) -> Saturated:
+    return Saturated(blocks, [np.zeros((*block.shape, 0)) for block in blocks], 0.0)
 
 
 def test_the_filter_behind_differentiated_positions_is_found_and_tells_more_than_an_autoregression(
@@ -162,8 +191,8 @@ def test_the_filter_behind_differentiated_positions_is_found_and_tells_more_than
     found = differentiated(problem, blocks)
     assert (found.window, found.degree, found.rounding) == (ROUGH.window, ROUGH.degree, ROUGH.rounding)
     np.testing.assert_allclose(found.sigma, SIGMA, rtol=0.1)
-    coloured = Coloured.of(estimate(blocks))
-    assert likelihood(found, problem, blocks) > likelihood(coloured, problem, blocks)
+    coloured, left = Coloured.of(estimate(blocks)), _nothing_taken(blocks)
+    assert likelihood(found, problem, left) > likelihood(coloured, problem, left)
     trial, mask = problem.trials[0], problem.mask(0)
     slow = np.sin(np.pi * np.arange(mask.sum()) / mask.sum())[:, None] * SIGMA
     seen = {noise: float(np.sum(noise.of_trial(trial, mask, slow, (0,)) ** 2)) for noise in (found, coloured)}
@@ -177,7 +206,8 @@ def test_white_noise_has_no_forces_behind_it(swum: tuple[Problem, Fit]) -> None:
     blocks = [SIGMA * rng.standard_normal((int(problem.mask(i).sum()), 3)) for i in range(2)]
     found = pushed(problem, one, blocks)
     np.testing.assert_allclose(found.sigma, SIGMA, rtol=0.12)
-    assert likelihood(found, problem, blocks) < likelihood(Coloured.of(Noise.white(SIGMA)), problem, blocks) + 6.0
+    left = _nothing_taken(blocks)
+    assert likelihood(found, problem, left) < likelihood(Coloured.of(Noise.white(SIGMA)), problem, left) + 6.0
 
 
 def test_noisier_ends_are_found_and_quiet_ones_are_left_alone() -> None:

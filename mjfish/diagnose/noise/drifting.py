@@ -68,8 +68,14 @@ def _gains(sigma: float, wander: float, decay: float, seen: bytes) -> Gains:
     )  # fmt: skip
 
 
-def drifting(problem: Problem, residuals: Sequence[FloatArray]) -> Drifting:
-    """Estimate drifting noise from residuals (n_r, 3) of the trials of a problem."""
+def drifting(problem: Problem, residuals: Sequence[FloatArray], kept: FloatArray) -> Drifting:
+    """Estimate drifting noise from residuals (n_r, 3) of the trials of a problem.
+
+    Args:
+        problem: with the trials.
+        residuals: of each.
+        kept: (bands, 3) which share of the noise's power they have (`mjfish.diagnose.noise.saturated.kept`).
+    """
     seen = spectrum(problem, residuals)
     step = problem.trials[0].step
     turn = 2.0 * np.pi * seen.frequency
@@ -83,9 +89,11 @@ def drifting(problem: Problem, residuals: Sequence[FloatArray]) -> Drifting:
             decay = np.exp(-step / time)
             shape = step * (1.0 - decay**2) / (1.0 - 2.0 * decay * np.cos(turn * step) + decay**2)
 
-            def cost(x: FloatArray, shape: FloatArray = shape, power: FloatArray = power) -> float:
-                density = np.exp(2.0 * x[0]) * step + np.exp(2.0 * x[1]) * shape
-                return float(seen.count @ (np.log(density) + power / density))
+            def cost(
+                x: FloatArray, shape: FloatArray = shape, power: FloatArray = power, share: FloatArray = kept[:, c]
+            ) -> float:
+                density = share * (np.exp(2.0 * x[0]) * step + np.exp(2.0 * x[1]) * shape)
+                return float((seen.count * share) @ (np.log(density) + power / density))
 
             start = np.log(0.7 * spread[c] * np.ones(2))
             one = optimize.minimize(cost, start, method="L-BFGS-B", bounds=[(s - 9.0, s + 4.0) for s in start])

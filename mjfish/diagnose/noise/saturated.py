@@ -7,7 +7,7 @@ to first order (docs/notes/004). A stated sigma is believed as long as the data 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from mjfish.diagnose.noise.differentiated import differentiated
 from mjfish.diagnose.noise.drifting import drifting
 from mjfish.diagnose.noise.forces import pushed
 from mjfish.diagnose.noise.misread import Misread, misreading, unaccounted
+from mjfish.diagnose.noise.spectrum import spectrum
 from mjfish.diagnose.noise.stepwise import Model, Stepwise, parts
 from mjfish.frames import CHANNELS
 from mjfish.identify import Fit, Noise, Problem
@@ -27,20 +28,41 @@ from mjfish.identify.noise import estimate, floor
 _CONTRADICTED = 5.0
 #: Log-likelihood by which forces behind the noise must beat plain coloured noise, which has more parameters.
 _LIKELIER = 10.0
+#: Draws of white noise that tell what the saturated model takes of a spectrum, and the least share that is left.
+_DRAWS, _LEAST = 16, 0.02
 
 
-def saturated_residuals(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> tuple[list[FloatArray], float]:
-    """Return residuals (n_r, 3) per trial without anything that the saturated model explains, and the freedom it took.
+@dataclass(frozen=True, eq=False)
+class Saturated:
+    """What the saturated model leaves, in physical units.
 
-    The regression weighs channels by sigma alone; the residuals are in physical units.
+    Attributes:
+        residuals: (n_r, 3) per trial.
+        span: (n_r, 3, k) per trial, of what it explains; as columns over all trials divided by sigma, orthonormal.
+        lost: degrees of freedom per channel that it took.
     """
+
+    residuals: list[FloatArray]
+    span: list[FloatArray]
+    lost: float
+
+    def of(self, trials: Sequence[int]) -> Saturated:
+        """Return that of some trials, which take their share of the freedom."""
+        count, total = (sum(len(self.residuals[i]) for i in which) for which in (trials, range(len(self.residuals))))
+        residuals, span = ([block[i] for i in trials] for block in (self.residuals, self.span))
+        return Saturated(residuals, span, self.lost * count / total)
+
+
+def saturated(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> Saturated:
+    """Return residuals without anything that the saturated model explains; it weighs channels by sigma alone."""
     white = replace(problem, noise=Noise.white(problem.noise.sigma))
     jacobian = white.whiten(white.sensitivities(fit.x))[:, ~fit.at_bound]
     span = algebra.orthonormal(np.concatenate([jacobian, white.whiten(known)], axis=1))
     residual = np.concatenate([(one / problem.noise.sigma).ravel() for one in problem.raw(fit.x)])
     left = algebra.project_out(span, residual[:, None])[:, 0].reshape(-1, 3) * problem.noise.sigma
-    sizes = [int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))]
-    return np.split(left, np.cumsum(sizes)[:-1]), span.shape[1] / 3.0
+    columns = span.reshape(len(left), 3, -1) * problem.noise.sigma[:, None]
+    ends = np.cumsum([int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))])[:-1]
+    return Saturated(np.split(left, ends), np.split(columns, ends), span.shape[1] / 3.0)
 
 
 def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: FloatArray | None) -> tuple[Noise, str]:
@@ -52,55 +74,51 @@ def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: Fl
         known: `mjfish.diagnose.evidence.signatures` of every effect that may explain something and is not in the model.
         stated: (3,) sigma that the dataset gives, or None.
     """
-    residuals, lost = saturated_residuals(problem, fit, known)
+    left = saturated(problem, fit, known)
     through = misreading(problem, fit)
     if through is None:
-        return _of_velocities(problem, fit, residuals, lost, stated)
+        return _of_velocities(problem, fit, left, stated)
     first = Misread.of(Coloured.of(Noise.white(problem.noise.sigma)), through)
     if (rest := unaccounted(problem.trials)) is not None:
         first, stated = Misread.of(Coloured.of(Noise.white(rest)), through), None
     cleared = [
         first.cleared(trial, problem.mask(i), block, problem.stretches(i))
-        for i, (trial, block) in enumerate(zip(problem.trials, residuals, strict=True))
+        for i, (trial, block) in enumerate(zip(problem.trials, left.residuals, strict=True))
     ]
-    blocks, lost = [block for block, _ in cleared], lost + sum(freedom for _, freedom in cleared) / len(CHANNELS)
-    if rest is not None and np.all(_excess(blocks, lost, rest) < _CONTRADICTED):
+    lost = left.lost + sum(freedom for _, freedom in cleared) / len(CHANNELS)
+    left = Saturated([block for block, _ in cleared], left.span, lost)
+    if rest is not None and np.all(_excess(left, rest) < _CONTRADICTED):
         return first, ""
-    base, told = _of_velocities(problem, fit, blocks, lost, stated)
+    base, told = _of_velocities(problem, fit, left, stated)
     allowed = "errors of the measured joint angles are allowed for"
     return Misread.of(base, through), f"{told}; {allowed}" if told else f"noise: {allowed}"
 
 
-def _excess(residuals: Sequence[FloatArray], lost: float, sigma: FloatArray) -> FloatArray:
-    """Return by how many standard errors the spread of residuals (n_r, 3) is above sigma (3,)."""
-    free = sum(len(block) for block in residuals) - lost
-    spread = np.sqrt(sum((block**2).sum(axis=0) for block in residuals) / free)
+def _excess(left: Saturated, sigma: FloatArray) -> FloatArray:
+    """Return by how many standard errors the spread of residuals is above sigma (3,)."""
+    free = sum(len(block) for block in left.residuals) - left.lost
+    spread = np.sqrt(sum((block**2).sum(axis=0) for block in left.residuals) / free)
     return np.asarray((spread / sigma - 1.0) * np.sqrt(2.0 * free))
 
 
 def _of_velocities(
-    problem: Problem, fit: Fit, residuals: Sequence[FloatArray], lost: float, stated: FloatArray | None
+    problem: Problem, fit: Fit, left: Saturated, stated: FloatArray | None
 ) -> tuple[Model | Stepwise, str]:
-    """Return the noise of the velocities alone from saturated residuals (n_r, 3), and a sentence on it."""
-    total = sum(len(block) for block in residuals)
-    spread = np.sqrt(sum((block**2).sum(axis=0) for block in residuals) / (total - lost))
+    """Return the noise of the velocities alone from saturated residuals, and a sentence on it."""
     what = "estimated from the data"
     if stated is not None:
-        if (
-            np.all(np.abs(_excess(residuals, lost, stated)) < _CONTRADICTED)
-            and _estimated(problem, residuals, lost).order == 0
-        ):
+        if np.all(np.abs(_excess(left, stated)) < _CONTRADICTED) and _estimated(problem, left).order == 0:
             return Coloured.of(Noise.white(stated)), ""
         what = "the stated noise does not fit the data; estimated instead"
+    total = sum(len(block) for block in left.residuals)
+    spread = np.sqrt(sum((block**2).sum(axis=0) for block in left.residuals) / (total - left.lost))
+    least = floor(problem.trials)
     models, told = {}, []
     for step, (here, part) in parts(problem).items():
-        own = [residuals[i] for i in here]
-        count = sum(len(block) for block in own)
-        found = _estimated(part, own, lost * count / total)
-        least = floor(problem.trials)
-        if stated is None and np.any(
-            spread < least
-        ):  # of the noise itself: innovations of a blue one may be far smaller
+        own = left.of(here)
+        found = _estimated(part, own)
+        if stated is None and np.any(spread < least):
+            # of the noise itself: innovations of a blue one may be far smaller
             found = Noise.white(np.maximum(spread, least))
         models[step], words = _better(part, fit, own, found)
         told.append((step, words))
@@ -110,18 +128,19 @@ def _of_velocities(
     return Stepwise.of(models), f"noise: {what} by sampling step ({listed})"
 
 
-def _estimated(problem: Problem, residuals: Sequence[FloatArray], lost: float) -> Noise:
-    return estimate(residuals, lost, [grid(trial.time, problem.mask(i)) for i, trial in enumerate(problem.trials)])
+def _estimated(problem: Problem, left: Saturated) -> Noise:
+    seen = [grid(trial.time, problem.mask(i)) for i, trial in enumerate(problem.trials)]
+    return estimate(left.residuals, left.lost, seen)
 
 
-def _better(problem: Problem, fit: Fit, residuals: Sequence[FloatArray], found: Noise) -> tuple[Model, str]:
+def _better(problem: Problem, fit: Fit, left: Saturated, found: Noise) -> tuple[Model, str]:
     """Return the likeliest of coloured, drifting and differentiated noise and noise through forces, and it in words."""
     coloured = Coloured.of(found)
     if found.order == 0:
         return coloured, _described(found)
-    drift, rough = drifting(problem, residuals), differentiated(problem, residuals)
-    forces = pushed(problem, fit, residuals)
-    worth = {one: likelihood(one, problem, residuals) for one in (coloured, drift, rough, forces)}
+    drift = drifting(problem, left.residuals, kept(problem, left))
+    rough, forces = differentiated(problem, left.residuals), pushed(problem, fit, left.residuals)
+    worth = {one: likelihood(one, problem, left) for one in (coloured, drift, rough, forces)}
     if worth[forces] > max(worth[coloured], worth[drift], worth[rough]) + _LIKELIER:
         told = f"random accelerations {_three(forces.push)} over {forces.time:g} s push the fish"
         return forces, f"{told}, sigma of the camera {_three(forces.sigma)}; the innovations form of the fit is used"
@@ -133,15 +152,48 @@ def _better(problem: Problem, fit: Fit, residuals: Sequence[FloatArray], found: 
     return coloured, _described(found)
 
 
-def likelihood(noise: Model, problem: Problem, residuals: Sequence[FloatArray]) -> float:
-    """Return the log-likelihood of residuals (n_r, 3), less a constant: -1/2 (sum of white squares + log det)."""
-    total = 0.0
-    for i, (trial, block) in enumerate(zip(problem.trials, residuals, strict=True)):
+def kept(problem: Problem, left: Saturated) -> FloatArray:
+    """Return which share (bands, 3) of the power of white noise the saturated model leaves, band by band.
+
+    It explains what is slow better than what is fast; a drift would be taken for smaller than it is. By draws.
+    """
+    rng = np.random.default_rng(0)
+    span = np.concatenate([block.reshape(block.shape[0] * block.shape[1], -1) for block in left.span])
+    basis = algebra.orthonormal(span)
+    ends = np.cumsum([len(block) for block in left.residuals])[:-1]
+    power = np.zeros(2)
+    for _ in range(_DRAWS):
+        white = rng.standard_normal(len(basis))
+        both = (white, white - basis @ (basis.T @ white))
+        power = power + np.stack(
+            [np.einsum("bcc->bc", spectrum(problem, np.split(one.reshape(-1, 3), ends)).power).real for one in both],
+            axis=-1,
+        )
+    return np.asarray(np.maximum(power[..., 1] / power[..., 0], _LEAST))
+
+
+def likelihood(noise: Model, problem: Problem, left: Saturated) -> float:
+    """Return the restricted log-likelihood of what the saturated model leaves, less a constant.
+
+    -1/2 (r' V^-1 r - r' V^-1 X (X' V^-1 X)^-1 X' V^-1 r + log det V + log det X' V^-1 X)  [Patterson1971]
+
+    with the covariance V of the noise and the columns X of the saturated model: what these explain of a slow noise is
+    no evidence against it.
+
+    [Patterson1971] H. Patterson and R. Thompson, Biometrika 58.
+    """
+    white, columns, total = [], [], 0.0
+    for i, (trial, block, span) in enumerate(zip(problem.trials, left.residuals, left.span, strict=True)):
         mask = problem.mask(i)
-        white = noise.of_trial(trial, mask, block, (0,))
-        seen = grid(trial.time, mask)
-        total -= 0.5 * (float(np.sum(white**2)) + noise.log_determinant(trial, seen))
-    return total
+        both = noise.of_trial(trial, mask, np.concatenate([block[:, :, None], span], axis=2), (0,))
+        white.append(both[:, :, 0].ravel())
+        columns.append(both[:, :, 1:].reshape(len(white[-1]), -1))
+        total -= 0.5 * noise.log_determinant(trial, grid(trial.time, mask))
+    z, x = np.concatenate(white), np.concatenate(columns)
+    there = np.linalg.norm(x, axis=0) > 0.0
+    q, r = np.linalg.qr(x[:, there])
+    z = z - q @ (q.T @ z)
+    return float(total - 0.5 * (z @ z) - np.sum(np.log(np.abs(np.diag(r)))))
 
 
 def _three(values: FloatArray) -> str:
