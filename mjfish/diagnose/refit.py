@@ -17,6 +17,10 @@ from mjfish.parameter import Parameter
 
 #: Sizes of the one-step estimate, and of an amplitude's scale, that a refit starts from.
 _MULTIPLES = (0.3, 1.0, 3.0)
+#: And of the scale of a cause that is not smooth at its null.
+_GRID = (0.1, 0.2, 0.6, 1.25, 1.5, 1.75, 2.0, 2.5)
+#: How many of the most promising starts are looked at once more, with the coefficients moved.
+_TRIED = 3
 #: A refit of an amplitude that cannot be negative keeps this share of its scale away from zero; or of its one-step
 #: estimate, where that is smaller and its score is at least so large.
 _OFF_NULL, _OFF_ESTIMATE, _SHOWN = 0.02, 0.1, 10.0
@@ -159,15 +163,38 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0, before: Re
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, small)})
     one_step = evidence.first_guess(effect.name)
     starts = [problem.start({**evidence.fit.values, **guess}) for guess in guesses(effect, one_step)]
-    starts.insert(0, problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
+    starts.append(problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
     starts.append(problem.start(evidence.fit.values))  # next to nothing of it: no refit need be worse than none
     if before is not None:
         starts.append(problem.start(before.fit.values))
-    costs = [float(np.sum(problem.residual(start) ** 2)) for start in starts]
-    best = fit(problem, starts[int(np.argmin(costs))], tolerance=TOLERANCE, evaluations=COARSE[not effect.smooth])
+    best = fit(problem, _best(evidence, problem, starts), tolerance=TOLERANCE, evaluations=COARSE[not effect.smooth])
     added = problem.model.effects
     freedom = sum(len(one.parameters) for one in added)
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse, freedom)
+
+
+def _best(evidence: Evidence, problem: Problem, starts: Sequence[FloatArray]) -> FloatArray:
+    """Return the best of several starts, the free parameters of the evidence's model moved to where they belong there.
+
+    They move by (J'J)^-1 J' e, and what is left of e beyond the span of J is what a start is judged by: variable
+    projection [GolubPereyra1973] with J at the evidence's fit.
+
+    [GolubPereyra1973] G. Golub and V. Pereyra, SIAM Journal on Numerical Analysis 10.
+    """
+    free = [p.name for p, held in zip(evidence.fit.parameters, evidence.fit.at_bound, strict=True) if not held]
+    columns = np.array([[p.name for p in problem.parameters].index(name) for name in free], dtype=np.int64)
+    jacobian = evidence.fit.jacobian[:, ~evidence.fit.at_bound]
+    left: list[tuple[float, FloatArray]] = []
+    low, high = (np.array([getattr(p, end) for p in problem.parameters]) for end in ("low", "high"))
+    for start in starts:
+        residual = problem.residual(start)
+        step = np.linalg.lstsq(jacobian, residual, rcond=1e-8)[0]
+        moved = start.copy()
+        moved[columns] += step
+        left.append((float(np.sum((residual - jacobian @ step) ** 2)), np.clip(moved, low, high)))
+        left.append((float(np.sum(residual**2)), start))
+    ranked = sorted(left, key=lambda one: one[0])[:_TRIED]
+    return min((x for _, x in ranked), key=lambda x: float(np.sum(problem.residual(x) ** 2)))
 
 
 def _kept(evidence: Evidence, one: Refit) -> Refit:
@@ -212,6 +239,8 @@ def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, flo
     for multiple in _MULTIPLES:
         signs = {p.name: -1.0 if one_step[p.name] < p.default else 1.0 for p in amplitudes}
         found.append({p.name: p.default + multiple * signs[p.name] * p.scale for p in amplitudes})
+    if not effect.smooth and len(amplitudes) == 1:  # an optimum in another valley is out of a fit's reach
+        found += [{p.name: p.default + share * p.scale for p in amplitudes} for share in _GRID]
     if any(p.start != p.default for p in amplitudes):  # declared where there is no gradient at the null
         found += [{p.name: p.default + share * (p.start - p.default) for p in amplitudes} for share in (1.0, 2.0)]
     return [_inside(effect, guess) for guess in found]

@@ -21,9 +21,9 @@ CATCH_UP = 100.0
 class ServoRateLimit(Effect):
     """The joints turn no faster than L = 1 / slowness: they fall behind a faster command and catch up with it.
 
-        theta' = L S((c' + k (c - theta)) / L),  S(x) = x / (1 + x^8)^(1/8),  theta(0) = c(0),  k = 100 / s
+        theta' = L S((c' + k (c - theta)) / L),  S(x) = x / (1 + x^16)^(1/16),  theta(0) = c(0),  k = 100 / s
 
-    with the command c. Far below the limit S(x) = x, to 5e-4 at half of it, so that theta = c; above, |theta'| < L. As
+    with the command c. Below the limit S(x) = x, to 7e-4 at three quarters of it, so that theta = c; above, |theta'| < L. As
     k and the exponent grow this is the rate limiter with a sharp corner that tracks its command, sat(x) = sign(x)
     min(|x|, 1); with these a joint has acceleration where it meets the limit and where it has caught up, as the inertia
     of a motor asks for.
@@ -59,9 +59,10 @@ class ServoRateLimit(Effect):
 
 @inlined
 def _corner(x: float) -> float:
-    """Return S(x) / x; three roots are quicker than a power."""
+    """Return S(x) / x; four roots are quicker than a power."""
     fourth = x * x * x * x
-    return float(1.0 / np.sqrt(np.sqrt(np.sqrt(1.0 + fourth * fourth))))
+    eighth = fourth * fourth
+    return float(1.0 / np.sqrt(np.sqrt(np.sqrt(np.sqrt(1.0 + eighth * eighth)))))
 
 
 @compiled
@@ -70,7 +71,7 @@ def _limited(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate e' = theta' - c' for e = theta - c, one Runge-Kutta step a half step, c' as a cubic.
 
-    theta' = S'(x) (c'' - k e'), x = slowness (c' - k e), S'(x) = (1 + x^8)^(-9/8).
+    theta' = S'(x) (c'' - k e'), x = slowness (c' - k e), S'(x) = (1 + x^16)^(-17/16).
     """
     n, _, joints = angle.shape
     limited = np.empty_like(angle)
@@ -100,5 +101,5 @@ def _limited(
                 behind = acceleration[step, stage, j] - CATCH_UP * (follow - rate[step, stage, j])
                 limited[step, stage, j] = angle[step, stage, j] + error[j]
                 limited_rate[step, stage, j] = follow
-                limited_acceleration[step, stage, j] = behind * _corner(x) ** 9
+                limited_acceleration[step, stage, j] = behind * _corner(x) ** 17
     return limited, limited_rate, limited_acceleration

@@ -31,7 +31,7 @@ def test_no_joint_turns_faster_than_the_limit(pike: Fish, turning: Trial, slowne
     command = cpg.joint_motion(pike.cpg, turning.drive, 3.0, 0.005)
     limited = LIMIT.drive(command, {"slowness": slowness})
     assert np.max(np.abs(command.rate)) > 1.0 / slowness / 1.3
-    assert np.max(np.abs(limited.rate[:, ::2])) < 1.0 / slowness
+    assert np.max(np.abs(limited.rate[:, ::2])) < (1.0 + 1e-12) / slowness
     assert np.max(np.abs(limited.rate)) < 1.05 / slowness
 
 
@@ -49,7 +49,7 @@ def test_it_solves_its_differential_equation() -> None:
 
     def rate(t: float, theta: np.ndarray) -> np.ndarray:
         x = slowness * (omega * np.cos(omega * t) + CATCH_UP * (np.sin(omega * t) - theta))
-        return np.asarray(x / (1.0 + x**8) ** 0.125 / slowness)
+        return np.asarray(x / (1.0 + x**16) ** 0.0625 / slowness)
 
     ends = motion.time
     solved = solve_ivp(rate, (0.0, 2.0), [0.0], t_eval=ends, rtol=1e-9, atol=1e-11, max_step=0.01).y[0]
@@ -74,10 +74,10 @@ def test_it_is_nearly_the_limiter_with_a_sharp_corner(share: float) -> None:
         sharp[i] = sharp[i - 1] + np.clip(np.sin(omega * command.time[i]) - sharp[i - 1], -reach, reach)
     found = LIMIT.drive(command, {"slowness": 1.0 / limit}).angle[:, 2, 0]
     settled = command.time[1:] > 2.0
-    assert np.sqrt(np.mean((found - sharp[1:])[settled] ** 2)) < 0.1 * np.sqrt(np.mean(sharp[1:][settled] ** 2))
+    assert np.sqrt(np.mean((found - sharp[1:])[settled] ** 2)) < 0.06 * np.sqrt(np.mean(sharp[1:][settled] ** 2))
     assert np.sqrt(np.mean((found - command.angle[:, 2, 0])[settled] ** 2)) > 0.1
     if share == 0.4:
-        assert np.max(found[settled]) == pytest.approx(limit * (2.0 * np.pi / omega) / 4.0, rel=0.06)
+        assert np.max(found[settled]) == pytest.approx(limit * (2.0 * np.pi / omega) / 4.0, rel=0.04)
 
 
 @pytest.mark.parametrize("slowness", [0.06, 0.1])
