@@ -57,12 +57,14 @@ class Smoothing:
         design: (n, size) basis functions at the samples.
         bands: of the normal matrix with the penalty, in the layout of `scipy.linalg.solveh_banded`.
         sigma: of the white noise that was smoothed away, [unit of the signal].
+        freedom: degrees of freedom of the spline, the trace of its hat matrix.
     """
 
     spline: BSpline
     design: sparse.csr_array
     bands: FloatArray
     sigma: float
+    freedom: float
 
     def of(self, columns: FloatArray) -> BSpline:
         """Smooth columns (n, k) with the penalty that the signal was smoothed with."""
@@ -94,7 +96,7 @@ def smoothing(time: FloatArray, signal: FloatArray) -> Smoothing:
     def log_determinant(log_penalty: float) -> float:
         return 2.0 * float(np.sum(np.log(linalg.cholesky_banded(bands(log_penalty))[-1])))
 
-    def solve(log_penalty: float) -> tuple[FloatArray, float, float]:
+    def solve(log_penalty: float) -> tuple[FloatArray, float, float, float]:
         coefficients = linalg.solveh_banded(bands(log_penalty), right)
         # Degrees of freedom left: n - trace(hat) = d log det(N + lam R) / d log lam, banded and so linear in n.
         rise = log_determinant(log_penalty + _DIFFERENCE) - log_determinant(log_penalty - _DIFFERENCE)
@@ -104,12 +106,13 @@ def smoothing(time: FloatArray, signal: FloatArray) -> Smoothing:
         dear = n - _DEAR * (n - left)
         # Where the spline costs more than there is, the score falls towards where it does not.
         score = n * (residual @ residual) / dear**2 if dear > 0.0 else worst * (2.0 - dear / n)
-        return coefficients, float(score), float(residual @ residual / left)
+        return coefficients, float(score), float(residual @ residual / left), float(n - left)
 
     best = optimize.minimize_scalar(lambda p: solve(p)[1], bounds=_SEARCH, method="bounded", options={"xatol": 0.05})
     penalty = float(best.x)
-    coefficients, _, variance = solve(penalty)
-    return Smoothing(BSpline(knots, coefficients, _DEGREE), design, bands(penalty), float(np.sqrt(variance)))
+    coefficients, _, variance, freedom = solve(penalty)
+    spline = BSpline(knots, coefficients, _DEGREE)
+    return Smoothing(spline, design, bands(penalty), float(np.sqrt(variance)), freedom)
 
 
 def _roughness(knots: FloatArray) -> sparse.csr_array:

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import fft
 from scipy.interpolate import BSpline, make_interp_spline
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
@@ -26,8 +27,10 @@ from mjfish.identify import Fit, Noise, Problem
 from mjfish.ode.linearised import deviations, growth, steered
 from mjfish.trial import Trial
 
-#: Modes of a joint's smoothing below this share of the largest do not count.
-_SMALL = 0.02
+#: Cosines that stand for white errors of a joint, for every degree of freedom of its spline: faster ones do not pass.
+_WAVES = 2.0
+#: Longest trial whose white errors are allowed for: twelve thousand modes would take a minute and more.
+_LONGEST = 1500
 #: Errors whose share of the variance of the velocities' noise is below this one are left out.
 _UNSEEN = 1e-2
 #: Variance of the velocities' noise besides the modes of the errors, as a share of theirs.
@@ -128,14 +131,16 @@ def unaccounted(trials: Sequence[Trial]) -> FloatArray | None:
 
 
 def _loadings(problem: Problem, trial: Trial, values: dict[str, float]) -> FloatArray:
-    if trial.joint_angle is None:
-        return np.zeros((len(trial.time), len(CHANNELS), 1))
+    read = np.zeros((len(trial.time), len(CHANNELS), 1))
+    if trial.joint_angle is None or (trial.errors is None and len(trial.time) > _LONGEST):
+        return read
     run = problem.model.prepare(trial, values)
     rollout = problem.prediction(trial, values).rollout
+    if rollout.message:  # nothing is linear about a run that diverges
+        return read
     a, b = (of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (growth, steered))
     time = rollout.time[: len(a)]
     joints = [smoothing(trial.time, trial.joint_angle[:, j]) for j in range(trial.joint_angle.shape[1])]
-    read = np.zeros((len(trial.time), len(CHANNELS), 1))
     if trial.errors is not None:
         read = trial.errors[:, :, :3].transpose(1, 2, 0)
         modes = [one.of(trial.errors[:, :, 3 + j].T) for j, one in enumerate(joints)]
@@ -154,6 +159,6 @@ def _push(steered_: FloatArray, time: FloatArray, modes: BSpline) -> FloatArray:
 
 def _white(joint: Smoothing, sigma: float) -> BSpline:
     """Return the modes of white errors of the angles of a joint, smoothed."""
-    unit = joint.of(np.eye(joint.design.shape[0]))
-    _, kept, rows = np.linalg.svd(joint.design @ unit.c)
-    return BSpline(unit.t, sigma * unit.c @ rows[kept > _SMALL].T, unit.k)
+    samples = joint.design.shape[0]
+    count = min(samples, int(np.ceil(_WAVES * joint.freedom)))
+    return joint.of(sigma * fft.idct(np.eye(samples)[:, :count], axis=0, norm="ortho"))
