@@ -23,10 +23,10 @@ class ServoRateLimit(Effect):
 
         theta' = L S((c' + k (c - theta)) / L),  S(x) = x / (1 + x^16)^(1/16),  theta(0) = c(0),  k = 100 / s
 
-    with the command c. Below the limit S(x) = x, to 7e-4 at three quarters of it, so that theta = c; above, |theta'| < L.
-    As k and the exponent grow this is the rate limiter with a sharp corner that tracks its command, sat(x) = sign(x)
-    min(|x|, 1); with these a joint has acceleration where it meets the limit and where it has caught up, as the inertia
-    of a motor asks for.
+    with the command c. Below the limit S(x) = x, to 7e-4 at three quarters of it, so that theta = c; above,
+    |theta'| < L. As k and the exponent grow this is the rate limiter with a sharp corner that tracks its command,
+    sat(x) = sign(x) min(|x|, 1); with these a joint has acceleration where it meets the limit and where it has caught
+    up, as the inertia of a motor asks for.
 
     Not smooth at the null: joints slower than the limit do not feel it, so that the derivatives there are all zero.
     """
