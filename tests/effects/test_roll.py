@@ -87,7 +87,7 @@ def test_a_measured_roll_is_used_as_it_was_measured(turning: Trial) -> None:
         for frequency in (2.0, 30.0)
     ]
     assert np.array_equal(*reads)
-    np.testing.assert_allclose(reads[0][2:-2, 1], -0.02 * 0.9 * np.cos(9.0 * turning.time[2:-2]), rtol=0.0, atol=2e-5)
+    np.testing.assert_allclose(reads[0][3:-3, 1], -0.02 * 0.9 * np.cos(9.0 * turning.time[3:-3]), rtol=0.0, atol=2e-5)
     assert not np.any(ROLL.reading(state, {"height": 0.02, **SHAPES}, turning))
 
 
