@@ -171,7 +171,7 @@ def sampling(trials: Sequence[Trial], enough: Sequence[bool]) -> Iterator[Findin
     if not coarse:
         return
     one = coarse[0]
-    step = float(np.median(np.diff(one.time)))
+    step = one.step
     beat = 2.0 * math.pi / max(segment.omega for segment in one.drive)
     yield Finding(
         "sampling",

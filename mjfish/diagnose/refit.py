@@ -159,9 +159,9 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0, before: Re
         before: a refit of the same cause to start from as well.
     """
     base = evidence.problem
-    small = evidence.first_guess(effect.name) if evidence.statistic(effect.name) > _SHOWN else {}
-    problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, small)})
     one_step = evidence.first_guess(effect.name)
+    small = one_step if evidence.statistic(effect.name) > _SHOWN else {}
+    problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, small)})
     starts = [problem.start({**evidence.fit.values, **guess}) for guess in guesses(effect, one_step)]
     starts.append(problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
     starts.append(problem.start(evidence.fit.values))  # next to nothing of it: no refit need be worse than none
@@ -184,16 +184,15 @@ def _best(evidence: Evidence, problem: Problem, starts: Sequence[FloatArray]) ->
     free = [p.name for p, held in zip(evidence.fit.parameters, evidence.fit.at_bound, strict=True) if not held]
     columns = np.array([[p.name for p in problem.parameters].index(name) for name in free], dtype=np.int64)
     jacobian = evidence.fit.jacobian[:, ~evidence.fit.at_bound]
-    left: list[tuple[float, FloatArray]] = []
     low, high = (np.array([getattr(p, end) for p in problem.parameters]) for end in ("low", "high"))
-    for start in starts:
-        residual = problem.residual(start)
-        step = np.linalg.lstsq(jacobian, residual, rcond=1e-8)[0]
-        moved = start.copy()
-        moved[columns] += step
-        left.append((float(np.sum((residual - jacobian @ step) ** 2)), np.clip(moved, low, high)))
-        left.append((float(np.sum(residual**2)), start))
-    ranked = sorted(left, key=lambda one: one[0])[:_TRIED]
+    residuals = np.stack([problem.residual(start) for start in starts], axis=1)
+    steps = np.linalg.lstsq(jacobian, residuals, rcond=1e-8)[0]
+    moved = np.stack(starts)
+    moved[:, columns] += steps.T
+    promised = np.sum((residuals - jacobian @ steps) ** 2, axis=0)
+    left = [*zip(promised, np.clip(moved, low, high), strict=True)]
+    left += zip(np.sum(residuals**2, axis=0), starts, strict=True)
+    ranked = sorted(left, key=lambda one: float(one[0]))[:_TRIED]
     return min((x for _, x in ranked), key=lambda x: float(np.sum(problem.residual(x) ** 2)))
 
 

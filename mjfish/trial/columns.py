@@ -15,8 +15,10 @@ POSE = ("x", "y", "yaw")
 #: Of a fish that is free in space: roll is positive with the port side up, pitch with the nose down.
 ATTITUDE = ("roll", "pitch", "heave")
 #: Unit of every column but the joints'.
-UNITS = {"time": "s", **VELOCITY_UNITS, "x": "m", "y": "m", "yaw": "rad", "roll": "rad", "pitch": "rad", "heave": "m"}
-UNITS["mode"] = "-"  # number of a mode of the errors
+UNITS = {
+    "time": "s", **VELOCITY_UNITS, "x": "m", "y": "m", "yaw": "rad", "roll": "rad", "pitch": "rad", "heave": "m",
+    "mode": "-",  # number of a mode of the errors
+}  # fmt: skip
 #: Columns that every trial must have.
 REQUIRED = ("time", *CHANNELS)
 
