@@ -16,7 +16,7 @@ from mjfish.drive import measured, wave
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.fish import Cpg, Fish, Link
+from mjfish.fish import COEFFICIENTS, Cpg, Fish, Link
 from mjfish.hydro.load import Load
 from mjfish.hydro.outline import outlines
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
@@ -144,7 +144,7 @@ class Model:
             active=tuple(active),
             fish=fish,
             motion=joint_motion(self.fish.cpg, trial, servos, step),
-            coefficients={p.name: values[p.name] for p in self.fish.parameters},
+            coefficients={name: values[name] for name in COEFFICIENTS},
             loads=tuple(
                 (effect.load, (*own.values(), *effect.constants(trial)))
                 for effect, own in active

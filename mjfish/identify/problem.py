@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,7 @@ class Problem:
     windows: tuple[tuple[float, float] | None, ...] | None = None
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The free parameters: the model's, then the nuisance parameters of every trial."""
         every = (*self.model.parameters, *(p for trial in self.trials for p in nuisances(trial, self.free_clock)))

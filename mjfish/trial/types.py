@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -72,7 +73,7 @@ class Trial:
     tank: Tank | None = None
     errors: FloatArray | None = None
 
-    @property
+    @cached_property
     def step(self) -> float:
         """Step between samples [s]: the median, for gaps may be among them."""
         return float(np.median(np.diff(self.time)))

@@ -177,6 +177,18 @@ def test_a_drift_is_not_taken_for_smaller_where_the_saturated_model_swallows_wha
     assert likelihood(found, problem, left) > likelihood(blind, problem, left) + 5.0
 
 
+def test_what_the_saturated_model_takes_is_weighed_by_sigma_and_not_by_unit(swum: tuple[Problem, Fit]) -> None:
+    """Waves that all channels share cost each the same share of its power, however large its numbers are."""
+    problem, _ = swum
+    counts = [int(problem.mask(i).sum()) for i in range(2)]
+    span = [
+        np.cos(np.pi * np.outer((np.arange(n) + 0.5) / n, np.arange(9)))[:, None, :] * SIGMA[:, None] for n in counts
+    ]
+    share = kept(problem, Saturated([np.zeros((n, 3)) for n in counts], span, 3.0))
+    assert 0.6 < share[0].min() < share[0].max() < 0.97
+    np.testing.assert_allclose(share[-1], 1.0, atol=0.02)
+
+
 def _nothing_taken(blocks: list[FloatArray]) -> Saturated:
     return Saturated(blocks, [np.zeros((*block.shape, 0)) for block in blocks], 0.0)
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter, unit_impulse
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra
@@ -158,8 +159,8 @@ def kept(problem: Problem, left: Saturated) -> FloatArray:
     It explains what is slow better than what is fast; a drift would be taken for smaller than it is. By draws.
     """
     rng = np.random.default_rng(0)
-    span = np.concatenate([block.reshape(block.shape[0] * block.shape[1], -1) for block in left.span])
-    basis = algebra.orthonormal(span)
+    scaled = [block / problem.noise.sigma[:, None] for block in left.span]  # as `saturated` takes it out
+    basis = algebra.orthonormal(np.concatenate([np.concatenate(list(block)) for block in scaled]))
     ends = np.cumsum([len(block) for block in left.residuals])[:-1]
     power = np.zeros(2)
     for _ in range(_DRAWS):
@@ -169,7 +170,7 @@ def kept(problem: Problem, left: Saturated) -> FloatArray:
             [np.einsum("bcc->bc", spectrum(problem, np.split(one.reshape(-1, 3), ends)).power).real for one in both],
             axis=-1,
         )
-    return np.asarray(np.maximum(power[..., 1] / power[..., 0], _LEAST))
+    return np.asarray(np.clip(power[..., 1] / power[..., 0], _LEAST, 1.0))
 
 
 def likelihood(noise: Model, problem: Problem, left: Saturated) -> float:
@@ -209,9 +210,5 @@ def _described(noise: Noise) -> str:
 
 def _variance_gain(phi: FloatArray) -> float:
     """Return the variance of an autoregressive process whose innovations have variance 1."""
-    response = np.zeros(4000)
-    past = np.zeros(len(phi))
-    for k in range(len(response)):
-        response[k] = 1.0 if k == 0 else float(phi @ past)
-        past = np.concatenate([[response[k]], past[:-1]]) if len(phi) else past
+    response = lfilter([1.0], [1.0, *-phi], unit_impulse(4000))
     return float(response @ response)
