@@ -74,7 +74,8 @@ def _of_trial(
     seen = grid(trial.time, mask)
     step = trial.step
     mean, covariance = _smoothed(noise, noise.growth[trial.name], step, seen, residual)
-    band = np.sqrt(np.einsum("ij,njk,ik->ni", inertia, covariance, inertia))
+    variance = np.einsum("ij,njk,ik->ni", inertia, covariance, inertia)
+    band = np.sqrt(np.maximum(variance, 0.0))  # next to nothing is left below 0 by rounding
     rollout = problem.prediction(trial, values).rollout
     swum = rollout.rate_at(trial.time[mask])[:, :3] @ inertia.T
     return MissingForce(
