@@ -12,9 +12,9 @@ from mjfish.frames import CHANNELS
 from mjfish.identify import table_iv
 from mjfish.identify.agreement import HORIZONS
 from mjfish.identify.assessment import Assessment
-from mjfish.identify.profile import Profile
 from mjfish.identify.report import Identification
 from mjfish.identify.score import PREFIX
+from mjfish.identify.uncertainty.profile import Profile
 
 
 def show(result: Identification, profiles: Sequence[Profile]) -> None:

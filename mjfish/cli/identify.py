@@ -14,10 +14,10 @@ from mjfish.diagnose.progress import Progress
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.files import check_file, write_json
 from mjfish.identify.identified import identified_fish, origin
-from mjfish.identify.profile import Profile, profile
 from mjfish.identify.report import Identification, identify, pose
 from mjfish.identify.settings import Loss, Settings, Weights
 from mjfish.identify.tables import write_coefficients
+from mjfish.identify.uncertainty.profile import Profile, profile
 from mjfish.trial import load
 from mjfish.trial.table import check_suffix
 

@@ -18,7 +18,7 @@ from mjfish.frames import CHANNELS
 from mjfish.identify.agreement import Agreement, agreement
 from mjfish.identify.noise import Noise
 from mjfish.identify.problem import Problem
-from mjfish.identify.residual import Residual
+from mjfish.identify.residuals.residual import Residual
 from mjfish.model import Model
 from mjfish.trial import Dataset, Role, Trial
 

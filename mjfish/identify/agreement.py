@@ -26,7 +26,7 @@ from mjfish.arrays import BoolArray, FloatArray
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.identify.forecast import forecast
 from mjfish.identify.noise import Noise, estimate
-from mjfish.identify.residual import Residual
+from mjfish.identify.residuals.residual import Residual
 from mjfish.trial import Role, Trial
 
 Part = Literal["whole", "start_up", "change", "steady"]

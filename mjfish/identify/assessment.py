@@ -8,13 +8,13 @@ from typing import Any
 from mjfish.identify.agreement import Agreement, agreement
 from mjfish.identify.criteria import Criteria, criteria
 from mjfish.identify.fit import Fit
-from mjfish.identify.intervals import Intervals, intervals
 from mjfish.identify.problem import Problem
-from mjfish.identify.residual import Residual
-from mjfish.identify.residual_tests import ResidualTests, residual_tests
-from mjfish.identify.stability import Stability, stability
+from mjfish.identify.residuals.residual import Residual
+from mjfish.identify.residuals.residual_tests import ResidualTests, residual_tests
 from mjfish.identify.table_iv import Row, table_iv
-from mjfish.identify.weak import Weakness, weaknesses
+from mjfish.identify.uncertainty.intervals import Intervals, intervals
+from mjfish.identify.uncertainty.stability import Stability, stability
+from mjfish.identify.uncertainty.weak import Weakness, weaknesses
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from mjfish.identify.fit import Fit
 from mjfish.identify.forecast import innovations
 from mjfish.identify.noise import Noise
 from mjfish.identify.problem import Problem
-from mjfish.identify.residual import Residual, fitted
+from mjfish.identify.residuals.residual import Residual, fitted
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,14 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
-from mjfish.identify import residual as left
 from mjfish.identify.assessment import Assessment, assess
 from mjfish.identify.clocks import aligned
 from mjfish.identify.fit import Fit, fit
 from mjfish.identify.multistart import multistart
 from mjfish.identify.noise import Noise, floor
 from mjfish.identify.problem import Problem
-from mjfish.identify.residual import Residual
+from mjfish.identify.residuals import residual as left
+from mjfish.identify.residuals.residual import Residual
 from mjfish.identify.settings import Settings
 from mjfish.model import Model
 from mjfish.trial import Dataset, Trial

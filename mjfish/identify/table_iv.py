@@ -11,7 +11,7 @@ import numpy as np
 from mjfish.drive import modes
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.identify.agreement import Agreement, agreement
-from mjfish.identify.residual import Residual
+from mjfish.identify.residuals.residual import Residual
 from mjfish.trial import Trial
 
 Group = Literal["forward", "turning", ""]

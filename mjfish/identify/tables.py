@@ -8,8 +8,8 @@ from typing import Any
 
 from mjfish.identify.agreement import Agreement
 from mjfish.identify.fit import Fit
-from mjfish.identify.intervals import Intervals
 from mjfish.identify.rows import write_rows
+from mjfish.identify.uncertainty.intervals import Intervals
 
 
 def coefficient_rows(fit: Fit, intervals: Intervals | None = None) -> list[dict[str, Any]]:

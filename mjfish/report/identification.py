@@ -10,10 +10,10 @@ import numpy as np
 from mjfish.files import make_folder
 from mjfish.frames import CHANNELS
 from mjfish.identify.agreement import agreement
-from mjfish.identify.profile import Profile
-from mjfish.identify.residual import Residual
-from mjfish.identify.residual_tests import ResidualTests
-from mjfish.identify.whiteness import ALL
+from mjfish.identify.residuals.residual import Residual
+from mjfish.identify.residuals.residual_tests import ResidualTests
+from mjfish.identify.residuals.whiteness import ALL
+from mjfish.identify.uncertainty.profile import Profile
 from mjfish.report.profiles import profile_figure
 from mjfish.report.residuals import autocorrelation_figure, cross_correlation_figure, simulated_figure
 from mjfish.report.sheet import Block, Sheet, write_sheet

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.identify.profile import Profile
+from mjfish.identify.uncertainty.profile import Profile
 from mjfish.report import figure
 from mjfish.report.words import unit
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from mjfish.frames import CHANNELS
-from mjfish.identify.independence import CrossCorrelation
-from mjfish.identify.inputs import INPUTS
-from mjfish.identify.residual import Residual
-from mjfish.identify.whiteness import ALL, Autocorrelation
+from mjfish.identify.residuals.independence import CrossCorrelation
+from mjfish.identify.residuals.inputs import INPUTS
+from mjfish.identify.residuals.residual import Residual
+from mjfish.identify.residuals.whiteness import ALL, Autocorrelation
 from mjfish.report import figure, series
 from mjfish.report.words import CHANNEL_NAMES, chance
 

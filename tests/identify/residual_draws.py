@@ -11,9 +11,9 @@ from scipy import signal
 from mjfish.arrays import FloatArray
 from mjfish.fish import Fish
 from mjfish.identify import Fit, Problem
-from mjfish.identify.absorbed import Absorbed, absorbed
 from mjfish.identify.fit import covariance
-from mjfish.identify.residual import Residual
+from mjfish.identify.residuals.absorbed import Absorbed, absorbed
+from mjfish.identify.residuals.residual import Residual
 
 
 def coloured(rng: np.random.Generator, samples: int, phi: float) -> FloatArray:

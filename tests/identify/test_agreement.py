@@ -15,7 +15,7 @@ from mjfish.drive.modes import drive
 from mjfish.files import write_json
 from mjfish.fish import Fish
 from mjfish.identify.agreement import Agreement, agreement, noise_at, parts
-from mjfish.identify.residual import Residual, fitted, held_out
+from mjfish.identify.residuals.residual import Residual, fitted, held_out
 from mjfish.trial import Trial
 
 TIME = np.arange(521) / 50.0

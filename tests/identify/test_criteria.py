@@ -14,7 +14,7 @@ from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.identify import Noise, fit
 from mjfish.identify.criteria import criteria, final_prediction_error, of_residuals
-from mjfish.identify.residual import Residual
+from mjfish.identify.residuals.residual import Residual
 from mjfish.trial import Dataset, Trial
 
 

@@ -24,9 +24,9 @@ from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.identify import Fit, fit
 from mjfish.identify.agreement import agreement
 from mjfish.identify.identified import identified_fish, origin
-from mjfish.identify.intervals import intervals
-from mjfish.identify.residual import fitted
+from mjfish.identify.residuals.residual import fitted
 from mjfish.identify.tables import coefficient_rows, write_coefficients, write_scores
+from mjfish.identify.uncertainty.intervals import intervals
 from mjfish.sim import export
 from mjfish.trial import Dataset
 

@@ -16,12 +16,12 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.identify import Noise, fit
-from mjfish.identify.absorbed import absorbed
-from mjfish.identify.background import background, coloured
-from mjfish.identify.independence import CrossCorrelation, independence
-from mjfish.identify.inputs import LAG, lagged
-from mjfish.identify.residual import fitted
-from mjfish.identify.residual_tests import examine, residual_tests
+from mjfish.identify.residuals.absorbed import absorbed
+from mjfish.identify.residuals.background import background, coloured
+from mjfish.identify.residuals.independence import CrossCorrelation, independence
+from mjfish.identify.residuals.inputs import LAG, lagged
+from mjfish.identify.residuals.residual import fitted
+from mjfish.identify.residuals.residual_tests import examine, residual_tests
 
 
 @pytest.fixture(scope="module")

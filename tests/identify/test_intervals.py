@@ -12,7 +12,7 @@ from planted_swimming import problem, swimming
 
 from mjfish.fish import Fish
 from mjfish.identify import fit
-from mjfish.identify.intervals import intervals
+from mjfish.identify.uncertainty.intervals import intervals
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from noise_draws import Draws, draws
 
 from mjfish.arrays import FloatArray
 from mjfish.fish import Fish
-from mjfish.identify.intervals import intervals
+from mjfish.identify.uncertainty.intervals import intervals
 
 COUNT = 200
 

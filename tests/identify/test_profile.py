@@ -13,8 +13,8 @@ from scipy import stats
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish
 from mjfish.identify import Fit, Problem, fit
-from mjfish.identify.intervals import Intervals, intervals
-from mjfish.identify.profile import Profile, profile
+from mjfish.identify.uncertainty.intervals import Intervals, intervals
+from mjfish.identify.uncertainty.profile import Profile, profile
 
 CHI = float(stats.chi2.ppf(0.95, 1))
 

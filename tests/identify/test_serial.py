@@ -13,7 +13,7 @@ from scipy import linalg
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.fish import Fish
 from mjfish.identify import Noise, fit
-from mjfish.identify.serial import Block, blocks_of, serial
+from mjfish.identify.uncertainty.serial import Block, blocks_of, serial
 
 #: Samples that channel 1 is behind channel 0.
 _LATE = 3

@@ -13,7 +13,7 @@ from scipy import stats
 
 from mjfish.fish import Fish
 from mjfish.identify import Problem, fit
-from mjfish.identify.stability import stability
+from mjfish.identify.uncertainty.stability import stability
 from mjfish.trial import Trial
 
 MODES = ("v1", "v3", "v5")

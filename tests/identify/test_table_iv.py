@@ -15,7 +15,7 @@ from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.modes import MODES
 from mjfish.errors import InputError
 from mjfish.fish import Fish
-from mjfish.identify.residual import Residual, fitted
+from mjfish.identify.residuals.residual import Residual, fitted
 from mjfish.identify.rows import write_rows
 from mjfish.identify.table_iv import PAPER, Row, group_of, mode_of, table_iv, text
 

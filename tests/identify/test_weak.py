@@ -13,7 +13,7 @@ from mjfish.arrays import FloatArray
 from mjfish.fish import Fish
 from mjfish.identify import Fit, fit
 from mjfish.identify.fit import covariance
-from mjfish.identify.weak import weaknesses
+from mjfish.identify.uncertainty.weak import weaknesses
 
 
 @pytest.fixture(scope="module")

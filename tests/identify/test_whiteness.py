@@ -11,8 +11,8 @@ from scipy import signal, stats
 from mjfish.arrays import FloatArray, readonly
 from mjfish.errors import InputError
 from mjfish.identify import Noise
-from mjfish.identify.residual import Residual
-from mjfish.identify.whiteness import Autocorrelation, whiteness
+from mjfish.identify.residuals.residual import Residual
+from mjfish.identify.residuals.whiteness import Autocorrelation, whiteness
 from mjfish.trial import Trial
 
 WHITE = Noise.white(readonly(SIGMA))

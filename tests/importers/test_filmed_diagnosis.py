@@ -72,20 +72,27 @@ def test_drag_of_the_tail_comes_back_from_film(rolling: Dataset) -> None:
 
 
 @pytest.mark.slow
-def test_roll_comes_first_on_film_that_has_it(rolling: Dataset) -> None:
-    """At the planted height; the added mass of head and tail is right to a seventh, that of the body to a quarter.
+def test_a_roll_on_film_is_named(tmp_path: Path) -> None:
+    """First on every film, named on three of four, and no other cause alone on any.
 
-    The importer puts the sway of the plates down to the joints, off by 0.1 rad: more than it states.
+    The importer puts the sway of the plates down to the joints, off by 0.1 rad: more than it states. Where that leaves
+    more than the noise explains, the verdict is `unexplained`.
     """
-    result = diagnose(rolling)
-    assert result.best == ("roll",), result.message
-    assert result.verdict in ("named", "unexplained"), result.message
-    assert result.extended["roll.height"].estimate == pytest.approx(_HEIGHT, rel=0.15)
-    for group, share in (("head", 0.15), ("body", 0.25), ("tail", 0.15)):
-        planted = FISH.values[f"c_m.{group}"]
-        assert result.extended[f"c_m.{group}"].estimate == pytest.approx(planted, rel=share)
-    assert result.gain is not None
-    assert result.gain.extended["sway"] < 0.6 * result.gain.nominal["sway"]
+    verdicts = []
+    for seed in range(4):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        result = diagnose(_filmed(folder, 0.12, seed))
+        verdicts.append(result.verdict)
+        assert result.best[0] == "roll", result.message
+        assert result.verdict in ("named", "unexplained"), result.message
+        assert result.extended["roll.height"].estimate == pytest.approx(_HEIGHT, rel=0.15)
+        for group, share in (("head", 0.15), ("body", 0.25), ("tail", 0.15)):
+            planted = FISH.values[f"c_m.{group}"]
+            assert result.extended[f"c_m.{group}"].estimate == pytest.approx(planted, rel=share)
+        assert result.gain is not None
+        assert result.gain.extended["sway"] < 0.6 * result.gain.nominal["sway"]
+    assert verdicts.count("named") >= 3, verdicts
 
 
 @pytest.mark.slow

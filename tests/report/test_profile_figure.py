@@ -7,7 +7,7 @@ import json
 import numpy as np
 import plotly.graph_objects as go
 
-from mjfish.identify.profile import Profile
+from mjfish.identify.uncertainty.profile import Profile
 from mjfish.report.profiles import COLUMNS, profile_figure
 
 

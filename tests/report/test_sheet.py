@@ -14,8 +14,8 @@ from mjfish.arrays import readonly
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.identify import Noise
-from mjfish.identify.residual import Residual
-from mjfish.identify.residual_tests import ResidualTests, examine
+from mjfish.identify.residuals.residual import Residual
+from mjfish.identify.residuals.residual_tests import ResidualTests, examine
 from mjfish.plant import plant
 from mjfish.report.identification import write_identification_figures
 from mjfish.report.residuals import autocorrelation_figure, cross_correlation_figure, simulated_figure

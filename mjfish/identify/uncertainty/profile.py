@@ -3,8 +3,8 @@
     SSE_p(v) = min over the others of SSE with p = v;    interval: SSE_p(v) - SSE <= chi2_1(level) * scale
 
 With white noise of the stated size `scale` is 1. In general it is the squared inflation of the standard error of that
-parameter (`mjfish.identify.intervals`): where the sum of squares is a parabola the profile then gives the sandwich's
-interval ([Kent1982] for one parameter), and where it is not, an interval that a parabola cannot give.
+parameter (`mjfish.identify.uncertainty.intervals`): where the sum of squares is a parabola the profile then gives the
+sandwich's interval ([Kent1982] for one parameter), and where it is not, an interval that a parabola cannot give.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from scipy import stats
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.identify.fit import Fit, fit
-from mjfish.identify.intervals import Intervals, intervals
 from mjfish.identify.problem import Problem
+from mjfish.identify.uncertainty.intervals import Intervals, intervals
 
 #: Of half the interval that a parabola has: the first step, and the longest share that a step may be of the next.
 _FIRST = 0.25

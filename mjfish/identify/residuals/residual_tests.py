@@ -10,13 +10,13 @@ import numpy as np
 
 from mjfish.errors import InputError
 from mjfish.fish import Cpg
-from mjfish.identify.absorbed import Absorbed, absorbed
 from mjfish.identify.fit import Fit
-from mjfish.identify.independence import CrossCorrelation, independence
 from mjfish.identify.noise import Noise
 from mjfish.identify.problem import Problem
-from mjfish.identify.residual import Residual, fitted
-from mjfish.identify.whiteness import ALL, LAGS, Autocorrelation, whiteness
+from mjfish.identify.residuals.absorbed import Absorbed, absorbed
+from mjfish.identify.residuals.independence import CrossCorrelation, independence
+from mjfish.identify.residuals.residual import Residual, fitted
+from mjfish.identify.residuals.whiteness import ALL, LAGS, Autocorrelation, whiteness
 
 Status = Literal["passed", "coloured", "dependent", "untested"]
 #: A residual whose p value is below this fails.
@@ -81,7 +81,7 @@ def examine(
         noise: what they are said to be.
         cpg: of the fish.
         taken: what the fit took out of them; None for held-out trials.
-        lags, spent: see `mjfish.identify.whiteness.whiteness`.
+        lags, spent: see `mjfish.identify.residuals.whiteness.whiteness`.
     """
     reached = [residual for residual in residuals if not residual.diverged]
     skipped = tuple(residual.trial.name for residual in residuals if residual.diverged)

@@ -30,12 +30,12 @@ from scipy import linalg, stats
 from mjfish.arrays import FloatArray
 from mjfish.fish import Cpg
 from mjfish.frames import CHANNELS
-from mjfish.identify.absorbed import Absorbed
-from mjfish.identify.background import background, coloured
-from mjfish.identify.inputs import INPUTS, Lagged, lagged
 from mjfish.identify.noise import Noise
-from mjfish.identify.residual import Residual
-from mjfish.identify.whiteness import ALL, BAND
+from mjfish.identify.residuals.absorbed import Absorbed
+from mjfish.identify.residuals.background import background, coloured
+from mjfish.identify.residuals.inputs import INPUTS, Lagged, lagged
+from mjfish.identify.residuals.residual import Residual
+from mjfish.identify.residuals.whiteness import ALL, BAND
 
 #: Directions of which the fit has left less than this share of their variance are not tested.
 _LEFT = 0.05

@@ -3,8 +3,9 @@
     plain     (J'J)^-1
     sandwich  (J'J)^-1 J' Omega J (J'J)^-1  =  A' Omega A,   A = J (J'J)^-1
 
-[White1982] with the residuals' own covariance Omega (`mjfish.identify.serial`) in the middle. Estimates move by A' e:
-each variance is a quadratic form of the residual, and its degrees of freedom give the quantile of Student's t.
+[White1982] with the residuals' own covariance Omega (`mjfish.identify.uncertainty.serial`) in the middle. Estimates
+move by A' e: each variance is a quadratic form of the residual, and its degrees of freedom give the quantile of
+Student's t.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from scipy import stats
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.identify.fit import Fit
 from mjfish.identify.problem import Problem
-from mjfish.identify.serial import Block, Serial, blocks_of, by_trial, serial, stacked
+from mjfish.identify.uncertainty.serial import Block, Serial, blocks_of, by_trial, serial, stacked
 
 
 @dataclass(frozen=True, eq=False)

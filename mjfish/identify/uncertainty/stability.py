@@ -5,9 +5,9 @@ this adds, K is what the common fit leaves, K = (1 - J J^+) diag_r(J_r). The sum
 
     Q = e' P e,   P the projection on K,   and is distributed as sum_k lambda_k chi2_1,   lambda of P Omega P
 
-where the model holds, with Omega the residuals' own covariance in time (`mjfish.identify.serial`). The statistic is
-F = Q / sum lambda, with degrees of freedom (sum lambda)^2 / sum lambda^2 ([Satterthwaite1946], [Rao1981]) over those
-that the estimate of sum lambda has. White noise gives the F test of [Chow1960].
+where the model holds, with Omega the residuals' own covariance in time (`mjfish.identify.uncertainty.serial`). The
+statistic is F = Q / sum lambda, with degrees of freedom (sum lambda)^2 / sum lambda^2 ([Satterthwaite1946], [Rao1981])
+over those that the estimate of sum lambda has. White noise gives the F test of [Chow1960].
 
 Of AR(1) noise of 0.8 on a stable fish, 5.7 % of 300 draws are below 0.05 in four trials of 10.4 s, 6.5 % of 400 in four
 of 6 s, 8 % of 400 in three of 4 s.
@@ -25,7 +25,7 @@ from scipy import linalg, stats
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.identify.fit import Fit
 from mjfish.identify.problem import Problem
-from mjfish.identify.serial import Block, Serial, blocks_of, serial
+from mjfish.identify.uncertainty.serial import Block, Serial, blocks_of, serial
 
 #: Directions weaker than this share of the strongest are not counted.
 _RANK = 1e-6

@@ -25,7 +25,7 @@ from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 from mjfish.identify.forecast import innovations
 from mjfish.identify.noise import Noise
-from mjfish.identify.residual import Residual
+from mjfish.identify.residuals.residual import Residual
 
 #: Lags that are tested by default, and what a band leaves out.
 LAGS = 25

@@ -9,7 +9,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.fish import Cpg
-from mjfish.identify.residual import Residual
+from mjfish.identify.residuals.residual import Residual
 from mjfish.model import asked_motion
 from mjfish.ode.rollout import STEP
 

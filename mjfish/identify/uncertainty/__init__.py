@@ -1,0 +1,1 @@
+"""How sure a fit is: intervals, profiles, weak directions, and whether every trial says the same."""
