@@ -3,6 +3,7 @@
     python tools/battery.py run --split calibration --cases none:40,one:60,off_list:20,two:20
     python tools/battery.py table out/battery/calibration
     python tools/battery.py page
+    python tools/battery.py cost
 
 Thresholds are set on calibration seeds only; every opening of the test seeds is logged in docs/battery.md.
 """
@@ -10,6 +11,7 @@ Thresholds are set on calibration seeds only; every opening of the test seeds is
 from __future__ import annotations
 
 import os
+import time
 
 for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(threads, "1")
@@ -18,11 +20,17 @@ from collections.abc import Sequence  # noqa: E402
 from pathlib import Path  # noqa: E402
 from typing import Annotated  # noqa: E402
 
+import numpy as np  # noqa: E402
 import typer  # noqa: E402
 from judged import figures, guessers  # noqa: E402
 from judged.answers import Task, judged, run  # noqa: E402
 from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
+
+from mjfish import fish  # noqa: E402
+from mjfish.diagnose import diagnose  # noqa: E402
+from mjfish.effects import find  # noqa: E402
+from mjfish.plant import plant  # noqa: E402
 
 OUT = Path("out/battery")
 app = typer.Typer(add_completion=False, no_args_is_help=True)
@@ -81,6 +89,26 @@ def page(
         _, _, tail = rest.partition(end)
         text = f"{head}{begin}\n{_markdown(rows)}\n{end}{tail}"
     target.write_text(text, encoding="utf-8")
+
+
+@app.command()
+def cost() -> None:
+    """Time a diagnosis of eight trials of 10.4 s with a hidden lag, once compiled, on as many threads as cores."""
+    lag = find("servo_lag")
+    planted = plant(
+        fish.load("pike"),
+        ["v1", "v3", "v5", "v7", "v1-v5", "v5-v1", "v1-t1", "v3-t2"],
+        values={"servo_lag.time_constant": 0.03},
+        effects=[lag],
+        noise=np.array([0.006, 0.006, 0.05]),
+        seed=5,
+        held_out=["v3", "v1-v5"],
+    )
+    for what in ("the first time", "once compiled"):
+        begun, worked = time.perf_counter(), time.process_time()
+        result = diagnose(planted)
+        took = f"{time.perf_counter() - begun:.1f} s, {time.process_time() - worked:.1f} s of CPU"
+        print(f"{what}: {took} on {os.cpu_count()} cores: {result.message}")
 
 
 def _opened(folder: Path) -> list[figures.Judged]:

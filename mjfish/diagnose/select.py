@@ -72,7 +72,7 @@ class Standing:
         return self.clean or self.left < LEFT
 
 
-def rivalry(refits: Mapping[Key, Refit], rng: np.random.Generator) -> dict[Key, Standing]:
+def _rivalry(refits: Mapping[Key, Refit], rng: np.random.Generator) -> dict[Key, Standing]:
     """Return, per refit, the margin by which the best rival beats it and its p value; goodness of fit is not tested."""
     names = list(refits)
     residuals = np.stack([refits[name].fit.residual for name in names])
@@ -96,7 +96,7 @@ def standings(
     """Return the standing of every refit; the goodness of fit only of those in the confidence set."""
     return {
         name: _tested(refits[name], candidates, one) if one.in_set else one
-        for name, one in rivalry(refits, rng).items()
+        for name, one in _rivalry(refits, rng).items()
     }
 
 

@@ -97,7 +97,7 @@ def agreement(
     for residual in residuals:
         own = noise
         if own is None and horizons and not residual.diverged:
-            own = noise_at(residuals, residual.interval)
+            own = noise_at(residuals, residual.trial.step)
         where = parts(residual.trial, settling)
         left: dict[int | None, FloatArray] = {None: residual.values}
         for k in horizons:
@@ -128,9 +128,9 @@ def parts(trial: Trial, settling: float = SETTLING) -> dict[Part, BoolArray]:
     return found | {part: inside for part, inside in split.items() if np.any(inside)}
 
 
-def noise_at(residuals: Sequence[Residual], interval: float) -> Noise:
-    """Estimate the noise of the residuals that are sampled at `interval` [s], of fitted trials where there are any."""
-    alike = [r for r in residuals if abs(r.interval / interval - 1.0) < _SAME_RATE and not r.diverged]
+def noise_at(residuals: Sequence[Residual], step: float) -> Noise:
+    """Estimate the noise of the residuals that are sampled at `step` [s], of fitted trials where there are any."""
+    alike = [r for r in residuals if abs(r.trial.step / step - 1.0) < _SAME_RATE and not r.diverged]
     chosen = [r for r in alike if r.role == "fit"] or alike
     blocks = [values[np.all(np.isfinite(values), axis=1)] for values in (r.values for r in chosen)]
     return estimate([block for block in blocks if len(block)])

@@ -109,7 +109,7 @@ def _background(
         bases.append(np.nan_to_num(residual.on_grid(linalg.orth(np.concatenate(main, axis=1)))))
         grids.append(residual.on_grid(residual.values))
     lost = 0.0 if absorbed is None else absorbed.left.shape[1] / (len(CHANNELS) * len(residuals))
-    rates = [tuple(bool(np.isclose(a.interval, b.interval, rtol=0.01)) for b in residuals) for a in residuals]
+    rates = [tuple(bool(np.isclose(a.trial.step, b.trial.step, rtol=0.01)) for b in residuals) for a in residuals]
     found: dict[tuple[bool, ...], Noise] = {}
     for alike in rates:
         if alike not in found:

@@ -44,15 +44,10 @@ class Residual:
         """Residuals (n, 3) in physical units; NaN where a sample is missing or does not count."""
         return np.where(self.counted[:, None], self.trial.velocity - self.predicted, np.nan)
 
-    @property
-    def interval(self) -> float:
-        """Time between samples [s]."""
-        return self.trial.step
-
     @cached_property
     def rows(self) -> NDArray[np.intp]:
         """Row (n,) of every sample on a grid of equal intervals: rows of lost samples are skipped."""
-        steps = np.maximum(np.rint(np.diff(self.trial.time) / self.interval), 1.0).astype(np.intp)
+        steps = np.maximum(np.rint(np.diff(self.trial.time) / self.trial.step), 1.0).astype(np.intp)
         return np.concatenate([np.zeros(1, dtype=np.intp), np.cumsum(steps)])
 
     def on_grid(self, block: FloatArray) -> FloatArray:
