@@ -154,6 +154,7 @@ def test_plug_in_page_describes_one_plate_in_three_ways(tmp_path: Path) -> None:
     assert [(link.body, link.start, len(link.sections)) for link in fish.links] == [("head", 0.0, 2), ("tail", 0.3, 2)]
 
 
+@pytest.mark.slow
 @pytest.mark.real
 def test_the_measured_fish_is_imported_and_diagnosed(fishsim: Path, tmp_path: Path) -> None:
     """The import page's commands, on the measured files; f1_25 is held out."""
