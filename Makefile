@@ -2,7 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-# One BLAS thread a test process: the processes share the cores already. Tests differ a hundredfold in length: who is done takes from the other.
+# One BLAS thread a test process: the processes share the cores already.
+# Tests differ a hundredfold in length: who is done takes from the other.
 TEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 STAMP := $(VENV)/.installed
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from mjfish.arrays import FloatArray
 from mjfish.errors import ParameterError
 
 
@@ -76,3 +80,8 @@ class Parameter:
             start=min(max(self.start, low), high) if start is None else start,
             default=min(max(self.default, low), high),
         )
+
+
+def bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArray]:
+    """Return the lower and the upper bounds (p,) of parameters."""
+    return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])

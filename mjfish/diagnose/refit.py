@@ -13,7 +13,7 @@ from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.progress import Progress, silent
 from mjfish.effects.effect import Effect
 from mjfish.identify import Fit, Problem, fit
-from mjfish.parameter import Parameter
+from mjfish.parameter import Parameter, bounds
 
 #: Sizes of the one-step estimate, and of an amplitude's scale, that a refit starts from.
 _MULTIPLES = (0.3, 1.0, 3.0)
@@ -184,7 +184,7 @@ def _best(evidence: Evidence, problem: Problem, starts: Sequence[FloatArray]) ->
     free = [p.name for p, held in zip(evidence.fit.parameters, evidence.fit.at_bound, strict=True) if not held]
     columns = np.array([[p.name for p in problem.parameters].index(name) for name in free], dtype=np.int64)
     jacobian = evidence.fit.jacobian[:, ~evidence.fit.at_bound]
-    low, high = (np.array([getattr(p, end) for p in problem.parameters]) for end in ("low", "high"))
+    low, high = bounds(problem.parameters)
     residuals = np.stack([problem.residual(start) for start in starts], axis=1)
     steps = np.linalg.lstsq(jacobian, residuals, rcond=1e-8)[0]
     moved = np.stack(starts)

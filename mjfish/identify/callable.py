@@ -20,6 +20,7 @@ from mjfish.identify.noise import Noise
 from mjfish.identify.problem import Problem
 from mjfish.identify.report import first_sigma
 from mjfish.model import Model
+from mjfish.parameter import bounds
 from mjfish.trial import Dataset
 
 Function = Callable[[FloatArray], FloatArray]
@@ -85,7 +86,7 @@ def residual_function(
 def of(problem: Problem) -> ResidualFunction:
     """Return any problem as plain functions."""
     parameters = problem.parameters
-    low, high = (readonly([getattr(p, end) for p in parameters]) for end in ("low", "high"))
+    low, high = map(readonly, bounds(parameters))
 
     def vector(x: FloatArray) -> FloatArray:
         x = np.asarray(x, dtype=np.float64)

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.identify.problem import Problem
 from mjfish.identify.settings import Loss
-from mjfish.parameter import Parameter
+from mjfish.parameter import Parameter, bounds
 
 #: 97.5 % point of the standard normal distribution.
 Z95 = 1.959963984540054
@@ -101,8 +101,7 @@ def fit(
     """
     parameters = problem.parameters
     scale = np.array([p.scale for p in parameters])
-    low = np.array([p.low for p in parameters])
-    high = np.array([p.high for p in parameters])
+    low, high = bounds(parameters)
     inside = 1e-6 * (high - low)
     x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
 

@@ -12,6 +12,7 @@ from mjfish.arrays import FloatArray
 from mjfish.identify.fit import Fit, fit
 from mjfish.identify.problem import Problem
 from mjfish.identify.settings import Loss
+from mjfish.parameter import bounds
 
 #: Evaluations of a fit on its way; the best goes on to the end.
 _SCOUT = 25
@@ -87,8 +88,7 @@ def hypercube(problem: Problem, count: int, seed: int) -> FloatArray:
     x = np.tile(problem.start(), (count, 1))
     shared = [i for i, p in enumerate(parameters) if ":" not in p.name]
     if count and shared:
-        low = np.array([parameters[i].low for i in shared])
-        high = np.array([parameters[i].high for i in shared])
+        low, high = bounds([parameters[i] for i in shared])
         x[:, shared] = low + (high - low) * qmc.LatinHypercube(len(shared), rng=np.random.default_rng(seed)).random(
             count
         )

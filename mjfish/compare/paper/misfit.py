@@ -19,7 +19,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.compare.paper.ranges import Ranges
 from mjfish.frames import CHANNELS
 from mjfish.model import Model
-from mjfish.parameter import Parameter
+from mjfish.parameter import Parameter, bounds
 from mjfish.sensitivity import sensitivities
 from mjfish.trial import Trial
 
@@ -126,7 +126,7 @@ class RangeProblem:
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds (k,)."""
-        return np.array([p.low for p in self.free]), np.array([p.high for p in self.free])
+        return bounds(self.free)
 
     def starts(self, count: int, seed: int) -> list[FloatArray]:
         """Return the declared start, off a null value, and points of a Latin hypercube over the bounds."""

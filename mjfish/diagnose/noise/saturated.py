@@ -159,8 +159,9 @@ def kept(problem: Problem, left: Saturated) -> FloatArray:
     It explains what is slow better than what is fast; a drift would be taken for smaller than it is. By draws.
     """
     rng = np.random.default_rng(0)
-    scaled = [block / problem.noise.sigma[:, None] for block in left.span]  # as `saturated` takes it out
-    basis = algebra.orthonormal(np.concatenate([np.concatenate(list(block)) for block in scaled]))
+    # scaled as `saturated` takes it out
+    span = [(block / problem.noise.sigma[:, None]).reshape(len(CHANNELS) * len(block), -1) for block in left.span]
+    basis = algebra.orthonormal(np.concatenate(span))
     ends = np.cumsum([len(block) for block in left.residuals])[:-1]
     power = np.zeros(2)
     for _ in range(_DRAWS):

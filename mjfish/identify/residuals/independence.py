@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import linalg, stats
@@ -34,6 +33,7 @@ from mjfish.identify.noise import Noise
 from mjfish.identify.residuals.absorbed import Absorbed
 from mjfish.identify.residuals.background import background, coloured
 from mjfish.identify.residuals.inputs import INPUTS, Lagged, lagged
+from mjfish.identify.residuals.plain import Plain
 from mjfish.identify.residuals.residual import Residual
 from mjfish.identify.residuals.whiteness import ALL, BAND
 
@@ -42,7 +42,7 @@ _LEFT = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class CrossCorrelation:
+class CrossCorrelation(Plain):
     """Cross-correlation of the residual of one channel with one input.
 
     Attributes:
@@ -67,10 +67,6 @@ class CrossCorrelation:
     statistic: float
     freedom: int
     p_value: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return {key: v.tolist() if isinstance(v, np.ndarray) else v for key, v in vars(self).items()}
 
 
 def independence(

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -25,6 +24,7 @@ from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 from mjfish.identify.forecast import innovations
 from mjfish.identify.noise import Noise
+from mjfish.identify.residuals.plain import Plain
 from mjfish.identify.residuals.residual import Residual
 
 #: Lags that are tested by default, and what a band leaves out.
@@ -35,7 +35,7 @@ ALL = "all"
 
 
 @dataclass(frozen=True, eq=False)
-class Autocorrelation:
+class Autocorrelation(Plain):
     """Autocorrelation of the residual of one channel.
 
     Attributes:
@@ -57,10 +57,6 @@ class Autocorrelation:
     statistic: float
     freedom: float
     p_value: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return {key: v.tolist() if isinstance(v, np.ndarray) else v for key, v in vars(self).items()}
 
 
 def whiteness(

@@ -21,6 +21,7 @@ from mjfish.arrays import BoolArray, FloatArray
 from mjfish.identify.fit import Fit
 from mjfish.identify.problem import Problem
 from mjfish.identify.uncertainty.serial import Block, Serial, blocks_of, by_trial, serial, stacked
+from mjfish.parameter import bounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,5 +143,5 @@ def _sandwich(found: Serial, blocks: Sequence[Block], free: BoolArray) -> tuple[
 
 def _cut(fit: Fit, half: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return estimates less and plus `half`, cut at the bounds."""
-    low, high = (np.array([getattr(p, side) for p in fit.parameters]) for side in ("low", "high"))
+    low, high = bounds(fit.parameters)
     return np.maximum(fit.x - half, low), np.minimum(fit.x + half, high)
