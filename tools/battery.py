@@ -37,19 +37,26 @@ app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 
 def tasks(cases: str, split: str, first: int, disturbance: str) -> list[Task]:
-    """Return the tasks of e.g. ``none:40,one:60``; kinds take turns, so that a stopped battery has some of each."""
-    counts = {kind: int(count) for kind, _, count in (entry.partition(":") for entry in cases.split(","))}
-    made = [
-        (number / count, Task(kind, first + number, split, disturbance=disturbance))
-        for kind, count in counts.items()
-        for number in range(count)
-    ]
+    """Return the tasks of e.g. ``none:40,two:20@100``, two effects of strength 100 at least.
+
+    Kinds take turns, so that a stopped battery has some of each.
+    """
+    made = []
+    for kind, _, rest in (entry.partition(":") for entry in cases.split(",")):
+        count, _, least = rest.partition("@")
+        strengths = {"least": float(least)} if least else {}
+        made += [
+            (number / int(count), Task(kind, first + number, split, disturbance=disturbance, **strengths))
+            for number in range(int(count))
+        ]
     return [task for _, task in sorted(made, key=lambda one: one[0])]
 
 
 @app.command("run")
 def run_(
-    cases: Annotated[str, typer.Option(help="Kinds and how many of each.")] = "none:20,one:40,off_list:10,two:10",
+    cases: Annotated[
+        str, typer.Option(help="Kinds, how many of each, @ least strength.")
+    ] = "none:20,one:40,off_list:10,two:10",
     split: Annotated[str, typer.Option(help="open, calibration or test.")] = "open",
     first: Annotated[int, typer.Option(help="First seed.")] = 0,
     disturbance: Annotated[str, typer.Option(help="Force noise on top: none, forces or drift.")] = "none",

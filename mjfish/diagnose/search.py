@@ -17,7 +17,7 @@ from mjfish.diagnose.noise.misread import Misread
 from mjfish.diagnose.noise.saturated import noise_of, saturated
 from mjfish.diagnose.noise.stepwise import Stepwise
 from mjfish.diagnose.progress import Progress
-from mjfish.diagnose.refit import Refit, abrupt, refits
+from mjfish.diagnose.refit import Refit, abrupt, refined, refits, settled
 from mjfish.diagnose.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.identify import Noise, Problem, fit
@@ -26,9 +26,11 @@ from mjfish.identify import Noise, Problem, fit
 _ROUNDS = 1
 #: A change of sigma by less than this share leaves the weights as they are.
 _SAME = 0.05
-#: Integration steps that are tried [s], and what their error may add to a sum of squares in units of the noise.
-_STEPS = (0.01, 0.005, 0.0025, 0.00125)
+#: Longest and shortest integration step [s], and what its error may add to a sum of squares in units of the noise.
+_LONGEST, _SHORTEST = 0.01, 0.00125
 _UNSEEN = 0.1
+#: Power of the step by which that falls, a little less than the eight of a method of fourth order.
+_POWER = 7.0
 _OTHER = Misread | Stepwise | Pushed | Drifting | Differentiated
 
 
@@ -67,7 +69,14 @@ def search(
         baseline = fit(problem, baseline.x, tolerance=1e-6)
         made = signatures(problem, baseline.values, candidates)
     noise, remark = noise_of(problem, baseline, made, stated)
-    refitted: Mapping[str, Refit] = {}
+
+    def shown(what: str, done: float) -> None:
+        progress(what, 0.2 + 0.4 * done)
+
+    def followed(what: str, done: float) -> None:
+        progress(what, 0.6 + 0.1 * done)
+
+    refitted: dict[str, Refit] = {}
     for round_ in range(_ROUNDS + 1):
         if round_ > 0 or not _same(noise, problem.noise):
             progress("fitting the nominal model", 0.08)
@@ -77,27 +86,25 @@ def search(
         progress("testing the residual", 0.15)
         directed, omnibus = evidence.directed_p(rng), evidence.omnibus_p()
         p_wrong = min(1.0, 2.0 * min(directed, omnibus))
-        made_refits: Mapping[str, Refit] = {}
+        made_refits: dict[str, Refit] = {}
         if p_wrong >= ALARM:
             p_abrupt, made_refits = abrupt(evidence, candidates)
             p_wrong = min(p_wrong, p_abrupt)
-
-        def shown(what: str, done: float) -> None:
-            progress(what, 0.2 + 0.5 * done)
-
         refitted = refits(evidence, candidates, shown, refitted, made_refits) if p_wrong < ALARM else {}
-        findings = Findings(evidence, refitted, p_wrong, directed < ALARM)
         if round_ == _ROUNDS or not refitted:
             break
-        best = max(refitted.values(), key=lambda one: one.gain)
+        leader = max(refitted, key=lambda name: refitted[name].gain)
+        refitted[leader] = best = refined(refitted[leader], refitted[leader].fit.sse)
         others = tuple(effect for effect in candidates if effect.name not in best.names)
         noise, remark = noise_of(best.problem, best.fit, signatures(best.problem, best.fit.values, others), stated)
         if _same(noise, problem.noise):
             break
+    if refitted:
+        refitted = settled(refitted, followed)
     if ends:
         remark += "; " if remark else ""
         remark += f"the last samples of the runs are noisier than the rest: {ends} at either end are left out"
-    return findings, remark
+    return Findings(evidence, refitted, p_wrong, directed < ALARM), remark
 
 
 def _resolved(problem: Problem) -> tuple[Problem, FloatArray]:
@@ -106,15 +113,11 @@ def _resolved(problem: Problem) -> tuple[Problem, FloatArray]:
     The error is the change of the whitened prediction on halving the step; its sum of squares is what the step adds to
     any statistic.
     """
-    problem = replace(problem, model=replace(problem.model, step=_STEPS[0]))
-    x = problem.start()
-    for finer in _STEPS[1:]:
-        x = fit(problem, x, tolerance=1e-4).x
-        halved = replace(problem, model=replace(problem.model, step=finer))
-        if float(np.sum((problem.residual(x) - halved.residual(x)) ** 2)) < _UNSEEN:
-            break
-        problem = halved
-    return problem, x
+    rough, fine = (replace(problem, model=replace(problem.model, step=by * _LONGEST)) for by in (1.0, 0.5))
+    x = fit(rough, tolerance=1e-4).x
+    error = float(np.sum((rough.residual(x) - fine.residual(x)) ** 2))
+    step = _LONGEST * min(_UNSEEN / max(error, 1e-300), 1.0) ** (1.0 / _POWER)
+    return replace(problem, model=replace(problem.model, step=max(step, _SHORTEST))), x
 
 
 def _same(new: Noise, old: Noise) -> bool:

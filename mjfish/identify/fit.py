@@ -11,7 +11,7 @@ from scipy import optimize
 from threadpoolctl import threadpool_limits
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.identify.problem import Problem
+from mjfish.identify.problem import LOST, Problem
 from mjfish.identify.settings import Loss
 from mjfish.parameter import Parameter, bounds
 
@@ -127,13 +127,14 @@ def fit(
             f_scale=loss_scale,
         )
     x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
-    if loss == "linear" and not at_bound.any():  # known already
-        residual, jacobian = np.asarray(solution.fun), np.asarray(-solution.jac / scale)
+    if loss == "linear":  # known already; putting an estimate onto its bound is a move too small for a Jacobian
+        residual = problem.residual(x) if at_bound.any() else np.asarray(solution.fun)
+        jacobian = np.asarray(-solution.jac / scale)
     else:
         residual, jacobian = problem.residual(x), problem.jacobian(x)
+    divergence = problem.divergence(x) if np.abs(residual).max(initial=0.0) >= LOST else ""
     weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
     residual, jacobian = residual * weight, jacobian * weight[:, None]
-    divergence = problem.divergence(x)
     return Fit(
         parameters=parameters,
         x=x,

@@ -22,7 +22,7 @@ from mjfish.trial import Trial
 from mjfish.trial.check import GAP
 
 #: Residual of a sample that the rollout did not reach, in units of sigma: worse than any honest misfit.
-_DIVERGED = 1e3
+LOST = 1e3
 #: Scale and half-range of start velocities around the measured ones [m/s, m/s, rad/s], and of clock offsets [s].
 _START_SCALE = (0.01, 0.01, 0.05)
 _START_RANGE = (0.1, 0.1, 0.5)
@@ -166,7 +166,7 @@ class Problem:
                 parts.append(self.whitened(i, (trial.velocity - velocity)[keep]).ravel())
             else:
                 lost = np.zeros((int(np.count_nonzero(keep)), len(CHANNELS)))
-                parts.append(np.full_like(self.whitened(i, lost).ravel(), _DIVERGED))
+                parts.append(np.full_like(self.whitened(i, lost).ravel(), LOST))
         return np.concatenate(parts)
 
     def _run(self, tasks: list[tuple[Trial, dict[str, float]]]) -> list[FloatArray]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mjfish.diagnose.evidence import gather
 from mjfish.diagnose.progress import Progress, silent
-from mjfish.diagnose.refit import guesses, off_null
+from mjfish.diagnose.starts import guesses, off_null
 from mjfish.effects.effect import Effect
 from mjfish.identify import Fit, Noise, Problem, fit
 from mjfish.identify.noise import estimate

@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from sealed.case import Case, make_case
+from sealed.case import STRENGTHS, Case, make_case
 from sealed.truth import Truth, open_truth, seal
 
 from judged.sparse import sparsest
@@ -26,6 +26,7 @@ class Task:
     seed: int
     split: str
     strength: float | None = None
+    least: float = STRENGTHS[0]
     noise: str | None = None
     disturbance: str = "none"
 
@@ -61,7 +62,7 @@ def _one(task: Task, folder: Path) -> dict[str, Any]:
 
 def _draw(task: Task) -> Case:
     return make_case(
-        task.seed, task.kind, split=task.split, strength=task.strength, noise_kind=task.noise,
+        task.seed, task.kind, split=task.split, strength=task.strength, least=task.least, noise_kind=task.noise,
         disturbance=task.disturbance, rivals=task.kind == "one",
     )  # fmt: skip
 

@@ -60,6 +60,7 @@ def make_case(
     split: str = "open",
     cause: str | None = None,
     strength: float | None = None,
+    least: float = STRENGTHS[0],
     noise_kind: noises.Kind | None = None,
     disturbance: forcing.Kind | None = "none",
     rivals: bool = False,
@@ -71,7 +72,8 @@ def make_case(
         kind: class of the truth.
         split: ``open``, ``calibration`` or ``test``.
         cause: of ``one``, ``off_list``, ``decoy``; None: drawn.
-        strength: lambda after refit of every cause; None: drawn from 10 to 3000.
+        strength: lambda after refit of every cause; None: drawn from `least` to 3000.
+        least: the least that is drawn.
         noise_kind: None: drawn.
         disturbance: force noise: ``none``, ``forces``, ``drift``; None: drawn.
         rivals: whether to compute the correlations with all other causes (about a second).
@@ -84,7 +86,7 @@ def make_case(
     names = [str(name) for name in rng.choice([c.name for c in pool], size=count, replace=False)]
     if cause is not None and count == 1:
         names = [cause]
-    low, high = np.log(STRENGTHS)
+    low, high = np.log((least, STRENGTHS[1]))
     drawn = [float(np.exp(rng.uniform(low, high))) if strength is None else strength for _ in names]
     return scaled_case(seed, names, drawn, noise_kind, split=split, kind=kind, disturbance=disturbance, rivals=rivals)
 
