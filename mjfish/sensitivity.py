@@ -29,7 +29,7 @@ from mjfish.trial import Trial
 #: Effects with their values by short name.
 Active = tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...]
 #: Step of a difference, in units of the parameter's scale.
-_STEP = 1e-2
+_STEP = 5e-4
 #: Scale of frequency [Hz] and phase [rad] of a wave.
 _WAVE_SCALE = 0.05
 _SIXTH = ((1, 0.75), (2, -0.15), (3, 1.0 / 60.0))

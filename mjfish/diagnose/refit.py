@@ -17,8 +17,6 @@ from mjfish.identify import Fit, Problem, fit
 
 #: Relative change of the sum of squares at which a refit stops.
 TOLERANCE = 1e-5
-#: A score from which on the one-step estimate says how small an amplitude may be.
-_SHOWN = 10.0
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
 COARSE = (4, 6)
 #: Mean square of the whitened residual above which a refit is tried from afresh.
@@ -160,8 +158,8 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
     """
     base = evidence.problem
     one_step = evidence.first_guess(effect.name)
-    small = one_step if evidence.statistic(effect.name) > _SHOWN else {}
-    problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, small)})
+    visible = evidence.smallest_visible(effect.name) if effect.smooth else None
+    problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, visible)})
     start = best_start(evidence, problem, effect, one_step)
     best = fit(problem, start, tolerance=TOLERANCE, evaluations=COARSE[not effect.smooth])
     added = problem.model.effects

@@ -146,8 +146,11 @@ def _without(one: Refit, known: Mapping[Names, Refit]) -> list[Refit]:
 
 
 def _earned(one: Refit, known: Mapping[Names, Refit]) -> bool:
-    """Return whether the set explains more than its share beyond every smaller set, of its members or of others."""
-    worth = one.gain - max(other.gain for names, other in known.items() if len(names) < len(one.names))
+    """Return whether the set explains more than its share beyond every smaller set, of its members or of others.
+
+    Less two for every parameter more: a cause of four parameters explains some noise.
+    """
+    worth = one.adjusted - max(other.adjusted for names, other in known.items() if len(names) < len(one.names))
     return worth >= max(MEMBER, SHARE * one.gain)
 
 

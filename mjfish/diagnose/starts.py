@@ -16,11 +16,13 @@ from mjfish.parameter import Parameter, bounds
 _MULTIPLES = (0.3, 1.0, 3.0)
 #: And of the scale of a cause that is not smooth at its null.
 _GRID = (0.1, 0.2, 0.6, 1.25, 1.5, 1.75, 2.0, 2.5)
+#: Change of the sum of squares from which on a size is felt, and how closely and how far above the least such is tried.
+_FELT, _HALVINGS, _ABOVE = 0.5, 8, (0.003, 0.006, 0.012, 0.025, 0.05)
 #: How many of the most promising starts are looked at once more, with the coefficients moved.
 _TRIED = 3
-#: A refit of an amplitude that cannot be negative keeps this share of its scale away from zero; or of its one-step
-#: estimate, where that is smaller.
-_OFF_NULL, _OFF_ESTIMATE = 0.02, 0.1
+#: A refit of an amplitude that cannot be negative keeps this share of its scale away from zero, or of the smallest size
+#: that would show.
+_OFF_NULL, _OFF_VISIBLE = 0.002, 0.05
 
 
 def best_start(evidence: Evidence, problem: Problem, effect: Effect, one_step: Mapping[str, float]) -> FloatArray:
@@ -28,37 +30,89 @@ def best_start(evidence: Evidence, problem: Problem, effect: Effect, one_step: M
 
     The one-step estimate is right for a small effect; a large one may lie outside the reach of its linearisation:
     multiples of it and of the declared scale are tried, with the coefficients where they were; the estimate once more
-    with the coefficients moved; and next to nothing of the effect, for no refit need be worse than none.
-
-    The free parameters of the evidence's model move by (J'J)^-1 J' e to where they belong at each start, and what is
-    left of e beyond the span of J is what it is judged by: variable projection [GolubPereyra1973] with J at the
-    evidence's fit. The most promising are simulated once more.
+    with the coefficients moved; and next to nothing of the effect, for no refit need be worse than none. Of a cause
+    that is not felt below some size, sizes just above that are tried as well: its valley may be narrow.
 
     Args:
         evidence: of the model that is extended.
         problem: of the extended one.
         effect: the cause that it is extended by.
         one_step: its one-step estimate.
+    """
+    values = evidence.fit.values
+    tried = _Tried(evidence, problem)
+    for guess in guesses(effect, one_step):
+        tried.add(problem.start({**values, **guess}))
+    tried.add(problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
+    tried.add(problem.start(values))
+    amplitudes = [p for p in effect.parameters if not p.shape]
+    if not effect.smooth and len(amplitudes) == 1:
+        _to_the_edge(tried, [p.name for p in problem.parameters].index(amplitudes[0].name))
+    return tried.best()
+
+
+class _Tried:
+    """Starts, the free parameters of the evidence's model moved to where they belong at each.
+
+    They move by (J'J)^-1 J' e, and what is left of e beyond the span of J is what a start is judged by: variable
+    projection [GolubPereyra1973] with J at the evidence's fit.
 
     [GolubPereyra1973] G. Golub and V. Pereyra, SIAM Journal on Numerical Analysis 10.
     """
-    values = evidence.fit.values
-    starts = [problem.start({**values, **guess}) for guess in guesses(effect, one_step)]
-    starts.append(problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
-    starts.append(problem.start(values))
-    free = [p.name for p, held in zip(evidence.fit.parameters, evidence.fit.at_bound, strict=True) if not held]
-    columns = np.array([[p.name for p in problem.parameters].index(name) for name in free], dtype=np.int64)
-    jacobian = evidence.fit.jacobian[:, ~evidence.fit.at_bound]
-    low, high = bounds(problem.parameters)
-    residuals = np.stack([problem.residual(start) for start in starts], axis=1)
-    steps = np.linalg.lstsq(jacobian, residuals, rcond=1e-8)[0]
-    moved = np.stack(starts)
-    moved[:, columns] += steps.T
-    moved = np.clip(moved, low, high)
-    promised = np.sum((residuals - jacobian @ steps) ** 2, axis=0)
-    tried = moved[np.argsort(promised)[:_TRIED]]
-    left = [*np.sum(residuals**2, axis=0), *(float(np.sum(problem.residual(x) ** 2)) for x in tried)]
-    return np.asarray([*starts, *tried][int(np.argmin(left))])
+
+    def __init__(self, evidence: Evidence, problem: Problem) -> None:
+        self.problem, self.none = problem, evidence.fit.sse
+        free = [p.name for p, held in zip(evidence.fit.parameters, evidence.fit.at_bound, strict=True) if not held]
+        names = [p.name for p in problem.parameters]
+        self._columns = np.array([names.index(name) for name in free], dtype=np.int64)
+        self._jacobian = evidence.fit.jacobian[:, ~evidence.fit.at_bound]
+        self._inverse = np.linalg.pinv(self._jacobian, rcond=1e-8)
+        self.starts: list[FloatArray] = []
+        self.moved: list[FloatArray] = []
+        self.left: list[float] = []
+        self.promised: list[float] = []
+
+    def add(self, start: FloatArray) -> float:
+        """Try a start (p,); return the sum of squares that is promised there."""
+        residual = self.problem.residual(start)
+        step = self._inverse @ residual
+        moved = start.copy()
+        moved[self._columns] += step
+        self.starts.append(start)
+        self.moved.append(np.clip(moved, *bounds(self.problem.parameters)))
+        self.left.append(float(residual @ residual))
+        self.promised.append(float(np.sum((residual - self._jacobian @ step) ** 2)))
+        return self.promised[-1]
+
+    def best(self) -> FloatArray:
+        """Return the start of the least sum of squares, the most promising ones simulated where they moved to."""
+        promising = [self.moved[i] for i in np.argsort(self.promised)[:_TRIED]]
+        left = [*self.left, *(float(np.sum(self.problem.residual(x) ** 2)) for x in promising)]
+        return np.asarray([*self.starts, *promising][int(np.argmin(left))])
+
+
+def _to_the_edge(tried: _Tried, column: int) -> None:
+    """Find by bisection from which size on an amplitude is felt; try some just above."""
+    sizes = np.array([start[column] for start in tried.starts])
+    felt = np.abs(np.array(tried.promised) - tried.none) > _FELT
+    if felt.all() or not np.any(felt & (sizes > sizes[~felt].max())):
+        return
+    start = tried.starts[int(np.argmax(np.where(felt, -np.inf, sizes)))]
+    low, high = float(start[column]), float(sizes[felt & (sizes > start[column])].min())
+
+    def at(size: float) -> float:
+        x = start.copy()
+        x[column] = size
+        return tried.add(x)
+
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if abs(at(middle) - tried.none) > _FELT:
+            high = middle
+        else:
+            low = middle
+    for share in _ABOVE:
+        at((1.0 + share) * high)
 
 
 def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, float]]:
@@ -81,17 +135,16 @@ def _inside(effect: Effect, guess: Mapping[str, float]) -> dict[str, float]:
     return {p.name: float(np.clip(guess[p.name], p.low, p.high)) for p in effect.parameters if not p.shape}
 
 
-def off_null(effect: Effect, estimates: Mapping[str, float] | None = None) -> dict[str, Parameter]:
+def off_null(effect: Effect, visible: Mapping[str, float] | None = None) -> dict[str, Parameter]:
     """Keep amplitudes that cannot be negative a little above zero, where they have derivatives on both sides.
 
     Args:
         effect: whose amplitudes.
-        estimates: rough ones that may be smaller than that.
+        visible: the smallest sizes that would show, where that can be said: nothing to be seen may be cut off.
     """
     lifted = {}
     for p in effect.parameters:
         if not p.shape and p.default == p.low:
-            small = (estimates or {}).get(p.name, 0.0) - p.low
-            off = min(_OFF_NULL * p.scale, _OFF_ESTIMATE * small) if small > 0.0 else _OFF_NULL * p.scale
+            off = min(_OFF_NULL * p.scale, _OFF_VISIBLE * (visible or {}).get(p.name, np.inf))
             lifted[p.name] = p.rebound(low=p.low + off, start=max(p.start, p.low + off))
     return lifted

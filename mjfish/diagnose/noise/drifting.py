@@ -22,8 +22,10 @@ from mjfish.diagnose.noise.spectrum import spectrum
 from mjfish.identify import Noise, Problem
 from mjfish.trial import Trial
 
-#: Correlation times that are tried [s].
+#: Correlation times that are tried [s],
 _TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+#: up to this share of a run: what hardly changes within one is not told from an error of the model, and counts as such.
+_LONGEST = 1.0 / 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +83,12 @@ def drifting(problem: Problem, residuals: Sequence[FloatArray], kept: FloatArray
     turn = 2.0 * np.pi * seen.frequency
     spread = np.sqrt(np.mean(np.concatenate([block**2 for block in residuals]), axis=0))
     found = np.zeros((3, 3))
+    longest = _LONGEST * float(np.median([trial.time[-1] - trial.time[0] for trial in problem.trials]))
+    times = [time for time in _TIMES if time <= max(longest, _TIMES[0])]
     for c in range(3):
         power = seen.power[:, c, c].real
         best = np.inf
-        for time in _TIMES:
+        for time in times:
             # of the sampled wander, aliases included
             decay = np.exp(-step / time)
             shape = step * (1.0 - decay**2) / (1.0 - 2.0 * decay * np.cos(turn * step) + decay**2)
