@@ -20,9 +20,9 @@ _GRID = (0.1, 0.2, 0.6, 1.25, 1.5, 1.75, 2.0, 2.5)
 _FELT, _HALVINGS, _ABOVE = 0.5, 8, (0.003, 0.006, 0.012, 0.025, 0.05)
 #: How many of the most promising starts are looked at once more, with the coefficients moved.
 _TRIED = 3
-#: A refit of an amplitude that cannot be negative keeps this share of its scale away from zero, or of the smallest size
-#: that would show.
-_OFF_NULL, _OFF_VISIBLE = 0.002, 0.05
+#: An amplitude that cannot be negative may come nearer to zero than its effect says (`Effect.least`): to this share of
+#: the smallest size that would show.
+_OFF_VISIBLE = 0.05
 
 
 def best_start(evidence: Evidence, problem: Problem, effect: Effect, one_step: Mapping[str, float]) -> FloatArray:
@@ -145,6 +145,6 @@ def off_null(effect: Effect, visible: Mapping[str, float] | None = None) -> dict
     lifted = {}
     for p in effect.parameters:
         if not p.shape and p.default == p.low:
-            off = min(_OFF_NULL * p.scale, _OFF_VISIBLE * (visible or {}).get(p.name, np.inf))
+            off = min(effect.least * p.scale, _OFF_VISIBLE * (visible or {}).get(p.name, np.inf))
             lifted[p.name] = p.rebound(low=p.low + off, start=max(p.start, p.low + off))
     return lifted

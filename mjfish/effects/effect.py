@@ -59,6 +59,7 @@ class Effect(ABC):
         confirm: the experiment that would confirm it.
         fingerprint: how its discrepancy scales, what symmetry it breaks, where it sits.
         smooth: whether predictions are differentiable in its amplitudes at the null value; else it is always refitted.
+        least: share of its scale that an amplitude which cannot be negative keeps from zero in a refit.
         load: force on every link from outside the Morison model, compiled; its parameters come in declared order.
         mujoco: whether MuJoCo's fish can have it too; not where its load reads what only the ODE's records hold.
     """
@@ -72,6 +73,7 @@ class Effect(ABC):
     confirm: ClassVar[str]
     fingerprint: ClassVar[Fingerprint] = Fingerprint()
     smooth: ClassVar[bool] = True
+    least: ClassVar[float] = 0.002
     load: ClassVar[Load | None] = None
     mujoco: ClassVar[bool] = True
 

@@ -32,6 +32,9 @@ class TailCompliance(Effect):
     confirm: ClassVar[str] = "hold the peduncle, load the fin with a spring balance and read the deflection"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=2.0, odd=False, part="everywhere")
     smooth: ClassVar[bool] = False
+    least: ClassVar[float] = (
+        0.02  # a tail that is stiffer than this asks for a step that is shorter than any data can see
+    )
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Add the compliance to the fish's own."""
