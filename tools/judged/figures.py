@@ -104,6 +104,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
             "two effects, each lambda given the other >= 100: exact set", "at least 85 %", (c.right for c in both),
             lambda p: p >= 0.85,
         ),
+        proportion("two effects: the truth is among the sets that stay", "", map(in_set, both), lambda _: True),
         proportion(
             "two effects: recall", "at least 95 %", (name in c.named for c in both for name in c.truth.causes),
             lambda p: p >= 0.95,
