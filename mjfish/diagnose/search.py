@@ -60,7 +60,7 @@ def search(
 ) -> tuple[Findings, str]:
     """Fit, find the noise, test and refit; again where the noise looks otherwise with the best cause in the model."""
     progress("fitting the nominal model", 0.02)
-    problem, start = _resolved(problem)
+    problem, start = resolved(problem)
     baseline = fit(problem, start, tolerance=1e-6)
     made = signatures(problem, baseline.values, candidates)
     ends = noisy_ends(saturated(problem, baseline, made).residuals)
@@ -107,7 +107,7 @@ def search(
     return Findings(evidence, refitted, p_wrong, directed < ALARM), remark
 
 
-def _resolved(problem: Problem) -> tuple[Problem, FloatArray]:
+def resolved(problem: Problem) -> tuple[Problem, FloatArray]:
     """Return the problem with the longest step whose error the data cannot see, and the fit there as a start.
 
     The error is the change of the whitened prediction on halving the step; its sum of squares is what the step adds to

@@ -69,7 +69,7 @@ def several(
         earned: dict[Names, Refit] = {}
         for grown in (_grown, _abruptly_grown):
             known.update(found := grown(bases, candidates, known, rng))
-            earned.update({names: one for names, one in found.items() if _earned(one, known)})
+            earned.update({names: one for names, one in found.items() if earns_its_place(one, known)})
             if earned:
                 best = _standing(earned, candidates, known, rng)
                 if any(one.in_set and one.clean for one in best.standings.values()):
@@ -145,7 +145,7 @@ def _without(one: Refit, known: Mapping[Names, Refit]) -> list[Refit]:
     return [known[part] for part in parts if part in known]
 
 
-def _earned(one: Refit, known: Mapping[Names, Refit]) -> bool:
+def earns_its_place(one: Refit, known: Mapping[Names, Refit]) -> bool:
     """Return whether the set explains more than its share beyond every smaller set, of its members or of others.
 
     Less two for every parameter more: a cause of four parameters explains some noise.

@@ -276,3 +276,15 @@ def test_one_quiet_channel_does_not_make_the_noise_of_the_others_their_innovatio
     noise, _ = noise_of(noisy, one, signatures(noisy, one.values, [find("linear_drag")]), None)
     left = np.concatenate(noisy.raw(one.x))
     assert noise.sigma[1] == pytest.approx(left[:, 1].std(), rel=0.25)
+
+
+def test_what_hardly_changes_within_a_run_is_not_noise(swum: tuple[Problem, Fit]) -> None:
+    """Every run is off by a constant: a wander of a third of a run cannot say all of that, and leaves it to be seen."""
+    problem, _ = swum
+    rng = np.random.default_rng(8)
+    counts = [int(problem.mask(i).sum()) for i in range(2)]
+    blocks = [SIGMA * (rng.standard_normal((n, 3)) + off) for n, off in zip(counts, (1.5, -1.5), strict=True)]
+    found = drifting(problem, blocks, kept(problem, _nothing_taken(blocks)))
+    longest = max(float(trial.time[-1] - trial.time[0]) for trial in problem.trials)
+    assert np.all(found.time <= longest / 3.0)
+    assert np.all(found.wander > 0.5 * SIGMA)

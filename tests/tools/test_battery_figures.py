@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from battery import tasks
 from judged import figures, guessers
 from judged.answers import Judged, Task, judged, run
 from sealed.truth import Truth
@@ -109,6 +110,13 @@ def test_guessers_always_name_a_cause() -> None:
     assert names["refit with the lowest held-out error"] == "time_offset"
     assert names["largest score"] == "time_offset"
     assert names["most frequent cause"] == "servo_lag"
+
+
+def test_kinds_take_turns_and_may_begin_at_a_strength() -> None:
+    made = tasks("none:2,two:4@100", "open", 50, "none")
+    assert [task.name for task in made] == ["none-50", "two-50", "two-51", "none-51", "two-52", "two-53"]
+    assert {task.least for task in made if task.kind == "two"} == {100.0}
+    assert {task.least for task in made if task.kind == "none"} == {10.0}
 
 
 @pytest.mark.slow

@@ -1,0 +1,94 @@
+"""The search: its integration step, where refits start, and what a further cause must earn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from mjfish import fish as fishes
+from mjfish.diagnose.evidence import Evidence, gather
+from mjfish.diagnose.refit import refit
+from mjfish.diagnose.search import resolved
+from mjfish.diagnose.several import earns_its_place
+from mjfish.diagnose.starts import off_null
+from mjfish.effects import find
+from mjfish.fish import Fish
+from mjfish.identify import Noise, Problem, fit
+from mjfish.model import Model, asked_motion
+from mjfish.plant import plant
+from mjfish.trial import Dataset
+
+SIGMA = np.array([0.006, 0.006, 0.05])
+LIMIT = find("servo_rate_limit")
+
+
+@pytest.fixture(scope="module")
+def pike() -> Fish:
+    return fishes.load("pike")
+
+
+def _problem(dataset: Dataset) -> Problem:
+    return Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
+
+
+@pytest.mark.parametrize(("modes", "longest"), [(["v1"], 0.01), (["v5", "v7"], 0.008)])
+def test_the_step_is_as_long_as_its_error_is_unseen(pike: Fish, modes: list[str], longest: float) -> None:
+    """Slow swimming takes the longest step; of quick swimming the error is near what may be, not far below it."""
+    problem = _problem(plant(pike, modes, noise=SIGMA, duration=4.0, seed=1))
+    chosen, x = resolved(problem)
+    fine = replace(problem, model=replace(problem.model, step=0.001))
+    error = float(np.sum((chosen.residual(x) - fine.residual(x)) ** 2))
+    assert error < 0.15
+    assert chosen.model.step <= longest
+    assert chosen.model.step == 0.01 or error > 0.005
+
+
+def _limited(pike: Fish) -> Evidence:
+    """Return what speaks against the nominal model where the quickest joint is cut off at 98.5 % of its rate."""
+    still = plant(pike, ["v5"], duration=2.0)
+    peak = float(np.abs(asked_motion(pike.cpg, still.trials[0], 0.005).rate).max())
+    values = {"servo_rate_limit.slowness": 1.0 / (0.985 * peak)}
+    dataset = plant(pike, ["v1", "v3", "v5"], values=values, effects=[LIMIT], noise=0.3 * SIGMA, duration=10.4, seed=2)
+    problem = replace(_problem(dataset), noise=Noise.white(0.3 * SIGMA))
+    return gather(problem, fit(problem), [LIMIT])
+
+
+def test_a_limit_that_is_hardly_met_is_found_in_its_narrow_valley(pike: Fish) -> None:
+    """From sizes that do not feel it there is no way down. Catches starts that step over the valley."""
+    found = refit(_limited(pike), LIMIT)
+    assert found.gain > 50.0
+    (size,) = found.parameter_values().values()
+    still = plant(pike, ["v5"], duration=2.0)
+    peak = float(np.abs(asked_motion(pike.cpg, still.trials[0], 0.005).rate).max())
+    assert size * 0.985 * peak == pytest.approx(1.0, rel=0.004)
+
+
+def test_no_size_that_would_show_is_cut_off() -> None:
+    """Near zero, drag by the Reynolds number shows at less than a hundredth of its scale in good data."""
+    drag, tail = find("reynolds_drag"), find("tail_compliance")
+    visible = {"reynolds_drag.friction": 1e-3, "reynolds_drag.pressure": 1e9}
+    lifted = off_null(drag, visible)
+    friction, pressure = (lifted[f"reynolds_drag.{short}"] for short in ("friction", "pressure"))
+    assert 0.0 < friction.low <= 1e-4
+    assert pressure.low == pytest.approx(drag.least * pressure.scale)
+    assert off_null(tail)["tail_compliance.compliance"].low == pytest.approx(0.02 * 0.05)
+
+
+@dataclass
+class _Set:
+    names: tuple[str, ...]
+    gain: float
+    freedom: int
+
+    @property
+    def adjusted(self) -> float:
+        return self.gain - 2.0 * (self.freedom - 1)
+
+
+@pytest.mark.parametrize(("gain", "freedom", "stays"), [(124.0, 2, True), (124.0, 5, False), (133.0, 5, True)])
+def test_a_further_cause_of_many_parameters_must_explain_more(gain: float, freedom: int, stays: bool) -> None:
+    """The cause alone explains 100."""
+    known = {("lag",): _Set(("lag",), 100.0, 1)}
+    assert earns_its_place(_Set(("lag", "other"), gain, freedom), known) is stays  # type: ignore[arg-type]
