@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import orth
 
 from mjfish.arrays import FloatArray
 from sealed.classes import LISTED, Cause
@@ -18,6 +19,8 @@ from sealed.noise import whiten
 
 #: Step of the central differences by the coefficients, relative.
 _DIFFERENCE = 0.03
+#: Relative change of a cause's parameters, to see what it could take of another.
+_TURN = 0.1
 _ROUNDS = 20
 _CHORDS = 10
 #: Farthest that a refit may go in the logarithm of a coefficient.
@@ -161,7 +164,7 @@ def sized(
 def _signatures(
     measure: Ruler, causes: Sequence[Cause], directions: Sequence[Mapping[str, float]], size: FloatArray
 ) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Return each cause's signature with the others on, whole and beyond refit and others."""
+    """Return each cause's signature with the others on, whole and beyond refit of the coefficients and the others."""
     parts = [cause.sized(d, float(s)) for cause, d, s in zip(causes, directions, size, strict=True)]
     everything = {key: value for part in parts for key, value in part.items()}
     full = stacked(measure.draft, measure.numbers, everything)
@@ -169,12 +172,23 @@ def _signatures(
         {key: value for j, part in enumerate(parts) if j != i for key, value in part.items()} for i in range(len(parts))
     ]
     whole = [full - (stacked(measure.draft, measure.numbers, rest) if rest else measure.plain) for rest in rests]
+    turned = [_turned(measure, part, everything, full) for part in parts] if len(parts) > 1 else []
     own = []
     for i, (rest, signature) in enumerate(zip(rests, whole, strict=True)):
         left = measure.refitted(full, rest, signature)
-        others = [measure.beyond(other) for j, other in enumerate(whole) if j != i]
-        own.append(_out(np.linalg.qr(np.column_stack(others))[0], left) if others else left)
+        others = [measure.beyond(v) for j in range(len(turned)) if j != i for v in (whole[j], *turned[j])]
+        own.append(_out(orth(np.column_stack(others), rcond=1e-6), left) if others else left)
     return whole, own
+
+
+def _turned(
+    measure: Ruler, part: Mapping[str, float], everything: Mapping[str, float], full: FloatArray
+) -> list[FloatArray]:
+    """Return what a change of each parameter of a cause does to runs `full`: a refit of it has them all free."""
+    if len(part) < 2:
+        return []
+    moved = [{**everything, name: (1.0 + _TURN) * value} for name, value in part.items()]
+    return [stacked(measure.draft, measure.numbers, psi) - full for psi in moved]
 
 
 def _lengths(
