@@ -136,8 +136,7 @@ class Model:
         for effect, own in active:
             fish = effect.body(fish, own)
         servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.family == "drive")
-        longest = self.step / max((effect.finer for effect, _ in active), default=1)
-        step = _refined(longest, fish, asked_motion(self.fish.cpg, trial, self.step), values)
+        step = _refined(self.step, fish, asked_motion(self.fish.cpg, trial, self.step), values)
         time = trial.time + offset
         for effect, own in active:
             time = effect.clock(time, own)

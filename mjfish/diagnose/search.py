@@ -27,7 +27,7 @@ _ROUNDS = 1
 #: A change of sigma by less than this share leaves the weights as they are.
 _SAME = 0.05
 #: Longest and shortest integration step [s], and what its error may add to a sum of squares in units of the noise.
-_LONGEST, _SHORTEST = 0.01, 0.00125
+_LONGEST, _SHORTEST = 0.005, 0.00125
 _UNSEEN = 0.1
 #: Power of the step by which that falls, a little less than the eight of a method of fourth order.
 _POWER = 7.0

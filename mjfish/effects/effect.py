@@ -60,7 +60,6 @@ class Effect(ABC):
         fingerprint: how its discrepancy scales, what symmetry it breaks, where it sits.
         smooth: whether predictions are differentiable in its amplitudes at the null value; else it is always refitted.
         least: share of its scale that an amplitude which cannot be negative keeps from zero in a refit.
-        finer: how many times shorter a step it asks for, for what it does between the nodes.
         load: force on every link from outside the Morison model, compiled; its parameters come in declared order.
         mujoco: whether MuJoCo's fish can have it too; not where its load reads what only the ODE's records hold.
     """
@@ -75,7 +74,6 @@ class Effect(ABC):
     fingerprint: ClassVar[Fingerprint] = Fingerprint()
     smooth: ClassVar[bool] = True
     least: ClassVar[float] = 0.002
-    finer: ClassVar[int] = 1
     load: ClassVar[Load | None] = None
     mujoco: ClassVar[bool] = True
 

@@ -46,7 +46,6 @@ class ServoRateLimit(Effect):
     confirm: ClassVar[str] = "log the joint angles on the bench while the command steps, and read the largest rate"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
     smooth: ClassVar[bool] = False
-    finer: ClassVar[int] = 2
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Measured joint angles leave nothing between command and joint."""
