@@ -31,7 +31,8 @@ LEAD = 0.25
 _STIFFNESS = 2.0
 #: Share of the speed of the tail that is left where the head is free to recoil and the tail gives way.
 _RECOIL = 0.25
-_REFINEMENTS = 5
+#: Octaves by which the step is shortened for it at most.
+_FINEST = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +225,7 @@ def joint_motion(
 
 
 def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, float]) -> float:
-    """Halve the step until the elastic deflection of the tail, if there is one, is integrated stably.
+    """Shorten the step, by half octaves, until the elastic deflection of the tail, if any, is integrated stably.
 
     Its rates are those of the spring, sqrt(1 / (compliance J)), of its damping, and of the drag linearised about the
     sideways speed U of the tail, rho c_d U INT h r^2 dr / J; J is the inertia about the joint, half of it because the
@@ -238,8 +239,8 @@ def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, f
     second_moment = float(outline.height_moment[-1, 2])
     drag = fish.density * max(values["c_d.tail"], 0.0) * _RECOIL * _tail_speed(fish.links, asked) * second_moment
     rate = np.sqrt(1.0 / (fish.tail_compliance * inertia)) + (fish.tail_damping + drag) / inertia
-    halvings = max(int(np.ceil(np.log2(max(step * rate / _STIFFNESS, 1.0)))), 0)
-    return float(step / 2 ** min(halvings, _REFINEMENTS))
+    octaves = 0.5 * np.ceil(2.0 * np.log2(max(step * rate / _STIFFNESS, 1.0)))
+    return float(step / 2.0 ** min(octaves, _FINEST))
 
 
 @functools.lru_cache(maxsize=256)

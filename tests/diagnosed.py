@@ -81,6 +81,7 @@ def diagnosis(
         causes=(Cause(cause, find(cause).summary, own),) if verdict == "named" else (),
         rivals=((cause, "time_offset"),) if verdict == "cannot_tell" else (),
         alternatives={"named": ((cause,),), "cannot_tell": ((cause,), ("time_offset",))}.get(verdict, ()),
+        certain=(cause,) if verdict == "named" else (),
         candidates=_candidates(verdict),
         best=(cause,) if wrong else (),
         where=_where(names) if wrong else None,

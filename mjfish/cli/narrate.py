@@ -85,7 +85,8 @@ def _absorbed(result: Diagnosis) -> None:
 
 
 def _cause(result: Diagnosis) -> Table:
-    title = {"named": "Cause", "cannot_tell": "Best of the rivals"}.get(result.verdict, "Closest candidate, not named")
+    named = "Cause" if result.verdict == "named" else "Closest candidate, not named"
+    title = "Best of the rivals" if result.rivals else named
     table = Table(title=title)
     for heading in ("parameter", "estimate", "95 % interval", "unit"):
         table.add_column(heading)

@@ -27,11 +27,9 @@ def causes(best: Refit | None) -> tuple[Cause, ...]:
 
 def rivals(ruling: Ruling) -> tuple[tuple[str, ...], ...]:
     """Return the names in which the sets that stay differ."""
-    if ruling.verdict != "cannot_tell" or not ruling.sets:  # there are none where the data block a verdict
+    if ruling.verdict != "cannot_tell" or len(ruling.sets) < 2:  # data that block a verdict leave none
         return ()
-    shared = set.intersection(*map(set, ruling.sets))
-    ordered = dict.fromkeys(name for names in ruling.sets for name in names if name not in shared)
-    return (tuple(ordered),)
+    return (tuple(dict.fromkeys(name for names in ruling.sets for name in names if name not in ruling.certain)),)
 
 
 def estimates(one: Fit, model: Model) -> dict[str, Estimate]:

@@ -16,7 +16,7 @@ from mjfish.diagnose.fingerprint import fingerprint
 from mjfish.diagnose.force import missing_force
 from mjfish.diagnose.heldout import Confirmation, confirmation
 from mjfish.diagnose.locate import locate
-from mjfish.diagnose.progress import Progress, silent
+from mjfish.diagnose.progress import Progress, part, silent
 from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Diagnosis
 from mjfish.diagnose.search import search
@@ -111,6 +111,7 @@ def _diagnosed(
         causes=assemble.causes(best) if ruling.verdict == "named" else (),
         rivals=assemble.rivals(ruling),
         alternatives=ruling.sets,
+        certain=ruling.certain,
         candidates=table,
         blind=assemble.blind(table, evidence),
         best=() if best is None else best.names,
@@ -172,10 +173,7 @@ def _several(
     rng: np.random.Generator,
     progress: Progress,
 ) -> Hearing | None:
-    def shown(what: str, done: float) -> None:
-        progress(what, 0.8 + 0.15 * done)
-
-    sets = several(singles, candidates, rng, shown)
+    sets = several(singles, candidates, rng, part(progress, 0.8, 0.15))
     if sets is None:
         return None
     staying = [names for names, one in sets.standings.items() if one.in_set]

@@ -10,3 +10,8 @@ Progress = Callable[[str, float], None]
 
 def silent(_what: str, _done: float) -> None:
     """Tell nobody."""
+
+
+def part(progress: Progress, begin: float, share: float) -> Progress:
+    """Return the progress of a part of the work, which begins at `begin` and is `share` of it."""
+    return lambda what, done: progress(what, begin + share * done)

@@ -95,7 +95,7 @@ def refits(
     found = {}
     for done, effect in enumerate(chosen):
         progress(f"refitting with {effect.name}", done / len(chosen))
-        found[effect.name] = with_jobs(next(results), jobs)
+        found[effect.name] = next(results)
     return found
 
 
@@ -108,7 +108,7 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
     result = dict(found)
     for done, name in enumerate(running):
         progress(f"refining the fit with {name}", done / len(running))
-        result[name] = with_jobs(next(results), jobs)
+        result[name] = next(results)
     return result
 
 
@@ -123,7 +123,7 @@ def abrupt(evidence: Evidence, effects: Sequence[Effect]) -> tuple[float, dict[s
     jobs, tried = evidence.problem.jobs, [effect for effect in effects if not effect.smooth]
     alone = with_jobs(evidence, 1)
     results = side_by_side(lambda effect: refit(alone, effect), tried, jobs)
-    found = {effect.name: with_jobs(one, jobs) for effect, one in zip(tried, results, strict=True)}
+    found = {effect.name: one for effect, one in zip(tried, results, strict=True)}
     chances = [float(stats.chi2.sf(max(one.gain, 0.0), one.freedom + 1)) for one in found.values()]
     return min([1.0, *(2.0 * len(found) * p for p in chances)]), found
 
@@ -157,10 +157,9 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
         gained: what that model gained already against the nominal one.
     """
     base = evidence.problem
-    one_step = evidence.first_guess(effect.name)
     visible = evidence.smallest_visible(effect.name) if effect.smooth else None
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, visible)})
-    start = best_start(evidence, problem, effect, one_step)
+    start = best_start(evidence, problem, effect)
     best = fit(problem, start, tolerance=TOLERANCE, evaluations=COARSE[not effect.smooth])
     added = problem.model.effects
     freedom = sum(len(one.parameters) for one in added)

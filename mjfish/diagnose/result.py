@@ -114,6 +114,7 @@ class Diagnosis:
         causes: named ones, together.
         rivals: groups of names that the data cannot tell apart.
         alternatives: every set of causes that stays: the named one, or those that the data cannot tell apart.
+        certain: the causes that all of these have: the named ones, or what several sets share.
         candidates: every cause scored, best first.
         blind: causes that these data cannot show, with the reason.
         best: names of the causes that the extended model has: the named ones, else the best candidate; empty where
@@ -140,6 +141,7 @@ class Diagnosis:
     causes: tuple[Cause, ...]
     rivals: tuple[tuple[str, ...], ...]
     alternatives: tuple[tuple[str, ...], ...]
+    certain: tuple[str, ...]
     candidates: tuple[Candidate, ...]
     blind: Mapping[str, str]
     best: tuple[str, ...]
@@ -170,6 +172,7 @@ class Diagnosis:
             ],
             "rivals": [list(group) for group in self.rivals],
             "alternatives": [list(names) for names in self.alternatives],
+            "certain": list(self.certain),
             "candidates": [_candidate(candidate) for candidate in self.candidates],
             "blind": dict(self.blind),
             "checks": self.checks.to_dict(),

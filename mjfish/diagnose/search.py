@@ -16,7 +16,7 @@ from mjfish.diagnose.noise.forces import Pushed
 from mjfish.diagnose.noise.misread import Misread
 from mjfish.diagnose.noise.saturated import noise_of, saturated
 from mjfish.diagnose.noise.stepwise import Stepwise
-from mjfish.diagnose.progress import Progress
+from mjfish.diagnose.progress import Progress, part
 from mjfish.diagnose.refit import Refit, abrupt, refined, refits, settled
 from mjfish.diagnose.verdict import ALARM
 from mjfish.effects import Effect
@@ -31,6 +31,8 @@ _LONGEST, _SHORTEST = 0.005, 0.00125
 _UNSEEN = 0.1
 #: Power of the step by which that falls, a little less than the eight of a method of fourth order.
 _POWER = 7.0
+#: Step of the derivatives in steps of the rollouts.
+_SLOPES = 2.0
 _OTHER = Misread | Stepwise | Pushed | Drifting | Differentiated
 
 
@@ -69,13 +71,6 @@ def search(
         baseline = fit(problem, baseline.x, tolerance=1e-6)
         made = signatures(problem, baseline.values, candidates)
     noise, remark = noise_of(problem, baseline, made, stated)
-
-    def shown(what: str, done: float) -> None:
-        progress(what, 0.2 + 0.4 * done)
-
-    def followed(what: str, done: float) -> None:
-        progress(what, 0.6 + 0.1 * done)
-
     refitted: dict[str, Refit] = {}
     for round_ in range(_ROUNDS + 1):
         if round_ > 0 or not _same(noise, problem.noise):
@@ -90,7 +85,9 @@ def search(
         if p_wrong >= ALARM:
             p_abrupt, made_refits = abrupt(evidence, candidates)
             p_wrong = min(p_wrong, p_abrupt)
-        refitted = refits(evidence, candidates, shown, refitted, made_refits) if p_wrong < ALARM else {}
+        refitted = (
+            refits(evidence, candidates, part(progress, 0.2, 0.4), refitted, made_refits) if p_wrong < ALARM else {}
+        )
         if round_ == _ROUNDS or not refitted:
             break
         leader = max(refitted, key=lambda name: refitted[name].gain)
@@ -100,7 +97,7 @@ def search(
         if _same(noise, problem.noise):
             break
     if refitted:
-        refitted = settled(refitted, followed)
+        refitted = settled(refitted, part(progress, 0.6, 0.1))
     if ends:
         remark += "; " if remark else ""
         remark += f"the last samples of the runs are noisier than the rest: {ends} at either end are left out"
@@ -116,8 +113,8 @@ def resolved(problem: Problem) -> tuple[Problem, FloatArray]:
     rough, fine = (replace(problem, model=replace(problem.model, step=by * _LONGEST)) for by in (1.0, 0.5))
     x = fit(rough, tolerance=1e-4).x
     error = float(np.sum((rough.residual(x) - fine.residual(x)) ** 2))
-    step = _LONGEST * min(_UNSEEN / max(error, 1e-300), 1.0) ** (1.0 / _POWER)
-    return replace(problem, model=replace(problem.model, step=max(step, _SHORTEST))), x
+    step = max(_LONGEST * min(_UNSEEN / max(error, 1e-300), 1.0) ** (1.0 / _POWER), _SHORTEST)
+    return replace(problem, model=replace(problem.model, step=step), slope_step=_SLOPES * step), x
 
 
 def _same(new: Noise, old: Noise) -> bool:

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from mjfish.threads import threaded
+
 T = TypeVar("T")
-R = TypeVar("R")
 
 
-def side_by_side(make: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Iterator[R]:
-    """Yield what `make` makes of each task, in their order; `jobs` threads."""
-    if jobs == 1 or len(tasks) < 2:
-        yield from map(make, tasks)
-        return
-    with ThreadPoolExecutor(jobs) as pool:
-        yield from pool.map(make, tasks)
+def side_by_side(make: Callable[[T], Any], tasks: Sequence[T], jobs: int) -> Iterator[Any]:
+    """Yield the refit that `make` makes of each task, in their order; its problem gets all the threads back."""
+    for one in threaded(make, tasks, jobs):
+        yield with_jobs(one, jobs)
 
 
 def with_jobs(one: Any, jobs: int) -> Any:

@@ -25,7 +25,7 @@ _TRIED = 3
 _OFF_VISIBLE = 0.05
 
 
-def best_start(evidence: Evidence, problem: Problem, effect: Effect, one_step: Mapping[str, float]) -> FloatArray:
+def best_start(evidence: Evidence, problem: Problem, effect: Effect) -> FloatArray:
     """Return the best start (p,) for the fit of a model that is extended by an effect.
 
     The one-step estimate is right for a small effect; a large one may lie outside the reach of its linearisation:
@@ -37,15 +37,14 @@ def best_start(evidence: Evidence, problem: Problem, effect: Effect, one_step: M
         evidence: of the model that is extended.
         problem: of the extended one.
         effect: the cause that it is extended by.
-        one_step: its one-step estimate.
     """
-    values = evidence.fit.values
+    values, one_step = evidence.fit.values, evidence.first_guess(effect.name)
     tried = _Tried(evidence, problem)
     for guess in guesses(effect, one_step):
         tried.add(problem.start({**values, **guess}))
     tried.add(problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
     tried.add(problem.start(values))
-    amplitudes = [p for p in effect.parameters if not p.shape]
+    amplitudes = evidence.amplitudes_of(effect.name)
     if not effect.smooth and len(amplitudes) == 1:
         _to_the_edge(tried, [p.name for p in problem.parameters].index(amplitudes[0].name))
     return tried.best()

@@ -9,11 +9,13 @@ from mjfish.checks import Finding
 from mjfish.diagnose.heldout import Confirmation
 from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Verdict
-from mjfish.diagnose.select import Standing
+from mjfish.diagnose.select import Standing, chance
 
 #: Something is wrong where the nominal model's p value is below this. Three tests share it, by Bonferroni but for the
 #: last: at most 2.3 false alarms in a hundred.
 ALARM = 0.015
+#: What is named must explain more than chance would, with this p value; that something is wrong may rest on all else.
+_OWN = 0.05
 
 Names = tuple[str, ...]
 
@@ -25,6 +27,16 @@ class Ruling:
     verdict: Verdict
     sets: tuple[Names, ...]
     message: str
+
+    @property
+    def certain(self) -> Names:
+        """The causes that are at work whichever set is the truth: the named ones, or what several sets share."""
+        return shared(self.sets) if self.verdict == "named" or len(self.sets) > 1 else ()
+
+
+def shared(sets: Sequence[Names]) -> Names:
+    """Return the members that all sets have, in the order of the first."""
+    return tuple(name for name in sets[0] if all(name in names for names in sets)) if sets else ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +87,8 @@ def rule(
 
     - something about the data makes any verdict worthless: ``cannot_tell``;
     - the nominal model is not contradicted: ``nothing_wrong``;
-    - single causes stay that leave nothing: one is ``named``, several are ``cannot_tell``;
+    - single causes stay that leave nothing: one is ``named`` if it explains more than chance would, several are
+      ``cannot_tell``;
     - else sets of several causes, and last single causes that leave little, in the same way;
     - a single cause fits best and fails on held-out trials, where others would do: ``cannot_tell``;
     - nothing stays: ``unexplained``.
@@ -96,11 +109,9 @@ def rule(
     for hearing, clean in ((single, True), (several, False), (single, False)):
         staying = hearing.staying(clean=clean) if hearing is not None else ()
         if hearing is not None and len(staying) == 1:
-            return Ruling("named", staying, _named(hearing.refits[staying[0]]))
+            return _alone(hearing.refits[staying[0]])
         if staying:
-            return Ruling(
-                "cannot_tell", staying, f"Something is wrong, but these data cannot tell {_listed(staying)} apart."
-            )
+            return Ruling("cannot_tell", staying, _tied(staying))
     best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
     if others is not None and (staying := others.staying(clean=True)):
         failed = single.failed()
@@ -110,6 +121,23 @@ def rule(
         )
     closest = f"; the closest, {best[0]}, {_why(best, single)}" if best else ""
     return Ruling("unexplained", (), f"Something is wrong that no known cause explains{closest}.")
+
+
+def _alone(one: Refit) -> Ruling:
+    """Rule on the only set that stays."""
+    p = chance(one.gain, one.freedom)
+    if p < _OWN:
+        return Ruling("named", (one.names,), _named(one))
+    told = f"{_listed([one.names])} would do, and explains no more than chance might (p = {p:.2g})"
+    return Ruling("cannot_tell", (one.names,), f"Something is wrong, but these data cannot tell what: {told}.")
+
+
+def _tied(sets: Sequence[Names]) -> str:
+    """Say between which sets the data cannot tell, and what they share."""
+    if common := shared(sets):
+        rest = [tuple(name for name in names if name not in common) for names in sets]
+        return f"{' and '.join(common)} is at work, but these data cannot tell whether with {_listed(rest)}."
+    return f"Something is wrong, but these data cannot tell {_listed(sets)} apart."
 
 
 def _listed(sets: Sequence[Names]) -> str:

@@ -39,7 +39,9 @@ class ServoBacklash(Effect):
     summary: ClassVar[str] = "the gears of the servos have play"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("servo_backlash.play", "rad", 0.0, 0.0, 0.3, 0.02, 0.01, about="total width of the gap"),
-        Parameter("servo_backlash.contact", "s", 0.003, 0.001, 0.02, 0.003, 0.002, about="of a flank", shape=True),
+        Parameter(
+            "servo_backlash.contact", "s", 0.003, 0.001, 0.02, 0.003, 0.002, about="how long a flank gives", shape=True
+        ),
     )
     source: ClassVar[str] = (
         "Play operator: Visintin, Differential Models of Hysteresis (1994), ch. III; Nordin and Gutman, Automatica 38 "

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +17,7 @@ from mjfish.identify.noise import Noise
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.parameter import Parameter
 from mjfish.sensitivity import one_sided, sensitivities
+from mjfish.threads import threaded
 from mjfish.trial import Trial
 from mjfish.trial.check import GAP
 
@@ -41,6 +41,8 @@ class Problem:
         declared: other declarations (bounds, starts) for parameters, by name.
         free_clock: whether each trial has a clock offset of its own.
         windows: per trial, the times [s] between which samples count; None: all of it.
+        slope_step: longest integration step of the derivatives [s]; None: that of the model. A fit goes by them, where
+            it ends the residuals say: they may be rougher.
         jobs: threads.
     """
 
@@ -51,6 +53,7 @@ class Problem:
     declared: Mapping[str, Parameter] = field(default_factory=dict)
     free_clock: bool = False
     windows: tuple[tuple[float, float] | None, ...] | None = None
+    slope_step: float | None = None
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
 
     @cached_property
@@ -112,17 +115,23 @@ class Problem:
         """Return the derivative (n_r, 3, k) of one trial's prediction by the chosen parameters."""
         result = np.zeros((len(trial.time), len(CHANNELS), len(chosen)))
         own = {k: p.name.removeprefix(f"{trial.name}:") for k, p in enumerate(chosen) if not _elsewhere(p, trial)}
-        rough = [k for k, name in own.items() if one_sided(self.model, name, here[chosen[k].name])]
+        model = self._sloping
+        rough = [k for k, name in own.items() if one_sided(model, name, here[chosen[k].name])]
         exact = [k for k in own if k not in rough]
         velocity, offset = self._start(trial, here)
         result[:, :, exact] = sensitivities(
-            self.model, clocks.clocked(trial, here), here, [own[k] for k in exact], velocity=velocity, offset=offset
+            model, clocks.clocked(trial, here), here, [own[k] for k in exact], velocity=velocity, offset=offset
         )
         for k in rough:
             name, h = chosen[k].name, 0.1 * chosen[k].scale
             stencil = ((0.0, -1.5 / h), (h, 2.0 / h), (2.0 * h, -0.5 / h))
             result[:, :, k] = sum(w * self._predict((trial, {**here, name: here[name] + by})) for by, w in stencil)
         return result
+
+    @cached_property
+    def _sloping(self) -> Model:
+        """The model that is derived."""
+        return self.model if self.slope_step is None else replace(self.model, step=self.slope_step)
 
     def mask(self, index: int) -> BoolArray:
         """Return which samples (n_r,) of a trial count.
@@ -173,10 +182,7 @@ class Problem:
         return self._map(self._predict, tasks)
 
     def _map(self, function: Callable[[Any], FloatArray], tasks: Sequence[Any]) -> list[FloatArray]:
-        if self.jobs > 1 and len(tasks) > 1:
-            with ThreadPoolExecutor(self.jobs) as pool:
-                return list(pool.map(function, tasks))
-        return [function(task) for task in tasks]
+        return list(threaded(function, tasks, self.jobs))
 
     def _predict(self, task: tuple[Trial, dict[str, float]]) -> FloatArray:
         return self.prediction(*task).velocity

@@ -104,6 +104,8 @@ def _verdict(one: Candidate, diagnosis: Diagnosis, effects: Mapping[str, Effect]
         return "The cause: with it in the model nothing systematic is left."
     if any(one.name in group for group in diagnosis.rivals):
         return "Possible: the data cannot tell it from its rivals, and with it nothing systematic is left."
+    if diagnosis.verdict == "cannot_tell" and (one.name,) in diagnosis.alternatives:
+        return "Possible: it explains no more than chance might, and with it nothing systematic is left."
     if one.rival_p is not None and one.fit_p is None:
         return f"Ruled out: {' with '.join(diagnosis.best)} explains the misfit better by more than chance allows."
     if one.fit_p is not None and one.fit_p < GOODNESS:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from battery import tasks
 from judged import figures, guessers
-from judged.answers import Judged, Task, judged, run
+from judged.answers import Judged, judged, run
 from sealed.truth import Truth
 
 SEED = int(os.environ.get("MJFISH_SEED", "20261121"))
@@ -51,7 +51,7 @@ def _case(verdict: str, named: dict[str, float], truth: Truth = TRUTH) -> Judged
     held = {"nominal": {"pooled": 0.3}, "extended": {"pooled": reached.get(next(iter(named), ""), 0.3)}}
     answer["gain"] = {"held_out": held} if named else None
     answer["sparse"] = "servo_lag"
-    return Judged(truth, {**answer, "alternatives": [list(named)] if named else []})
+    return Judged(truth, {**answer, "alternatives": [list(named)] if named else [], "certain": list(named)})
 
 
 def _row(cases: list[Judged], start: str) -> figures.Figure:
@@ -91,6 +91,19 @@ def test_only_causes_that_can_be_told_apart_must_be_named() -> None:
     assert (row.count, row.total) == (1, 1)
 
 
+def test_what_the_sets_that_stay_share_is_recalled() -> None:
+    """One pair is named, of another one member is certain and one open; a certain one that is not there is false."""
+    pair = replace(
+        TRUTH, kind="two", causes=("linear_drag", "servo_lag"), strength={"linear_drag": 150.0, "servo_lag": 200.0}
+    )
+    named, open_ = _case("named", {"servo_lag": 0.01, "linear_drag": 1.0}, pair), _case("cannot_tell", {}, pair)
+    halves = [Judged(pair, {**open_.answer, "certain": [name]}) for name in ("servo_lag", "roll")]
+    recall, wrong = (_row([named, *halves], f"two effects: {what}") for what in ("recall", "false members"))
+    assert (recall.count, recall.total) == (3, 6)
+    assert (wrong.count, wrong.total) == (1, 4)
+    assert _row([named, *halves], "two effects, each").count == 1
+
+
 def test_an_alarm_without_an_effect_is_false_whatever_it_says() -> None:
     none = replace(TRUTH, kind="none", causes=(), strength={}, rho={})
     cases = [_case("nothing_wrong", {}, none), _case("cannot_tell", {}, none), _case("unexplained", {}, none)]
@@ -123,11 +136,10 @@ def test_kinds_take_turns_and_may_begin_at_a_strength() -> None:
 def test_the_battery_holds_at_a_tenth_of_its_size(tmp_path: Path) -> None:
     """Bounds that rates at the bars leave with 99.9 %: 20 quiet cases, 20 single causes, 6 pairs, 6 off the list."""
     first = SEED % 400_000 + 500_000
-    counts = {"none": 20, "one": 20, "two": 6, "off_list": 6}
-    tasks = [Task(kind, first + k, "open") for kind, count in counts.items() for k in range(count)]
-    list(run(tasks, tmp_path, jobs=2))
+    drawn = tasks("none:20,one:20,two:6,off_list:6", "open", first, "none")
+    list(run(drawn, tmp_path, jobs=2))
     cases = judged(tmp_path)
-    assert len(cases) == len(tasks)
+    assert len(cases) == len(drawn)
     alarms = [c for c in cases if c.truth.kind == "none" and c.answer["verdict"] != "nothing_wrong"]
     assert len(alarms) <= 3, [(c.truth.seed, c.answer["message"]) for c in alarms]
     singles = [c for c in cases if c.truth.kind == "one" and figures.apart(c) >= figures.TOLD_APART]

@@ -74,7 +74,7 @@ def _answer(folder: Path, task: Task) -> Path:
 def told(result: Diagnosis) -> dict[str, Any]:
     """Return what of a diagnosis is judged, as plain data."""
     plain = result.to_dict()
-    kept = ("verdict", "message", "status", "remarks", "alternatives", "p_wrong", "gain")
+    kept = ("verdict", "message", "status", "remarks", "alternatives", "certain", "p_wrong", "gain")
     return {
         **{key: plain[key] for key in kept},
         "causes": {cause["name"]: cause["parameters"] for cause in plain["causes"]},

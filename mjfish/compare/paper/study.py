@@ -7,7 +7,6 @@ import math
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from mjfish.drive import modes
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.threads import threaded
 
 #: Own starts of a fit of the coefficients, with a reason beside them, of a reason alone.
 _STARTS, _BESIDE, _ALONE = 3, 1, 2
@@ -163,5 +163,4 @@ def _together(tasks: Sequence[Callable[[], Any]], jobs: int, told: _Counter) -> 
         told()
         return outcome
 
-    with ThreadPoolExecutor(jobs) as pool:
-        return list(pool.map(run, tasks))
+    return list(threaded(run, tasks, jobs))
