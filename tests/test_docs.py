@@ -70,6 +70,22 @@ def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
     assert "'c_m.tail': np.float64(0.061)" in _run("python own.py", tmp_path)
 
 
+def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
+    """A clock or the servos: the data cannot tell, and the plan knows what would."""
+    page = ROOT / "docs" / "diagnosis.md"
+    (tmp_path / "out").mkdir()
+    _, diagnosed, planned = (_run(command, tmp_path) for command in blocks(page, "sh")[0].splitlines())
+    assert diagnosed.startswith("cannot_tell")
+    assert "To confirm servo_lag" in diagnosed
+    assert "Verdict" not in planned
+    assert "The data cannot tell" in planned
+    (script,) = blocks(page, "python")
+    (tmp_path / "own.py").write_text(script)
+    told = _run("python own.py", tmp_path)
+    assert told.startswith("cannot_tell servo_lag time_offset\n")
+    assert "section_height" in told
+
+
 def test_a_cause_of_ones_own_goes_through_all_of_it(tmp_path: Path) -> None:
     """The how-to's file and commands, as they stand."""
     page = ROOT / "docs" / "own-cause.md"

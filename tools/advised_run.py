@@ -24,7 +24,7 @@ from mjfish.model import Model
 from mjfish.plan import Menu, Run
 from mjfish.plan.advise import PAUSE, separating
 from mjfish.plan.fitted import Fitted, baseline, extended
-from mjfish.plan.odds import needed, told
+from mjfish.plan.odds import drops, told
 from mjfish.plan.separation import distances
 from mjfish.trial import Dataset, Trial
 
@@ -68,10 +68,8 @@ def swum(model: Model, truth: dict[str, float], like: Trial, sigma: FloatArray, 
 
 
 def tells(truth: Fitted, rival: Fitted) -> bool:
-    """Whether the margin rejects the rival at 5 %, were it the truth (`mjfish.plan.separation`)."""
-    back = distances((truth, rival), ()).lambdas(rival.effect.name, truth.effect.name)
-    margin = rival.fit.sse - truth.fit.sse
-    return margin > needed(back)
+    """Whether a verdict drops the rival."""
+    return drops(rival.fit.sse - truth.fit.sse)
 
 
 def case(seed: int) -> Outcome | None:
@@ -104,7 +102,7 @@ def case(seed: int) -> Outcome | None:
     assert best is not None  # noqa: S101
     d = distances(rivals, (best, other))
     margin = rivals[1].fit.sse - rivals[0].fit.sse
-    chances = [told(margin, d.gain(truth_name, rival_name, i), d.lambdas(rival_name, truth_name, i)) for i in range(2)]
+    chances = [told(margin, d.gain(truth_name, rival_name, i)) for i in range(2)]
     split = [_after(rivals, run, model, truth, sigma, rng) for run in (best, other)]
     return Outcome(
         truth_name, rival_name, wanted, best.name, other.name, d.lambdas(truth_name, rival_name, 0), *chances, *split

@@ -151,7 +151,7 @@ def _pair(d: Distances, a: str, b: str, run: int | None) -> Pair:
     after = now if run is None else (d.lambdas(a, b, run), d.lambdas(b, a, run))
     margin = d.sse[b] - d.sse[a]
     gains = d.gain(a, b, run), d.gain(b, a, run)
-    return Pair(a, b, min(now), min(after), chance(margin, (0.0, 0.0), now), chance(margin, gains, after))
+    return Pair(a, b, min(now), min(after), chance(margin, (0.0, 0.0)), chance(margin, gains))
 
 
 def _calibrations(rivals: Sequence[Effect], d: Distances) -> list[Option]:

@@ -7,7 +7,8 @@ import pytest
 from scipy import stats
 
 from mjfish.arrays import FloatArray
-from mjfish.plan.odds import chance, needed, told
+from mjfish.diagnose.select import CLOSE
+from mjfish.plan.odds import chance, drops, told
 from mjfish.plan.separation import Distances, Sums
 
 DRAWS = 600
@@ -44,12 +45,10 @@ def test_a_verdict_comes_as_often_as_foretold_from_data_that_give_none() -> None
             sse={"k": sse_k, "l": sse_l},
         )
         margin = sse_l - sse_k
-        if margin > needed(found.lambdas("l", "k")) or -margin > needed(found.lambdas("k", "l")):
+        if drops(margin) or drops(-margin):
             continue
-        foretold.append(told(margin, found.gain("k", "l", 0), found.lambdas("l", "k", 0)))
-        final = _sse(l, y)[0] - _sse(k, y)[0]
-        x_l = _sse(l, y)[1]
-        came.append(final > needed(_sse(k, l @ x_l)[0]))
+        foretold.append(told(margin, found.gain("k", "l", 0)))
+        came.append(drops(_sse(l, y)[0] - _sse(k, y)[0]))
     assert len(came) > 200
     assert 0.2 < np.mean(came) < 0.9
     assert np.mean(foretold) == pytest.approx(np.mean(came), abs=3.0 * 0.5 / np.sqrt(len(came)))
@@ -73,13 +72,22 @@ def test_chance_of_data_not_yet_taken_is_that_of_nearly_parallel_signatures() ->
     """Phi(sqrt(lambda_k (1 - rho) / 2)) with lambda = lambda_k (1 - rho^2)."""
     rho, strength = 0.98, 800.0
     lam = strength * (1.0 - rho**2)
-    assert lam > 4.0 * 1.645**2
-    assert told(0.0, lam, lam) == pytest.approx(stats.norm.cdf(np.sqrt(strength * (1.0 - rho) / 2.0)), abs=1e-3)
-    assert told(0.0, 1e-9, 1e-9) == pytest.approx(0.05, abs=1e-3)
+    likelier = np.log(10.0) / np.sqrt(lam)  # what ten times the likelihood costs
+    limit = stats.norm.cdf(np.sqrt(strength * (1.0 - rho) / 2.0) - likelier)
+    assert told(0.0, lam) == pytest.approx(limit, abs=1e-3)
+    assert told(0.0, 1e-9) == 0.0
+
+
+def test_ten_times_the_likelihood_is_further_than_noise_leads() -> None:
+    """Were l the truth, 5 % of margins are beyond 2 z sqrt(lambda) - lambda, whatever lambda."""
+    distance = np.geomspace(1e-3, 1e3, 200)
+    assert np.max(2.0 * stats.norm.ppf(0.95) * np.sqrt(distance) - distance) < CLOSE
+    assert drops(CLOSE)
+    assert not drops(0.99 * CLOSE)
 
 
 def test_without_a_run_the_verdict_is_the_one_at_hand() -> None:
     """Undecided: no chance at all; decided: right as often as the odds of the margin say."""
-    assert chance(1.0, (0.0, 0.0), (4.0, 4.0)) == pytest.approx(0.0, abs=1e-9)
-    assert chance(6.0, (0.0, 0.0), (4.0, 4.0)) == pytest.approx(1.0 / (1.0 + np.exp(-3.0)))
-    assert chance(0.0, (30.0, 30.0), (34.0, 34.0)) > 0.99
+    assert chance(4.5, (0.0, 0.0)) == pytest.approx(0.0, abs=1e-9)
+    assert chance(6.0, (0.0, 0.0)) == pytest.approx(1.0 / (1.0 + np.exp(-3.0)))
+    assert chance(0.0, (40.0, 40.0)) > 0.99
