@@ -109,7 +109,7 @@ def rule(
     for hearing, clean in ((single, True), (several, False), (single, False)):
         staying = hearing.staying(clean=clean) if hearing is not None else ()
         if hearing is not None and len(staying) == 1:
-            return _alone(hearing.refits[staying[0]])
+            return _alone(staying[0], hearing.refits[staying[0]])
         if staying:
             return Ruling("cannot_tell", staying, _tied(staying))
     best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
@@ -123,13 +123,13 @@ def rule(
     return Ruling("unexplained", (), f"Something is wrong that no known cause explains{closest}.")
 
 
-def _alone(one: Refit) -> Ruling:
+def _alone(names: Names, one: Refit) -> Ruling:
     """Rule on the only set that stays."""
     p = chance(one.gain, one.freedom)
     if p < _OWN:
-        return Ruling("named", (one.names,), _named(one))
-    told = f"{_listed([one.names])} would do, and explains no more than chance might (p = {p:.2g})"
-    return Ruling("cannot_tell", (one.names,), f"Something is wrong, but these data cannot tell what: {told}.")
+        return Ruling("named", (names,), _named(one))
+    told = f"{_listed([names])} would do, and explains no more than chance might (p = {p:.2g})"
+    return Ruling("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {told}.")
 
 
 def _tied(sets: Sequence[Names]) -> str:
