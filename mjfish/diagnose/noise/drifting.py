@@ -22,9 +22,9 @@ from mjfish.diagnose.noise.spectrum import spectrum
 from mjfish.identify import Noise, Problem
 from mjfish.trial import Trial
 
-#: Correlation times that are tried [s],
-_TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
-#: up to this share of a run: what hardly changes within one is not told from an error of the model, and counts as such.
+#: Correlation times from which the best is looked for [s],
+_TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
+#: the longest, as a share of a run: what hardly changes within one is not told from an error of the model, and counts as such.
 _LONGEST = 1.0 / 3.0
 
 
@@ -83,25 +83,24 @@ def drifting(problem: Problem, residuals: Sequence[FloatArray], kept: FloatArray
     turn = 2.0 * np.pi * seen.frequency
     spread = np.sqrt(np.mean(np.concatenate([block**2 for block in residuals]), axis=0))
     found = np.zeros((3, 3))
-    longest = _LONGEST * float(np.median([trial.time[-1] - trial.time[0] for trial in problem.trials]))
-    times = [time for time in _TIMES if time <= max(longest, _TIMES[0])]
+    longest = max(_LONGEST * float(np.median([trial.time[-1] - trial.time[0] for trial in problem.trials])), _TIMES[0])
     for c in range(3):
-        power = seen.power[:, c, c].real
-        best = np.inf
-        for time in times:
-            # of the sampled wander, aliases included
+        power, share = seen.power[:, c, c].real, kept[:, c]
+
+        def cost(x: FloatArray, power: FloatArray = power, share: FloatArray = share) -> float:
+            white, slow, time = np.exp(x)
             decay = np.exp(-step / time)
+            # of the sampled wander, aliases included
             shape = step * (1.0 - decay**2) / (1.0 - 2.0 * decay * np.cos(turn * step) + decay**2)
+            density = share * (white**2 * step + slow**2 * shape)
+            return float((seen.count * share) @ (np.log(density) + power / density))
 
-            def cost(
-                x: FloatArray, shape: FloatArray = shape, power: FloatArray = power, share: FloatArray = kept[:, c]
-            ) -> float:
-                density = share * (np.exp(2.0 * x[0]) * step + np.exp(2.0 * x[1]) * shape)
-                return float((seen.count * share) @ (np.log(density) + power / density))
-
-            start = np.log(0.7 * spread[c] * np.ones(2))
-            one = optimize.minimize(cost, start, method="L-BFGS-B", bounds=[(s - 9.0, s + 4.0) for s in start])
-            if one.fun < best:
-                best = float(one.fun)
-                found[c] = [np.exp(one.x[0]), np.exp(one.x[1]), time]
+        level = np.log(0.7 * spread[c])
+        bounds = [(level - 9.0, level + 4.0)] * 2 + [(np.log(_TIMES[0]), np.log(longest))]
+        tried = [
+            optimize.minimize(cost, [level, level, np.log(time)], method="L-BFGS-B", bounds=bounds)
+            for time in _TIMES
+            if time <= longest
+        ]
+        found[c] = np.exp(min(tried, key=lambda one: float(one.fun)).x)
     return Drifting(readonly(found[:, 0]), readonly(np.zeros((3, 0))), readonly(found[:, 1]), readonly(found[:, 2]))
