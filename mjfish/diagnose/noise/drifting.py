@@ -22,9 +22,10 @@ from mjfish.diagnose.noise.spectrum import spectrum
 from mjfish.identify import Noise, Problem
 from mjfish.trial import Trial
 
-#: Correlation times from which the best is looked for [s],
+#: Correlation times from which the best is looked for [s].
 _TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
-#: the longest, as a share of a run: what hardly changes within one is not told from an error of the model, and counts as such.
+#: The longest, as a share of a run: what hardly changes within one is not told from an error of the model and counts as
+#: such.
 _LONGEST = 1.0 / 3.0
 
 
