@@ -304,3 +304,21 @@ def test_what_hardly_changes_within_a_run_is_not_noise(swum: tuple[Problem, Fit]
     longest = max(float(trial.time[-1] - trial.time[0]) for trial in problem.trials)
     assert np.all(found.time <= longest / 3.0)
     assert np.all(found.wander > 0.5 * SIGMA)
+
+
+def test_a_wander_as_slow_as_the_runs_is_said_to_be_doubtful(swum: tuple[Problem, Fit]) -> None:
+    """Runs that are off by a constant, and runs whose camera wanders for half a second."""
+    problem, one = swum
+    rng = np.random.default_rng(8)
+    told = []
+    for slow in (True, False):
+        trials = []
+        for trial, off in zip(problem.trials, (1.5, -1.5), strict=True):
+            n = len(trial.time)
+            noise = SIGMA * (rng.standard_normal((n, 3)) + off) if slow else _drifting(rng, n)
+            trials.append(replace(trial, velocity=readonly(trial.velocity + noise)))
+        noisy = replace(problem, trials=tuple(trials))
+        told.append(noise_of(noisy, one, [np.zeros((len(t.time), 3, 1)) for t in noisy.trials], None)[1])
+    assert "as slow as these runs can tell" in told[0]
+    assert "wander" in told[1]
+    assert "as slow as" not in told[1]

@@ -71,6 +71,11 @@ def _gains(sigma: float, wander: float, decay: float, seen: bytes) -> Gains:
     )  # fmt: skip
 
 
+def longest(problem: Problem) -> float:
+    """Return the longest correlation time that a wander may have in these trials [s]."""
+    return max(_LONGEST * float(np.median([trial.time[-1] - trial.time[0] for trial in problem.trials])), _TIMES[0])
+
+
 def drifting(problem: Problem, residuals: Sequence[FloatArray], kept: FloatArray) -> Drifting:
     """Estimate drifting noise from residuals (n_r, 3) of the trials of a problem.
 
@@ -84,7 +89,7 @@ def drifting(problem: Problem, residuals: Sequence[FloatArray], kept: FloatArray
     turn = 2.0 * np.pi * seen.frequency
     spread = np.sqrt(np.mean(np.concatenate([block**2 for block in residuals]), axis=0))
     found = np.zeros((3, 3))
-    longest = max(_LONGEST * float(np.median([trial.time[-1] - trial.time[0] for trial in problem.trials])), _TIMES[0])
+    most = longest(problem)
     for c in range(3):
         power, share = seen.power[:, c, c].real, kept[:, c]
 
@@ -97,11 +102,11 @@ def drifting(problem: Problem, residuals: Sequence[FloatArray], kept: FloatArray
             return float((seen.count * share) @ (np.log(density) + power / density))
 
         level = np.log(0.7 * spread[c])
-        bounds = [(level - 9.0, level + 4.0)] * 2 + [(np.log(_TIMES[0]), np.log(longest))]
+        bounds = [(level - 9.0, level + 4.0)] * 2 + [(np.log(_TIMES[0]), np.log(most))]
         tried = [
             optimize.minimize(cost, [level, level, np.log(time)], method="L-BFGS-B", bounds=bounds)
             for time in _TIMES
-            if time <= longest
+            if time <= most
         ]
         found[c] = np.exp(min(tried, key=lambda one: float(one.fun)).x)
     return Drifting(readonly(found[:, 0]), readonly(np.zeros((3, 0))), readonly(found[:, 1]), readonly(found[:, 2]))

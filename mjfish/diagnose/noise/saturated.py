@@ -16,7 +16,7 @@ from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra
 from mjfish.diagnose.noise.coloured import Coloured, grid
 from mjfish.diagnose.noise.differentiated import differentiated
-from mjfish.diagnose.noise.drifting import drifting
+from mjfish.diagnose.noise.drifting import drifting, longest
 from mjfish.diagnose.noise.forces import pushed
 from mjfish.diagnose.noise.misread import Misread, misreading, unaccounted
 from mjfish.diagnose.noise.spectrum import spectrum
@@ -149,7 +149,10 @@ def _better(problem: Problem, fit: Fit, left: Saturated, found: Noise) -> tuple[
         return rough, f"of positions differentiated over {rough.window} samples; sigma {_three(rough.sigma)}"
     if worth[drift] > worth[coloured]:
         under = f"under white noise of {_three(drift.sigma)}"
-        return drift, f"a wander of {_three(drift.wander)} over {_three(drift.time)} s {under}"
+        told = f"a wander of {_three(drift.wander)} over {_three(drift.time)} s {under}"
+        if np.any(drift.time > 0.99 * longest(problem)):
+            told += "; it is as slow as these runs can tell, and an error of the model may look so: record longer ones"
+        return drift, told
     return coloured, _described(found)
 
 
