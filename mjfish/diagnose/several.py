@@ -27,7 +27,7 @@ _BASES, _ADDED = 2, 3
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
 #: and the set must explain this much beyond every smaller one, also as a share of what it explains.
-MEMBER, SHARE = 20.0, 0.03
+MEMBER, SHARE = 20.0, 0.01
 
 Names = tuple[str, ...]
 
