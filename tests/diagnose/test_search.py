@@ -45,6 +45,17 @@ def test_the_step_is_as_long_as_its_error_is_unseen(pike: Fish, modes: list[str]
     assert chosen.model.step == 0.005 or error > 0.005
 
 
+def test_slopes_by_a_rougher_step_lead_to_the_same_fit(pike: Fish) -> None:
+    """Residuals decide where a fit ends; slopes that were wrong, or of another model, would stop it elsewhere."""
+    dataset = plant(pike, ["v3", "v5"], noise=SIGMA, duration=5.2, seed=4)
+    rough, x = resolved(_problem(dataset))
+    assert rough.slope_step == 2.0 * rough.model.step
+    one, other = fit(rough, x), fit(replace(rough, slope_step=None), x)
+    assert one.sse == pytest.approx(other.sse, abs=1e-3)
+    np.testing.assert_allclose(one.jacobian, other.jacobian, atol=0.01 * np.abs(other.jacobian).max())
+    assert np.any(one.jacobian != other.jacobian)
+
+
 def _limited(pike: Fish) -> tuple[Evidence, float]:
     """Return what speaks against the nominal model where the quickest joint is cut off at 98.5 %, and its slowness."""
     still = plant(pike, ["v5"], duration=2.0)
