@@ -12,7 +12,7 @@ R = TypeVar("R")
 
 def threaded(function: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Iterator[R]:
     """Yield what `function` returns of each task, in their order, by so many threads."""
-    if jobs == 1 or len(tasks) < 2:
+    if jobs <= 1 or len(tasks) < 2:
         yield from map(function, tasks)
         return
     with ThreadPoolExecutor(jobs) as pool:

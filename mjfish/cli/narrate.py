@@ -85,8 +85,10 @@ def _absorbed(result: Diagnosis) -> None:
 
 
 def _cause(result: Diagnosis) -> Table:
-    named = "Cause" if result.verdict == "named" else "Closest candidate, not named"
-    title = "Best of the rivals" if result.rivals else named
+    if result.verdict == "named":
+        title = "Cause"
+    else:
+        title = "Best of the rivals" if result.rivals else "Closest candidate, not named"
     table = Table(title=title)
     for heading in ("parameter", "estimate", "95 % interval", "unit"):
         table.add_column(heading)

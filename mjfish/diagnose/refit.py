@@ -123,7 +123,7 @@ def abrupt(evidence: Evidence, effects: Sequence[Effect]) -> tuple[float, dict[s
     jobs, tried = evidence.problem.jobs, [effect for effect in effects if not effect.smooth]
     alone = with_jobs(evidence, 1)
     results = side_by_side(lambda effect: refit(alone, effect), tried, jobs)
-    found = {effect.name: one for effect, one in zip(tried, results, strict=True)}
+    found = dict(zip((effect.name for effect in tried), results, strict=True))
     chances = [float(stats.chi2.sf(max(one.gain, 0.0), one.freedom + 1)) for one in found.values()]
     return min([1.0, *(2.0 * len(found) * p for p in chances)]), found
 

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from mjfish.diagnose import diagnose
-from mjfish.diagnose.progress import Progress, silent
+from mjfish.diagnose.progress import Progress, part, silent
 from mjfish.effects import catalogue
 from mjfish.effects.catalogue import find
 from mjfish.effects.effect import Effect
@@ -50,13 +50,11 @@ def plan(
         menu, pause, jobs, progress: as in `advise`.
         seed: as in `mjfish.diagnose.diagnose`.
     """
-    found = diagnose(
-        dataset, effects=effects, seed=seed, jobs=jobs, progress=lambda what, done: progress(what, 0.5 * done)
-    )
+    found = diagnose(dataset, effects=effects, seed=seed, jobs=jobs, progress=part(progress, 0.0, 0.5))
     asked = of_diagnosis(found.to_dict())
     return advise(
         dataset, asked, effects=effects, menu=menu, pause=pause, jobs=jobs,
-        progress=lambda what, done: progress(what, 0.5 + 0.5 * done),
+        progress=part(progress, 0.5, 0.5),
     )  # fmt: skip
 
 

@@ -307,7 +307,7 @@ def test_what_hardly_changes_within_a_run_is_not_noise(swum: tuple[Problem, Fit]
 
 
 def test_a_wander_as_slow_as_the_runs_is_said_to_be_doubtful(swum: tuple[Problem, Fit]) -> None:
-    """Runs that are off by a constant, and runs whose camera wanders for half a second."""
+    """Runs that go off steadily, and runs whose camera wanders for half a second."""
     problem, one = swum
     rng = np.random.default_rng(8)
     told = []
@@ -315,7 +315,8 @@ def test_a_wander_as_slow_as_the_runs_is_said_to_be_doubtful(swum: tuple[Problem
         trials = []
         for trial, off in zip(problem.trials, (1.5, -1.5), strict=True):
             n = len(trial.time)
-            noise = SIGMA * (rng.standard_normal((n, 3)) + off) if slow else _drifting(rng, n)
+            steadily = np.linspace(-off, off, n)[:, None]
+            noise = SIGMA * (rng.standard_normal((n, 3)) + steadily) if slow else _drifting(rng, n)
             trials.append(replace(trial, velocity=readonly(trial.velocity + noise)))
         noisy = replace(problem, trials=tuple(trials))
         told.append(noise_of(noisy, one, [np.zeros((len(t.time), 3, 1)) for t in noisy.trials], None)[1])

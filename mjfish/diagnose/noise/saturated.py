@@ -10,12 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import linalg
 from scipy.signal import lfilter, unit_impulse
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra
 from mjfish.diagnose.noise.coloured import Coloured, grid
-from mjfish.diagnose.noise.differentiated import differentiated
+from mjfish.diagnose.noise.differentiated import Differentiated, differentiated
 from mjfish.diagnose.noise.drifting import drifting, longest
 from mjfish.diagnose.noise.forces import pushed
 from mjfish.diagnose.noise.misread import Misread, misreading, unaccounted
@@ -29,6 +30,8 @@ from mjfish.identify.noise import estimate, floor
 _CONTRADICTED = 5.0
 #: Log-likelihood by which forces behind the noise must beat plain coloured noise, which has more parameters.
 _LIKELIER = 10.0
+#: Log-likelihood by which noise with the levels of runs must beat noise without, for these to be none.
+_LEVELS = 20.0
 #: Draws of white noise that tell what the saturated model takes of a spectrum, and the least share that is left.
 _DRAWS, _LEAST = 16, 0.02
 
@@ -58,12 +61,29 @@ def saturated(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> Satura
     """Return residuals without anything that the saturated model explains; it weighs channels by sigma alone."""
     white = replace(problem, noise=Noise.white(problem.noise.sigma))
     jacobian = white.whiten(white.sensitivities(fit.x))[:, ~fit.at_bound]
-    span = algebra.orthonormal(np.concatenate([jacobian, white.whiten(known)], axis=1))
-    residual = np.concatenate([(one / problem.noise.sigma).ravel() for one in problem.raw(fit.x)])
-    left = algebra.project_out(span, residual[:, None])[:, 0].reshape(-1, 3) * problem.noise.sigma
-    columns = span.reshape(len(left), 3, -1) * problem.noise.sigma[:, None]
-    ends = np.cumsum([int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))])[:-1]
-    return Saturated(np.split(left, ends), np.split(columns, ends), span.shape[1] / 3.0)
+    return _left(problem, problem.raw(fit.x), np.concatenate([jacobian, white.whiten(known)], axis=1))
+
+
+def within_runs(problem: Problem, left: Saturated) -> Saturated:
+    """Return what is left when every channel of every run has a level of its own, besides."""
+    levels = linalg.block_diag(*[np.tile(np.eye(3), (len(block), 1)) for block in left.residuals])
+    return _left(problem, left.residuals, np.concatenate([_columns(problem, left), levels], axis=1))
+
+
+def _left(problem: Problem, residuals: Sequence[FloatArray], columns: FloatArray) -> Saturated:
+    """Take columns (3 n, k), divided by sigma, out of residuals (n_r, 3) of the trials."""
+    sigma, ends = problem.noise.sigma, np.cumsum([len(block) for block in residuals])[:-1]
+    span = algebra.orthonormal(columns)
+    scaled = np.concatenate([(block / sigma).ravel() for block in residuals])
+    left = algebra.project_out(span, scaled[:, None])[:, 0].reshape(-1, 3) * sigma
+    explained = span.reshape(len(left), 3, -1) * sigma[:, None]
+    return Saturated(np.split(left, ends), np.split(explained, ends), span.shape[1] / 3.0)
+
+
+def _columns(problem: Problem, left: Saturated) -> FloatArray:
+    """Return the columns (3 n, k) that were taken out, divided by sigma."""
+    scaled = [block / problem.noise.sigma[:, None] for block in left.span]
+    return np.concatenate([block.reshape(3 * len(block), -1) for block in scaled])
 
 
 def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: FloatArray | None) -> tuple[Noise, str]:
@@ -116,17 +136,34 @@ def _of_velocities(
     least = floor(problem.trials)
     models, told = {}, []
     for step, (here, part) in parts(problem).items():
-        own = left.of(here)
-        found = _estimated(part, own)
-        if stated is None and np.any(spread < least):
-            # of the noise itself: innovations of a blue one may be far smaller
-            found = Noise.white(np.maximum(spread, least))
-        models[step], words = _better(part, fit, own, found)
+        # of the noise itself: innovations of a blue one may be far smaller
+        given = Noise.white(np.maximum(spread, least)) if stated is None and np.any(spread < least) else None
+        models[step], words = _with_or_without_levels(part, fit, left.of(here), given)
         told.append((step, words))
     if len(models) == 1:
         return models[told[0][0]], f"noise: {what} ({told[0][1]})"
     listed = "; ".join(f"every {step:g} s: {words}" for step, words in told)
     return Stepwise.of(models), f"noise: {what} by sampling step ({listed})"
+
+
+def _with_or_without_levels(problem: Problem, fit: Fit, left: Saturated, given: Noise | None) -> tuple[Model, str]:
+    """Return the noise as the residuals have it, or as they have it within runs, and it in words.
+
+    Where runs differ in level by far more than what they do within themselves would have them differ, the levels are no
+    noise. White noise and that of differentiated positions are too small at low frequencies to take them for theirs.
+    """
+    both = _better(problem, fit, left, given or _estimated(problem, left))
+    if isinstance(both[0], Differentiated) or _is_white(both[0]):
+        return both
+    inner = within_runs(problem, left)
+    within = _better(problem, fit, inner, given or _estimated(problem, inner))
+    if likelihood(both[0], problem, left) - likelihood(within[0], problem, left) <= _LEVELS:
+        return both
+    return within[0], f"{within[1]}; runs differ in level by more than that"
+
+
+def _is_white(noise: Model) -> bool:
+    return isinstance(noise, Coloured) and noise.order == 0
 
 
 def _estimated(problem: Problem, left: Saturated) -> Noise:
@@ -162,9 +199,7 @@ def kept(problem: Problem, left: Saturated) -> FloatArray:
     It explains what is slow better than what is fast; a drift would be taken for smaller than it is. By draws.
     """
     rng = np.random.default_rng(0)
-    # scaled as `saturated` takes it out
-    span = [(block / problem.noise.sigma[:, None]).reshape(len(CHANNELS) * len(block), -1) for block in left.span]
-    basis = algebra.orthonormal(np.concatenate(span))
+    basis = algebra.orthonormal(_columns(problem, left))
     ends = np.cumsum([len(block) for block in left.residuals])[:-1]
     power = np.zeros(2)
     for _ in range(_DRAWS):
