@@ -9,12 +9,13 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.evidence import Evidence, gather, signatures
+from mjfish.diagnose.noise.choice import noise_of
 from mjfish.diagnose.noise.differentiated import Differentiated
 from mjfish.diagnose.noise.drifting import Drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed
 from mjfish.diagnose.noise.misread import Misread
-from mjfish.diagnose.noise.saturated import noise_of, saturated
+from mjfish.diagnose.noise.saturated import saturated
 from mjfish.diagnose.noise.stepwise import Stepwise
 from mjfish.diagnose.progress import Progress, part
 from mjfish.diagnose.refit import Refit, abrupt, refined, refits, settled

@@ -14,12 +14,13 @@ from scipy import signal
 from mjfish import fish as fishes
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnose.evidence import signatures
+from mjfish.diagnose.noise.choice import noise_of
 from mjfish.diagnose.noise.coloured import Coloured, grid
 from mjfish.diagnose.noise.differentiated import Differentiated, differentiated
 from mjfish.diagnose.noise.drifting import Drifting, drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed, pushed
-from mjfish.diagnose.noise.saturated import Saturated, kept, likelihood, noise_of
+from mjfish.diagnose.noise.saturated import Saturated, kept, likelihood
 from mjfish.diagnose.noise.stepwise import Stepwise
 from mjfish.effects import find
 from mjfish.fish import Fish
@@ -304,6 +305,28 @@ def test_what_hardly_changes_within_a_run_is_not_noise(swum: tuple[Problem, Fit]
     longest = max(float(trial.time[-1] - trial.time[0]) for trial in problem.trials)
     assert np.all(found.time <= longest / 3.0)
     assert np.all(found.wander > 0.5 * SIGMA)
+
+
+def test_levels_of_runs_are_no_noise_where_the_noise_within_them_is_quicker(swum: tuple[Problem, Fit]) -> None:
+    """Runs off by a constant under white noise leave the white noise; runs whose camera wanders keep their wander."""
+    problem, one = swum
+    rng = np.random.default_rng(9)
+    found, told = [], []
+    for slow in (True, False):
+        trials = []
+        for trial, off in zip(problem.trials, (1.5, -1.5), strict=True):
+            n = len(trial.time)
+            noise = SIGMA * (rng.standard_normal((n, 3)) + off) if slow else _drifting(rng, n)
+            trials.append(replace(trial, velocity=readonly(trial.velocity + noise)))
+        noisy = replace(problem, trials=tuple(trials))
+        noise_, words = noise_of(noisy, one, [np.zeros((len(t.time), 3, 1)) for t in noisy.trials], None)
+        found.append(noise_)
+        told.append(words)
+    assert "runs differ in level" in told[0]
+    assert isinstance(found[0], Coloured)
+    np.testing.assert_allclose(found[0].sigma, SIGMA, rtol=0.1)
+    assert "runs differ in level" not in told[1]
+    assert isinstance(found[1], Drifting)
 
 
 def test_a_wander_as_slow_as_the_runs_is_said_to_be_doubtful(swum: tuple[Problem, Fit]) -> None:
