@@ -67,6 +67,11 @@ def amplitudes(u: FloatArray, information: FloatArray, positive: BoolArray) -> F
     return found
 
 
+def chance(statistic: float, freedom: int) -> float:
+    """Return the p value of a likelihood-ratio statistic."""
+    return float(stats.chi2.sf(max(statistic, 0.0), freedom))
+
+
 def log_tail(statistic: FloatArray | float, freedom: int) -> FloatArray:
     """Return log P(chi2(freedom) > statistic): statistics of different size compare on it, however far out.
 

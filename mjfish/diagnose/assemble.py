@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from mjfish.diagnose.algebra import chance
 from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.heldout import pooled_error
 from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Candidate, Cause, Estimate, Overlay
-from mjfish.diagnose.select import chance
 from mjfish.diagnose.verdict import Hearing, Ruling
 from mjfish.effects import Effect
 from mjfish.identify import Fit, Problem

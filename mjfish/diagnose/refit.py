@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from scipy import stats
-
 from mjfish.arrays import FloatArray
+from mjfish.diagnose.algebra import chance
 from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.progress import Progress, silent
 from mjfish.diagnose.side_by_side import side_by_side, with_jobs
@@ -124,7 +123,7 @@ def abrupt(evidence: Evidence, effects: Sequence[Effect]) -> tuple[float, dict[s
     alone = with_jobs(evidence, 1)
     results = side_by_side(lambda effect: refit(alone, effect), tried, jobs)
     found = dict(zip((effect.name for effect in tried), results, strict=True))
-    chances = [float(stats.chi2.sf(max(one.gain, 0.0), one.freedom + 1)) for one in found.values()]
+    chances = [chance(one.gain, one.freedom + 1) for one in found.values()]
     return min([1.0, *(2.0 * len(found) * p for p in chances)]), found
 
 

@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from scipy import stats
 
 from mjfish.diagnose.evidence import gather
 from mjfish.diagnose.refit import Refit
@@ -106,8 +105,3 @@ def _tested(one: Refit, candidates: Sequence[Effect], known: Standing) -> Standi
     excess = max(after.saturated_excess(), after.omnibus_excess(), 0.0)
     left = excess / max(one.gain + excess, 1e-9)
     return replace(known, saturated_p=after.saturated_p(), omnibus_p=after.omnibus_p(), left=left)
-
-
-def chance(statistic: float, freedom: int) -> float:
-    """Return the p value of a likelihood-ratio statistic."""
-    return float(stats.chi2.sf(max(statistic, 0.0), freedom))

@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mjfish.checks import Finding
+from mjfish.diagnose.algebra import chance
 from mjfish.diagnose.heldout import Confirmation
 from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Verdict
-from mjfish.diagnose.select import Standing, chance
+from mjfish.diagnose.select import Standing
 
 #: Something is wrong where the nominal model's p value is below this. Three tests share it, by Bonferroni but for the
 #: last: at most 2.3 false alarms in a hundred.
