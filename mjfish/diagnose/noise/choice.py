@@ -13,7 +13,7 @@ from mjfish.diagnose.noise.differentiated import Differentiated, differentiated
 from mjfish.diagnose.noise.drifting import drifting, longest
 from mjfish.diagnose.noise.forces import pushed
 from mjfish.diagnose.noise.misread import Misread, misreading, unaccounted
-from mjfish.diagnose.noise.saturated import Saturated, kept, likelihood, saturated, within_runs
+from mjfish.diagnose.noise.saturated import Saturated, kept, levels, likelihood, saturated, shapes, without
 from mjfish.diagnose.noise.stepwise import Model, Stepwise, parts
 from mjfish.frames import CHANNELS
 from mjfish.identify import Fit, Noise, Problem
@@ -23,8 +23,8 @@ from mjfish.identify.noise import estimate, floor
 _CONTRADICTED = 5.0
 #: Log-likelihood by which forces behind the noise must beat plain coloured noise, which has more parameters.
 _LIKELIER = 10.0
-#: Log-likelihood by which noise with the levels of runs must beat noise without, for these to be none.
-_LEVELS = 20.0
+#: Log-likelihood by which noise that explains a pattern of the runs must beat the noise of the rest, for it to be none.
+_PATTERN = 20.0
 
 
 def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: FloatArray | None) -> tuple[Noise, str]:
@@ -79,7 +79,7 @@ def _of_velocities(
     for step, (here, part) in parts(problem).items():
         # of the noise itself: innovations of a blue one may be far smaller
         given = Noise.white(np.maximum(spread, least)) if stated is None and np.any(spread < least) else None
-        models[step], words = _with_or_without_levels(part, fit, left.of(here), given)
+        models[step], words = _of_one_step(part, fit, left.of(here), given)
         told.append((step, words))
     if len(models) == 1:
         return models[told[0][0]], f"noise: {what} ({told[0][1]})"
@@ -87,20 +87,23 @@ def _of_velocities(
     return Stepwise.of(models), f"noise: {what} by sampling step ({listed})"
 
 
-def _with_or_without_levels(problem: Problem, fit: Fit, left: Saturated, given: Noise | None) -> tuple[Model, str]:
-    """Return the noise as the residuals have it, or as they have it within runs, and it in words.
+def _of_one_step(problem: Problem, fit: Fit, left: Saturated, given: Noise | None) -> tuple[Model, str]:
+    """Return the noise as the residuals have it, or as they have it but for a pattern of the runs, and it in words.
 
-    Where runs differ in level by far more than what they do within themselves would have them differ, the levels are no
-    noise. White noise and that of differentiated positions are too small at low frequencies to take them for theirs.
+    A pattern, levels by which runs differ or a shape that they share, is no noise where the rest contradicts it by far.
+    White noise and that of differentiated positions are too small at low frequencies to take it for theirs.
     """
-    both = _better(problem, fit, left, given or _estimated(problem, left))
-    if len(left.residuals) < 2 or isinstance(both[0], Differentiated) or _is_white(both[0]):
-        return both
-    inner = within_runs(problem, left)
-    within = _better(problem, fit, inner, given or _estimated(problem, inner))
-    if likelihood(both[0], problem, left) - likelihood(within[0], problem, left) <= _LEVELS:
-        return both
-    return within[0], f"{within[1]}; runs differ in level by more than that"
+    plain = _better(problem, fit, left, given or _estimated(problem, left))
+    if len(left.residuals) < 2 or isinstance(plain[0], Differentiated) or _is_white(plain[0]):
+        return plain
+    chosen, most = plain, _PATTERN
+    for pattern, words in ((levels, "runs differ in level"), (shapes, "runs share a shape")):
+        rest = without(problem, left, pattern(problem))
+        noise, told = _better(problem, fit, rest, given or _estimated(problem, rest))
+        lead = likelihood(plain[0], problem, left) - likelihood(noise, problem, left)
+        if lead > most:
+            chosen, most = (noise, f"{told}; {words} that it does not explain"), lead
+    return chosen
 
 
 def _is_white(noise: Model) -> bool:

@@ -14,6 +14,7 @@ from scipy import linalg
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra
+from mjfish.diagnose.basis import functions
 from mjfish.diagnose.noise.coloured import grid
 from mjfish.diagnose.noise.spectrum import spectrum
 from mjfish.diagnose.noise.stepwise import Model
@@ -51,11 +52,25 @@ def saturated(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> Satura
     return _left(problem, problem.raw(fit.x), np.concatenate([jacobian, white.whiten(known)], axis=1))
 
 
-def within_runs(problem: Problem, left: Saturated) -> Saturated:
-    """Return what is left when every channel of every run has a level of its own, besides."""
-    levels = linalg.block_diag(*[np.tile(np.eye(3), (len(block), 1)) for block in left.residuals])
-    inner = _left(problem, left.residuals, np.concatenate([_columns(problem, left), levels], axis=1))
-    return replace(inner, lost=left.lost + len(left.residuals))
+def without(problem: Problem, left: Saturated, columns: FloatArray) -> Saturated:
+    """Take further columns (3 n, k), divided by sigma, out of what is left: `levels` or `shapes`."""
+    rest = _left(problem, left.residuals, np.concatenate([_columns(problem, left), columns], axis=1))
+    return replace(rest, lost=left.lost + (rest.span[0].shape[2] - left.span[0].shape[2]) / 3.0)
+
+
+def levels(problem: Problem) -> FloatArray:
+    """Return the columns (3 n, 3 runs) of a level of every channel of every run."""
+    counts = [int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))]
+    return np.asarray(linalg.block_diag(*[np.tile(np.eye(3), (count, 1)) for count in counts]))
+
+
+def shapes(problem: Problem) -> FloatArray:
+    """Return the columns (3 n, k) of every function of the omnibus basis, the same in all runs, channel by channel."""
+    rows = []
+    for i, trial in enumerate(problem.trials):
+        waves = functions(problem.model.fish.cpg, trial)[problem.mask(i)]
+        rows.append(np.einsum("nk,cd->ncdk", waves, np.eye(3)).reshape(3 * len(waves), -1))
+    return np.concatenate(rows)
 
 
 def _left(problem: Problem, residuals: Sequence[FloatArray], columns: FloatArray) -> Saturated:
