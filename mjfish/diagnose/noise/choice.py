@@ -9,7 +9,7 @@ from scipy.signal import lfilter, unit_impulse
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.noise.coloured import Coloured, grid
-from mjfish.diagnose.noise.differentiated import Differentiated, differentiated
+from mjfish.diagnose.noise.differentiated import Differentiated, differentiated, sharpened
 from mjfish.diagnose.noise.drifting import drifting, longest
 from mjfish.diagnose.noise.forces import pushed
 from mjfish.diagnose.noise.misread import Misread, misreading, unaccounted
@@ -127,6 +127,7 @@ def _better(problem: Problem, fit: Fit, left: Saturated, found: Noise) -> tuple[
         told = f"random accelerations {_three(forces.push)} over {forces.time:g} s push the fish"
         return forces, f"{told}, sigma of the camera {_three(forces.sigma)}; the innovations form of the fit is used"
     if worth[rough] > max(worth[coloured], worth[drift]):
+        rough = sharpened(rough, problem, left)
         return rough, f"of positions differentiated over {rough.window} samples; sigma {_three(rough.sigma)}"
     if worth[drift] > worth[coloured]:
         under = f"under white noise of {_three(drift.sigma)}"

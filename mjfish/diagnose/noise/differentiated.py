@@ -16,17 +16,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import signal
+from scipy import optimize, signal
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnose.noise.coloured import grid
 from mjfish.diagnose.noise.kalman import Gains, gains, whitened_channels
+from mjfish.diagnose.noise.saturated import Saturated, likelihood, spread
 from mjfish.diagnose.noise.spectrum import spectrum
 from mjfish.identify import Noise, Problem
 from mjfish.trial import Trial
 
 #: Windows, degrees and shares rho that are tried. Degree 2 has the derivative of degree 1, and 4 that of 3.
 _WINDOWS, _DEGREES, _SHARES = range(3, 23, 2), (2, 4), (0.02, 0.05, 0.1, 0.2)
+#: How far about one of them the likeliest is looked for, and how finely, in the logarithm.
+_NEAR, _FINE = 1.5, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +108,27 @@ def differentiated(problem: Problem, residuals: Sequence[FloatArray]) -> Differe
         chosen.append(filters[int(np.argmin(cost))])
     made = [_scaled(problem, residuals, *one, rounding) for one, rounding in zip(chosen, _SHARES, strict=True)]
     return min(made, key=lambda one: one[1])[0]
+
+
+def sharpened(one: Differentiated, problem: Problem, left: Saturated) -> Differentiated:
+    """Return the noise with the share of rounding and the sigma of the largest restricted likelihood.
+
+    What the saturated model takes, and how, matters most where the filter lets nothing through, and there alone the
+    rounding shows.
+    """
+
+    def rounded(log_share: float) -> Differentiated:
+        made = replace(one, rounding=float(np.exp(log_share)))
+        return replace(made, sigma=readonly(made.sigma * spread(made, problem, left)))
+
+    middle = np.log(one.rounding)
+    found = optimize.minimize_scalar(
+        lambda x: -likelihood(rounded(x), problem, left),
+        bounds=(middle - _NEAR, middle + _NEAR),
+        method="bounded",
+        options={"xatol": _FINE},
+    )
+    return rounded(float(found.x))
 
 
 def _scaled(

@@ -8,20 +8,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy import linalg
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import BoolArray, FloatArray
 from mjfish.diagnose import algebra
 from mjfish.diagnose.basis import functions
 from mjfish.diagnose.noise.coloured import grid
 from mjfish.diagnose.noise.spectrum import spectrum
-from mjfish.diagnose.noise.stepwise import Model
 from mjfish.identify import Fit, Noise, Problem
+from mjfish.trial import Trial
 
 #: Draws of white noise that tell what the saturated model takes of a spectrum, and the least share that is left.
 _DRAWS, _LEAST = 16, 0.02
+
+
+class Whitening(Protocol):
+    """What a model of the noise does to columns (n, 3, ...) of a trial, and the determinant that belongs to it."""
+
+    def of_trial(self, trial: Trial, mask: BoolArray, block: FloatArray, starts: Sequence[int]) -> FloatArray:
+        """Return the white innovations (n, 3, ...), one row a counted sample."""
+        ...
+
+    def log_determinant(self, trial: Trial, seen: BoolArray) -> float:
+        """Return the log determinant of the noise's covariance."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +121,7 @@ def kept(problem: Problem, left: Saturated) -> FloatArray:
     return np.asarray(np.clip(power[..., 1] / power[..., 0], _LEAST, 1.0))
 
 
-def likelihood(noise: Model, problem: Problem, left: Saturated) -> float:
+def likelihood(noise: Whitening, problem: Problem, left: Saturated) -> float:
     """Return the restricted log-likelihood of what the saturated model leaves, less a constant.
 
     -1/2 (r' V^-1 r - r' V^-1 X (X' V^-1 X)^-1 X' V^-1 r + log det V + log det X' V^-1 X)  [Patterson1971]
@@ -118,15 +131,26 @@ def likelihood(noise: Model, problem: Problem, left: Saturated) -> float:
 
     [Patterson1971] H. Patterson and R. Thompson, Biometrika 58.
     """
-    white, columns, total = [], [], 0.0
+    z, r = _whitened(noise, problem, left)
+    total = sum(
+        noise.log_determinant(trial, grid(trial.time, problem.mask(i))) for i, trial in enumerate(problem.trials)
+    )
+    return float(-0.5 * (total + np.sum(z**2)) - np.sum(np.log(np.abs(np.diag(r)))))
+
+
+def spread(noise: Whitening, problem: Problem, left: Saturated) -> FloatArray:
+    """Return the standard deviations (3,) of the whitened residual beyond the saturated model: 1 of the true noise."""
+    z, r = _whitened(noise, problem, left)
+    return np.asarray(np.sqrt(np.sum(z**2, axis=0) / (len(z) - len(r) / 3.0)))
+
+
+def _whitened(noise: Whitening, problem: Problem, left: Saturated) -> tuple[FloatArray, FloatArray]:
+    """Return the whitened residual (n, 3) less its part in the whitened columns, and R (k, k) of these."""
+    white, columns = [], []
     for i, (trial, block, span) in enumerate(zip(problem.trials, left.residuals, left.span, strict=True)):
-        mask = problem.mask(i)
-        both = noise.of_trial(trial, mask, np.concatenate([block[:, :, None], span], axis=2), (0,))
+        both = noise.of_trial(trial, problem.mask(i), np.concatenate([block[:, :, None], span], axis=2), (0,))
         white.append(both[:, :, 0].ravel())
         columns.append(both[:, :, 1:].reshape(len(white[-1]), -1))
-        total -= 0.5 * noise.log_determinant(trial, grid(trial.time, mask))
     z, x = np.concatenate(white), np.concatenate(columns)
-    there = np.linalg.norm(x, axis=0) > 0.0
-    q, r = np.linalg.qr(x[:, there])
-    z = z - q @ (q.T @ z)
-    return float(total - 0.5 * (z @ z) - np.sum(np.log(np.abs(np.diag(r)))))
+    q, r = np.linalg.qr(x[:, np.linalg.norm(x, axis=0) > 0.0])
+    return (z - q @ (q.T @ z)).reshape(-1, 3), r
