@@ -16,11 +16,11 @@ from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnose.evidence import signatures
 from mjfish.diagnose.noise.choice import noise_of
 from mjfish.diagnose.noise.coloured import Coloured, grid
-from mjfish.diagnose.noise.differentiated import Differentiated, differentiated
+from mjfish.diagnose.noise.differentiated import Differentiated, differentiated, sharpened
 from mjfish.diagnose.noise.drifting import Drifting, drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed, pushed
-from mjfish.diagnose.noise.saturated import Saturated, kept, likelihood
+from mjfish.diagnose.noise.saturated import Saturated, kept, likelihood, shapes, without
 from mjfish.diagnose.noise.stepwise import Stepwise
 from mjfish.effects import find
 from mjfish.fish import Fish
@@ -62,14 +62,14 @@ def _drifting(rng: np.random.Generator, samples: int, time: FloatArray = DRIFTIN
     return wander + SIGMA * rng.standard_normal((samples, 3))
 
 
-def _rough(rng: np.random.Generator, samples: int) -> FloatArray:
+def _rough(rng: np.random.Generator, samples: int, rounding: float = ROUGH.rounding) -> FloatArray:
     """Differentiate white positions by scipy's filter, away from its ends, and add what rounding adds."""
     ends = 2 * ROUGH.window
     places = rng.standard_normal((samples + 2 * ends, 3))
     slopes = signal.savgol_filter(places, ROUGH.window, ROUGH.degree, deriv=1, axis=0)[ends:-ends]
     gain = np.linalg.norm(signal.savgol_coeffs(ROUGH.window, ROUGH.degree, deriv=1))
-    both = slopes / gain + ROUGH.rounding * rng.standard_normal((samples, 3))
-    return SIGMA * both / np.sqrt(1.0 + ROUGH.rounding**2)
+    both = slopes / gain + rounding * rng.standard_normal((samples, 3))
+    return SIGMA * both / np.sqrt(1.0 + rounding**2)
 
 
 def _pushed(rng: np.random.Generator, samples: int) -> FloatArray:
@@ -226,6 +226,24 @@ def test_the_filter_behind_differentiated_positions_is_found_and_tells_more_than
     slow = np.sin(np.pi * np.arange(mask.sum()) / mask.sum())[:, None] * SIGMA
     seen = {noise: float(np.sum(noise.of_trial(trial, mask, slow, (0,)) ** 2)) for noise in (found, coloured)}
     assert seen[found] > 2.0 * seen[coloured]
+
+
+@pytest.mark.parametrize("rounding", [0.03, 0.07, 0.15])
+def test_rounding_is_told_where_the_saturated_model_took_what_is_slow(
+    swum: tuple[Problem, Fit], rounding: float
+) -> None:
+    """Taking shapes out with white weights stirs up the valley at frequency nought: rounding looks larger than it is."""
+    problem, _ = swum
+    found = []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        blocks = [_rough(rng, int(problem.mask(i).sum()), rounding) for i in range(2)]
+        left = without(problem, _nothing_taken(blocks), shapes(problem))
+        plain = differentiated(problem, left.residuals)
+        sharp = sharpened(plain, problem, left)
+        assert likelihood(sharp, problem, left) > likelihood(plain, problem, left)
+        found.append([sharp.rounding / rounding, *sharp.sigma / SIGMA])
+    np.testing.assert_allclose(np.median(found, axis=0), 1.0, atol=0.15)
 
 
 def test_white_noise_has_no_forces_behind_it(swum: tuple[Problem, Fit]) -> None:
