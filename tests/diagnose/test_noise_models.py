@@ -232,7 +232,7 @@ def test_the_filter_behind_differentiated_positions_is_found_and_tells_more_than
 def test_rounding_is_told_where_the_saturated_model_took_what_is_slow(
     swum: tuple[Problem, Fit], rounding: float
 ) -> None:
-    """Taking shapes out with white weights stirs up the valley at frequency nought: rounding looks larger than it is."""
+    """Taking shapes out with white weights stirs up the valley at frequency nought, and rounding looks larger."""
     problem, _ = swum
     found = []
     for seed in range(5):
