@@ -60,7 +60,7 @@ class _Tried:
     """
 
     def __init__(self, evidence: Evidence, problem: Problem) -> None:
-        self.problem, self.none = problem, evidence.fit.sse
+        self.problem = problem
         free = [p.name for p, held in zip(evidence.fit.parameters, evidence.fit.at_bound, strict=True) if not held]
         names = [p.name for p in problem.parameters]
         self._columns = np.array([names.index(name) for name in free], dtype=np.int64)
@@ -91,9 +91,14 @@ class _Tried:
 
 
 def _to_the_edge(tried: _Tried, column: int) -> None:
-    """Find by bisection from which size on an amplitude is felt; try some just above."""
-    sizes = np.array([start[column] for start in tried.starts])
-    felt = np.abs(np.array(tried.promised) - tried.none) > _FELT
+    """Find by bisection from which size on an amplitude is felt; try some just above.
+
+    Felt is what differs from next to nothing, not from nothing: an effect that is there and idle passes the motion
+    through another computation, whose rounding sharp noise may show.
+    """
+    sizes, promised = np.array([start[column] for start in tried.starts]), np.array(tried.promised)
+    idle = float(promised[np.argmin(np.where(sizes > sizes.min(), sizes, np.inf))])
+    felt = np.abs(promised - idle) > _FELT
     if felt.all() or not np.any(felt & (sizes > sizes[~felt].max())):
         return
     start = tried.starts[int(np.argmax(np.where(felt, -np.inf, sizes)))]
@@ -106,7 +111,7 @@ def _to_the_edge(tried: _Tried, column: int) -> None:
 
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        if abs(at(middle) - tried.none) > _FELT:
+        if abs(at(middle) - idle) > _FELT:
             high = middle
         else:
             low = middle
