@@ -96,11 +96,11 @@ def _of_one_step(problem: Problem, fit: Fit, left: Saturated, given: Noise | Non
     plain = _better(problem, fit, left, given or _estimated(problem, left))
     if len(left.residuals) < 2 or isinstance(plain[0], Differentiated) or _is_white(plain[0]):
         return plain
-    chosen, most = plain, _PATTERN
+    chosen, most, explained = plain, _PATTERN, likelihood(plain[0], problem, left)
     for pattern, words in ((levels, "runs differ in level"), (shapes, "runs share a shape")):
         rest = without(problem, left, pattern(problem))
-        noise, told = _better(problem, fit, rest, given or _estimated(problem, rest))
-        lead = likelihood(plain[0], problem, left) - likelihood(noise, problem, left)
+        noise, told = _better(problem, fit, rest, _estimated(problem, rest))
+        lead = explained - likelihood(noise, problem, left)
         if lead > most:
             chosen, most = (noise, f"{told}; {words} that it does not explain"), lead
     return chosen

@@ -15,7 +15,7 @@ from scipy import linalg
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.diagnose import algebra
-from mjfish.diagnose.basis import functions
+from mjfish.diagnose.basis import omnibus
 from mjfish.diagnose.noise.coloured import grid
 from mjfish.diagnose.noise.spectrum import spectrum
 from mjfish.identify import Fit, Noise, Problem
@@ -80,9 +80,9 @@ def levels(problem: Problem) -> FloatArray:
 def shapes(problem: Problem) -> FloatArray:
     """Return the columns (3 n, k) of every function of the omnibus basis, the same in all runs, channel by channel."""
     rows = []
-    for i, trial in enumerate(problem.trials):
-        waves = functions(problem.model.fish.cpg, trial)[problem.mask(i)]
-        rows.append(np.einsum("nk,cd->ncdk", waves, np.eye(3)).reshape(3 * len(waves), -1))
+    for i, blocks in enumerate(omnibus(problem.model.fish.cpg, problem.trials)):
+        waves = np.concatenate(blocks, axis=2)[problem.mask(i)]
+        rows.append(waves.reshape(3 * len(waves), -1))
     return np.concatenate(rows)
 
 
