@@ -15,10 +15,8 @@ from mjfish.trial import Trial
 #: Draws of the block bootstrap of the gain, and the length of a block [s].
 _DRAWS = 2000
 _BLOCK = 0.7
-
-
 #: A cause has failed on held-out trials where it loses there, and were it true that would happen less often than this.
-_FAILED = 0.01
+_FAILED = 0.001
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ from mjfish.identify import Fit, Problem, fit
 TOLERANCE = 1e-5
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
 COARSE = (4, 6)
+#: And of one that is taken on under another noise, where it is in the running: it is followed further as those are.
+_ON = 2
 #: Mean square of the whitened residual above which a refit is tried from afresh.
 _MISFIT = 1.1
 #: Share of the best gain from which a coarse refit is followed to its optimum.
@@ -79,7 +81,7 @@ def refits(
         before: refits under another noise; they are taken on from where they ended.
         made: coarse refits of this evidence that are known already.
     """
-    chosen = worth_refitting(evidence, effects)
+    chosen = sorted(worth_refitting(evidence, effects), key=lambda effect: effect.smooth)  # what takes longest first
     earlier, known, jobs = before or {}, made or {}, evidence.problem.jobs
     floor = _RUNNING * max((one.gain for one in earlier.values()), default=0.0)
     alone = with_jobs(evidence, 1)
@@ -87,7 +89,7 @@ def refits(
     def made_of(effect: Effect) -> Refit:
         if effect.name in earlier:
             one = earlier[effect.name]
-            return _taken_on(alone, one, COARSE[not effect.smooth] if one.gain >= floor else 1)
+            return _taken_on(alone, one, _ON if one.gain >= floor else 1)
         return known[effect.name] if effect.name in known else refit(alone, effect)
 
     results = side_by_side(made_of, chosen, jobs)
@@ -101,7 +103,8 @@ def refits(
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
     """Follow those refits to their optimum that are in the running: who removes a quarter of what the best removes."""
     ranked = sorted(found.items(), key=lambda one: -one[1].gain)
-    running = {name: one for name, one in ranked if one.gain >= _RUNNING * ranked[0][1].gain}
+    close = [(name, one) for name, one in ranked if one.gain >= _RUNNING * ranked[0][1].gain]
+    running = dict(sorted(close, key=lambda each: each[1].effects[-1].smooth))  # what takes longest first
     least, jobs = min(one.fit.sse for one in found.values()), ranked[0][1].problem.jobs
     results = side_by_side(lambda one: refined(with_jobs(one, 1), least), [*running.values()], jobs)
     result = dict(found)
@@ -124,7 +127,7 @@ def abrupt(evidence: Evidence, effects: Sequence[Effect]) -> tuple[float, dict[s
     results = side_by_side(lambda effect: refit(alone, effect), tried, jobs)
     found = dict(zip((effect.name for effect in tried), results, strict=True))
     chances = [chance(one.gain, one.freedom + 1) for one in found.values()]
-    return min([1.0, *(2.0 * len(found) * p for p in chances)]), found
+    return min([1.0, *(len(found) * p for p in chances)]), found
 
 
 def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effect]:

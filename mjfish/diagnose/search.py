@@ -1,8 +1,11 @@
-"""The search: fit the nominal model, test its residual, refit it with every candidate, under a noise that holds."""
+"""The search: fit the nominal model, test its residual, refit it with every candidate, under a noise that holds.
+
+[Rosenthal1983] R. Rosenthal and D. Rubin, Psychological Bulletin 94: Bonferroni's bound with unequal shares.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,10 +24,8 @@ from mjfish.diagnose.progress import Progress, part
 from mjfish.diagnose.refit import Refit, abrupt, refined, refits, settled
 from mjfish.diagnose.verdict import ALARM
 from mjfish.effects import Effect
-from mjfish.identify import Noise, Problem, fit
+from mjfish.identify import Fit, Noise, Problem, fit
 
-#: How often the noise is estimated again after the best cause is in the model.
-_ROUNDS = 1
 #: A change of sigma by less than this share leaves the weights as they are.
 _SAME = 0.05
 #: Longest and shortest integration step [s], and what its error may add to a sum of squares in units of the noise.
@@ -34,6 +35,9 @@ _UNSEEN = 0.1
 _POWER = 7.0
 #: Step of the derivatives in steps of the rollouts.
 _SLOPES = 2.0
+#: Shares of the alarm's rate that the tests may use up [Rosenthal1983]: that of the candidates' scores, of the omnibus
+#: basis, of the refits of what is not smooth. The first sees most; what the others find is seldom close.
+_DIRECTED, _OMNIBUS, _ABRUPT = 0.625, 0.125, 0.25
 _OTHER = Misread | Stepwise | Pushed | Drifting | Differentiated
 
 
@@ -71,38 +75,71 @@ def search(
         problem = replace(problem, windows=inside(problem.trials, ends))
         baseline = fit(problem, baseline.x, tolerance=1e-6)
         made = signatures(problem, baseline.values, candidates)
-    noise, remark = noise_of(problem, baseline, made, stated)
+    noise, remark = noise_of(problem, baseline, made, stated, patterns=False)
+    look = _Look(candidates, made, rng, progress)
+    seen = look.at(problem, baseline, noise)
+    if seen.p_wrong >= ALARM:  # what is wrong may pass for a noise that takes the patterns of the runs for its own
+        noise, remark = noise_of(problem, baseline, made, stated)
+        seen = look.again(seen, noise)
     refitted: dict[str, Refit] = {}
-    for round_ in range(_ROUNDS + 1):
-        if round_ > 0 or not _same(noise, problem.noise):
-            progress("fitting the nominal model", 0.08)
-            problem = replace(problem, noise=noise)
-            baseline = fit(problem, baseline.x, tolerance=1e-6)
-        evidence = gather(problem, baseline, candidates, made)
-        progress("testing the residual", 0.15)
-        directed, omnibus = evidence.directed_p(rng), evidence.omnibus_p()
-        p_wrong = min(1.0, 2.0 * min(directed, omnibus))
-        made_refits: dict[str, Refit] = {}
-        if p_wrong >= ALARM:
-            p_abrupt, made_refits = abrupt(evidence, candidates)
-            p_wrong = min(p_wrong, p_abrupt)
-        refitted = (
-            refits(evidence, candidates, part(progress, 0.2, 0.4), refitted, made_refits) if p_wrong < ALARM else {}
-        )
-        if round_ == _ROUNDS or not refitted:
-            break
+    if seen.p_wrong < ALARM:
+        refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), made=seen.refits)
         leader = max(refitted, key=lambda name: refitted[name].gain)
         refitted[leader] = best = refined(refitted[leader], refitted[leader].fit.sse)
         others = tuple(effect for effect in candidates if effect.name not in best.names)
         noise, remark = noise_of(best.problem, best.fit, signatures(best.problem, best.fit.values, others), stated)
-        if _same(noise, problem.noise):
-            break
+        before, seen = seen, look.again(seen, noise)
+        if seen.p_wrong >= ALARM:
+            refitted = {}
+        elif seen is not before:
+            refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted)
     if refitted:
         refitted = settled(refitted, part(progress, 0.6, 0.1))
     if ends:
         remark += "; " if remark else ""
         remark += f"the last samples of the runs are noisier than the rest: {ends} at either end are left out"
-    return Findings(evidence, refitted, p_wrong, directed < ALARM), remark
+    return Findings(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """The nominal model under a noise: its evidence, p values (of the directed test, too), refits that they took."""
+
+    evidence: Evidence
+    directed: float
+    p_wrong: float
+    refits: Mapping[str, Refit]
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """Fits and tests the nominal model under a noise."""
+
+    candidates: tuple[Effect, ...]
+    made: Sequence[FloatArray]
+    rng: np.random.Generator
+    progress: Progress
+
+    def at(self, problem: Problem, baseline: Fit, noise: Noise) -> _Seen:
+        """Return what is seen under the noise, where the fit under that of the problem is the baseline."""
+        if not _same(noise, problem.noise):
+            self.progress("fitting the nominal model", 0.08)
+            problem = replace(problem, noise=noise)
+            baseline = fit(problem, baseline.x, tolerance=1e-6)
+        evidence = gather(problem, baseline, self.candidates, self.made)
+        self.progress("testing the residual", 0.15)
+        directed = evidence.directed_p(self.rng)
+        p_wrong = min(1.0, directed / _DIRECTED, evidence.omnibus_p() / _OMNIBUS)
+        found: dict[str, Refit] = {}
+        if p_wrong >= ALARM:
+            p_abrupt, found = abrupt(evidence, self.candidates)
+            p_wrong = min(p_wrong, p_abrupt / _ABRUPT)
+        return _Seen(evidence, directed, p_wrong, found)
+
+    def again(self, seen: _Seen, noise: Noise) -> _Seen:
+        """Return what is seen under another noise; the same where it is not another."""
+        problem, baseline = seen.evidence.problem, seen.evidence.fit
+        return seen if _same(noise, problem.noise) else self.at(problem, baseline, noise)
 
 
 def resolved(problem: Problem) -> tuple[Problem, FloatArray]:

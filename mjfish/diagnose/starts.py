@@ -39,7 +39,7 @@ def best_start(evidence: Evidence, problem: Problem, effect: Effect) -> FloatArr
         effect: the cause that it is extended by.
     """
     values, one_step = evidence.fit.values, evidence.first_guess(effect.name)
-    tried = _Tried(evidence, problem)
+    tried = _Tried(evidence, problem.rough)
     for guess in guesses(effect, one_step):
         tried.add(problem.start({**values, **guess}))
     tried.add(problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
@@ -97,7 +97,8 @@ def _to_the_edge(tried: _Tried, column: int) -> None:
     through another computation, whose rounding sharp noise may show.
     """
     sizes, promised = np.array([start[column] for start in tried.starts]), np.array(tried.promised)
-    idle = float(promised[np.argmin(np.where(sizes > sizes.min(), sizes, np.inf))])
+    least = int(np.argmin(np.where(sizes > sizes.min(), sizes, np.inf)))
+    idle = float(promised[least])
     felt = np.abs(promised - idle) > _FELT
     if felt.all() or not np.any(felt & (sizes > sizes[~felt].max())):
         return
@@ -109,6 +110,8 @@ def _to_the_edge(tried: _Tried, column: int) -> None:
         x[column] = size
         return tried.add(x)
 
+    if abs(at(0.5 * float(sizes[least])) - idle) > _FELT:
+        return  # felt at any size: there is no edge
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         if abs(at(middle) - idle) > _FELT:

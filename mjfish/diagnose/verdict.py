@@ -12,9 +12,8 @@ from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Verdict
 from mjfish.diagnose.select import Standing
 
-#: Something is wrong where the nominal model's p value is below this. Three tests share it, by Bonferroni but for the
-#: last: at most 2.3 false alarms in a hundred.
-ALARM = 0.015
+#: Something is wrong where the nominal model's p value is below this: 1.2 false alarms in a hundred.
+ALARM = 0.012
 #: What is named must explain more than chance would, with this p value; that something is wrong may rest on all else.
 _OWN = 0.05
 

@@ -133,6 +133,11 @@ class Problem:
         """The model that is derived."""
         return self.model if self.slope_step is None else replace(self.model, step=self.slope_step)
 
+    @property
+    def rough(self) -> Problem:
+        """The same by the step of the derivatives throughout: for residuals that are compared with one another only."""
+        return replace(self, model=self._sloping)
+
     def mask(self, index: int) -> BoolArray:
         """Return which samples (n_r,) of a trial count.
 

@@ -27,7 +27,9 @@ _LIKELIER = 10.0
 _PATTERN = 20.0
 
 
-def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: FloatArray | None) -> tuple[Noise, str]:
+def noise_of(
+    problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: FloatArray | None, *, patterns: bool = True
+) -> tuple[Noise, str]:
     """Return the noise model that the tests use, and a sentence on it where it is not the stated one.
 
     Args:
@@ -35,11 +37,12 @@ def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: Fl
         fit: its result.
         known: `mjfish.diagnose.evidence.signatures` of every effect that may explain something and is not in the model.
         stated: (3,) sigma that the dataset gives, or None.
+        patterns: whether to ask if a pattern of the runs is taken for noise.
     """
     left = saturated(problem, fit, known)
     through = misreading(problem, fit)
     if through is None:
-        return _of_velocities(problem, fit, left, stated)
+        return _of_velocities(problem, fit, left, stated, patterns)
     first = Misread.of(Coloured.of(Noise.white(problem.noise.sigma)), through)
     if (rest := unaccounted(problem.trials)) is not None:
         first, stated = Misread.of(Coloured.of(Noise.white(rest)), through), None
@@ -51,7 +54,7 @@ def noise_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: Fl
     left = Saturated([block for block, _ in cleared], left.span, lost)
     if rest is not None and np.all(_excess(left, rest) < _CONTRADICTED):
         return first, ""
-    base, told = _of_velocities(problem, fit, left, stated)
+    base, told = _of_velocities(problem, fit, left, stated, patterns)
     allowed = "errors of the measured joint angles are allowed for"
     return Misread.of(base, through), f"{told}; {allowed}" if told else f"noise: {allowed}"
 
@@ -64,7 +67,7 @@ def _excess(left: Saturated, sigma: FloatArray) -> FloatArray:
 
 
 def _of_velocities(
-    problem: Problem, fit: Fit, left: Saturated, stated: FloatArray | None
+    problem: Problem, fit: Fit, left: Saturated, stated: FloatArray | None, patterns: bool
 ) -> tuple[Model | Stepwise, str]:
     """Return the noise of the velocities alone from saturated residuals, and a sentence on it."""
     what = "estimated from the data"
@@ -79,7 +82,7 @@ def _of_velocities(
     for step, (here, part) in parts(problem).items():
         # of the noise itself: innovations of a blue one may be far smaller
         given = Noise.white(np.maximum(spread, least)) if stated is None and np.any(spread < least) else None
-        models[step], words = _of_one_step(part, fit, left.of(here), given)
+        models[step], words = _of_one_step(part, fit, left.of(here), given, patterns)
         told.append((step, words))
     if len(models) == 1:
         return models[told[0][0]], f"noise: {what} ({told[0][1]})"
@@ -87,14 +90,14 @@ def _of_velocities(
     return Stepwise.of(models), f"noise: {what} by sampling step ({listed})"
 
 
-def _of_one_step(problem: Problem, fit: Fit, left: Saturated, given: Noise | None) -> tuple[Model, str]:
+def _of_one_step(problem: Problem, fit: Fit, left: Saturated, given: Noise | None, patterns: bool) -> tuple[Model, str]:
     """Return the noise as the residuals have it, or as they have it but for a pattern of the runs, and it in words.
 
     A pattern, levels by which runs differ or a shape that they share, is no noise where the rest contradicts it by far.
     White noise and that of differentiated positions are too small at low frequencies to take it for theirs.
     """
     plain = _better(problem, fit, left, given or _estimated(problem, left))
-    if len(left.residuals) < 2 or isinstance(plain[0], Differentiated) or _is_white(plain[0]):
+    if not patterns or len(left.residuals) < 2 or isinstance(plain[0], Differentiated) or _is_white(plain[0]):
         return plain
     chosen, most, explained = plain, _PATTERN, likelihood(plain[0], problem, left)
     for pattern, words in ((levels, "runs differ in level"), (shapes, "runs share a shape")):
