@@ -46,7 +46,7 @@ def best_start(evidence: Evidence, problem: Problem, effect: Effect) -> FloatArr
     tried.add(problem.start(values))
     amplitudes = evidence.amplitudes_of(effect.name)
     if not effect.smooth and len(amplitudes) == 1:
-        _to_the_edge(tried, [p.name for p in problem.parameters].index(amplitudes[0].name))
+        to_the_edge(tried, [p.name for p in problem.parameters].index(amplitudes[0].name))
     return tried.best()
 
 
@@ -90,8 +90,8 @@ class _Tried:
         return np.asarray([*self.starts, *promising][int(np.argmin(left))])
 
 
-def _to_the_edge(tried: _Tried, column: int) -> None:
-    """Find by bisection from which size on an amplitude is felt; try some just above.
+def to_the_edge(tried: _Tried, column: int) -> None:
+    """Find by bisection from which size on the amplitude of a column is felt, if not at any; try some just above.
 
     Felt is what differs from next to nothing, not from nothing: an effect that is there and idle passes the motion
     through another computation, whose rounding sharp noise may show.

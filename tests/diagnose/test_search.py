@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from mjfish import fish as fishes
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, readonly
 from mjfish.diagnose.evidence import Evidence, gather
+from mjfish.diagnose.progress import silent
 from mjfish.diagnose.refit import refit
-from mjfish.diagnose.search import resolved
+from mjfish.diagnose.search import resolved, search
 from mjfish.diagnose.several import earns_its_place
-from mjfish.diagnose.starts import off_null
+from mjfish.diagnose.starts import off_null, to_the_edge
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.identify import Noise, Problem, fit
@@ -80,6 +82,50 @@ def test_a_limit_that_is_hardly_met_is_found_in_its_narrow_valley(pike: Fish, sh
     assert found.gain > 50.0
     (size,) = found.parameter_values().values()
     assert size == pytest.approx(slowness, rel=0.004)
+
+
+@dataclass
+class _Tried:
+    """Starts of one amplitude, whose sum of squares `felt` gives."""
+
+    felt: Callable[[float], float]
+    starts: list[FloatArray]
+    promised: list[float]
+
+    def add(self, start: FloatArray) -> float:
+        self.starts.append(start)
+        self.promised.append(self.felt(float(start[0])))
+        return self.promised[-1]
+
+
+@pytest.mark.parametrize(
+    ("felt", "edge"), [(lambda size: max(size - 0.3, 0.0), 0.3), (lambda size: size, None)], ids=["edge", "none"]
+)
+def test_sizes_just_above_an_edge_are_tried_where_there_is_one(felt: Callable[[float], float], edge: float) -> None:
+    """A joint feels no limit that is above its speed; it feels any lag, the smaller the less."""
+    tried = _Tried(lambda size: 1e4 * felt(size), [], [])
+    for size in (1e-3, 1e-3, 0.1, 0.2, 0.5, 1.0):
+        tried.add(np.array([size]))
+    before = len(tried.starts)
+    to_the_edge(tried, 0)  # type: ignore[arg-type]
+    new = np.array(tried.starts[before:])[:, 0]
+    if edge is None:
+        assert len(new) == 1
+    else:
+        assert np.count_nonzero((new > edge) & (new < 1.06 * edge)) >= 5
+
+
+@pytest.mark.parametrize("off", [0.0, 1.5], ids=["as planted", "runs off by a level"])
+def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None:
+    """No candidate explains that two runs are off by a constant each; a wandering camera would, but for patterns."""
+    planted = plant(pike, ["v1", "v3"], noise=SIGMA, duration=5.2, seed=6)
+    moved = [
+        replace(trial, velocity=readonly(trial.velocity + off * sign * SIGMA))
+        for trial, sign in zip(planted.trials, (1.0, -1.0), strict=True)
+    ]
+    problem = replace(_problem(planted), trials=tuple(moved))
+    findings, _ = search(problem, (find("inertia_error"),), None, np.random.default_rng(0), silent)
+    assert (findings.p_wrong < 1e-6) is (off > 0.0)
 
 
 def test_no_size_that_would_show_is_cut_off() -> None:

@@ -61,9 +61,7 @@ def noise_of(
 
 def _excess(left: Saturated, sigma: FloatArray) -> FloatArray:
     """Return by how many standard errors the spread of residuals is above sigma (3,)."""
-    free = sum(len(block) for block in left.residuals) - left.lost
-    spread = np.sqrt(sum((block**2).sum(axis=0) for block in left.residuals) / free)
-    return np.asarray((spread / sigma - 1.0) * np.sqrt(2.0 * free))
+    return np.asarray((left.sigma / sigma - 1.0) * np.sqrt(2.0 * left.free))
 
 
 def _of_velocities(
@@ -75,9 +73,7 @@ def _of_velocities(
         if np.all(np.abs(_excess(left, stated)) < _CONTRADICTED) and _estimated(problem, left).order == 0:
             return Coloured.of(Noise.white(stated)), ""
         what = "the stated noise does not fit the data; estimated instead"
-    total = sum(len(block) for block in left.residuals)
-    spread = np.sqrt(sum((block**2).sum(axis=0) for block in left.residuals) / (total - left.lost))
-    least = floor(problem.trials)
+    spread, least = left.sigma, floor(problem.trials)
     models, told = {}, []
     for step, (here, part) in parts(problem).items():
         # of the noise itself: innovations of a blue one may be far smaller

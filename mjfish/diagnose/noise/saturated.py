@@ -51,6 +51,16 @@ class Saturated:
     span: list[FloatArray]
     lost: float
 
+    @property
+    def free(self) -> float:
+        """Degrees of freedom per channel that are left."""
+        return sum(len(block) for block in self.residuals) - self.lost
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Standard deviation (3,) of the channels."""
+        return np.asarray(np.sqrt(sum((block**2).sum(axis=0) for block in self.residuals) / self.free))
+
     def of(self, trials: Sequence[int]) -> Saturated:
         """Return that of some trials, which take their share of the freedom."""
         count, total = (sum(len(self.residuals[i]) for i in which) for which in (trials, range(len(self.residuals))))
