@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mjfish import checks
+from mjfish.arrays import FloatArray
 from mjfish.diagnose import assemble, heldout, provenance
 from mjfish.diagnose.description import describe
 from mjfish.diagnose.evidence import Evidence
@@ -25,10 +26,10 @@ from mjfish.diagnose.several import several
 from mjfish.diagnose.verdict import ALARM, Hearing, Ruling, rule
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
-from mjfish.identify import Noise, Problem
+from mjfish.identify import Fit, Noise, Problem
 from mjfish.identify.clocks import aligned
 from mjfish.identify.report import first_sigma
-from mjfish.identify.score import Score, predict_held_out
+from mjfish.identify.score import Score, held_out_doubt, predict_held_out
 from mjfish.model import Model
 from mjfish.trial import Dataset, Trial
 
@@ -138,20 +139,32 @@ class _Scores:
     def __init__(self, evidence: Evidence, held: tuple[Trial, ...]) -> None:
         self.evidence, self.held = evidence, held
         self.known: dict[tuple[str, ...], Score] = {}
+        self.doubts: dict[tuple[str, ...], FloatArray] = {}
 
     def of(self, one: Refit | None) -> Score:
         """Return the score of a refit, None: of the nominal model."""
-        names = () if one is None else one.names
+        names, problem, found = self._which(one)
         if names not in self.known:
-            problem, fitted = (self.evidence.problem, self.evidence.fit) if one is None else (one.problem, one.fit)
-            self.known[names] = predict_held_out(problem, fitted.values, self.held)
+            self.known[names] = predict_held_out(problem, found.values, self.held)
         return self.known[names]
+
+    def doubt(self, one: Refit | None) -> FloatArray:
+        """Return the columns (n, k) of the doubt about the prediction of a refit, None: of the nominal model."""
+        names, problem, found = self._which(one)
+        if names not in self.doubts:
+            self.doubts[names] = held_out_doubt(problem, found, self.held)
+        return self.doubts[names]
+
+    def _which(self, one: Refit | None) -> tuple[tuple[str, ...], Problem, Fit]:
+        if one is None:
+            return (), self.evidence.problem, self.evidence.fit
+        return one.names, one.problem, one.fit
 
     def confirmed(self, one: Refit, against: Refit | None) -> Confirmation | None:
         """Return what a refit gains on the held-out trials; None where there are none."""
         if not self.held:
             return None
-        return confirmation(self.of(against), self.of(one), one.gain - (against.gain if against else 0.0))
+        return confirmation(self.of(against), self.of(one), (self.doubt(against), self.doubt(one)))
 
 
 def _heard(

@@ -37,20 +37,26 @@ class Confirmation:
         return self.gained <= 0.0 and self.chance < _FAILED
 
 
-def confirmation(nominal: Score, extended: Score, fall: float = np.inf) -> Confirmation:
+def confirmation(nominal: Score, extended: Score, doubts: tuple[FloatArray, FloatArray] | None = None) -> Confirmation:
     """Hold two models against each other on held-out trials.
 
-    With whitened predictions apart by d and the extended model true, the sum of squares falls by |d|^2 + 2 d' eps; that
-    the size of the cause is known to a share of 1 / sqrt(fall) adds 4 |d|^4 / fall to the variance, 4 |d|^2 without it.
+    With whitened predictions apart by d and the extended model true, the sum of squares falls by |d|^2 + 2 d' (eps - e)
+    with the noise eps and the error e = D u, u ~ N(0, 1), that the extended prediction has from what was fitted; its
+    variance is 4 (|d|^2 + |D' d|^2). As d has e in it, and of the nominal prediction e_0, the mean is
+    |d|^2 - 2 (|D|^2 - |D_0|^2): exact of linear models, one within the other.
 
     Args:
         nominal, extended: of the models.
-        fall: of the sum of squares on the fitted trials.
+        doubts: D_0 and D, `mjfish.identify.held_out_doubt` of both models; None: both are known.
     """
     before, after = np.concatenate(nominal.whitened), np.concatenate(extended.whitened)
-    here, apart = float(before @ before - after @ after), float(np.sum((before - after) ** 2))
-    spread = 2.0 * np.sqrt(max(apart + apart**2 / max(fall, 1.0), 1e-300))
-    return Confirmation(0.5 * here, float(stats.norm.cdf((here - apart) / spread)))
+    apart = before - after
+    mean = variance = float(apart @ apart)
+    if doubts is not None:
+        mean -= 2.0 * max(float(np.sum(doubts[1] ** 2) - np.sum(doubts[0] ** 2)), 0.0)
+        variance += float(np.sum((doubts[1].T @ apart) ** 2))
+    here = float(before @ before - after @ after)
+    return Confirmation(0.5 * here, float(stats.norm.cdf((here - mean) / (2.0 * np.sqrt(max(variance, 1e-300))))))
 
 
 @dataclass(frozen=True)

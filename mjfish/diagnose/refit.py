@@ -10,7 +10,7 @@ from mjfish.diagnose.algebra import chance
 from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.progress import Progress, silent
 from mjfish.diagnose.side_by_side import side_by_side, with_jobs
-from mjfish.diagnose.starts import best_start, off_null
+from mjfish.diagnose.starts import best_start, off_null, other_valleys
 from mjfish.effects.effect import Effect
 from mjfish.identify import Fit, Problem, fit
 
@@ -22,8 +22,9 @@ COARSE = (4, 6)
 _ON = 2
 #: Mean square of the whitened residual above which a refit is tried from afresh.
 _MISFIT = 1.1
-#: Share of the best gain from which a coarse refit is followed to its optimum.
-_RUNNING = 0.25
+#: Share of the best gain from which a coarse refit is followed to its optimum; how far it may be behind where the best
+#: fits, as a share and at least.
+_RUNNING, _DISTANCE, _WEAK = 0.25, 0.3, 100.0
 #: A fit that is behind the best is followed until a step gains less than this share of its distance.
 _BEHIND = 0.01
 #: How many candidates are refitted for their score alone.
@@ -83,7 +84,7 @@ def refits(
     """
     chosen = sorted(worth_refitting(evidence, effects), key=lambda effect: effect.smooth)  # what takes longest first
     earlier, known, jobs = before or {}, made or {}, evidence.problem.jobs
-    floor = _RUNNING * max((one.gain for one in earlier.values()), default=0.0)
+    floor = _floor(earlier) if earlier else 0.0
     alone = with_jobs(evidence, 1)
 
     def made_of(effect: Effect) -> Refit:
@@ -101,9 +102,9 @@ def refits(
 
 
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
-    """Follow those refits to their optimum that are in the running: who removes a quarter of what the best removes."""
-    ranked = sorted(found.items(), key=lambda one: -one[1].gain)
-    close = [(name, one) for name, one in ranked if one.gain >= _RUNNING * ranked[0][1].gain]
+    """Follow those refits to their optimum that are in the running."""
+    floor, ranked = _floor(found), sorted(found.items(), key=lambda one: -one[1].gain)
+    close = [(name, one) for name, one in ranked if one.gain >= floor]
     running = dict(sorted(close, key=lambda each: each[1].effects[-1].smooth))  # what takes longest first
     least, jobs = min(one.fit.sse for one in found.values()), ranked[0][1].problem.jobs
     results = side_by_side(lambda one: refined(with_jobs(one, 1), least), [*running.values()], jobs)
@@ -112,6 +113,18 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
         progress(f"refining the fit with {name}", done / len(running))
         result[name] = next(results)
     return result
+
+
+def _floor(found: Mapping[str, Refit]) -> float:
+    """Return the gain from which a refit is in the running: a quarter of the best.
+
+    Where the best fits to within noise, there is nothing left for others to find: then who comes near it.
+    """
+    best = max(found.values(), key=lambda one: one.gain)
+    floor = _RUNNING * best.gain
+    if best.fit.sse > _MISFIT * len(best.fit.residual):
+        return floor
+    return max(floor, best.gain - max(_DISTANCE * best.gain, _WEAK))
 
 
 def abrupt(evidence: Evidence, effects: Sequence[Effect]) -> tuple[float, dict[str, Refit]]:
@@ -179,6 +192,7 @@ def refined(one: Refit, best: float) -> Refit:
     """Follow a refit to its optimum; while nothing fits, once more with the coefficients at their declared starts.
 
     A large effect drags the coefficients of the nominal model far off, and from there an optimum may be out of reach.
+    What is not smooth may lie in another valley: half and twice of it are tried.
 
     Args:
         one: a coarse refit.
@@ -188,6 +202,8 @@ def refined(one: Refit, best: float) -> Refit:
     result = one.fit if there else _followed(one.problem, one.fit.x, one.fit.sse, best)
     if min(best, result.sse) > _MISFIT * len(result.residual):
         start = one.problem.start(one.parameter_values())
+        result = min(result, _followed(one.problem, start, result.sse, best), key=lambda each: each.sse)
+    for start in other_valleys(result, one.problem):
         result = min(result, _followed(one.problem, start, result.sse, best), key=lambda each: each.sse)
     return replace(one, fit=result, gain=one.gain + one.fit.sse - result.sse) if result.sse <= one.fit.sse else one
 

@@ -122,11 +122,13 @@ class _Look:
 
     def at(self, problem: Problem, baseline: Fit, noise: Noise) -> _Seen:
         """Return what is seen under the noise, where the fit under that of the problem is the baseline."""
+        made = self.made
         if not _same(noise, problem.noise):
             self.progress("fitting the nominal model", 0.08)
             problem = replace(problem, noise=noise)
             baseline = fit(problem, baseline.x, tolerance=1e-6)
-        evidence = gather(problem, baseline, self.candidates, self.made)
+            made = signatures(problem, baseline.values, self.candidates)  # of another fit a gauge would seem to show
+        evidence = gather(problem, baseline, self.candidates, made)
         self.progress("testing the residual", 0.15)
         directed = evidence.directed_p(self.rng)
         p_wrong = min(1.0, directed / _DIRECTED, evidence.omnibus_p() / _OMNIBUS)

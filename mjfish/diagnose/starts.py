@@ -9,7 +9,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.evidence import Evidence
 from mjfish.effects.effect import Effect
-from mjfish.identify import Problem
+from mjfish.identify import Fit, Problem
 from mjfish.parameter import Parameter, bounds
 
 #: Sizes of the one-step estimate, and of an amplitude's scale, that a refit starts from.
@@ -39,7 +39,7 @@ def best_start(evidence: Evidence, problem: Problem, effect: Effect) -> FloatArr
         effect: the cause that it is extended by.
     """
     values, one_step = evidence.fit.values, evidence.first_guess(effect.name)
-    tried = _Tried(evidence, problem.rough)
+    tried = _Tried(evidence.fit, problem.rough)
     for guess in guesses(effect, one_step):
         tried.add(problem.start({**values, **guess}))
     tried.add(problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
@@ -51,20 +51,20 @@ def best_start(evidence: Evidence, problem: Problem, effect: Effect) -> FloatArr
 
 
 class _Tried:
-    """Starts, the free parameters of the evidence's model moved to where they belong at each.
+    """Starts, the free parameters of a fit but a fixed one moved to where they belong at each.
 
     They move by (J'J)^-1 J' e, and what is left of e beyond the span of J is what a start is judged by: variable
-    projection [GolubPereyra1973] with J at the evidence's fit.
+    projection [GolubPereyra1973] with J at that fit.
 
     [GolubPereyra1973] G. Golub and V. Pereyra, SIAM Journal on Numerical Analysis 10.
     """
 
-    def __init__(self, evidence: Evidence, problem: Problem) -> None:
+    def __init__(self, found: Fit, problem: Problem, fixed: str = "") -> None:
         self.problem = problem
-        free = [p.name for p, held in zip(evidence.fit.parameters, evidence.fit.at_bound, strict=True) if not held]
+        free = np.array([p.name != fixed for p in found.parameters]) & ~found.at_bound
         names = [p.name for p in problem.parameters]
-        self._columns = np.array([names.index(name) for name in free], dtype=np.int64)
-        self._jacobian = evidence.fit.jacobian[:, ~evidence.fit.at_bound]
+        self._columns = np.array([names.index(found.parameters[i].name) for i in np.flatnonzero(free)], dtype=np.int64)
+        self._jacobian = found.jacobian[:, free]
         self._inverse = np.linalg.pinv(self._jacobian, rcond=1e-8)
         self.starts: list[FloatArray] = []
         self.moved: list[FloatArray] = []
@@ -88,6 +88,26 @@ class _Tried:
         promising = [self.moved[i] for i in np.argsort(self.promised)[:_TRIED]]
         left = [*self.left, *(float(np.sum(self.problem.residual(x) ** 2)) for x in promising)]
         return np.asarray([*self.starts, *promising][int(np.argmin(left))])
+
+
+def other_valleys(found: Fit, problem: Problem) -> list[FloatArray]:
+    """Return, per amplitude that is not smooth at its null, where half or twice of it explains more than the fit does.
+
+    Along such an amplitude the sum of squares has several valleys; the other free parameters are moved along.
+    """
+    rough = [p.name for effect in problem.model.effects if not effect.smooth for p in effect.parameters if not p.shape]
+    better = []
+    for column, p in enumerate(problem.parameters):
+        if p.name in rough:
+            tried = _Tried(found, problem, p.name)
+            for size in (0.5 * found.x[column], 2.0 * found.x[column]):
+                start = found.x.copy()
+                start[column] = np.clip(size, p.low, p.high)
+                tried.add(start)
+            there = tried.best()
+            if float(np.sum(problem.residual(there) ** 2)) < found.sse:
+                better.append(there)
+    return better
 
 
 def to_the_edge(tried: _Tried, column: int) -> None:

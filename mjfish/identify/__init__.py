@@ -4,6 +4,16 @@ from mjfish.identify.fit import Fit, fit
 from mjfish.identify.noise import Noise
 from mjfish.identify.problem import Problem
 from mjfish.identify.report import Identification, identify
-from mjfish.identify.score import Score, predict_held_out
+from mjfish.identify.score import Score, held_out_doubt, predict_held_out
 
-__all__ = ["Fit", "Identification", "Noise", "Problem", "Score", "fit", "identify", "predict_held_out"]
+__all__ = [
+    "Fit",
+    "Identification",
+    "Noise",
+    "Problem",
+    "Score",
+    "fit",
+    "held_out_doubt",
+    "identify",
+    "predict_held_out",
+]
