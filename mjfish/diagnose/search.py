@@ -84,6 +84,7 @@ def search(
     refitted: dict[str, Refit] = {}
     if seen.p_wrong < ALARM:
         refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), made=seen.refits)
+    if refitted:
         leader = max(refitted, key=lambda name: refitted[name].gain)
         refitted[leader] = best = refined(refitted[leader], refitted[leader].fit.sse)
         others = tuple(effect for effect in candidates if effect.name not in best.names)
