@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from planted_cases import draw
 
 from mjfish.diagnose.evidence import gather
@@ -27,3 +30,14 @@ def test_a_cause_that_the_coefficients_hide_changes_no_p_value() -> None:
     assert beside < 0.01
     alone = gather(problem, fitted, [find("mass_error")])
     assert alone.directed_p(np.random.default_rng(0)) == 1.0
+
+
+@pytest.mark.parametrize(("beyond", "hidden"), [(1e-2, False), (1e-4, True)])
+def test_what_a_refit_leaves_of_a_cause_counts_however_much_it_takes(beyond: float, hidden: bool) -> None:
+    """A ten-thousandth of the energy may show in precise data; of a true gauge only rounding is left, 1e-8."""
+    dataset = draw("com_offset", "weak", trials=4).dataset
+    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)), jobs=1)
+    evidence = gather(problem, fit(problem, evaluations=1), [find("com_offset")])
+    column = evidence.fit.jacobian[:, :1] / np.linalg.norm(evidence.fit.jacobian[:, 0])
+    other = evidence.signatures / np.linalg.norm(evidence.signatures)
+    assert replace(evidence, raw=column + beyond * other).hidden("com_offset") is hidden

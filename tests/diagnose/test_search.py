@@ -15,7 +15,7 @@ from mjfish.diagnose.progress import silent
 from mjfish.diagnose.refit import refit
 from mjfish.diagnose.search import resolved, search
 from mjfish.diagnose.several import earns_its_place
-from mjfish.diagnose.starts import off_null, to_the_edge
+from mjfish.diagnose.starts import off_null, other_valleys, to_the_edge
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.identify import Noise, Problem, fit
@@ -126,6 +126,20 @@ def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None
     problem = replace(_problem(planted), trials=tuple(moved))
     findings, _ = search(problem, (find("inertia_error"),), None, np.random.default_rng(0), silent)
     assert (findings.p_wrong < 1e-6) is (off > 0.0)
+
+
+def test_a_tail_at_half_its_compliance_is_told_of_the_other_valley(pike: Fish) -> None:
+    tail = find("tail_compliance")
+    values = {"tail_compliance.compliance": 0.02, "tail_compliance.damping": 0.1}
+    dataset = plant(pike, ["v3", "v5"], values=values, effects=[tail], noise=SIGMA, duration=4.0, seed=3)
+    free = replace(_problem(dataset), model=Model(pike, (tail,)))
+    size = tail.parameters[0]
+    held = replace(free, declared={size.name: size.rebound(low=0.0099, high=0.0101, start=0.01)})
+    half = fit(held, tolerance=1e-5)
+    (better,) = other_valleys(half, free)
+    assert better[[p.name for p in free.parameters].index(size.name)] == pytest.approx(0.02, rel=0.02)
+    assert np.sum(free.residual(better) ** 2) < half.sse
+    assert other_valleys(fit(free, better, tolerance=1e-5), free) == []
 
 
 def test_no_size_that_would_show_is_cut_off() -> None:

@@ -10,7 +10,7 @@ from planted_swimming import SIGMA, TRUTH, as_measured, problem, shifted, swimmi
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.fish import COEFFICIENTS, Fish
-from mjfish.identify import Score, identify, predict_held_out
+from mjfish.identify import Score, fit, held_out_doubt, identify, predict_held_out
 from mjfish.identify.score import PREFIX
 from mjfish.identify.settings import Settings
 from mjfish.model import MARGIN
@@ -123,3 +123,23 @@ def test_a_held_out_trial_has_no_say_in_the_fit(planted: Dataset) -> None:
     assert fits[1].x.tobytes() == fits[2].x.tobytes() == fits[0].x.tobytes()
     assert fits[1].covariance.tobytes() == fits[0].covariance.tobytes()
     assert [p.name for p in fits[0].parameters] == list(COEFFICIENTS)
+
+
+def test_the_doubt_about_a_prediction_is_that_of_the_fit(planted: Dataset, measured: Trial) -> None:
+    """D D' = J C J', J by differences; what a held-out trial fits for itself has no part in it."""
+    fitted = problem(planted)
+    found = fit(fitted, tolerance=1e-6)
+    doubt = held_out_doubt(fitted, found, (planted.trials[1],))
+    slopes = []
+    for i, p in enumerate(found.parameters):
+        sides = []
+        for by in (-1e-4, 1e-4):
+            x = found.x.copy()
+            x[i] += by * p.scale
+            sides.append(predict_held_out(fitted, fitted.named(x), (planted.trials[1],)).whitened[0])
+        slopes.append((sides[0] - sides[1]) / (2e-4 * p.scale))
+    j = np.stack(slopes, axis=1)
+    np.testing.assert_allclose(doubt @ doubt.T, j @ found.covariance @ j.T, atol=1e-3 * float(np.max(doubt**2)))
+    own = held_out_doubt(problem(planted, free_clock=True), found, (measured,))
+    assert own.shape[1] == len(COEFFICIENTS)
+    assert len(own) == predict_held_out(problem(planted, free_clock=True), TRUTH, (measured,)).whitened[0].size
