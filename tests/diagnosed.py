@@ -143,7 +143,7 @@ def _candidates(verdict: Verdict) -> tuple[Candidate, ...]:
         freedom=1,
         p_value=1e-99,
         rival_p=1.0,
-        fit_p=0.0005 if verdict == "unexplained" else 0.31,
+        fit_p=0.00005 if verdict == "unexplained" else 0.31,
         held_out_gain=210.0,
         absorbed=0.12,
         smallest_visible={f"{CAUSE}.time_constant": 5.8e-5},
