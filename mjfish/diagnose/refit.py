@@ -61,6 +61,14 @@ class Refit:
         """The gain less two for every parameter beyond the first: what sets of different size compare on."""
         return self.gain - 2.0 * (self.freedom - 1)
 
+    def less(self, out: Effect) -> Refit:
+        """Refit without one of several causes, from where the others and the coefficients are."""
+        kept = tuple(effect for effect in self.effects if effect.name != out.name)
+        problem = replace(self.problem, model=replace(self.problem.model, effects=kept))
+        here = fit(problem, problem.start(self.fit.values), tolerance=TOLERANCE)
+        freedom = self.freedom - len(out.parameters)
+        return Refit(kept, problem, here, self.gain + self.fit.sse - here.sse, freedom)
+
     def parameter_values(self) -> dict[str, float]:
         """Return the estimates of the causes' parameters by name."""
         return {p.name: self.fit.values[p.name] for effect in self.effects for p in effect.parameters}

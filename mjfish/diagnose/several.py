@@ -39,12 +39,17 @@ class Sets:
     Attributes:
         refits: of the sets, by sorted names.
         standings: of those.
-        parts: best refit with one member less, by names of the set.
+        parts: best refit with one member less, by names of the set; None of a single cause.
     """
 
     refits: Mapping[Names, Refit]
     standings: Mapping[Names, Standing]
-    parts: Mapping[Names, Refit]
+    parts: Mapping[Names, Refit | None]
+
+    @property
+    def suffice(self) -> list[Names]:
+        """Sets that the data cannot tell from the best, and that leave nothing systematic."""
+        return [names for names, one in self.standings.items() if one.in_set and one.clean]
 
 
 def several(
@@ -72,8 +77,11 @@ def several(
             earned.update({names: one for names, one in found.items() if earns_its_place(one, known)})
             if earned:
                 best = _standing(earned, candidates, known, rng)
-                if any(one.in_set and one.clean for one in best.standings.values()):
-                    return best
+                if best.suffice:
+                    known.update(parts := _parts(best, known))
+                    if all(earns_its_place(earned[names], known) for names in best.suffice):
+                        return best
+                    return _standing({**_of_size(size - 1, known), **parts}, candidates, known, rng)
         if not earned:
             return best
         bases = sorted(earned.values(), key=lambda one: -one.gain)[:_BASES]
@@ -145,6 +153,27 @@ def _without(one: Refit, known: Mapping[Names, Refit]) -> list[Refit]:
     return [known[part] for part in parts if part in known]
 
 
+def _parts(sets: Sets, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
+    """Refit, from where the sets are that suffice, what they are less one member, where nobody came by it.
+
+    A member may have stood in for another that was added after it, and is superfluous now.
+    """
+    found: dict[Names, Refit] = {}
+    for whole in (sets.refits[names] for names in sets.suffice):
+        for out in whole.effects:
+            names = tuple(sorted(name for name in whole.names if name != out.name))
+            if names not in known and names not in found:
+                found[names] = whole.less(out)
+    return found
+
+
+def _of_size(size: int, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
+    """Return the sets of this size that have earned all their members."""
+    return {
+        names: one for names, one in known.items() if len(names) == size and (size == 1 or earns_its_place(one, known))
+    }
+
+
 def earns_its_place(one: Refit, known: Mapping[Names, Refit]) -> bool:
     """Return whether the set explains more than its share beyond every smaller set, of its members or of others.
 
@@ -157,5 +186,5 @@ def earns_its_place(one: Refit, known: Mapping[Names, Refit]) -> bool:
 def _standing(
     sets: Mapping[Names, Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
 ) -> Sets:
-    parts = {names: max(_without(one, known), key=lambda part: part.gain) for names, one in sets.items()}
+    parts = {names: max(_without(one, known), key=lambda part: part.gain, default=None) for names, one in sets.items()}
     return Sets(sets, standings(sets, candidates, rng), parts)
