@@ -1,4 +1,4 @@
-"""The search: its integration step, where refits start, and what a further cause must earn."""
+"""The search: its integration step, and where refits start."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from mjfish.diagnose.evidence import Evidence, gather
 from mjfish.diagnose.progress import silent
 from mjfish.diagnose.refit import refit
 from mjfish.diagnose.search import resolved, search
-from mjfish.diagnose.several import earns_its_place
 from mjfish.diagnose.starts import off_null, other_valleys, to_the_edge
 from mjfish.effects import find
 from mjfish.fish import Fish
@@ -151,21 +150,3 @@ def test_no_size_that_would_show_is_cut_off() -> None:
     assert 0.0 < friction.low <= 1e-4
     assert pressure.low == pytest.approx(drag.least * pressure.scale)
     assert off_null(tail)["tail_compliance.compliance"].low == pytest.approx(0.02 * 0.05)
-
-
-@dataclass
-class _Set:
-    names: tuple[str, ...]
-    gain: float
-    freedom: int
-
-    @property
-    def adjusted(self) -> float:
-        return self.gain - 2.0 * (self.freedom - 1)
-
-
-@pytest.mark.parametrize(("gain", "freedom", "stays"), [(124.0, 2, True), (124.0, 5, False), (133.0, 5, True)])
-def test_a_further_cause_of_many_parameters_must_explain_more(gain: float, freedom: int, stays: bool) -> None:
-    """The cause alone explains 100."""
-    known = {("lag",): _Set(("lag",), 100.0, 1)}
-    assert earns_its_place(_Set(("lag", "other"), gain, freedom), known) is stays  # type: ignore[arg-type]
