@@ -46,6 +46,7 @@ def page(outcome: Outcome) -> str:
         "verdict": found.verdict.replace("_", " ").capitalize(),
         "message": found.message,
         "best": _list([f"`{name}`" for name in found.best]),
+        "certain": _list([f"`{name}`" for name in found.certain]),
         "roll": "roll" in found.best,
         "candidates": _table(real_causes.HEAD, real_causes.rows(found)),
         "coarse": real_causes.left_out(found),

@@ -136,7 +136,8 @@ def _tied(sets: Sequence[Names]) -> str:
     """Say between which sets the data cannot tell, and what they share."""
     if common := shared(sets):
         rest = [tuple(name for name in names if name not in common) for names in sets]
-        return f"{' and '.join(common)} is at work, but these data cannot tell whether with {_listed(rest)}."
+        are = "is" if len(common) == 1 else "are"
+        return f"{' and '.join(common)} {are} at work, but these data cannot tell whether with {_listed(rest)}."
     return f"Something is wrong, but these data cannot tell {_listed(sets)} apart."
 
 

@@ -183,6 +183,8 @@ def test_sets_that_cannot_be_told_apart_are_all_listed() -> None:
     assert ruling.certain == ("a",)
     assert assemble.rivals(ruling) == (("b", "c"),)
     assert ruling.message == "a is at work, but these data cannot tell whether with b or c."
+    both = _rule({"a": MISFIT}, several={"abc": GOOD, "abd": RIVAL})
+    assert both.message == "a and b are at work, but these data cannot tell whether with c or d."
     apart = _rule({"a": MISFIT}, several={"ab": GOOD, "cd": RIVAL})
     assert apart.certain == ()
     assert "a with b or c with d" in apart.message
