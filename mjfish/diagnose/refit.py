@@ -111,10 +111,9 @@ def refits(
 
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
     """Follow those refits to their optimum that are in the running."""
-    floor, ranked = _floor(found), sorted(found.items(), key=lambda one: -one[1].gain)
-    close = [(name, one) for name, one in ranked if one.gain >= floor]
-    running = dict(sorted(close, key=lambda each: each[1].effects[-1].smooth))  # what takes longest first
-    least, jobs = min(one.fit.sse for one in found.values()), ranked[0][1].problem.jobs
+    floor = _floor(found)
+    running = {name: one for name, one in found.items() if one.gain >= floor}
+    least, jobs = min(one.fit.sse for one in found.values()), next(iter(found.values())).problem.jobs
     results = side_by_side(lambda one: refined(with_jobs(one, 1), least), [*running.values()], jobs)
     result = dict(found)
     for done, name in enumerate(running):

@@ -149,8 +149,13 @@ def _abrupt(after: Evidence, rng: np.random.Generator) -> list[Effect]:
 
 def _without(one: Refit, known: Mapping[Names, Refit]) -> list[Refit]:
     """Return the known refits of the set less one member."""
-    parts = [tuple(sorted(name for name in one.names if name != out)) for out in one.names]
+    parts = [_less(one, out) for out in one.names]
     return [known[part] for part in parts if part in known]
+
+
+def _less(one: Refit, out: str) -> Names:
+    """Return the names of the set without one of them, sorted."""
+    return tuple(sorted(name for name in one.names if name != out))
 
 
 def _parts(sets: Sets, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
@@ -161,7 +166,7 @@ def _parts(sets: Sets, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
     found: dict[Names, Refit] = {}
     for whole in (sets.refits[names] for names in sets.suffice):
         for out in whole.effects:
-            names = tuple(sorted(name for name in whole.names if name != out.name))
+            names = _less(whole, out.name)
             if names not in known and names not in found:
                 found[names] = whole.less(out)
     return found

@@ -100,7 +100,9 @@ class _Tried:
 @pytest.mark.parametrize(
     ("felt", "edge"), [(lambda size: max(size - 0.3, 0.0), 0.3), (lambda size: size, None)], ids=["edge", "none"]
 )
-def test_sizes_just_above_an_edge_are_tried_where_there_is_one(felt: Callable[[float], float], edge: float) -> None:
+def test_sizes_just_above_an_edge_are_tried_where_there_is_one(
+    felt: Callable[[float], float], edge: float | None
+) -> None:
     """A joint feels no limit that is above its speed; it feels any lag, the smaller the less."""
     tried = _Tried(lambda size: 1e4 * felt(size), [], [])
     for size in (1e-3, 1e-3, 0.1, 0.2, 0.5, 1.0):
