@@ -17,6 +17,9 @@ from mjfish.identify.score import Score
 from mjfish.model import Model
 from mjfish.trial import Trial
 
+#: Said of a refit that was too far behind the best to be followed.
+_ROUGH = "Its refit was not followed to its optimum: what it explains is a lower bound, its size is rough."
+
 
 def causes(best: Refit | None) -> tuple[Cause, ...]:
     """Return the causes of a refit with the estimates of their parameters."""
@@ -87,6 +90,7 @@ def candidates(
                 absorbed=evidence.absorbed(name),
                 smallest_visible=evidence.smallest_visible(name),
                 parameters=_own(one, effect) if one else None,
+                remark=_ROUGH if one and one.fit.status != "converged" else "",
             )
         )
     return tuple(sorted(result, key=lambda candidate: -candidate.statistic))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.algebra import chance
 from mjfish.diagnose.evidence import Evidence
@@ -189,9 +191,15 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
 
 
 def _taken_on(evidence: Evidence, one: Refit, evaluations: int) -> Refit:
-    """Return a refit under the noise of the evidence, some evaluations later."""
+    """Return a refit under the noise of the evidence, some evaluations later.
+
+    From where it ended, or from next to nothing of the cause where that is better under this noise.
+    """
     problem = replace(one.problem, noise=evidence.problem.noise)
-    here = fit(problem, one.fit.x, tolerance=TOLERANCE, evaluations=evaluations)
+    start = min(
+        (one.fit.x, problem.start(evidence.fit.values)), key=lambda x: float(np.sum(problem.rough.residual(x) ** 2))
+    )
+    here = fit(problem, start, tolerance=TOLERANCE, evaluations=evaluations)
     return replace(one, problem=problem, fit=here, gain=evidence.fit.sse - here.sse)
 
 

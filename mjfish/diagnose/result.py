@@ -55,8 +55,8 @@ class Candidate:
         p_value: of the statistic, were the nominal model true.
         rival_p: p value of the margin by which the best candidate beats it; it is in the set of rivals from 0.05 on.
             None where nothing was refitted.
-        fit_p: p value of what is left once it is in the model; below 0.002 it is no explanation. None where it
-            was not computed: only those that the data cannot tell from the best are asked.
+        fit_p: p value of what is left once it is in the model; below `mjfish.diagnose.select.GOODNESS` it is no
+            explanation. None where it was not computed: only those that the data cannot tell from the best are asked.
         held_out_gain: log-likelihood gained on the held-out trials; None where it was not computed.
         error, held_out_error: nRMSE over all channels of the fitted and of the held-out trials with this cause in the
             model; None where it was not refitted, or nothing is held out.

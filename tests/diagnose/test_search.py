@@ -12,7 +12,7 @@ from mjfish import fish as fishes
 from mjfish.arrays import FloatArray, readonly
 from mjfish.diagnose.evidence import Evidence, gather
 from mjfish.diagnose.progress import silent
-from mjfish.diagnose.refit import refit
+from mjfish.diagnose.refit import refit, refits
 from mjfish.diagnose.search import resolved, search
 from mjfish.diagnose.starts import off_null, other_valleys, to_the_edge
 from mjfish.effects import find
@@ -141,6 +141,18 @@ def test_a_tail_at_half_its_compliance_is_told_of_the_other_valley(pike: Fish) -
     assert better[[p.name for p in free.parameters].index(size.name)] == pytest.approx(0.02, rel=0.02)
     assert np.sum(free.residual(better) ** 2) < half.sse
     assert other_valleys(fit(free, better, tolerance=1e-5), free) == []
+
+
+def test_no_refit_under_another_noise_is_worse_than_none(pike: Fish) -> None:
+    """Where an earlier refit ended may be far off under the noise that is found later."""
+    problem, lag = _problem(plant(pike, ["v1", "v3"], noise=SIGMA, duration=4.0, seed=5)), find("servo_lag")
+    evidence = gather(problem, fit(problem), [lag])
+    one = refit(evidence, lag)
+    far = one.fit.x.copy()
+    far[[p.name for p in one.problem.parameters].index("servo_lag.time_constant")] = 0.1
+    found = refits(evidence, [lag], before={"servo_lag": replace(one, fit=replace(one.fit, x=far))})["servo_lag"]
+    assert -0.5 < found.gain < 10.0
+    assert found.gain == pytest.approx(evidence.fit.sse - found.fit.sse)
 
 
 def test_no_size_that_would_show_is_cut_off() -> None:
