@@ -12,13 +12,14 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.evidence import Evidence, gather, signatures
-from mjfish.diagnose.noise.choice import noise_of
+from mjfish.diagnose.noise.choice import is_white, noise_of
 from mjfish.diagnose.noise.differentiated import Differentiated
 from mjfish.diagnose.noise.drifting import Drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
 from mjfish.diagnose.noise.forces import Pushed
 from mjfish.diagnose.noise.misread import Misread
 from mjfish.diagnose.noise.saturated import saturated
+from mjfish.diagnose.noise.smoothed import smoothing_of
 from mjfish.diagnose.noise.stepwise import Stepwise
 from mjfish.diagnose.progress import Progress, part
 from mjfish.diagnose.refit import Refit, abrupt, refined, refits, settled
@@ -35,6 +36,8 @@ _UNSEEN = 0.1
 _POWER = 7.0
 #: Step of the derivatives in steps of the rollouts.
 _SLOPES = 2.0
+#: How often filter and noise are found in turn.
+_ROUNDS = 3
 #: Shares of the alarm's rate that the tests may use up [Rosenthal1983]: that of the candidates' scores, of the omnibus
 #: basis, of the refits of what is not smooth. The first sees most; what the others find is seldom close.
 _DIRECTED, _OMNIBUS, _ABRUPT = 0.625, 0.125, 0.25
@@ -76,6 +79,7 @@ def search(
         baseline = fit(problem, baseline.x, tolerance=1e-6)
         made = signatures(problem, baseline.values, candidates)
     noise, remark = noise_of(problem, baseline, made, stated, patterns=False)
+    problem, baseline, made, noise, remark = _as_recorded(problem, baseline, made, noise, remark, candidates, stated)
     look = _Look(candidates, made, rng, progress)
     seen = look.at(problem, baseline, noise)
     if seen.p_wrong >= ALARM:  # what is wrong may pass for a noise that takes the patterns of the runs for its own
@@ -99,7 +103,33 @@ def search(
     if ends:
         remark += "; " if remark else ""
         remark += f"the last samples of the runs are noisier than the rest: {ends} at either end are left out"
+    if problem.smoothing is not None:
+        remark += f"; the motion was smoothed with it, and predictions are, too: {problem.smoothing.words}"
     return Findings(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark
+
+
+def _as_recorded(
+    problem: Problem,
+    baseline: Fit,
+    made: list[FloatArray],
+    noise: Noise,
+    remark: str,
+    candidates: tuple[Effect, ...],
+    stated: FloatArray | None,
+) -> tuple[Problem, Fit, list[FloatArray], Noise, str]:
+    """Find filter and noise of the recording in turn; return problem, fit, signatures, noise and remark with them."""
+    for _ in range(_ROUNDS):
+        found = smoothing_of(problem, baseline, noise, made)
+        if found == problem.smoothing:
+            break
+        other = replace(problem, smoothing=found)
+        again = fit(other, baseline.x, tolerance=1e-6)
+        anew = signatures(other, again.values, candidates)
+        new, told = noise_of(other, again, anew, stated, patterns=False)
+        if found is not None and is_white(new):
+            break  # noise that did not go through it: what was taken for a filter is something else
+        problem, baseline, made, noise, remark = other, again, anew, new, told
+    return problem, baseline, made, noise, remark
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from mjfish.arrays import BoolArray, FloatArray
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.identify import clocks
 from mjfish.identify.noise import Noise
+from mjfish.identify.smoothing import Smoothing
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.parameter import Parameter
 from mjfish.sensitivity import one_sided, sensitivities
@@ -43,6 +44,7 @@ class Problem:
         windows: per trial, the times [s] between which samples count; None: all of it.
         slope_step: longest integration step of the derivatives [s]; None: that of the model. A fit goes by them, where
             it ends the residuals say: they may be rougher.
+        smoothing: filter that the recorded velocities went through, and predictions do, too; None: none.
         jobs: threads.
     """
 
@@ -54,6 +56,7 @@ class Problem:
     free_clock: bool = False
     windows: tuple[tuple[float, float] | None, ...] | None = None
     slope_step: float | None = None
+    smoothing: Smoothing | None = None
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
 
     @cached_property
@@ -119,9 +122,10 @@ class Problem:
         rough = [k for k, name in own.items() if one_sided(model, name, here[chosen[k].name])]
         exact = [k for k in own if k not in rough]
         velocity, offset = self._start(trial, here)
-        result[:, :, exact] = sensitivities(
+        slopes = sensitivities(
             model, clocks.clocked(trial, here), here, [own[k] for k in exact], velocity=velocity, offset=offset
         )
+        result[:, :, exact] = self._smoothed(trial, slopes)
         for k in rough:
             name, h = chosen[k].name, 0.1 * chosen[k].scale
             stencil = ((0.0, -1.5 / h), (h, 2.0 / h), (2.0 * h, -0.5 / h))
@@ -142,12 +146,16 @@ class Problem:
         """Return which samples (n_r,) of a trial count.
 
         Left out are the samples next to a step of the drive, where the velocity jumps and a reading depends on which
-        side of the step it fell; and, where the joints were measured, the ends: a shifted clock would ask for motion
-        that nobody saw.
+        side of the step it fell; where the joints were measured, the ends: a shifted clock would ask for motion
+        that nobody saw; and where velocities were smoothed, what the filter feels of such a step or of an end.
         """
         trial = self.trials[index]
         keep = np.ones(len(trial.time), dtype=np.bool_)
         beside = 1.5 * trial.step
+        if self.smoothing is not None:
+            reach = self.smoothing.reach(trial.step)
+            beside += reach
+            keep &= (trial.time >= trial.time[0] + reach) & (trial.time <= trial.time[-1] - reach)
         for segment in trial.drive[1:]:
             keep &= np.abs(trial.time - segment.start) > beside
         if trial.joint_angle is not None:
@@ -190,7 +198,13 @@ class Problem:
         return list(threaded(function, tasks, self.jobs))
 
     def _predict(self, task: tuple[Trial, dict[str, float]]) -> FloatArray:
-        return self.prediction(*task).velocity
+        return self._smoothed(task[0], self.prediction(*task).velocity)
+
+    def _smoothed(self, trial: Trial, block: FloatArray) -> FloatArray:
+        """Return predicted columns (n_r, 3, ...) as the recording of the trial would have them."""
+        if self.smoothing is None or not np.all(np.isfinite(block)):
+            return block
+        return self.smoothing.of_trial(trial, block)
 
     def prediction(self, trial: Trial, values: Mapping[str, float]) -> Prediction:
         """Predict one trial, its start velocity and clock from `values` where they are free."""

@@ -27,7 +27,7 @@ from mjfish.identify import Noise, Problem
 from mjfish.trial import Trial
 
 #: Windows, degrees and shares rho that are tried. Degree 2 has the derivative of degree 1, and 4 that of 3.
-_WINDOWS, _DEGREES, _SHARES = range(3, 23, 2), (2, 4), (0.02, 0.05, 0.1, 0.2)
+WINDOWS, DEGREES, _SHARES = range(3, 23, 2), (2, 4), (0.02, 0.05, 0.1, 0.2)
 #: How far about one of them the likeliest is looked for, and how finely, in the logarithm.
 _NEAR, _FINE = 1.5, 0.03
 
@@ -94,7 +94,7 @@ def differentiated(problem: Problem, residuals: Sequence[FloatArray]) -> Differe
     seen = spectrum(problem, residuals)
     step = problem.trials[0].step
     power = np.stack([seen.power[:, c, c].real for c in range(3)])
-    filters = [(window, degree) for degree in _DEGREES for window in _WINDOWS if window > degree]
+    filters = [(window, degree) for degree in DEGREES for window in WINDOWS if window > degree]
     responses = [
         np.abs(signal.freqz(weights(*one), worN=2.0 * np.pi * seen.frequency * step)[1]) ** 2 for one in filters
     ]
