@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from doc_blocks import ROOT, blocks
 
+from mjfish.trial import load
+
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
@@ -50,6 +52,36 @@ def test_readme_makes_targets_that_exist() -> None:
     makefile = (ROOT / "Makefile").read_text()
     for command in re.findall(r"^make (\S+)", blocks(ROOT / "README.md", "sh")[0], re.MULTILINE):
         assert re.search(rf"^{command}:", makefile, re.MULTILINE), command
+
+
+def test_the_dataset_that_is_described_can_be_read(tmp_path: Path) -> None:
+    """Every key of the page, with recordings that fit it; a command writes one as well."""
+    page = ROOT / "docs" / "datasets.md"
+    (command,) = blocks(page, "sh")
+    _run(command, tmp_path)
+    assert (tmp_path / "out" / "pool" / "dataset.toml").is_file()
+    (described,) = blocks(page, "toml")
+    (tmp_path / "dataset.toml").write_text(described)
+    time = np.arange(0.0, 8.0, 0.02)
+    plain = {"time [s]": time, "surge [m/s]": 0.1 * time, "sway [m/s]": 0.0 * time, "yaw_rate [rad/s]": 0.0 * time}
+    posed = {**plain, "x [m]": 1.0 + 0.0 * time, "y [m]": 1.0 + 0.0 * time, "yaw [rad]": 0.0 * time}
+    joints = {f"joint_{j} [rad]": 0.3 * np.sin(9.0 * time) for j in range(1, 5)}
+    for name, columns in (("straight", posed), ("wave", plain), ("angles", {**plain, **joints})):
+        table = np.column_stack([*columns.values()])
+        rows = np.delete(table, [50, 51], axis=0) if name == "straight" else table
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=",".join(columns), comments="")
+    dataset = load(tmp_path)
+    straight, wave, angles = dataset.trials
+    assert straight.gaps
+    assert len(straight.time) == len(time) - 2
+    assert straight.tank is not None
+    assert [segment.start for segment in straight.drive] == [0.0, 5.2]
+    assert wave.wave is not None
+    assert wave.wave.ramp == 0.5
+    assert angles.joint_angle is not None
+    assert {p.name: p.start for p in dataset.fish.parameters}["c_d.tail"] == 1.8
+    described_columns = set(re.findall(r"`([a-z_1]+ \[.*?\])`", page.read_text()))
+    assert {header.replace("joint_2", "joint_1") for header in [*posed, "joint_1 [rad]"]} <= described_columns
 
 
 def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:

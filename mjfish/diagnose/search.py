@@ -12,7 +12,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose.evidence import Evidence, gather, signatures
-from mjfish.diagnose.noise.choice import is_white, noise_of
+from mjfish.diagnose.noise.choice import noise_of
 from mjfish.diagnose.noise.differentiated import Differentiated
 from mjfish.diagnose.noise.drifting import Drifting
 from mjfish.diagnose.noise.edges import inside, noisy_ends
@@ -26,6 +26,7 @@ from mjfish.diagnose.refit import Refit, abrupt, refined, refits, settled
 from mjfish.diagnose.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.identify import Fit, Noise, Problem, fit
+from mjfish.identify.smoothing import Differentiator
 
 #: A change of sigma by less than this share leaves the weights as they are.
 _SAME = 0.05
@@ -36,8 +37,6 @@ _UNSEEN = 0.1
 _POWER = 7.0
 #: Step of the derivatives in steps of the rollouts.
 _SLOPES = 2.0
-#: How often filter and noise are found in turn.
-_ROUNDS = 3
 #: Shares of the alarm's rate that the tests may use up [Rosenthal1983]: that of the candidates' scores, of the omnibus
 #: basis, of the refits of what is not smooth. The first sees most; what the others find is seldom close.
 _DIRECTED, _OMNIBUS, _ABRUPT = 0.625, 0.125, 0.25
@@ -78,8 +77,35 @@ def search(
         problem = replace(problem, windows=inside(problem.trials, ends))
         baseline = fit(problem, baseline.x, tolerance=1e-6)
         made = signatures(problem, baseline.values, candidates)
+    results: dict[Differentiator | None, tuple[Findings, str]] = {}
+    smoothing = problem.smoothing
+    while smoothing not in results:
+        if smoothing != problem.smoothing:
+            problem = replace(problem, smoothing=smoothing)
+            baseline = fit(problem, baseline.x, tolerance=1e-6)
+            made = signatures(problem, baseline.values, candidates)
+        found, told, smoothing = _searched(problem, baseline, made, candidates, stated, rng, progress)
+        results[problem.smoothing] = found, told
+    findings, remark = results[smoothing]
+    if ends:
+        remark += "; " if remark else ""
+        remark += f"the last samples of the runs are noisier than the rest: {ends} at either end are left out"
+    if smoothing is not None:
+        remark += f"; the motion was smoothed with it, and predictions are, too: {smoothing.words}"
+    return findings, remark
+
+
+def _searched(
+    problem: Problem,
+    baseline: Fit,
+    made: Sequence[FloatArray],
+    candidates: tuple[Effect, ...],
+    stated: FloatArray | None,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> tuple[Findings, str, Differentiator | None]:
+    """Search with the filter that the problem has; return what was found, the noise in words, the filter it suggests."""
     noise, remark = noise_of(problem, baseline, made, stated, patterns=False)
-    problem, baseline, made, noise, remark = _as_recorded(problem, baseline, made, noise, remark, candidates, stated)
     look = _Look(candidates, made, rng, progress)
     seen = look.at(problem, baseline, noise)
     if seen.p_wrong >= ALARM:  # what is wrong may pass for a noise that takes the patterns of the runs for its own
@@ -88,11 +114,15 @@ def search(
     refitted: dict[str, Refit] = {}
     if seen.p_wrong < ALARM:
         refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), made=seen.refits)
-    if refitted:
+    if not refitted:
+        smoothing = smoothing_of(problem, baseline, noise, candidates, made)
+    else:
         leader = max(refitted, key=lambda name: refitted[name].gain)
         refitted[leader] = best = refined(refitted[leader], refitted[leader].fit.sse)
         others = tuple(effect for effect in candidates if effect.name not in best.names)
-        noise, remark = noise_of(best.problem, best.fit, signatures(best.problem, best.fit.values, others), stated)
+        beside = signatures(best.problem, best.fit.values, others)
+        noise, remark = noise_of(best.problem, best.fit, beside, stated)
+        smoothing = smoothing_of(best.problem, best.fit, noise, others, beside)
         before, seen = seen, look.again(seen, noise)
         if seen.p_wrong >= ALARM:
             refitted = {}
@@ -100,36 +130,7 @@ def search(
             refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted)
     if refitted:
         refitted = settled(refitted, part(progress, 0.6, 0.1))
-    if ends:
-        remark += "; " if remark else ""
-        remark += f"the last samples of the runs are noisier than the rest: {ends} at either end are left out"
-    if problem.smoothing is not None:
-        remark += f"; the motion was smoothed with it, and predictions are, too: {problem.smoothing.words}"
-    return Findings(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark
-
-
-def _as_recorded(
-    problem: Problem,
-    baseline: Fit,
-    made: list[FloatArray],
-    noise: Noise,
-    remark: str,
-    candidates: tuple[Effect, ...],
-    stated: FloatArray | None,
-) -> tuple[Problem, Fit, list[FloatArray], Noise, str]:
-    """Find filter and noise of the recording in turn; return problem, fit, signatures, noise and remark with them."""
-    for _ in range(_ROUNDS):
-        found = smoothing_of(problem, baseline, noise, made)
-        if found == problem.smoothing:
-            break
-        other = replace(problem, smoothing=found)
-        again = fit(other, baseline.x, tolerance=1e-6)
-        anew = signatures(other, again.values, candidates)
-        new, told = noise_of(other, again, anew, stated, patterns=False)
-        if found is not None and is_white(new):
-            break  # noise that did not go through it: what was taken for a filter is something else
-        problem, baseline, made, noise, remark = other, again, anew, new, told
-    return problem, baseline, made, noise, remark
+    return Findings(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark, smoothing
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from mjfish.arrays import BoolArray, FloatArray
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.identify import clocks
 from mjfish.identify.noise import Noise
-from mjfish.identify.smoothing import Smoothing
+from mjfish.identify.smoothing import Differentiator
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.parameter import Parameter
 from mjfish.sensitivity import one_sided, sensitivities
@@ -56,7 +56,7 @@ class Problem:
     free_clock: bool = False
     windows: tuple[tuple[float, float] | None, ...] | None = None
     slope_step: float | None = None
-    smoothing: Smoothing | None = None
+    smoothing: Differentiator | None = None
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
 
     @cached_property
@@ -202,7 +202,7 @@ class Problem:
 
     def _smoothed(self, trial: Trial, block: FloatArray) -> FloatArray:
         """Return predicted columns (n_r, 3, ...) as the recording of the trial would have them."""
-        if self.smoothing is None or not np.all(np.isfinite(block)):
+        if self.smoothing is None or block.size == 0 or not np.all(np.isfinite(block)):
             return block
         return self.smoothing.of_trial(trial, block)
 

@@ -93,7 +93,7 @@ def _of_one_step(problem: Problem, fit: Fit, left: Saturated, given: Noise | Non
     White noise and that of differentiated positions are too small at low frequencies to take it for theirs.
     """
     plain = _better(problem, fit, left, given or _estimated(problem, left))
-    if not patterns or len(left.residuals) < 2 or isinstance(plain[0], Differentiated) or is_white(plain[0]):
+    if not patterns or len(left.residuals) < 2 or isinstance(plain[0], Differentiated) or _is_white(plain[0]):
         return plain
     chosen, most, explained = plain, _PATTERN, likelihood(plain[0], problem, left)
     for pattern, words in ((levels, "runs differ in level"), (shapes, "runs share a shape")):
@@ -105,8 +105,7 @@ def _of_one_step(problem: Problem, fit: Fit, left: Saturated, given: Noise | Non
     return chosen
 
 
-def is_white(noise: Noise) -> bool:
-    """Return whether the noise is white in every channel."""
+def _is_white(noise: Model) -> bool:
     return isinstance(noise, Coloured) and noise.order == 0
 
 

@@ -10,91 +10,65 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import optimize
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra
 from mjfish.diagnose.noise.coloured import Coloured
 from mjfish.diagnose.noise.differentiated import DEGREES, WINDOWS, Differentiated
+from mjfish.effects import Effect
 from mjfish.identify import Fit, Noise, Problem
-from mjfish.identify.smoothing import Differentiator, LowPass, Smoothing
+from mjfish.identify.smoothing import Differentiator
 
 #: What a filter must explain beyond the coefficients and all candidates: chance of 1e-9 for one parameter more.
 _CLEAR = 40.0
-#: Orders of Butterworth filters that are tried, and how many cutoffs, from the lowest of interest [Hz] to the samples'.
-_ORDERS, _CUTOFFS, _LOWEST = (1, 2, 4), 24, 2.0
 
 
-def smoothing_of(problem: Problem, fit: Fit, noise: Noise, known: Sequence[FloatArray]) -> Smoothing | None:
+def smoothing_of(
+    problem: Problem, fit: Fit, noise: Noise, others: Sequence[Effect], known: Sequence[FloatArray]
+) -> Differentiator | None:
     """Return the filter of the recording; None where none is clear.
 
+    It must explain what coefficients and candidates together do not, and more than any candidate alone would: what a
+    strong cause has beyond first order looks like many things.
+
     Args:
-        problem: that was fitted.
+        problem: that was fitted, with the leading cause where there is one.
         fit: its result.
-        noise: that was found.
-        known: `mjfish.diagnose.evidence.signatures` of every effect that may explain something.
+        noise: that was found there.
+        others: effects that may explain something and are not in the model.
+        known: their `mjfish.diagnose.evidence.signatures`.
     """
-    if not (tried := _filters(problem, noise)):
+    if not (tried := _filters(noise)):
         return problem.smoothing
-    weigh = _Scale(problem, fit, noise, known)
-    left = weigh([None, *tried])
-    best = int(np.argmin(left))
-    if left[0] - left[best] < _CLEAR:
-        return None
-    found = tried[best - 1]
-    if not isinstance(found, LowPass):
-        return found
-    log = np.log(found.cutoff)
-    cutoff = optimize.minimize_scalar(
-        lambda x: float(weigh([replace(found, cutoff=float(np.exp(x)))])[0]),
-        bounds=(log - 0.1, min(log + 0.1, float(np.log(_highest(problem))))),
-        method="bounded",
-        options={"xatol": 1e-3},
-    )
-    return replace(found, cutoff=float(f"{np.exp(cutoff.x):.3g}"))
+    weighed = replace(problem, noise=noise)
+    predicted = replace(problem, smoothing=None).predictions(fit.x)
+    columns = []
+    for i, (trial, velocity) in enumerate(zip(problem.trials, predicted, strict=True)):
+        smooth = [velocity, *(one.of_trial(trial, velocity) for one in tried)]
+        columns.append((trial.velocity[:, :, None] - np.stack(smooth, axis=2))[problem.mask(i)])
+    span = algebra.orthonormal(weighed.whiten(problem.sensitivities(fit.x)))
+    left = algebra.project_out(span, weighed.whiten(columns))
+    signs = algebra.project_out(span, weighed.whiten(known))
+    alone = np.sum(left**2, axis=0)
+    beside = np.sum(algebra.project_out(algebra.orthonormal(signs), left) ** 2, axis=0)
+    best = 1 + int(np.argmin(beside[1:]))
+    sizes = [sum(not p.shape for p in effect.parameters) for effect in others]
+    spans = [algebra.orthonormal(signs[:, block]) for block in algebra.blocks_of(sizes)]
+    rival = max((float(np.sum((one.T @ left[:, 0]) ** 2)) for one in spans), default=0.0)
+    clear = beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival
+    return tried[best - 1] if clear else None
 
 
-class _Scale:
-    """What filters leave of the data, once the coefficients and all candidates had their share."""
-
-    def __init__(self, problem: Problem, fit: Fit, noise: Noise, known: Sequence[FloatArray]) -> None:
-        self.problem, self.noise = problem, noise
-        self._predicted = replace(problem, smoothing=None).predictions(fit.x)
-        slopes = problem.sensitivities(fit.x)
-        columns = [np.concatenate(parts, axis=2) for parts in zip(slopes, known, strict=True)]
-        self._span = algebra.orthonormal(self._whitened(columns))
-
-    def __call__(self, tried: Sequence[Smoothing | None]) -> FloatArray:
-        """Return the sums of squares (k,) that are left with each filter."""
-        columns = []
-        for i, (trial, velocity) in enumerate(zip(self.problem.trials, self._predicted, strict=True)):
-            smooth = [velocity if one is None else one.of_trial(trial, velocity) for one in tried]
-            columns.append((trial.velocity[:, :, None] - np.stack(smooth, axis=2))[self.problem.mask(i)])
-        left = algebra.project_out(self._span, self._whitened(columns))
-        return np.asarray(np.sum(left**2, axis=0))
-
-    def _whitened(self, columns: Sequence[FloatArray]) -> FloatArray:
-        return replace(self.problem, noise=self.noise).whiten(columns)
-
-
-def _filters(problem: Problem, noise: Noise) -> list[Smoothing]:
+def _filters(noise: Noise) -> list[Differentiator]:
     """Return the filters that the noise may have gone through."""
     if isinstance(noise, Differentiated):
         return [Differentiator(noise.window, noise.degree, turned) for turned in (False, True)]
     if not isinstance(noise, Coloured) or noise.order == 0:
         return []
-    cutoffs = np.geomspace(_LOWEST, _highest(problem), _CUTOFFS)
-    found: list[Smoothing] = [LowPass(float(cutoff), order) for order in _ORDERS for cutoff in cutoffs]
-    found += [
+    return [
         Differentiator(window, degree, turned)
         for window in WINDOWS
         for degree in DEGREES
         if window > degree
         for turned in (False, True)
     ]
-    return found
-
-
-def _highest(problem: Problem) -> float:
-    """Return the highest cutoff [Hz] that all samples resolve."""
-    return 0.45 / max(trial.step for trial in problem.trials)
