@@ -31,6 +31,8 @@ def copies(trials: Sequence[Trial], held: Sequence[str], sigma: FloatArray) -> I
         held: names of those held out.
         sigma: (3,) noise that a smooth line through single recordings leaves (`mjfish.checks.smooth`).
     """
+    if not trials:
+        return
     blocks = [_blocks(trial) for trial in trials]
     ranges = np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0)
     silent = bool(np.all(sigma < _SILENT * ranges))

@@ -28,7 +28,7 @@ from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
 from mjfish.identify import Fit, Noise, Problem
 from mjfish.identify.clocks import aligned
-from mjfish.identify.report import first_sigma
+from mjfish.identify.report import check_enough, first_sigma
 from mjfish.identify.score import Score, held_out_doubt, predict_held_out
 from mjfish.model import Model
 from mjfish.trial import Dataset, Trial
@@ -77,6 +77,7 @@ def _diagnosed(
         free_clock=dataset.clock == "free",
         jobs=jobs or os.cpu_count() or 1,
     )
+    check_enough(problem, dataset.name)
     checked = checks.run(dataset, {effect.name: effect for effect in candidates})
     findings, noise_remark = search(problem, applicable, stated, rng, progress)
     evidence, refitted = findings.evidence, findings.refits

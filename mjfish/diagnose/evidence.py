@@ -155,11 +155,11 @@ class Evidence:
 
     def saturated_p(self) -> float:
         """Return the p value of `saturated`."""
-        return float(stats.chi2.sf(*self.saturated()))
+        return _tail(*self.saturated())
 
     def omnibus_p(self) -> float:
         """Return the p value of the omnibus basis, which knows no cause."""
-        return float(stats.chi2.sf(*_quadratic(self.omnibus_score, self.omnibus_information)))
+        return _tail(*_quadratic(self.omnibus_score, self.omnibus_information))
 
     def saturated_excess(self) -> float:
         """Return what all candidates jointly explain beyond chance: their statistic less its rank."""
@@ -235,6 +235,11 @@ def whitened_omnibus(problem: Problem) -> FloatArray:
         column += joined.shape[2]
         rows.append(padded)
     return np.concatenate(rows)
+
+
+def _tail(statistic: float, rank: int) -> float:
+    """Return the p value of a statistic; 1 where nothing was left to test."""
+    return float(stats.chi2.sf(statistic, rank)) if rank else 1.0
 
 
 def _quadratic(u: FloatArray, information: FloatArray) -> tuple[float, int]:

@@ -195,10 +195,10 @@ def _taken_on(evidence: Evidence, one: Refit, evaluations: int) -> Refit:
 
     From where it ended, or from next to nothing of the cause where that is better under this noise.
     """
-    problem = replace(one.problem, noise=evidence.problem.noise)
-    start = min(
-        (one.fit.x, problem.start(evidence.fit.values)), key=lambda x: float(np.sum(problem.rough.residual(x) ** 2))
-    )
+    problem = replace(one.problem, noise=evidence.problem.noise, jobs=1)
+    idle = {p.name: p.low for p in problem.declared.values()}
+    nothing = problem.start({**idle, **evidence.fit.values})
+    start = min((one.fit.x, nothing), key=lambda x: float(np.sum(problem.rough.residual(x) ** 2)))
     here = fit(problem, start, tolerance=TOLERANCE, evaluations=evaluations)
     return replace(one, problem=problem, fit=here, gain=evidence.fit.sse - here.sse)
 

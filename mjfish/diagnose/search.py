@@ -28,7 +28,7 @@ from mjfish.effects import Effect
 from mjfish.identify import Fit, Noise, Problem, fit
 from mjfish.identify.smoothing import Differentiator
 
-#: A change of sigma by less than this share leaves the weights as they are.
+#: A change of sigma by less than this share leaves the weights as they are; of other numbers of a noise by four times.
 _SAME = 0.05
 #: Longest and shortest integration step [s], and what its error may add to a sum of squares in units of the noise.
 _LONGEST, _SHORTEST = 0.005, 0.00125
@@ -104,7 +104,7 @@ def _searched(
     rng: np.random.Generator,
     progress: Progress,
 ) -> tuple[Findings, str, Differentiator | None]:
-    """Search with the filter that the problem has; return what was found, the noise in words, the filter it suggests."""
+    """Search with the filter that the problem has; return findings, the noise in words, and the filter they suggest."""
     noise, remark = noise_of(problem, baseline, made, stated, patterns=False)
     look = _Look(candidates, made, rng, progress)
     seen = look.at(problem, baseline, noise)
@@ -195,7 +195,10 @@ def _same(new: Noise, old: Noise) -> bool:
         return _same(new.base, old.base)
     if isinstance(new, Stepwise) and isinstance(old, Stepwise):
         return new.models.keys() == old.models.keys() and all(_same(new.models[k], old.models[k]) for k in new.models)
-    if isinstance(new, Pushed | Drifting | Differentiated) and isinstance(old, type(new)):
+    if isinstance(new, Differentiated) and isinstance(old, Differentiated):
+        filters = (new.window, new.degree) == (old.window, old.degree)
+        return filters and bool(np.allclose(new.numbers(), old.numbers(), rtol=4.0 * _SAME))
+    if isinstance(new, Pushed | Drifting) and isinstance(old, type(new)):
         return bool(np.allclose(new.numbers(), old.numbers(), rtol=4.0 * _SAME))
     if isinstance(new, _OTHER) or isinstance(old, _OTHER):
         return False

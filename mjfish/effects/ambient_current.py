@@ -34,8 +34,8 @@ class AmbientCurrent(Effect):
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-1.0, odd=None, part="everywhere")
 
     def not_applicable(self, dataset: Dataset) -> str:
-        """A current needs the heading in the world: that of CPG trials starts at 0, that of others must be measured."""
-        unknown = [t.name for t in dataset.trials if t.joint_angle is not None and t.pose is None]
+        """A current needs the heading in the world: from rest it starts at 0, else it must be measured."""
+        unknown = [t.name for t in dataset.trials if not t.starts_at_rest and t.pose is None]
         return f"the heading was not measured (no yaw column) in {', '.join(unknown)}" if unknown else ""
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:

@@ -16,6 +16,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.identify.clocks import aligned
 from mjfish.identify.noise import Noise
 from mjfish.identify.problem import Problem
 from mjfish.identify.report import first_sigma
@@ -67,7 +68,7 @@ def residual_function(
         UnknownNameError: a name in `fixed` is no coefficient.
         InputError, ParameterError: `noise` is no sigma, a fixed value is outside its bounds.
     """
-    trials, _ = dataset.split()
+    trials, _ = aligned(dataset).split()
     model, given = Model(dataset.fish), dict(fixed or {})
     known = {p.name: p for p in model.parameters}
     for name, value in given.items():

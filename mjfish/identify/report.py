@@ -119,12 +119,26 @@ def pose(dataset: Dataset, settings: Settings | None = None, *, jobs: int | None
     )
     fixed, declared = settings.choose(problem.parameters)
     problem = replace(problem, fixed=fixed, declared=declared)
-    samples, free = 3 * sum(int(np.count_nonzero(problem.mask(i))) for i in range(len(fitted))), len(problem.parameters)
-    if samples <= free:
-        raise InputError(
-            f"{dataset.name}: {samples} numbers for {free} free parameters; give more data, or fix parameters"
-        )
+    check_enough(problem, dataset.name)
     return problem
+
+
+def check_enough(problem: Problem, name: str) -> None:
+    """Refuse a problem of the dataset `name` where a trial has nothing to fit, or all have too little.
+
+    Raises:
+        InputError: no sample of a trial counts, or there are no more numbers than free parameters.
+    """
+    counted = [int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))]
+    for trial, count in zip(problem.trials, counted, strict=True):
+        if count == 0:
+            raise InputError(
+                f"{name}: no sample of trial '{trial.name}' counts: it ends within what is left out at the ends of a "
+                "recording and beside steps of the drive; record longer, or leave the trial out"
+            )
+    samples, free = 3 * sum(counted), len(problem.parameters)
+    if samples <= free:
+        raise InputError(f"{name}: {samples} numbers for {free} free parameters; give more data, or fix parameters")
 
 
 def identify(

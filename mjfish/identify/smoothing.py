@@ -59,11 +59,9 @@ class Differentiator:
 
     def _filtered(self, trial: Trial, columns: FloatArray) -> FloatArray:
         """Integrate columns (n, ...) to positions, at missing samples, too, and differentiate these by the filter."""
-        rows = np.rint((trial.time - trial.time[0]) / trial.step).astype(np.int64)
-        flat = columns.reshape(len(columns), -1)
-        path = interpolate.CubicSpline(trial.time, flat).antiderivative()(
-            trial.time[0] + trial.step * np.arange(rows[-1] + 1)
-        )
+        rows = trial.rows
+        flat, grid = columns.reshape(len(columns), -1), np.interp(np.arange(rows[-1] + 1), rows, trial.time)
+        path = interpolate.CubicSpline(trial.time, flat).antiderivative()(grid)
         smooth = signal.savgol_filter(path, self.window, self.degree, deriv=1, delta=trial.step, axis=0)
         return np.asarray(smooth[rows].reshape(columns.shape))
 

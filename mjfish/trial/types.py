@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mjfish.arrays import FloatArray
 from mjfish.drive.cpg import DriveSegment
@@ -17,6 +18,19 @@ from mjfish.fish import Fish
 
 Role = Literal["fit", "held_out"]
 Clock = Literal["synchronised", "free"]
+
+
+def rows_of(time: FloatArray) -> NDArray[np.intp]:
+    """Return the row (n,) of every sample on a grid of equal steps: rows of lost samples are skipped.
+
+    Step by step, for times that are rounded or jitter drift against any even grid; no two samples share a row.
+
+    Args:
+        time: (n,) increasing [s].
+    """
+    steps = np.diff(time)
+    apart = np.maximum(np.rint(steps / np.median(steps)), 1.0) if len(steps) else steps
+    return np.concatenate([np.zeros(1, dtype=np.intp), np.cumsum(apart.astype(np.intp))])
 
 
 @dataclass(frozen=True)
@@ -77,6 +91,11 @@ class Trial:
     def step(self) -> float:
         """Step between samples [s]: the median, for gaps may be among them."""
         return float(np.median(np.diff(self.time)))
+
+    @cached_property
+    def rows(self) -> NDArray[np.intp]:
+        """Row (n,) of every sample on a grid of equal steps, see `rows_of`."""
+        return rows_of(self.time)
 
     @property
     def starts_at_rest(self) -> bool:

@@ -143,14 +143,17 @@ def test_a_tail_at_half_its_compliance_is_told_of_the_other_valley(pike: Fish) -
     assert other_valleys(fit(free, better, tolerance=1e-5), free) == []
 
 
-def test_no_refit_under_another_noise_is_worse_than_none(pike: Fish) -> None:
+@pytest.mark.parametrize(
+    ("name", "short", "size"), [("servo_lag", "time_constant", 0.1), ("servo_backlash", "play", 0.3)]
+)
+def test_no_refit_under_another_noise_is_worse_than_none(pike: Fish, name: str, short: str, size: float) -> None:
     """Where an earlier refit ended may be far off under the noise that is found later."""
-    problem, lag = _problem(plant(pike, ["v1", "v3"], noise=SIGMA, duration=4.0, seed=5)), find("servo_lag")
-    evidence = gather(problem, fit(problem), [lag])
-    one = refit(evidence, lag)
+    problem, effect = _problem(plant(pike, ["v1", "v3"], noise=SIGMA, duration=4.0, seed=5)), find(name)
+    evidence = gather(problem, fit(problem), [effect])
+    one = refit(evidence, effect)
     far = one.fit.x.copy()
-    far[[p.name for p in one.problem.parameters].index("servo_lag.time_constant")] = 0.1
-    found = refits(evidence, [lag], before={"servo_lag": replace(one, fit=replace(one.fit, x=far))})["servo_lag"]
+    far[[p.name for p in one.problem.parameters].index(f"{name}.{short}")] = size
+    found = refits(evidence, [effect], before={name: replace(one, fit=replace(one.fit, x=far))})[name]
     assert -0.5 < found.gain < 10.0
     assert found.gain == pytest.approx(evidence.fit.sse - found.fit.sse)
 

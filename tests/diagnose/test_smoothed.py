@@ -40,6 +40,16 @@ def _problem(lag: float, *, motion: bool) -> Problem:
     return Problem(Model(fish), trials, Noise.white(SIGMA), jobs=1)
 
 
+def test_a_run_shorter_than_a_filter_is_no_trouble() -> None:
+    problem = _problem(0.0, motion=True)
+    short = problem.trials[0]
+    cut = replace(short, name="short", time=readonly(short.time[:15]), velocity=readonly(short.velocity[:15]))
+    findings, _ = search(
+        replace(problem, trials=(*problem.trials, cut)), (LAG,), None, np.random.default_rng(0), silent
+    )
+    assert findings.p_wrong >= ALARM
+
+
 @pytest.mark.parametrize("lag", [0.0, 0.01])
 @pytest.mark.parametrize("motion", [True, False], ids=["motion and noise", "noise alone"])
 def test_only_a_motion_that_was_smoothed_is_smoothed(lag: float, motion: bool) -> None:

@@ -12,6 +12,7 @@ from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnose.noise.kalman import Gains, gains, whitened_channels
 from mjfish.identify import Noise
 from mjfish.trial import Trial
+from mjfish.trial.types import rows_of
 
 
 class Coloured(Noise):
@@ -47,8 +48,7 @@ class Coloured(Noise):
 
 def grid(time: FloatArray, mask: BoolArray) -> BoolArray:
     """Return, on a grid of equal steps from the first sample to the last counted one, whether one is counted there."""
-    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-    cell = np.rint((time - time[0]) / step).astype(np.int64)[mask]
+    cell = rows_of(time)[mask]
     seen = np.zeros(int(cell[-1]) + 1 if len(cell) else 0, dtype=np.bool_)
     seen[cell] = True
     return seen

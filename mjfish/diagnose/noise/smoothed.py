@@ -38,7 +38,8 @@ def smoothing_of(
         others: effects that may explain something and are not in the model.
         known: their `mjfish.diagnose.evidence.signatures`.
     """
-    if not (tried := _filters(noise)):
+    shortest = min(len(trial.time) for trial in problem.trials)
+    if not (tried := [one for one in _filters(noise) if one.window < shortest]):
         return problem.smoothing
     weighed = replace(problem, noise=noise)
     predicted = replace(problem, smoothing=None).predictions(fit.x)

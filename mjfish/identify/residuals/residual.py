@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,11 +43,10 @@ class Residual:
         """Residuals (n, 3) in physical units; NaN where a sample is missing or does not count."""
         return np.where(self.counted[:, None], self.trial.velocity - self.predicted, np.nan)
 
-    @cached_property
+    @property
     def rows(self) -> NDArray[np.intp]:
         """Row (n,) of every sample on a grid of equal intervals: rows of lost samples are skipped."""
-        steps = np.maximum(np.rint(np.diff(self.trial.time) / self.trial.step), 1.0).astype(np.intp)
-        return np.concatenate([np.zeros(1, dtype=np.intp), np.cumsum(steps)])
+        return self.trial.rows
 
     def on_grid(self, block: FloatArray) -> FloatArray:
         """Spread a block (n, ...) over the grid: (m, ...), NaN between."""

@@ -18,6 +18,7 @@ from scipy import fft
 from mjfish.arrays import BoolArray, FloatArray, RecordArray
 from mjfish.identify.fit import Fit
 from mjfish.identify.problem import Problem
+from mjfish.trial.types import rows_of
 
 #: Correlations below this many of sqrt(log10(n) / n) at `_RUN` lags in a row are none ([Politis2003]).
 _CRITICAL = 2.0
@@ -54,15 +55,12 @@ def blocks_of(problem: Problem, fit: Fit) -> tuple[Block, ...]:
         time = trial.time[problem.mask(i)][problem.noise.order :]
         rows = slice(row, row + 3 * len(time))
         row = rows.stop
-        step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-        cell = np.rint((time - time[:1]) / step).astype(np.int64)
-        if len(np.unique(cell)) < len(cell):
-            cell = np.arange(len(time))
+        cell = rows_of(time) if len(time) else np.zeros(0, dtype=np.intp)
         n = int(cell[-1]) + 1 if len(cell) else 0
         residual, jacobian = np.zeros((n, 3)), np.zeros((n, 3, fit.jacobian.shape[1]))
         residual[cell] = fit.residual[rows].reshape(-1, 3)
         jacobian[cell] = fit.jacobian[rows].reshape(len(time), 3, -1)
-        blocks.append(Block(trial.name, residual, jacobian, np.isin(np.arange(n), cell), step))
+        blocks.append(Block(trial.name, residual, jacobian, np.isin(np.arange(n), cell), trial.step))
     return tuple(blocks)
 
 
