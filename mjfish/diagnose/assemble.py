@@ -88,7 +88,9 @@ def candidates(
                 error=pooled_error(one.problem.raw(one.fit.x), one.problem.trials) if one else None,
                 held_out_error=held_out_errors.get(name),
                 absorbed=evidence.absorbed(name),
-                smallest_visible=evidence.smallest_visible(name),
+                smallest_visible=evidence.smallest_visible(name)
+                if effect.smooth and not evidence.hidden(name)
+                else None,
                 parameters=_own(one, effect) if one else None,
                 remark=_ROUGH if one and one.fit.status != "converged" else "",
             )

@@ -31,8 +31,6 @@ HARMONICS = 3
 _LASTING, _SETTLING = 2.0, 3.0
 #: Frequencies closer than this share are one.
 _APART = 0.05
-#: A measured exponent contradicts the predicted one where its interval stays this far off it.
-_CONTRADICTS = 0.5
 
 
 @dataclass(frozen=True)
@@ -53,13 +51,6 @@ class Measured:
     odd: float | None
     odd_p: float | None
     predicted: Fingerprint
-
-    @property
-    def contradicts(self) -> bool:
-        """Whether the exponent's interval stays clear of the predicted one."""
-        if self.predicted.exponent is None or self.low is None or self.high is None:
-            return False
-        return not self.low - _CONTRADICTS <= self.predicted.exponent <= self.high + _CONTRADICTS
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,7 +67,7 @@ class Gain:
         nominal: nRMSE per channel and ``pooled`` (their mean): RMSE over the range of the measured channel.
         extended: the same.
         relative_reduction: of the pooled nRMSE.
-        low, high: its 95 % interval, by resampling blocks of two to three beats.
+        low, high: its 95 % interval, by resampling blocks of 0.7 s.
         mean_speed_error: nominal and extended |mean surge simulated - measured|, mean over trials [m/s].
     """
 

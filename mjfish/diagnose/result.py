@@ -61,7 +61,8 @@ class Candidate:
         error, held_out_error: nRMSE over all channels of the fitted and of the held-out trials with this cause in the
             model; None where it was not refitted, or nothing is held out.
         absorbed: share of its signature that a refit of the coefficients hides.
-        smallest_visible: size of each amplitude that would have shown.
+        smallest_visible: size of each amplitude that would have shown; None where no score says, of what is not smooth
+            at its null, and of what the coefficients hide.
         parameters: estimates by short name.
         remark: in words.
     """

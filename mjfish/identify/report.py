@@ -150,7 +150,7 @@ def identify(
 ) -> Identification:
     """Fit the nine coefficients to all fit trials at once ([Yu2016] eq. (21)).
 
-    Weights come from the noise: the stated one, or else the RMS of the residual, fitted again until they agree.
+    Weights come from the noise: the stated one, or else the RMS of the residual, with which it is fitted twice more.
 
     Args:
         dataset: its fit trials are fitted, the others scored.
