@@ -88,14 +88,17 @@ def candidates(
                 error=pooled_error(one.problem.raw(one.fit.x), one.problem.trials) if one else None,
                 held_out_error=held_out_errors.get(name),
                 absorbed=evidence.absorbed(name),
-                smallest_visible=evidence.smallest_visible(name)
-                if effect.smooth and not evidence.hidden(name)
-                else None,
+                smallest_visible=_visible(evidence, effect),
                 parameters=_own(one, effect) if one else None,
                 remark=_ROUGH if one and one.fit.status != "converged" else "",
             )
         )
     return tuple(sorted(result, key=lambda candidate: -candidate.statistic))
+
+
+def _visible(evidence: Evidence, effect: Effect) -> dict[str, float] | None:
+    """Return the sizes that would have shown; None where no score says, or the coefficients hide the cause."""
+    return evidence.smallest_visible(effect.name) if effect.smooth and not evidence.hidden(effect.name) else None
 
 
 def remarks(noise: str, evidence: Evidence, held: Sequence[Trial]) -> tuple[str, ...]:
