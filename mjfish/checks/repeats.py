@@ -14,6 +14,7 @@ import numpy as np
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.identify.noise import Noise, estimate
 from mjfish.trial import Dataset, Trial
+from mjfish.trial.types import seen_of
 
 #: Repeats shorter than this many samples together say little of a noise.
 _FEWEST = 100
@@ -118,8 +119,7 @@ def _differences(
         apart = apart - shift[:, None, None] * slope
     apart = np.asarray(apart * np.sqrt(len(group) / (len(group) - 1)), dtype=np.float64)
     # The last of the deviations follows from the others.
-    there = np.zeros(int(common[-1] - common[0]) + 1, dtype=np.bool_)
-    there[common - common[0]] = True
+    there = seen_of(common - common[0])
     kept = list(apart[: len(group) - 1])
     names = tuple(trial.name for trial in group)
     line = max(_line(block, np.asarray(common * step, dtype=np.float64), group[0]) for block in apart)

@@ -128,7 +128,7 @@ def _diagnosed(
         nominal_model=evidence.problem.model,
         extended_model=extended.model,
         overlays=assemble.overlays(evidence, extended, final, held, scored),
-        provenance=provenance.provenance(dataset, seed),
+        provenance=provenance.provenance(dataset, candidates, seed),
     )
     progress("done", 1.0)
     return result

@@ -81,7 +81,7 @@ class Gain:
 
 def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.random.Generator) -> Gain:
     """Compare two models on the held-out trials."""
-    ranges = np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0)
+    ranges = _ranges(trials)
     blocks = [_blocks(a, b, trial) for a, b, trial in zip(nominal.residuals, extended.residuals, trials, strict=True)]
     sums = np.concatenate(blocks)  # (blocks, 7): squared errors of both models per channel, and the count
     draws = sums[rng.integers(len(sums), size=(_DRAWS, len(sums)))].sum(axis=1)
@@ -100,8 +100,14 @@ def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.ran
 
 def pooled_error(residuals: Sequence[FloatArray], trials: Sequence[Trial]) -> float:
     """Return the nRMSE of residuals (n_r, 3), mean over channels: RMSE over the range of the measured channel."""
-    ranges = np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0)
+    ranges = _ranges(trials)
     return float(np.mean(np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0)) / ranges))
+
+
+def _ranges(trials: Sequence[Trial]) -> FloatArray:
+    """Return the range (3,) of the measured channels; infinite where one stands still: its errors do not count."""
+    ranges = np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0)
+    return np.where(ranges > 0.0, ranges, np.inf)
 
 
 def _speed_error(one: Score) -> float:

@@ -159,7 +159,7 @@ def _failed(one: Confirmation | None) -> bool:
 def _why(best: Names, hearing: Hearing) -> str:
     standing = hearing.standings.get(best)
     if standing is not None and not standing.fits:
-        return "leaves a systematic residual"
+        return f"leaves {standing.left:.0%} of what there was to explain, and that is systematic"
     if _failed(hearing.held_out.get(best)):
         return "does not hold on the held-out trials"
     return "does not hold"

@@ -28,6 +28,7 @@ from mjfish.identify.forecast import forecast
 from mjfish.identify.noise import Noise, estimate
 from mjfish.identify.residuals.residual import Residual
 from mjfish.trial import Role, Trial
+from mjfish.trial.types import seen_of
 
 Part = Literal["whole", "start_up", "change", "steady"]
 #: Samples ahead that are scored by default: the next one, a part of a beat, and more than one (at 50 Hz).
@@ -132,8 +133,9 @@ def noise_at(residuals: Sequence[Residual], step: float) -> Noise:
     """Estimate the noise of the residuals that are sampled at `step` [s], of fitted trials where there are any."""
     alike = [r for r in residuals if abs(r.trial.step / step - 1.0) < _SAME_RATE and not r.diverged]
     chosen = [r for r in alike if r.role == "fit"] or alike
-    blocks = [values[np.all(np.isfinite(values), axis=1)] for values in (r.values for r in chosen)]
-    return estimate([block for block in blocks if len(block)])
+    there = [np.all(np.isfinite(r.values), axis=1) for r in chosen]
+    kept = [(r.values[inside], r.rows[inside]) for r, inside in zip(chosen, there, strict=True) if np.any(inside)]
+    return estimate([block for block, _ in kept], seen=[seen_of(rows - rows[0]) for _, rows in kept])
 
 
 def _known(residual: Residual, noise: Noise | None, steps: int) -> FloatArray:

@@ -67,18 +67,19 @@ def multistart(
             tell(done / len(points))
         short = {} if starts == 1 else {"tolerance": _SCOUT_TOLERANCE, "evaluations": _SCOUT}
         scouts.append(fit(problem, point, loss=loss, loss_scale=loss_scale, **short))  # type: ignore[arg-type]
-    costs = np.array([np.inf if one.status == "diverged" else one.cost for one in scouts])
+    costs = np.array([_cost(one) for one in scouts])
     order = int(np.argmin(costs))
-    best = scouts[order]
+    best, evaluations = scouts[order], sum(one.evaluations for one in scouts)
     if starts > 1:
         best = fit(problem, best.x, loss=loss, loss_scale=loss_scale)
-        costs[order] = min(costs[order], best.cost)
+        costs[order] = min(costs[order], _cost(best))
+        evaluations += best.evaluations
     slack = max(SAME * float(costs.min()), 1.0)
     return MultiStart(
-        best=replace(best, evaluations=sum(one.evaluations for one in scouts)),
+        best=replace(best, evaluations=evaluations),
         costs=costs,
         optima=np.array([one.x for one in scouts]),
-        reached=float(np.mean(costs <= costs.min() + slack)),
+        reached=float(np.mean(np.isfinite(costs) & (costs <= costs.min() + slack))),
     )
 
 
@@ -93,3 +94,7 @@ def hypercube(problem: Problem, count: int, seed: int) -> FloatArray:
             count
         )
     return x
+
+
+def _cost(one: Fit) -> float:
+    return np.inf if one.status == "diverged" else one.cost

@@ -91,7 +91,7 @@ def estimate(residuals: Sequence[FloatArray], lost: float = 0.0, seen: Sequence[
     """
     total = sum(len(block) for block in residuals)
     inflate = total / max(total - lost, 0.1 * total)
-    highest = min(MAX_ORDER, min(len(block) for block in residuals) // 8)
+    highest = highest_order([len(block) for block in residuals])
     # Divided by the same number at every lag: biased, which keeps the Toeplitz matrix positive.
     products = lagged_products(residuals, highest) / total
     if seen is not None and any(not there.all() for there in seen):
@@ -116,6 +116,11 @@ def _with_gaps(residuals: Sequence[FloatArray], seen: Sequence[BoolArray], highe
 
 def _real(there: BoolArray) -> FloatArray:
     return there.astype(np.float64)
+
+
+def highest_order(lengths: Sequence[int]) -> int:
+    """Return the highest order to try: of the longest run an eighth, and half of the shortest, which loses so much."""
+    return max(min(MAX_ORDER, max(lengths) // 8, min(lengths) // 2), 0)
 
 
 def lagged_products(blocks: Sequence[FloatArray], highest: int) -> FloatArray:

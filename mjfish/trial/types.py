@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import BoolArray, FloatArray
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.fish import Fish
@@ -31,6 +31,13 @@ def rows_of(time: FloatArray) -> NDArray[np.intp]:
     steps = np.diff(time)
     apart = np.maximum(np.rint(steps / np.median(steps)), 1.0) if len(steps) else steps
     return np.concatenate([np.zeros(1, dtype=np.intp), np.cumsum(apart.astype(np.intp))])
+
+
+def seen_of(rows: NDArray[np.intp]) -> BoolArray:
+    """Return, on the grid of equal steps up to the last of `rows` (n,), which rows are there."""
+    seen = np.zeros(int(rows[-1]) + 1 if len(rows) else 0, dtype=np.bool_)
+    seen[rows] = True
+    return seen
 
 
 @dataclass(frozen=True)

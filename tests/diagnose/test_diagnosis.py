@@ -14,8 +14,9 @@ from planted_cases import coefficients, draw
 from mjfish.arrays import readonly
 from mjfish.diagnose import Diagnosis, diagnose
 from mjfish.diagnose.locate import FIFTHS, fifths
+from mjfish.diagnose.provenance import provenance
 from mjfish.drive.motion import JointMotion
-from mjfish.effects import Effect, find
+from mjfish.effects import Effect, catalogue, find
 from mjfish.effects.effect import Family, Values
 from mjfish.errors import InputError
 from mjfish.fish import COEFFICIENTS, Fish
@@ -24,6 +25,7 @@ from mjfish.parameter import Parameter
 from mjfish.plant import plant
 from mjfish.trial import load, save
 
+OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
 QUICK = {name: find(name) for name in ("time_offset", "servo_lag", "ambient_current")}
 
 
@@ -158,14 +160,31 @@ def test_a_misfit_that_no_candidate_could_show_is_still_unexplained(named: Diagn
 def test_provenance_has_the_hash_of_every_input(named: Diagnosis, tmp_path: Path) -> None:
     save(named.dataset, tmp_path / "data")
     read = load(tmp_path / "data")
-    from mjfish.diagnose.provenance import provenance
-
-    inputs = provenance(read, 0)["inputs"]
+    inputs = provenance(read, (), 0)["inputs"]
     assert set(inputs) == {"dataset.toml", *(f"{trial.name}.csv" for trial in read.trials)}
     before = dict(inputs)
     path = tmp_path / "data" / f"{read.trials[0].name}.csv"
     path.write_text(path.read_text().replace("0.02,", "0.020,", 1))
-    assert provenance(read, 0)["inputs"] != before
+    assert provenance(read, (), 0)["inputs"] != before
+
+
+def test_provenance_tells_files_of_one_name_in_two_folders_apart(named: Diagnosis, tmp_path: Path) -> None:
+    save(named.dataset, tmp_path)
+    read = load(tmp_path)
+    (tmp_path / "more").mkdir()
+    moved = tmp_path / "more" / f"{read.trials[0].name}.csv"
+    moved.write_text("t\n")
+    trials = (read.trials[0], replace(read.trials[1], source=moved), *read.trials[2:])
+    inputs = provenance(replace(read, trials=trials), (), 0)["inputs"]
+    assert inputs[moved.name] != inputs[f"more/{moved.name}"]
+
+
+def test_provenance_knows_the_fish_and_the_causes_of_ones_own(named: Diagnosis) -> None:
+    alone = provenance(named.dataset, tuple(catalogue().values()), 0)
+    told = provenance(named.dataset, tuple(catalogue([OWN]).values()), 0)
+    assert set(told["inputs"]) - set(alone["inputs"]) == {OWN.name}
+    heavier = replace(named.dataset, fish=named.dataset.fish.model_copy(update={"name": "another"}))
+    assert provenance(heavier, (), 0)["fish"] != told["fish"]
 
 
 def test_noise_is_estimated_where_none_is_stated(named: Diagnosis) -> None:

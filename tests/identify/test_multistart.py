@@ -69,6 +69,14 @@ def test_a_start_that_ends_elsewhere_is_counted(planted: Dataset, monkeypatch: p
     assert multistart(problem(planted), 2, seed=1).reached == 0.5
 
 
+def test_where_every_start_diverges_none_reached_anything(planted: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    from mjfish.identify import multistart as module
+
+    honest = module.fit
+    monkeypatch.setattr(module, "fit", lambda *a, **k: replace(honest(*a, **k), status="diverged"))
+    assert multistart(problem(planted), 2, seed=1).reached == 0.0
+
+
 @pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy"])
 def test_a_robust_loss_bears_outliers_that_least_squares_does_not(planted: Dataset, loss: str) -> None:
     """Two in a hundred samples of surge far off, one-sided, as where a marker is swapped."""

@@ -84,9 +84,15 @@ def test_lost_degrees_of_freedom_make_the_estimate_larger() -> None:
     np.testing.assert_allclose(corrected.sigma, plain.sigma * np.sqrt(2000 / 1500), rtol=1e-12)
 
 
-def test_the_order_stays_below_an_eighth_of_the_shortest_trial() -> None:
+def test_one_short_run_does_not_take_the_colour_out_of_all() -> None:
     coloured = _coloured(8)
-    assert estimate([*coloured, coloured[0][:15]]).order <= 1
+    whole = estimate(coloured)
+    np.testing.assert_allclose(estimate([*coloured, coloured[0][:15]]).phi, whole.phi, atol=0.05)
+
+
+def test_no_order_drops_a_run_or_is_beyond_what_the_runs_tell() -> None:
+    coloured = _coloured(8)
+    assert estimate([*coloured, coloured[0][:3]]).order <= 1
     assert estimate([block[:7] for block in coloured]).order == 0
     assert estimate(coloured).order <= MAX_ORDER
 

@@ -12,7 +12,7 @@ from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnose.noise.kalman import Gains, gains, whitened_channels
 from mjfish.identify import Noise
 from mjfish.trial import Trial
-from mjfish.trial.types import rows_of
+from mjfish.trial.types import rows_of, seen_of
 
 
 class Coloured(Noise):
@@ -48,10 +48,7 @@ class Coloured(Noise):
 
 def grid(time: FloatArray, mask: BoolArray) -> BoolArray:
     """Return, on a grid of equal steps from the first sample to the last counted one, whether one is counted there."""
-    cell = rows_of(time)[mask]
-    seen = np.zeros(int(cell[-1]) + 1 if len(cell) else 0, dtype=np.bool_)
-    seen[cell] = True
-    return seen
+    return seen_of(rows_of(time)[mask])
 
 
 @functools.lru_cache(maxsize=1024)

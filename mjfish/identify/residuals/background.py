@@ -17,7 +17,7 @@ import numpy as np
 from scipy import signal
 
 from mjfish.arrays import FloatArray
-from mjfish.identify.noise import MAX_ORDER, Noise, by_order, lagged_products
+from mjfish.identify.noise import Noise, by_order, highest_order, lagged_products
 
 #: Rounds until model and notch agree: the notch is a small part, every round gains a digit or more.
 _ROUNDS = 4
@@ -34,7 +34,7 @@ def background(residuals: Sequence[FloatArray], bases: Sequence[FloatArray], los
         lost: further degrees of freedom a channel that a fit took.
     """
     total = sum(int(np.all(np.isfinite(block), axis=1).sum()) for block in residuals)
-    highest = max(min(MAX_ORDER, min(len(block) for block in residuals) // 8), 0)
+    highest = highest_order([len(block) for block in residuals])
     cleared = [
         (e := np.nan_to_num(block)) - basis @ (basis.T @ e) for block, basis in zip(residuals, bases, strict=True)
     ]
