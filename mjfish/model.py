@@ -109,9 +109,9 @@ class Model:
             velocity: (3,) velocity at the start, in the forward frame; None: at rest.
             offset: clock offset of this trial, a nuisance [s].
         """
-        run = self.prepare(trial, values, offset=offset)
+        run = self.prepare(trial, values, velocity=velocity, offset=offset)
         rollout = ode.simulate(
-            run.fish, run.motion, values=run.coefficients, velocity=velocity, pose=pose_of(trial),
+            run.fish, run.motion, values=run.coefficients, velocity=run.velocity, pose=pose_of(trial),
             coriolis=self.coriolis, loads=run.loads,
         )  # fmt: skip
         state = headed(rollout.at(np.minimum(run.time, run.motion.time[-1])), trial)
@@ -123,12 +123,18 @@ class Model:
         return Prediction(state[:, :3], rollout.status, message, rollout, state[:, 3:6])
 
     def prepare(
-        self, trial: Trial, values: Mapping[str, float], *, offset: float = 0.0, keep: Sequence[str] = ()
+        self,
+        trial: Trial,
+        values: Mapping[str, float],
+        *,
+        velocity: FloatArray | None = None,
+        offset: float = 0.0,
+        keep: Sequence[str] = (),
     ) -> Prepared:
         """Return what is simulated for a trial: the fish and its motion, through the hooks of every effect.
 
         Args:
-            trial, values, offset: as in `predict`.
+            trial, values, velocity, offset: as in `predict`.
             keep: names of effects that act even at their null values, for derivatives there.
         """
         active = [(effect, self._of(effect, values)) for effect in self.effects]
@@ -138,9 +144,9 @@ class Model:
             fish = effect.body(fish, own)
         servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.family == "drive")
         step = _refined(self.step, fish, asked_motion(self.fish.cpg, trial, self.step), values)
-        time = trial.time + offset
+        time, begun = trial.time + offset, np.zeros(3) if velocity is None else velocity
         for effect, own in active:
-            time = effect.clock(time, own)
+            time, begun = effect.clock(time, own), effect.start(begun, own, trial)
         return Prepared(
             active=tuple(active),
             fish=fish,
@@ -151,6 +157,7 @@ class Model:
                 for effect, own in active
                 if effect.load is not None
             ),
+            velocity=begun,
             time=time,
             step=step,
         )
@@ -170,6 +177,7 @@ class Prepared:
         motion: of its joints, as it really is.
         coefficients: the nine, by name.
         loads: of the active effects that have one, with their parameters.
+        velocity: (3,) through the water at the start, in the forward frame.
         time: (n,) at which the samples were really taken [s].
         step: longest step [s].
     """
@@ -179,6 +187,7 @@ class Prepared:
     motion: JointMotion
     coefficients: dict[str, float]
     loads: tuple[tuple[Load, tuple[float, ...]], ...]
+    velocity: FloatArray
     time: FloatArray
     step: float
 

@@ -56,18 +56,18 @@ def sensitivities(
     Returns:
         (n, 3, k) at the trial's times; NaN after a divergence.
     """
-    run = model.prepare(trial, values, offset=offset)
+    run = model.prepare(trial, values, velocity=velocity, offset=offset)
     acting = {effect.name for effect, _ in run.active}
     owners = [owner for owner in model.effects if owner in {_owner(model, name) for name in names}]
     silent = [owner for owner in owners if owner.name not in acting and owner.load is not None]
     loaded = [*(effect.name for effect, _ in run.active if effect.load is not None), *(one.name for one in silent)]
-    at = _At(model, trial, values, offset, run, loaded)
+    at = _At(model, trial, values, velocity, offset, run, loaded)
     directions = [_direction(at, name) for name in names]
     times = np.minimum(run.time, run.motion.time[-1])
     moving = [k for k, (direction, _) in enumerate(directions) if direction is not None]
     rollout, lanes = simulate_along(
         run.fish, run.motion, [one for one, _ in directions if one is not None], times, values=run.coefficients,
-        velocity=velocity, pose=pose_of(trial), coriolis=model.coriolis, loads=run.loads,
+        velocity=run.velocity, pose=pose_of(trial), coriolis=model.coriolis, loads=run.loads,
         silent=[
             (one.load, [*_own(one, values).values(), *one.constants(trial)]) for one in silent if one.load is not None
         ],
@@ -99,6 +99,7 @@ class _At:
     model: Model
     trial: Trial
     values: Mapping[str, float]
+    velocity: FloatArray | None
     offset: float
     run: Prepared
     loaded: list[str]
@@ -145,7 +146,10 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
     tail: FloatArray | None = None
     motion: FloatArray | None = None
     loads: FloatArray | None = None
+    begun: FloatArray | None = None
     when: FloatArray | None = None
+    if _overrides(effect, "start"):
+        begun = difference(lambda value: _begun(at, at.kept(effect, (name, value))), p, at.values[name])
     if _overrides(effect, "body"):
         hooked = tuple(one for one in at.kept(effect) if _overrides(one[0], "body"))
         rows = _of_body(Same(at.model.fish), hooked, p, at.values[name])
@@ -158,9 +162,9 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         loads[at.loaded.index(effect.name), [own.short for own in effect.parameters].index(short)] = 1.0
     if _overrides(effect, "clock"):
         when = difference(lambda value: _clock(at, at.kept(effect, (name, value))), p, at.values[name])
-    if all(part is None for part in (links, tail, motion, loads)):
+    if all(part is None for part in (links, tail, motion, loads, begun)):
         return None, when
-    return Direction(links=links, tail=tail, motion=motion, loads=loads), when
+    return Direction(links=links, tail=tail, motion=motion, loads=loads, velocity=begun), when
 
 
 @functools.lru_cache(maxsize=64)
@@ -217,6 +221,13 @@ def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Active, short: str, st
         return np.stack([motion.angle, motion.rate, motion.acceleration])
 
     return readonly(difference(moves, Parameter(f"wave.{short}", "-", 0.0, -1.0, 1.0, 0.0, _WAVE_SCALE), 0.0))
+
+
+def _begun(at: _At, kept: Active) -> FloatArray:
+    velocity = np.zeros(len(CHANNELS)) if at.velocity is None else at.velocity
+    for effect, own in kept:
+        velocity = effect.start(velocity, dict(own), at.trial)
+    return velocity
 
 
 def _clock(at: _At, kept: Active) -> FloatArray:

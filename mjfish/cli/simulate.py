@@ -111,15 +111,16 @@ def _run(
         from mjfish import sim
 
         swum = sim.simulate(
-            run.fish, run.motion, values=run.coefficients, loads=run.loads, free=sim.Trim() if free else None
-        )
+            run.fish, run.motion, values=run.coefficients, loads=run.loads, velocity=run.velocity,
+            free=sim.Trim() if free else None,
+        )  # fmt: skip
         series = np.column_stack([swum.velocity, swum.pose, np.zeros((len(swum.time), 2)), swum.attitude])
         series = np.column_stack([series, swum.joint_angle])
         at = np.column_stack([np.interp(time, swum.time, column, right=np.nan) for column in series.T])
         state, joints, attitude = at[:, :8], at[:, 11:], at[:, 8:11] if free else None
         status, message = swum.status, swum.message
     else:
-        rollout = ode.simulate(run.fish, run.motion, values=run.coefficients, loads=run.loads)
+        rollout = ode.simulate(run.fish, run.motion, values=run.coefficients, velocity=run.velocity, loads=run.loads)
         state, joints = rollout.at(time), run.motion.angle_at(time)
         status, message = rollout.status, rollout.message
     for effect, own in run.active:

@@ -17,6 +17,7 @@ from mjfish.diagnose.fingerprint import fingerprint
 from mjfish.diagnose.force import missing_force
 from mjfish.diagnose.heldout import Confirmation, confirmation
 from mjfish.diagnose.locate import locate
+from mjfish.diagnose.noise.magnitude import too_large
 from mjfish.diagnose.progress import Progress, part, silent
 from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Diagnosis
@@ -82,6 +83,8 @@ def _diagnosed(
     findings, noise_remark = search(problem, applicable, stated, rng, progress)
     evidence, refitted = findings.evidence, findings.refits
     checked = checked.joined(checks.after(evidence.problem, evidence.fit, held))
+    if findings.p_wrong >= ALARM and (finding := too_large(evidence.problem, evidence.fit, checked.repeats)):
+        checked = checked.joined(checks.Checks((finding,)))
 
     progress("comparing the candidates", 0.75)
     scores = _Scores(evidence, held)

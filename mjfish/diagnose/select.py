@@ -35,6 +35,8 @@ CLOSE = 2.0 * float(np.log(10.0))
 GOODNESS = 1e-4
 #: What is left may be this share of all there was to explain: a cause's form is a model, too.
 LEFT = 0.1
+#: And up to this share, it is like the truth, if nothing else is.
+RESEMBLES = 1.0 / 3.0
 DRAWS = 4000
 
 
@@ -47,13 +49,15 @@ class Standing:
         behind: that margin, a fall of the sum of squares, adjusted for parameters.
         saturated_p: of the joint score of all other candidates at its refit.
         omnibus_p: of the omnibus basis at its refit.
-        left: what is left at its refit beyond chance, as a share of all there was to explain.
+        excess: what is left at its refit beyond chance, of the sum of squares.
+        left: the same as a share of all there was to explain.
     """
 
     rival_p: float
     behind: float
     saturated_p: float = 0.0
     omnibus_p: float = 0.0
+    excess: float = np.inf
     left: float = 1.0
 
     @property
@@ -70,6 +74,11 @@ class Standing:
     def fits(self) -> bool:
         """Whether nothing systematic is left that matters."""
         return self.clean or self.left < LEFT
+
+    @property
+    def resembles(self) -> bool:
+        """Whether it explains the most of what there was to explain."""
+        return self.left < RESEMBLES
 
 
 def _rivalry(refits: Mapping[Key, Refit], rng: np.random.Generator) -> dict[Key, Standing]:
@@ -105,4 +114,4 @@ def _tested(one: Refit, candidates: Sequence[Effect], known: Standing) -> Standi
     after = gather(one.problem, one.fit, candidates)
     excess = max(after.saturated_excess(), after.omnibus_excess(), 0.0)
     left = excess / max(one.gain + excess, 1e-9)
-    return replace(known, saturated_p=after.saturated_p(), omnibus_p=after.omnibus_p(), left=left)
+    return replace(known, saturated_p=after.saturated_p(), omnibus_p=after.omnibus_p(), excess=excess, left=left)

@@ -10,12 +10,16 @@ from mjfish.diagnose.algebra import chance
 from mjfish.diagnose.heldout import Confirmation
 from mjfish.diagnose.refit import Refit
 from mjfish.diagnose.result import Verdict
-from mjfish.diagnose.select import Standing
+from mjfish.diagnose.select import LEFT, RESEMBLES, Standing
 
 #: Something is wrong where the nominal model's p value is below this: 1.2 false alarms in a hundred.
 ALARM = 0.012
 #: What is named must explain more than chance would, with this p value; that something is wrong may rest on all else.
 _OWN = 0.05
+#: Most causes that something unexplained may be like.
+_FEW = 3
+
+_OTHERWISE = "its form is another than the model's, or it is not alone, or something unknown is like it"
 
 Names = tuple[str, ...]
 
@@ -62,6 +66,17 @@ class Hearing:
         ]
         return tuple(sorted(kept, key=lambda names: -self.refits[names].adjusted))
 
+    def alike(self, names: Names, share: float) -> tuple[Names, ...]:
+        """Return a set that leaves something, and behind it those that leave no more than this share.
+
+        What is left says that the set's form is not the truth's. Where that is put up with, it is with rivals, too.
+        """
+        one, excess = self.refits[names], self.standings[names].excess
+        most = share * (one.gain + excess) - excess
+        near = [n for n in self.refits if n != names and one.adjusted - self.refits[n].adjusted < most]
+        near = [n for n in near if not _failed(self.held_out.get(n))]
+        return (names, *sorted(near, key=lambda n: -self.refits[n].adjusted))
+
     def joined(self, others: Hearing | None) -> Hearing:
         """Return this hearing with what others found of the sets that stay there."""
         if others is None:
@@ -89,9 +104,11 @@ def rule(
     - the nominal model is not contradicted: ``nothing_wrong``;
     - single causes stay that leave nothing: one is ``named`` if it explains more than chance would, several are
       ``cannot_tell``;
-    - else sets of several causes, and last single causes that leave little, in the same way;
+    - else sets of several causes, and last single causes that leave little, in the same way; of these,
+      all that leave little stay;
     - a single cause fits best and fails on held-out trials, where others would do: ``cannot_tell``;
-    - nothing stays: ``unexplained``.
+    - nothing stays, but one explains the most by far, in another form than the truth's perhaps: ``cannot_tell``;
+    - else: ``unexplained``.
 
     Args:
         p_wrong: p value of the nominal model.
@@ -108,8 +125,10 @@ def rule(
         )
     for hearing, clean in ((single, True), (several, False), (single, False)):
         staying = hearing.staying(clean=clean) if hearing is not None else ()
+        if hearing is single and len(staying) == 1 and not single.standings[staying[0]].clean:
+            staying = single.alike(staying[0], LEFT)
         if hearing is not None and len(staying) == 1:
-            return _alone(staying[0], hearing.refits[staying[0]])
+            return _alone(staying[0], hearing.refits[staying[0]], hearing.standings[staying[0]])
         if staying:
             return Ruling("cannot_tell", staying, _tied(staying))
     best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
@@ -119,15 +138,30 @@ def rule(
         return Ruling(
             "cannot_tell", (*staying, *failed), f"Something is wrong, but these data cannot tell what: {told}."
         )
+    if best is not None and (nearly := _nearly(best, single)) is not None:
+        return nearly
     closest = f"; the closest, {best[0]}, {_why(best, single)}" if best else ""
     return Ruling("unexplained", (), f"Something is wrong that no known cause explains{closest}.")
 
 
-def _alone(names: Names, one: Refit) -> Ruling:
+def _nearly(best: Names, hearing: Hearing) -> Ruling | None:
+    """Rule where no single cause leaves little: if the best explains most, and few come near; None else."""
+    standing = hearing.standings.get(best)
+    if standing is None or not standing.resembles or _failed(hearing.held_out.get(best)):
+        return None
+    alike = hearing.alike(best, RESEMBLES)
+    if len(alike) > _FEW:
+        return None
+    told = f"{_listed(alike)} explains {1.0 - standing.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
+    return Ruling("cannot_tell", alike, f"Something is wrong, but these data cannot tell what: {told}.")
+
+
+def _alone(names: Names, one: Refit, standing: Standing) -> Ruling:
     """Rule on the only set that stays."""
     p = chance(one.gain, one.freedom)
     if p < _OWN:
-        return Ruling("named", (names,), _named(one))
+        left = "" if standing.clean else f" It leaves {standing.left:.1%} of what there was to explain: {_OTHERWISE}."
+        return Ruling("named", (names,), _named(one) + left)
     told = f"{_listed([names])} would do, and explains no more than chance might (p = {p:.2g})"
     return Ruling("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {told}.")
 

@@ -18,7 +18,9 @@ class AmbientCurrent(Effect):
 
     A uniform steady current is a change of inertial frame: relative to the water nothing changes (Galilean
     invariance), so that the camera reads the relative velocity plus the current, turned into the body frame. A fish
-    that starts at rest in the water drifts with it from the start.
+    that nobody held drifts with the water when its drive starts; one that was held, and let go then, begins against it:
+
+        V_relative(0) = -h R(yaw(0))^T c,   h = 0 adrift, 1 held.
     """
 
     name: ClassVar[str] = "ambient_current"
@@ -27,6 +29,9 @@ class AmbientCurrent(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("ambient_current.x", "m/s", 0.0, -0.5, 0.5, 0.0, 0.01, about="current along world x"),
         Parameter("ambient_current.y", "m/s", 0.0, -0.5, 0.5, 0.0, 0.01, about="current along world y"),
+        Parameter(
+            "ambient_current.held", "-", 0.5, 0.0, 1.0, 0.5, 0.2, about="0 adrift at the start, 1 held", shape=True
+        ),
     )
     source: ClassVar[str] = "Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), sec. 8.3"
     signature: ClassVar[str] = "an offset of surge and sway that turns with the heading; it is there at rest too"
@@ -37,6 +42,14 @@ class AmbientCurrent(Effect):
         """A current needs the heading in the world: from rest it starts at 0, else it must be measured."""
         unknown = [t.name for t in dataset.trials if not t.starts_at_rest and t.pose is None]
         return f"the heading was not measured (no yaw column) in {', '.join(unknown)}" if unknown else ""
+
+    def start(self, velocity: FloatArray, values: Values, trial: Trial) -> FloatArray:
+        """Begin a trial from rest against the water, as far as the fish was held; else the start is free anyhow."""
+        if not trial.starts_at_rest:
+            return velocity
+        yaw = 0.0 if trial.pose is None else float(np.nan_to_num(trial.pose[0, 2]))
+        against = frames.to_body(np.array([[values["x"], values["y"]]]), np.array([yaw]))[0]
+        return np.asarray(velocity - values["held"] * np.array([*against, 0.0]))
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Add the current in the body frame to the velocity relative to the water."""

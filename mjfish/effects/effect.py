@@ -97,6 +97,14 @@ class Effect(ABC):
         del values
         return fish
 
+    def start(self, velocity: FloatArray, values: Values, trial: Trial) -> FloatArray:
+        """Return the velocity (3,) through the water with which `trial` begins, in the forward frame.
+
+        `velocity` is the one without this effect: zero, or free in the fit where the trial does not begin at rest.
+        """
+        del values, trial
+        return velocity
+
     def clock(self, time: FloatArray, values: Values) -> FloatArray:
         """Return the times (n,) [s] at which the samples labelled `time` were really taken."""
         del values

@@ -14,12 +14,14 @@ from mjfish.trial import Dataset
 
 
 class ServoSaturation(Effect):
-    """Large angles come out too small: theta = c / sqrt(1 + psi c^2) = c - psi c^3 / 2 + O(psi^2), c the command.
+    """Large angles come out too small: theta = c (1 + h)^(-1/p), h = (psi c^2)^(p/2), c the command.
 
-    A smooth, odd and increasing saturation that never passes 1 / sqrt(psi): the angle at which the joint would stop.
-    The cubic that it begins with is the first term of any odd saturation. With s = 1 / sqrt(1 + psi c^2)
+    An odd and increasing saturation that never passes L = 1 / sqrt(psi), the angle at which the joint would stop. p is
+    its sharpness: at 2 it is soft, theta = c - psi c^3 / 2 + O(psi^2), at 20 nearly a hard stop (the norm of order p
+    of 1 and c / L).
 
-        theta' = s^3 c',  theta'' = s^3 c'' - 3 psi c s^5 c'^2.
+        theta' = (1 + h)^(-1 - 1/p) c'
+        theta'' = (1 + h)^(-1 - 1/p) c'' - (p + 1) (1 + h)^(-2 - 1/p) h / c  c'^2
 
     It makes angles smaller only, psi >= 0.
     """
@@ -29,6 +31,9 @@ class ServoSaturation(Effect):
     summary: ClassVar[str] = "the joints do not reach the large angles they are told"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("servo_saturation.psi", "1/rad2", 0.0, 0.0, 10.0, 0.0, 0.05, about="1 / (largest angle)^2"),
+        Parameter(
+            "servo_saturation.sharpness", "-", 2.0, 2.0, 20.0, 2.0, 1.0, about="p, 2 soft, 20 a hard stop", shape=True
+        ),
     )
     source: ClassVar[str] = "Saturation as a sector nonlinearity: Khalil, Nonlinear Systems (2002), sec. 1.2.7"
     signature: ClassVar[str] = (
@@ -43,13 +48,14 @@ class ServoSaturation(Effect):
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Compress the angles; rates and accelerations by the chain rule."""
-        psi, command = values["psi"], motion.angle
-        square = 1.0 / (1.0 + psi * command**2)
-        share = np.sqrt(square)
-        slope = share * square
+        p, command = values["sharpness"], motion.angle
+        size = np.maximum(np.abs(command), 1e-12)
+        h = (max(values["psi"], 0.0) * size**2) ** (0.5 * p)
+        slope = (1.0 + h) ** (-1.0 - 1.0 / p)
+        bend = -(p + 1.0) * slope * h / (1.0 + h) * np.sign(command) / size
         return JointMotion(
             time=motion.time,
-            angle=share * command,
+            angle=command * (1.0 + h) ** (-1.0 / p),
             rate=slope * motion.rate,
-            acceleration=slope * (motion.acceleration - 3.0 * psi * command * square * motion.rate**2),
+            acceleration=slope * motion.acceleration + bend * motion.rate**2,
         )
