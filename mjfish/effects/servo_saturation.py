@@ -48,9 +48,9 @@ class ServoSaturation(Effect):
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Compress the angles; rates and accelerations by the chain rule."""
-        p, command = values["sharpness"], motion.angle
+        psi, p, command = values["psi"], values["sharpness"], motion.angle
         size = np.maximum(np.abs(command), 1e-12)
-        h = (max(values["psi"], 0.0) * size**2) ** (0.5 * p)
+        h = np.sign(psi) * (abs(psi) * size**2) ** (0.5 * p)  # odd in psi: differences step over its null
         slope = (1.0 + h) ** (-1.0 - 1.0 / p)
         bend = -(p + 1.0) * slope * h / (1.0 + h) * np.sign(command) / size
         return JointMotion(

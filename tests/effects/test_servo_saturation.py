@@ -18,9 +18,9 @@ def test_small_angles_lose_half_psi_times_their_cube_and_none_passes_the_largest
     """Catches a saturation of the wrong order or size, and one that turns round."""
     command = cpg.joint_motion(pike.cpg, turning.drive, 3.0, 0.005)
     small = 0.05
-    lost = command.angle - SATURATION.drive(command, {"psi": small}).angle
+    lost = command.angle - SATURATION.drive(command, {"psi": small, "sharpness": 2.0}).angle
     np.testing.assert_allclose(lost, 0.5 * small * command.angle**3, rtol=0.06, atol=1e-12)
-    strong = SATURATION.drive(command, {"psi": 10.0}).angle
+    strong = SATURATION.drive(command, {"psi": 10.0, "sharpness": 2.0}).angle
     assert np.max(np.abs(strong)) < 10.0**-0.5 < np.max(np.abs(command.angle))
     order = np.argsort(command.angle.ravel())
     assert np.all(np.diff(strong.ravel()[order]) >= 0.0)
