@@ -43,7 +43,8 @@ def _measured(fish: Fish, start: float, rate: float = 100.0) -> tuple[Trial, Tri
 def test_parameters_are_the_nine_coefficients_then_those_of_each_effect(pike: Fish) -> None:
     model = Model(pike).extended(find("servo_lag")).extended(find("ambient_current"))
     names = [p.name for p in model.parameters]
-    assert names == [*COEFFICIENTS, "servo_lag.time_constant", "ambient_current.x", "ambient_current.y"]
+    current = [f"ambient_current.{short}" for short in ("x", "y", "held")]
+    assert names == [*COEFFICIENTS, "servo_lag.time_constant", *current]
 
 
 def test_values_are_complete_and_checked(pike: Fish) -> None:

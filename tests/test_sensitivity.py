@@ -24,7 +24,7 @@ VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02)
 INSIDE = {
     "time_offset": {"offset": 0.013},
     "servo_lag": {"time_constant": 0.03},
-    "ambient_current": {"x": 0.04, "y": -0.03},
+    "ambient_current": {"x": 0.04, "y": -0.03, "held": 0.7},
     "reynolds_drag": {"friction": 1.5, "pressure": 0.7},
     "tail_compliance": {"compliance": 0.3, "damping": 0.03},
     "munk_moment": {"kappa": 0.6},
@@ -109,7 +109,14 @@ def test_coefficients_with_every_effect_at_work(pike: Fish) -> None:
     effects = tuple(find(name) for name in INSIDE)
     values = VALUES | {f"{name}.{key}": value for name, one in INSIDE.items() for key, value in one.items()}
     model = Model(pike, effects)
-    for name in ("c_m.tail", "c_d.body", "munk_moment.kappa", "ambient_current.y", "servo_lag.time_constant"):
+    for name in (
+        "c_m.tail",
+        "c_d.body",
+        "munk_moment.kappa",
+        "ambient_current.y",
+        "ambient_current.held",
+        "servo_lag.time_constant",
+    ):
         _check(model, _trial("v3-t1", 5.6), values, name, 1e-5 * abs(values[name]))
 
 

@@ -18,9 +18,10 @@ CURRENT = find("ambient_current")
 C = np.array([0.12, -0.07])
 
 
-def _predict(fish: Fish, trial: Trial, x: float, y: float) -> Prediction:
+def _predict(fish: Fish, trial: Trial, x: float, y: float, held: float = 0.0) -> Prediction:
     model = Model(fish, (CURRENT,))
-    return model.predict(trial, model.values({"ambient_current.x": x, "ambient_current.y": y}))
+    sizes = {"x": x, "y": y, "held": held}
+    return model.predict(trial, model.values({f"ambient_current.{short}": size for short, size in sizes.items()}))
 
 
 def _headed(trial: Trial, yaw: float, drift: float = 0.0) -> Trial:
@@ -53,6 +54,29 @@ def test_a_fish_without_drive_drifts_with_the_water_whatever_its_heading(pike: F
         read = _predict(pike, _headed(resting, yaw), *C).velocity
         expected = [np.cos(yaw) * C[0] + np.sin(yaw) * C[1], np.cos(yaw) * C[1] - np.sin(yaw) * C[0], 0.0]
         np.testing.assert_allclose(read, np.broadcast_to(expected, (51, 3)), rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, -2.0])
+def test_a_fish_that_was_held_begins_at_rest_for_the_camera(pike: Fish, straight: Trial, yaw: float) -> None:
+    """In the water's frame it is a fish that was pushed. Catches a start along the wrong axis, or the wrong way."""
+    trial = _headed(straight, yaw)
+    read, still = _predict(pike, trial, *C, held=1.0), _predict(pike, trial, 0.0, 0.0)
+    np.testing.assert_allclose(read.velocity[0], still.velocity[0], rtol=0.0, atol=1e-9)
+    turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
+    against = Model(pike).predict(trial, Model(pike).values(), velocity=np.array([*(-turn @ C), 0.0]))
+    heading = against.rollout.at(trial.time)[:, 5]
+    through = read.velocity[:, :2] - frames.to_body(np.broadcast_to(C, (len(trial.time), 2)), heading)
+    np.testing.assert_allclose(through, against.velocity[:, :2], rtol=0.0, atol=1e-12)
+    adrift = _predict(pike, trial, *C).velocity
+    assert np.max(np.abs(read.velocity - adrift)[:50]) > 0.05
+
+
+def test_where_a_trial_does_not_begin_at_rest_the_start_is_free_anyhow(pike: Fish) -> None:
+    time = np.linspace(0.0, 1.0, 51)
+    bent = Trial("r", None, readonly(time), readonly(np.zeros((51, 3))), joint_angle=readonly(np.zeros((51, 4))))
+    assert not bent.starts_at_rest
+    adrift, held = (_predict(pike, _headed(bent, 0.3), *C, held=share).velocity for share in (0.0, 1.0))
+    assert np.array_equal(adrift, held)
 
 
 def test_the_same_run_in_the_opposite_heading_sees_the_opposite_current(pike: Fish, straight: Trial) -> None:

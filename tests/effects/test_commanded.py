@@ -22,7 +22,7 @@ SIZES = {
     "servo_backlash": {"play": 0.03, "contact": 0.003},
     "servo_lag": {"time_constant": 0.03},
     "servo_rate_limit": {"slowness": 0.1},
-    "servo_saturation": {"psi": 0.5},
+    "servo_saturation": {"psi": 0.5, "sharpness": 6.0},
 }
 over_all = pytest.mark.parametrize("effect", [find(name) for name in SIZES], ids=SIZES)
 

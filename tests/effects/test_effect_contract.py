@@ -174,13 +174,21 @@ def test_hooks_are_pure(effect: Effect, pike: Fish, trials: tuple[Trial, ...]) -
     trial = _showing(effect, pike, trials)
     values = {p.short: _off(p) for p in effect.parameters}
     motion = cpg.joint_motion(pike.cpg, trial.drive, 3.0, 0.005)
-    time = trial.time.copy()
+    begun, time = np.array([0.1, 0.02, -0.3]), trial.time.copy()
     state = np.random.default_rng(1).standard_normal((len(time), 8))
-    before = (pike.model_dump(), dict(values), [a.copy() for a in _arrays(motion)], time.copy(), state.copy())
+    before = (
+        pike.model_dump(),
+        dict(values),
+        [a.copy() for a in _arrays(motion)],
+        begun.copy(),
+        time.copy(),
+        state.copy(),
+    )
     first, second = (
         (
             [a.tobytes() for a in _arrays(effect.drive(motion, values))],
             effect.body(pike, values).model_dump(),
+            effect.start(begun, values, trial).tobytes(),
             effect.clock(time, values).tobytes(),
             effect.reading(state, values, trial).tobytes(),
         )
@@ -188,7 +196,7 @@ def test_hooks_are_pure(effect: Effect, pike: Fish, trials: tuple[Trial, ...]) -
     )
     assert first == second
     assert (pike.model_dump(), values) == before[:2]
-    for now, then in zip([*_arrays(motion), time, state], [*before[2], *before[3:]], strict=True):
+    for now, then in zip([*_arrays(motion), begun, time, state], [*before[2], *before[3:]], strict=True):
         assert np.array_equal(now, then)
 
 

@@ -26,9 +26,25 @@ def test_small_angles_lose_half_psi_times_their_cube_and_none_passes_the_largest
     assert np.all(np.diff(strong.ravel()[order]) >= 0.0)
 
 
-@pytest.mark.parametrize("psi", [0.02, 0.5])
-def test_its_sensitivity_is_that_of_predictions(pike: Fish, turning: Trial, psi: float) -> None:
-    assert derivative_error(pike, turning, SATURATION, {"psi": psi}, "psi") < 1e-7
+def test_the_sharper_it_is_the_nearer_to_a_hard_stop(pike: Fish, turning: Trial) -> None:
+    command = cpg.joint_motion(pike.cpg, turning.drive, 3.0, 0.005).angle
+    motion = cpg.joint_motion(pike.cpg, turning.drive, 3.0, 0.005)
+    limit = 0.6 * np.max(np.abs(command))
+    stopped = np.clip(command, -limit, limit)
+    off = [
+        np.max(np.abs(SATURATION.drive(motion, {"psi": limit**-2.0, "sharpness": p}).angle - stopped))
+        for p in (2.0, 6.0, 20.0)
+    ]
+    assert off[0] > 2.0 * off[1] > 4.0 * off[2]
+    assert off[2] < 0.04 * limit
+
+
+@pytest.mark.parametrize(("psi", "sharpness"), [(0.02, 2.0), (0.5, 2.0), (0.5, 7.0), (2.0, 7.0)])
+@pytest.mark.parametrize("short", ["psi", "sharpness"])
+def test_its_sensitivity_is_that_of_predictions(
+    pike: Fish, turning: Trial, psi: float, sharpness: float, short: str
+) -> None:
+    assert derivative_error(pike, turning, SATURATION, {"psi": psi, "sharpness": sharpness}, short) < 1e-7
 
 
 def test_it_has_a_derivative_at_the_null(pike: Fish, turning: Trial) -> None:
