@@ -19,8 +19,9 @@ from mjfish.identify.score import Score
 GOOD = Standing(rival_p=1.0, behind=0.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
 RIVAL = Standing(rival_p=0.3, behind=7.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
 BEATEN = Standing(rival_p=0.001, behind=30.0)
-LITTLE = Standing(rival_p=1.0, behind=0.0, saturated_p=1e-5, omnibus_p=0.5, left=0.02)
-MISFIT = Standing(rival_p=1.0, behind=0.0, saturated_p=1e-5, omnibus_p=0.5, left=0.3)
+LITTLE = Standing(rival_p=1.0, behind=0.0, saturated_p=1e-5, omnibus_p=0.5, excess=2.0, left=0.02)
+MISFIT = Standing(rival_p=1.0, behind=0.0, saturated_p=1e-5, omnibus_p=0.5, excess=60.0, left=0.4)
+LIKE = replace(MISFIT, excess=25.0, left=0.2)
 
 
 def test_a_cause_as_likely_as_the_best_stays_however_odd_that_is() -> None:
@@ -175,6 +176,36 @@ def test_a_single_cause_that_leaves_little_is_named_where_no_set_does_better() -
     assert _rule({"a": LITTLE}).sets == (("a",),)
     assert _rule({"a": LITTLE}, several={"ab": MISFIT}).sets == (("a",),)
     assert _rule({"a": MISFIT}, several={"ab": MISFIT}).verdict == "unexplained"
+
+
+def test_where_a_form_that_is_not_quite_right_is_put_up_with_it_is_with_rivals_too() -> None:
+    """The best, 100, leaves 2; who is 1 behind leaves 3 % of 102, who is 20 behind leaves a fifth."""
+    hearing = _hearing({"a": LITTLE, "b": BEATEN, "c": BEATEN})
+    refits = {**hearing.refits, ("c",): _refit("c", 80.0)}
+    ruling = rule(1e-6, replace(hearing, refits=refits), None)
+    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("a",), ("b",)))
+    clean = replace(hearing, standings={**hearing.standings, ("a",): GOOD}, refits=refits)
+    assert rule(1e-6, clean, None).sets == (("a",),)
+    failed = replace(hearing, held_out={**hearing.held_out, ("b",): Confirmation(-5.0, 1e-4)}, refits=refits)
+    assert rule(1e-6, failed, None).sets == (("a",),)
+
+
+def test_what_a_named_cause_leaves_is_said() -> None:
+    assert "It leaves 2.0% of what there was to explain" in _rule({"a": LITTLE}).message
+    assert "leaves" not in _rule({"a": GOOD}).message
+
+
+def test_what_explains_most_in_another_form_is_told_and_not_named() -> None:
+    hearing = _hearing({"a": LIKE, "b": BEATEN})
+    far = replace(hearing, refits={**hearing.refits, ("b",): _refit("b", 70.0)})
+    ruling = rule(1e-6, far, None)
+    assert (ruling.verdict, ruling.sets, ruling.certain) == ("cannot_tell", (("a",),), ())
+    assert "a explains 80% of it and leaves something systematic" in ruling.message
+    assert rule(1e-6, hearing, None).sets == (("a",), ("b",))
+    many = _hearing({"a": LIKE, "b": BEATEN, "c": BEATEN, "d": BEATEN})
+    assert rule(1e-6, many, None).verdict == "unexplained"
+    lost = replace(far, held_out={("a",): Confirmation(-5.0, 1e-4)})
+    assert rule(1e-6, lost, None).verdict == "unexplained"
 
 
 def test_sets_that_cannot_be_told_apart_are_all_listed() -> None:
