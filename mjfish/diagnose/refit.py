@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -44,19 +45,23 @@ class Refit:
         problem: of the extended model.
         fit: its result.
         gain: fall of the sum of squares against the fit of the nominal model, LR.
-        freedom: number of parameters that the causes add.
     """
 
     effects: tuple[Effect, ...]
     problem: Problem
     fit: Fit
     gain: float
-    freedom: int
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the causes."""
         return tuple(effect.name for effect in self.effects)
+
+    @functools.cached_property
+    def freedom(self) -> int:
+        """Number of parameters that the causes add; a shape that these data do not feel is none."""
+        felt = {p.name for p, slope in zip(self.fit.parameters, self.fit.jacobian.T, strict=True) if np.any(slope)}
+        return sum(not p.shape or p.name in felt for effect in self.effects for p in effect.parameters)
 
     @property
     def adjusted(self) -> float:
@@ -68,8 +73,7 @@ class Refit:
         kept = tuple(effect for effect in self.effects if effect.name != out.name)
         problem = replace(self.problem, model=replace(self.problem.model, effects=kept))
         here = fit(problem, problem.start(self.fit.values), tolerance=TOLERANCE)
-        freedom = self.freedom - len(out.parameters)
-        return Refit(kept, problem, here, self.gain + self.fit.sse - here.sse, freedom)
+        return Refit(kept, problem, here, self.gain + self.fit.sse - here.sse)
 
     def parameter_values(self) -> dict[str, float]:
         """Return the estimates of the causes' parameters by name."""
@@ -186,8 +190,7 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
     start = best_start(evidence, problem, effect)
     best = fit(problem, start, tolerance=TOLERANCE, evaluations=COARSE[not effect.smooth])
     added = problem.model.effects
-    freedom = sum(len(one.parameters) for one in added)
-    return Refit(added, problem, best, gained + evidence.fit.sse - best.sse, freedom)
+    return Refit(added, problem, best, gained + evidence.fit.sse - best.sse)
 
 
 def _taken_on(evidence: Evidence, one: Refit, evaluations: int) -> Refit:
