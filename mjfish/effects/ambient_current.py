@@ -30,7 +30,7 @@ class AmbientCurrent(Effect):
         Parameter("ambient_current.x", "m/s", 0.0, -0.5, 0.5, 0.0, 0.01, about="current along world x"),
         Parameter("ambient_current.y", "m/s", 0.0, -0.5, 0.5, 0.0, 0.01, about="current along world y"),
         Parameter(
-            "ambient_current.held", "-", 0.5, 0.0, 1.0, 0.5, 0.1, about="0 adrift at the start, 1 held", shape=True
+            "ambient_current.held", "-", 0.0, 0.0, 1.0, 0.5, 0.1, about="0 adrift at the start, 1 held", shape=True
         ),
     )
     source: ClassVar[str] = "Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), sec. 8.3"
