@@ -89,7 +89,7 @@ def one_sided(model: Model, name: str, value: float) -> bool:
     if effect is None or not (_overrides(effect, "drive") or _overrides(effect, "body")):
         return False
     p = effect.declaration(name.partition(".")[2])
-    return p.default == p.low and value <= p.low + 3.0 * _STEP * p.scale
+    return not p.shape and p.default == p.low and value <= p.low + 3.0 * _STEP * p.scale
 
 
 @dataclass(frozen=True, eq=False)

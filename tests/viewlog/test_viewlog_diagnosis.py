@@ -79,11 +79,11 @@ def test_a_tail_that_gives_way_bends_the_last_link_alone(monkeypatch: pytest.Mon
 
 
 def test_a_current_carries_the_extended_fish_but_pushes_no_link(monkeypatch: pytest.MonkeyPatch) -> None:
-    one, swims = _swim("ambient_current", {"x": 0.0, "y": 0.2}, monkeypatch)
+    one, swims = _swim("ambient_current", {"x": 0.0, "y": 0.2, "held": 0.0}, monkeypatch)
     extended, nominal = swims["extended"], swims["nominal"]
     drift = extended.pose[:, 1] - nominal.pose[:, 1]
     np.testing.assert_allclose(drift, 0.2 * one.overlays[1].trial.time, atol=0.01)
-    still = diagnosis(cause="ambient_current", parameters={k: Estimate(0.0, 0.0, 0.0, "m/s") for k in ("x", "y")})
+    still = diagnosis(cause="ambient_current", parameters={k: Estimate(0.0, 0.0, 0.0, "-") for k in ("x", "y", "held")})
     without = {swim.swimmer: swim for swim in _runs(still, monkeypatch)[0].swims}["extended"]
     assert extended.forces is not None
     assert without.forces is not None
