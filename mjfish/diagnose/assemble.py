@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from mjfish.diagnose.algebra import chance
 from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.heldout import pooled_error
@@ -39,14 +41,16 @@ def estimates(one: Fit, model: Model) -> dict[str, Estimate]:
     """Return the model's estimates by name, without what belongs to single trials.
 
     A refit keeps a little off the null where an amplitude cannot be negative; an interval that reaches there reaches 0.
+    A shape that these data do not feel has its default.
     """
     result = {}
     declared = {p.name: p for p in model.parameters}
-    for p, at_bound in zip(one.parameters, one.at_bound, strict=True):
+    for p, at_bound, slope in zip(one.parameters, one.at_bound, one.jacobian.T, strict=True):
         if p.name in declared:
             low, high = one.interval(p.name, Z95)
             low = declared[p.name].low if low <= p.low else low
-            result[p.name] = Estimate(one.values[p.name], low, high, p.unit, bool(at_bound))
+            value = p.default if p.shape and not np.any(slope) else one.values[p.name]
+            result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound))
     return result
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from mjfish import fish
 from mjfish.arrays import readonly
+from mjfish.diagnose.assemble import estimates
 from mjfish.diagnose.evidence import gather
 from mjfish.diagnose.refit import refit
 from mjfish.drive import cpg
@@ -39,3 +40,14 @@ def test_a_shape_that_the_data_do_not_feel_is_no_parameter(measured: bool, freed
     one = refit(gather(problem, fit(problem), [current]), current)
     assert one.freedom == freedom
     assert one.adjusted == one.gain - 2.0 * (freedom - 1)
+
+
+def test_a_shape_that_the_data_do_not_feel_has_its_default() -> None:
+    pike, current = fish.load("pike"), find("ambient_current")
+    values = {"ambient_current.x": 0.03, "ambient_current.y": -0.02}
+    dataset = plant(pike, ["v1-t2"], values=values, effects=[current], noise=SIGMA, duration=7.0, seed=3)
+    problem = Problem(Model(pike), tuple(map(_measured, dataset.trials)), Noise.white(SIGMA), jobs=1)
+    one = refit(gather(problem, fit(problem), [current]), current)
+    told = estimates(one.fit, one.problem.model)["ambient_current.held"]
+    assert one.fit.values["ambient_current.held"] != 0.0
+    assert (told.estimate, told.low, told.high) == (0.0, 0.0, 1.0)
