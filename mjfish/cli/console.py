@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import shutil
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from mjfish.diagnose.progress import Progress as Told
@@ -18,6 +20,9 @@ from mjfish.errors import InputError
 #: Exit codes.
 NOT_GOOD = 1
 MISUSE = 2
+
+#: Seconds between lines of progress.
+_EVERY = 20.0
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
@@ -33,7 +38,10 @@ def program() -> str:
 
 @contextmanager
 def progress_bar() -> Iterator[Told]:
-    """Show a progress bar on stderr while the block runs; yields the function to tell."""
+    """Show a progress bar on stderr while the block runs, where that is no terminal a line at times."""
+    if not err.is_terminal:
+        yield _lines()
+        return
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True) as bar:
         task = bar.add_task("starting", total=1.0)
@@ -42,6 +50,21 @@ def progress_bar() -> Iterator[Told]:
             bar.update(task, description=what, completed=done)
 
         yield tell
+
+
+def _lines() -> Told:
+    """Return a teller that prints a line: the first at once, others every `_EVERY` seconds at most."""
+    last = -math.inf
+
+    def tell(what: str, done: float) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= _EVERY:
+            hint = "; a first run compiles for a minute or two" if math.isinf(last) else ""
+            err.print(escape(f"{what} ({done:.0%}{hint})"), soft_wrap=True)
+            last = now
+
+    return tell
 
 
 def numbers(text: str, count: int, what: str) -> list[float]:
