@@ -11,8 +11,8 @@ from mjfish.diagnose.noise.forces import Pushed
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.identify import Fit, Noise, Problem
 
-#: Share of what a channel varies up to which slow noise is believed; of cameras over a tank it is a few hundredths.
-_LARGEST = 0.15
+#: Share of a channel, both rms, up to which slow noise is believed; of cameras over a tank it is a few hundredths.
+_LARGEST = 0.08
 #: Share of it that repeated runs must show, for it to be noise all the same.
 _REPEATED = 0.7
 
@@ -30,21 +30,21 @@ def too_large(problem: Problem, fit: Fit, repeats: Repeats | None) -> Finding | 
     """
     if not _slow(problem.noise):
         return None
-    error = np.sqrt(np.mean(np.concatenate(problem.raw(fit.x)) ** 2, axis=0))
-    varies = np.concatenate([trial.velocity[problem.mask(i)] for i, trial in enumerate(problem.trials)]).std(axis=0)
-    large = error > _LARGEST * varies
+    moves = np.concatenate([trial.velocity[problem.mask(i)] for i, trial in enumerate(problem.trials)])
+    error, size = (np.sqrt(np.mean(one**2, axis=0)) for one in (np.concatenate(problem.raw(fit.x)), moves))
+    large = error > _LARGEST * size
     if repeats is not None:
         large &= repeats.sigma < _REPEATED * error
     if not large.any():
         return None
-    worst = int(np.argmax(np.where(large, error / np.maximum(varies, 1e-12), 0.0)))
-    channel, share = CHANNELS[worst], error[worst] / varies[worst]
+    worst = int(np.argmax(np.where(large, error / np.maximum(size, 1e-12), 0.0)))
+    channel, share = CHANNELS[worst], error[worst] / size[worst]
     return Finding(
         check="noise",
         severity="blocks",
         place=channel,
-        found=f"the simulation is off by {error[worst]:.2g} {UNITS[channel]} rms, slowly, {share:.0%} of what it "
-        "varies; that may be noise, or something that no known cause explains",
+        found=f"the simulation is off by {error[worst]:.2g} {UNITS[channel]} rms, slowly, {share:.0%} of all of it; "
+        "that may be noise, or something that no known cause explains",
         expected=f"slow noise of at most {_LARGEST:.0%}",
         remedy="swim one drive twice or more: noise differs between repeats, an effect does not",
         channels=tuple(name for name, one in zip(CHANNELS, large, strict=True) if one),
