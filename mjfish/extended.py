@@ -74,9 +74,9 @@ class Extended:
 
     @property
     def seen(self) -> tuple[str, ...]:
-        """Names of the effects that act on what the camera reads: on the clock or on the reading."""
-        hooks = ("clock", "reading")
-        return tuple(e.name for e, _ in self.active if any(_overrides(e, hook) for hook in hooks))
+        """Names of the effects that act on what the camera reads alone: on the clock or on the reading."""
+        reads = [e for e, _ in self.active if _overrides(e, "clock") or _overrides(e, "reading")]
+        return tuple(e.name for e in reads if not _overrides(e, "start"))
 
     @property
     def ode_only(self) -> tuple[str, ...]:

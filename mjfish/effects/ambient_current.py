@@ -52,9 +52,10 @@ class AmbientCurrent(Effect):
         return np.asarray(velocity - values["held"] * np.array([*against, 0.0]))
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
-        """Add the current in the body frame to the velocity relative to the water."""
-        del trial
+        """Add the current in the body frame to the velocity through the water, and its way to the place."""
         current = np.array([values["x"], values["y"]])
+        since = trial.time if trial.starts_at_rest else trial.time - trial.time[0]
         read = state.copy()
         read[:, :2] += frames.to_body(np.broadcast_to(current, (len(state), 2)), state[:, 5])
+        read[:, 3:5] += since[:, None] * current
         return read

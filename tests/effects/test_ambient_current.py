@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import integrate
 
 from mjfish import frames
 from mjfish.arrays import FloatArray, readonly
@@ -69,6 +70,17 @@ def test_a_fish_that_was_held_begins_at_rest_for_the_camera(pike: Fish, straight
     np.testing.assert_allclose(through, against.velocity[:, :2], rtol=0.0, atol=1e-12)
     adrift = _predict(pike, trial, *C).velocity
     assert np.max(np.abs(read.velocity - adrift)[:50]) > 0.05
+
+
+def test_the_path_in_the_tank_is_that_of_the_velocity_over_ground(pike: Fish, turning: Trial) -> None:
+    """Catches a place that stays behind with the water."""
+    for held in (0.0, 1.0):
+        read = _predict(pike, _headed(turning, 0.4), *C, held=held)
+        ground = _in_world(read.velocity, read.pose[:, 2])
+        path = integrate.cumulative_trapezoid(ground, turning.time, axis=0, initial=0.0)
+        np.testing.assert_allclose(read.pose[:, :2], path, rtol=0.0, atol=4e-3)
+        assert np.max(np.abs(path - turning.time[:, None] * C)) > 0.5
+        assert np.max(np.abs(turning.time[:, None] * C)) > 0.2
 
 
 def test_where_a_trial_does_not_begin_at_rest_the_start_is_free_anyhow(pike: Fish) -> None:
