@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 from mjfish.checks import Finding, Repeats
 from mjfish.diagnose.noise.coloured import Coloured
@@ -12,7 +13,9 @@ from mjfish.frames import CHANNELS, UNITS
 from mjfish.identify import Fit, Noise, Problem
 
 #: Share of a channel, both rms, up to which slow noise is believed; of cameras over a tank it is a few hundredths.
-_LARGEST = 0.08
+_LARGEST = 0.06
+#: Slow is what a mean over this time leaves [s].
+_SLOW = 0.2
 #: Share of it that repeated runs must show, for it to be noise all the same.
 _REPEATED = 0.7
 
@@ -31,7 +34,9 @@ def too_large(problem: Problem, fit: Fit, repeats: Repeats | None) -> Finding | 
     if not _slow(problem.noise):
         return None
     moves = np.concatenate([trial.velocity[problem.mask(i)] for i, trial in enumerate(problem.trials)])
-    error, size = (np.sqrt(np.mean(one**2, axis=0)) for one in (np.concatenate(problem.raw(fit.x)), moves))
+    width = max(round(_SLOW / problem.trials[0].step), 1)
+    slow = np.concatenate([ndimage.uniform_filter1d(one, width, axis=0) for one in problem.raw(fit.x)])
+    error, size = (np.sqrt(np.mean(one**2, axis=0)) for one in (slow, moves))
     large = error > _LARGEST * size
     if repeats is not None:
         large &= repeats.sigma < _REPEATED * error
@@ -39,12 +44,13 @@ def too_large(problem: Problem, fit: Fit, repeats: Repeats | None) -> Finding | 
         return None
     worst = int(np.argmax(np.where(large, error / np.maximum(size, 1e-12), 0.0)))
     channel, share = CHANNELS[worst], error[worst] / size[worst]
+    off = f"{error[worst]:.2g} {UNITS[channel]} rms over {_SLOW} s and more"
     return Finding(
         check="noise",
         severity="blocks",
         place=channel,
-        found=f"the simulation is off by {error[worst]:.2g} {UNITS[channel]} rms, slowly, {share:.0%} of all of it; "
-        "that may be noise, or something that no known cause explains",
+        found=f"the simulation is off by {off}, {share:.0%} of all of it; that may be noise, or something that no known cause "
+        "explains",
         expected=f"slow noise of at most {_LARGEST:.0%}",
         remedy="swim one drive twice or more: noise differs between repeats, an effect does not",
         channels=tuple(name for name, one in zip(CHANNELS, large, strict=True) if one),
