@@ -49,8 +49,8 @@ def too_large(problem: Problem, fit: Fit, repeats: Repeats | None) -> Finding | 
         check="noise",
         severity="blocks",
         place=channel,
-        found=f"the simulation is off by {off}, {share:.0%} of all of it; that may be noise, or something that no known cause "
-        "explains",
+        found=f"the simulation is off by {off}, {share:.0%} of all of it; that may be noise, or something that no "
+        "known cause explains",
         expected=f"slow noise of at most {_LARGEST:.0%}",
         remedy="swim one drive twice or more: noise differs between repeats, an effect does not",
         channels=tuple(name for name, one in zip(CHANNELS, large, strict=True) if one),
