@@ -70,6 +70,7 @@ def check(
         modes.drive(name)  # refuses an unknown mode before any work is done
     if json_ is not None:
         check_file(json_)
+    crosscheck.cpg_of(body)
     results = []
     with console.progress_bar() as tell:
         for done, name in enumerate(names):

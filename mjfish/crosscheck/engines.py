@@ -18,7 +18,7 @@ import numpy as np
 
 from mjfish import ode
 from mjfish.arrays import FloatArray
-from mjfish.crosscheck.realised import Drive
+from mjfish.crosscheck.realised import Drive, cpg_of
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
@@ -149,8 +149,7 @@ def check_all(
     Raises:
         InputError: the fish has no CPG, or a reference trajectory is missing.
     """
-    if fish.cpg is None:
-        raise InputError(f"fish '{fish.name}' has no CPG to drive it; add [cpg] to its TOML")
+    cpg_of(fish)
     expected = {case.name: _read(reference, case) for case in cases}
     for done, case in enumerate(cases):
         body = fish.model_copy(update={"munk_moment": fish.munk_moment + case.munk})
@@ -166,8 +165,7 @@ def check_all(
 def _motion(
     fish: Fish, segments: tuple[cpg.DriveSegment, ...], duration: float, drive: Drive | None, step: float
 ) -> JointMotion:
-    assert fish.cpg is not None  # noqa: S101 - checked above
-    motion = cpg.joint_motion(fish.cpg, segments, duration, step)
+    motion = cpg.joint_motion(cpg_of(fish), segments, duration, step)
     return motion if drive is None else drive(motion)
 
 

@@ -20,7 +20,7 @@ from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
-from mjfish.fish import Fish
+from mjfish.fish import Cpg, Fish
 from mjfish.frames import CHANNELS
 from mjfish.hydro.load import Load
 from mjfish.ode.rollout import Coriolis
@@ -114,14 +114,13 @@ def check(
         loads: extra forces on every link in both engines, with their parameters.
         drive: what comes between the CPG and the servos of MuJoCo.
     """
-    if fish.cpg is None:
-        raise InputError(f"fish '{fish.name}' has no CPG to drive it; add [cpg] to its TOML")
+    law = cpg_of(fish)
     segments = modes.drive(mode)
     levels: list[Level] = []
     span = dict.fromkeys(CHANNELS, math.nan)
     message = ""
     for halving in range(halvings + 1):
-        command = cpg.joint_motion(fish.cpg, segments, duration, step / 2**halving)
+        command = cpg.joint_motion(law, segments, duration, step / 2**halving)
         run = sim.simulate(fish, command if drive is None else drive(command), values=values, loads=loads)
         same = ode.simulate(fish, run.motion(), values=values, coriolis=coriolis, loads=loads)
         message = run.message or same.message
@@ -172,3 +171,10 @@ def _message(levels: list[Level], orders: tuple[float, ...], bound: float) -> st
         f"largest difference {levels[0].worst:.1e} of the range, in {worst} "
         f"({levels[0].worst / bound:.2g} of the bound {bound:g}){shrinks}"
     )
+
+
+def cpg_of(fish: Fish) -> Cpg:
+    """Return the CPG of a fish, or raise `InputError` where it has none."""
+    if fish.cpg is None:
+        raise InputError(f"fish '{fish.name}' has no CPG to drive it; add [cpg] to its TOML")
+    return fish.cpg
