@@ -9,13 +9,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mjfish import checks
-from mjfish.arrays import FloatArray
 from mjfish.diagnose import assemble, heldout, provenance
 from mjfish.diagnose.description import describe
-from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.fingerprint import fingerprint
 from mjfish.diagnose.force import missing_force
-from mjfish.diagnose.heldout import Confirmation, confirmation
+from mjfish.diagnose.heldout import HeldOut
 from mjfish.diagnose.locate import locate
 from mjfish.diagnose.noise.magnitude import too_large
 from mjfish.diagnose.progress import Progress, part, silent
@@ -27,12 +25,11 @@ from mjfish.diagnose.several import several
 from mjfish.diagnose.verdict import ALARM, Hearing, Ruling, rule
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
-from mjfish.identify import Fit, Noise, Problem
+from mjfish.identify import Noise, Problem
 from mjfish.identify.clocks import aligned
 from mjfish.identify.report import check_enough, first_sigma
-from mjfish.identify.score import Score, held_out_doubt, predict_held_out
 from mjfish.model import Model
-from mjfish.trial import Dataset, Trial
+from mjfish.trial import Dataset
 
 
 def diagnose(
@@ -87,24 +84,24 @@ def _diagnosed(
         checked = checked.joined(checks.Checks((finding,)))
 
     progress("comparing the candidates", 0.75)
-    scores = _Scores(evidence, held)
-    single = _heard(refitted, applicable, scores, rng)
+    held_out = HeldOut(evidence, held)
+    single = _heard(refitted, applicable, held_out, rng)
     several_, others = None, None
     if refitted and not single.staying(clean=True):
-        several_ = _several(refitted, applicable, scores, rng, progress)
+        several_ = _several(refitted, applicable, held_out, rng, progress)
         if failed := single.failed():
             rest = {name: one for name, one in refitted.items() if (name,) not in failed}
-            others = _heard(rest, applicable, scores, rng)
+            others = _heard(rest, applicable, held_out, rng)
     ruling = rule(findings.p_wrong, single, several_, checked.blocks, others)
     best = _best(ruling, single, several_)
-    scored = (scores.of(None), scores.of(best)) if held else None
+    scored = (held_out.score(None), held_out.score(best)) if held else None
 
     progress("looking at what is wrong", 0.96)
     wrong = findings.p_wrong < ALARM
     unexplained = ruling.verdict == "unexplained"
     final = evidence.fit if best is None else best.fit
     extended = evidence.problem if best is None else best.problem
-    errors = {name: heldout.pooled_error(scores.of(one).residuals, held) for name, one in refitted.items() if held}
+    errors = {name: heldout.pooled_error(held_out.score(one).residuals, held) for name, one in refitted.items() if held}
     table = assemble.candidates(candidates, reasons, evidence, refitted, single.joined(others), errors)
     result = Diagnosis(
         dataset=dataset,
@@ -137,65 +134,31 @@ def _diagnosed(
     return result
 
 
-class _Scores:
-    """Held-out scores of models, each made once."""
-
-    def __init__(self, evidence: Evidence, held: tuple[Trial, ...]) -> None:
-        self.evidence, self.held = evidence, held
-        self.known: dict[tuple[str, ...], Score] = {}
-        self.doubts: dict[tuple[str, ...], FloatArray] = {}
-
-    def of(self, one: Refit | None) -> Score:
-        """Return the score of a refit, None: of the nominal model."""
-        names, problem, found = self._which(one)
-        if names not in self.known:
-            self.known[names] = predict_held_out(problem, found.values, self.held)
-        return self.known[names]
-
-    def doubt(self, one: Refit | None) -> FloatArray:
-        """Return the columns (n, k) of the doubt about the prediction of a refit, None: of the nominal model."""
-        names, problem, found = self._which(one)
-        if names not in self.doubts:
-            self.doubts[names] = held_out_doubt(problem, found, self.held)
-        return self.doubts[names]
-
-    def _which(self, one: Refit | None) -> tuple[tuple[str, ...], Problem, Fit]:
-        if one is None:
-            return (), self.evidence.problem, self.evidence.fit
-        return one.names, one.problem, one.fit
-
-    def confirmed(self, one: Refit, against: Refit | None) -> Confirmation | None:
-        """Return what a refit gains on the held-out trials; None where there are none."""
-        if not self.held:
-            return None
-        return confirmation(self.of(against), self.of(one), (self.doubt(against), self.doubt(one)))
-
-
 def _heard(
-    refitted: Mapping[str, Refit], candidates: Sequence[Effect], scores: _Scores, rng: np.random.Generator
+    refitted: Mapping[str, Refit], candidates: Sequence[Effect], held_out: HeldOut, rng: np.random.Generator
 ) -> Hearing:
     """Return what speaks for single causes: how they stand against each other, and on the held-out trials."""
-    standing = standings(refitted, candidates, rng) if refitted else {}
+    standing = standings(refitted, candidates, held_out, rng) if refitted else {}
     return Hearing(
         {(name,): one for name, one in refitted.items()},
         {(name,): one for name, one in standing.items()},
-        {(name,): scores.confirmed(refitted[name], None) for name, one in standing.items() if one.in_set},
+        {(name,): held_out.confirmed(refitted[name], None) for name, one in standing.items() if one.in_set},
     )
 
 
 def _several(
     singles: Mapping[str, Refit],
     candidates: Sequence[Effect],
-    scores: _Scores,
+    held_out: HeldOut,
     rng: np.random.Generator,
     progress: Progress,
 ) -> Hearing | None:
-    sets = several(singles, candidates, rng, part(progress, 0.8, 0.15))
+    sets = several(singles, candidates, held_out, rng, part(progress, 0.8, 0.15))
     if sets is None:
         return None
     staying = [names for names, one in sets.standings.items() if one.in_set]
-    held_out = {names: scores.confirmed(sets.refits[names], sets.parts[names]) for names in staying}
-    return Hearing(sets.refits, sets.standings, held_out)
+    confirmed = {names: held_out.confirmed(sets.refits[names], sets.parts[names]) for names in staying}
+    return Hearing(sets.refits, sets.standings, confirmed)
 
 
 def _best(ruling: Ruling, single: Hearing, several_: Hearing | None) -> Refit | None:

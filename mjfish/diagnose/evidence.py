@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy import stats
 from mjfish.arrays import FloatArray
 from mjfish.diagnose import algebra, basis
 from mjfish.effects.effect import Effect
-from mjfish.identify import Fit, Problem
+from mjfish.identify import Fit, Noise, Problem
 from mjfish.parameter import Parameter
 
 #: Draws of the simulated null distributions.
@@ -72,14 +72,15 @@ class Evidence:
 
     def statistic(self, name: str) -> float:
         """Return T of one candidate at the observed score."""
-        return float(self.statistics(self.score[None, :])[name][0])
+        return float(self._statistics(name, self.score[None, :])[0])
 
     def statistics(self, draws: FloatArray) -> dict[str, FloatArray]:
         """Return T of every candidate for many score vectors (draws, d)."""
-        return {
-            name: algebra.one_sided_statistic(draws[:, block], self.information[block, block], self.positive(name))
-            for name, block in self.blocks.items()
-        }
+        return {name: self._statistics(name, draws) for name in self.blocks}
+
+    def _statistics(self, name: str, draws: FloatArray) -> FloatArray:
+        block = self.blocks[name]
+        return algebra.one_sided_statistic(draws[:, block], self.information[block, block], self.positive(name))
 
     def first_guess(self, name: str) -> dict[str, float]:
         """Return the one-step estimate of a candidate's amplitudes by name."""
@@ -209,6 +210,22 @@ def gather(
         omnibus_score=waves.T @ z,
         omnibus_information=waves.T @ waves - (waves.T @ span) @ (span.T @ waves),
     )
+
+
+def under(evidence: Evidence, noises: Sequence[Noise], made: Sequence[FloatArray]) -> Iterator[Evidence]:
+    """Yield what the evidence would be under other noises, refitted to first order.
+
+    Args:
+        evidence: at a fit.
+        noises: the others.
+        made: `signatures` of its candidates.
+    """
+    problem, x = evidence.problem, evidence.fit.x
+    raw, slopes = [block[:, :, None] for block in problem.raw(x)], problem.sensitivities(x)
+    for noise in noises:
+        other = replace(problem, noise=noise)
+        seen = replace(evidence.fit, residual=other.whiten(raw)[:, 0], jacobian=other.whiten(slopes))
+        yield gather(other, seen, evidence.candidates, made)
 
 
 def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequence[Effect]) -> list[FloatArray]:

@@ -1,22 +1,29 @@
-"""The gain on held-out trials: nominal against extended model, with an interval."""
+"""Held-out trials: the gain on them, with an interval, and what they say of rivals."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from scipy import stats
 
 from mjfish.arrays import FloatArray
-from mjfish.identify.score import Score
+from mjfish.diagnose.evidence import Evidence
+from mjfish.diagnose.refit import Refit
+from mjfish.identify.score import Score, held_out_doubt, predict_held_out
 from mjfish.trial import Trial
+
+Key = TypeVar("Key", bound=Hashable)
 
 #: Draws of the block bootstrap of the gain, and the length of a block [s].
 _DRAWS = 2000
 _BLOCK = 0.7
 #: A cause has failed on held-out trials where it loses there, and were it true that would happen less often than this.
 _FAILED = 0.001
+#: A trial that no model predicts to within noise, by a mean square of this, does not say which of them is nearer.
+_PREDICTED = 1.25
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,58 @@ def confirmation(nominal: Score, extended: Score, doubts: tuple[FloatArray, Floa
         variance += float(np.sum((doubts[1].T @ apart) ** 2))
     here = float(before @ before - after @ after)
     return Confirmation(0.5 * here, float(stats.norm.cdf((here - mean) / (2.0 * np.sqrt(max(variance, 1e-300))))))
+
+
+class HeldOut:
+    """What the nominal model and its refits predict of the held-out trials, each worked out once.
+
+    Args:
+        evidence: of the nominal model.
+        trials: held out.
+    """
+
+    def __init__(self, evidence: Evidence, trials: tuple[Trial, ...]) -> None:
+        self.evidence, self.trials = evidence, trials
+        self.scores: dict[Refit | None, Score] = {}
+        self.doubts: dict[Refit | None, FloatArray] = {}
+
+    def score(self, one: Refit | None) -> Score:
+        """Return the score of a refit, None: of the nominal model."""
+        if one not in self.scores:
+            of = self.evidence if one is None else one
+            self.scores[one] = predict_held_out(of.problem, of.fit.values, self.trials)
+        return self.scores[one]
+
+    def doubt(self, one: Refit | None) -> FloatArray:
+        """Return the columns (n, k) of the doubt about the prediction of a refit, None: of the nominal model."""
+        if one not in self.doubts:
+            of = self.evidence if one is None else one
+            self.doubts[one] = held_out_doubt(of.problem, of.fit, self.trials)
+        return self.doubts[one]
+
+    def confirmed(self, one: Refit, against: Refit | None) -> Confirmation | None:
+        """Return what a refit gains on the held-out trials; None where there are none."""
+        if not self.trials:
+            return None
+        return confirmation(self.score(against), self.score(one), (self.doubt(against), self.doubt(one)))
+
+    def of_rivals(self, refits: Mapping[Key, Refit]) -> dict[Key, FloatArray]:
+        """Return the residuals (n,) of rivals on the held-out trials that one of them predicts, to compare them.
+
+        In the metric of the noise and of what the fit left open, (I + D D')^(-1/2), where they are white, were a rival
+        true; D of the one that explains most stands for all. So whitened, they go on where those of the fit end: the
+        likelihood of all trials is that of the fitted ones times that of the others, given these.
+        """
+        if not self.trials or len(refits) < 2:
+            return {name: np.zeros(0) for name in refits}
+        doubt = self.doubt(max(refits.values(), key=lambda one: one.adjusted))
+        basis, size, _ = np.linalg.svd(doubt, full_matrices=False)
+        shrink = basis * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+        whole = {name: np.concatenate(self.score(one).whitened) for name, one in refits.items()}
+        white = np.stack([one - shrink @ (basis.T @ one) for one in whole.values()])
+        ends = np.cumsum([len(one) for one in self.score(next(iter(refits.values()))).whitened])[:-1]
+        told = [block for block in np.split(white, ends, axis=1) if np.mean(block**2, axis=1).min() < _PREDICTED]
+        return dict(zip(refits, np.concatenate([white[:, :0], *told], axis=1), strict=True))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnose.evidence import Evidence, gather, signatures
+from mjfish.diagnose.evidence import Evidence, gather, signatures, under
 from mjfish.diagnose.noise.choice import noise_of
 from mjfish.diagnose.noise.differentiated import Differentiated
 from mjfish.diagnose.noise.drifting import Drifting
@@ -40,6 +40,8 @@ _SLOPES = 2.0
 #: Shares of the alarm's rate that the tests may use up [Rosenthal1983]: that of the candidates' scores, of the omnibus
 #: basis, of the refits of what is not smooth. The first sees most; what the others find is seldom close.
 _DIRECTED, _OMNIBUS, _ABRUPT = 0.625, 0.125, 0.25
+#: P value below which a noise that is known roughly is no way out.
+_BEYOND = 1e-12
 _OTHER = Misread | Stepwise | Pushed | Drifting | Differentiated
 
 
@@ -162,13 +164,21 @@ class _Look:
             made = signatures(problem, baseline.values, self.candidates)  # of another fit a gauge would seem to show
         evidence = gather(problem, baseline, self.candidates, made)
         self.progress("testing the residual", 0.15)
-        directed = evidence.directed_p(self.rng)
-        p_wrong = min(1.0, directed / _DIRECTED, evidence.omnibus_p() / _OMNIBUS)
+        directed, p_wrong = self._chance(evidence)
         found: dict[str, Refit] = {}
         if p_wrong >= ALARM:
             p_abrupt, found = abrupt(evidence, self.candidates)
             p_wrong = min(p_wrong, p_abrupt / _ABRUPT)
+        elif isinstance(noise, Drifting) and p_wrong > _BEYOND:
+            p_wrong = max(
+                p_wrong, float(np.mean([self._chance(one)[1] for one in under(evidence, noise.likely, made)]))
+            )
         return _Seen(evidence, directed, p_wrong, found)
+
+    def _chance(self, evidence: Evidence) -> tuple[float, float]:
+        """Return the p values of the directed test and of it and the omnibus basis."""
+        directed = evidence.directed_p(self.rng)
+        return directed, min(1.0, directed / _DIRECTED, evidence.omnibus_p() / _OMNIBUS)
 
     def again(self, seen: _Seen, noise: Noise) -> _Seen:
         """Return what is seen under another noise; the same where it is not another."""

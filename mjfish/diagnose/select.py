@@ -8,7 +8,8 @@ eta_k at the refits and d_k = eta_k - eta_l,
     LR_k - LR_l = 2 d_k' eps - |d_k|^2,    eps ~ N(0, 1),    were l true,
 
 jointly over all rivals k ([Cox1961] for separate families, here with the fitted curves themselves, so that causes which
-are not linear in their amplitudes, or not smooth, need no linearisation).
+are not linear in their amplitudes, or not smooth, need no linearisation). Held-out trials take part with the likelihood
+that they have, given the fitted ones (docs/notes/018): often they were swum otherwise, and rivals differ most there.
 
 [Cox1961] D. R. Cox, Tests of separate families of hypotheses, Proc. 4th Berkeley Symposium.
 """
@@ -22,6 +23,7 @@ from typing import TypeVar
 import numpy as np
 
 from mjfish.diagnose.evidence import gather
+from mjfish.diagnose.heldout import HeldOut
 from mjfish.diagnose.refit import Refit
 from mjfish.effects.effect import Effect
 
@@ -46,7 +48,7 @@ class Standing:
 
     Attributes:
         rival_p: p value of the margin by which the best rival beats it.
-        behind: that margin, a fall of the sum of squares, adjusted for parameters.
+        behind: that margin, a fall of the sum of squares over all trials, adjusted for parameters.
         saturated_p: of the joint score of all other candidates at its refit.
         omnibus_p: of the omnibus basis at its refit.
         excess: what is left at its refit beyond chance, of the sum of squares.
@@ -81,11 +83,11 @@ class Standing:
         return self.left < RESEMBLES
 
 
-def _rivalry(refits: Mapping[Key, Refit], rng: np.random.Generator) -> dict[Key, Standing]:
+def _rivalry(refits: Mapping[Key, Refit], held_out: HeldOut, rng: np.random.Generator) -> dict[Key, Standing]:
     """Return, per refit, the margin by which the best rival beats it and its p value; goodness of fit is not tested."""
-    names = list(refits)
-    residuals = np.stack([refits[name].fit.residual for name in names])
-    gains = np.array([refits[name].adjusted for name in names])
+    names, beyond = list(refits), held_out.of_rivals(refits)
+    residuals = np.stack([np.concatenate([refits[name].fit.residual, beyond[name]]) for name in names])
+    gains = np.array([refits[name].adjusted - float(beyond[name] @ beyond[name]) for name in names])
     result = {}
     for index, name in enumerate(names):
         apart = residuals[index] - residuals  # eta_k - eta_l
@@ -100,12 +102,12 @@ def _rivalry(refits: Mapping[Key, Refit], rng: np.random.Generator) -> dict[Key,
 
 
 def standings(
-    refits: Mapping[Key, Refit], candidates: Sequence[Effect], rng: np.random.Generator
+    refits: Mapping[Key, Refit], candidates: Sequence[Effect], held_out: HeldOut, rng: np.random.Generator
 ) -> dict[Key, Standing]:
     """Return the standing of every refit; the goodness of fit only of those in the confidence set."""
     return {
         name: _tested(refits[name], candidates, one) if one.in_set else one
-        for name, one in _rivalry(refits, rng).items()
+        for name, one in _rivalry(refits, held_out, rng).items()
     }
 
 

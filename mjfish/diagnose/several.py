@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mjfish.diagnose.evidence import Evidence, gather
+from mjfish.diagnose.heldout import HeldOut
 from mjfish.diagnose.progress import Progress
 from mjfish.diagnose.refit import Refit, refined, refit
 from mjfish.diagnose.select import GOODNESS, Standing, standings
@@ -53,13 +54,18 @@ class Sets:
 
 
 def several(
-    singles: Mapping[str, Refit], candidates: Sequence[Effect], rng: np.random.Generator, progress: Progress
+    singles: Mapping[str, Refit],
+    candidates: Sequence[Effect],
+    held_out: HeldOut,
+    rng: np.random.Generator,
+    progress: Progress,
 ) -> Sets | None:
     """Return the smallest sets of two or three causes that are told from all smaller ones and explain the misfit.
 
     Args:
         singles: refits of single causes.
         candidates: every cause.
+        held_out: what refits predict of the held-out trials.
         rng: of the confidence set.
         progress: told what is being done.
 
@@ -76,12 +82,12 @@ def several(
             known.update(found := grown(bases, candidates, known, rng))
             earned.update({names: one for names, one in found.items() if earns_its_place(one, known)})
             if earned:
-                best = _standing(earned, candidates, known, rng)
+                best = _standing(earned, candidates, known, held_out, rng)
                 if best.suffice:
                     known.update(parts := _parts(best, known))
                     if all(earns_its_place(earned[names], known) for names in best.suffice):
                         return best
-                    return _standing({**_of_size(size - 1, known), **parts}, candidates, known, rng)
+                    return _standing({**_of_size(size - 1, known), **parts}, candidates, known, held_out, rng)
         if not earned:
             return best
         bases = sorted(earned.values(), key=lambda one: -one.gain)[:_BASES]
@@ -189,7 +195,11 @@ def earns_its_place(one: Refit, known: Mapping[Names, Refit]) -> bool:
 
 
 def _standing(
-    sets: Mapping[Names, Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
+    sets: Mapping[Names, Refit],
+    candidates: Sequence[Effect],
+    known: Mapping[Names, Refit],
+    held_out: HeldOut,
+    rng: np.random.Generator,
 ) -> Sets:
     parts = {names: max(_without(one, known), key=lambda part: part.gain, default=None) for names, one in sets.items()}
-    return Sets(sets, standings(sets, candidates, rng), parts)
+    return Sets(sets, standings(sets, candidates, held_out, rng), parts)

@@ -64,7 +64,7 @@ class Hearing:
             for names, one in self.standings.items()
             if one.in_set and (one.clean if clean else one.fits) and not _failed(self.held_out.get(names))
         ]
-        return tuple(sorted(kept, key=lambda names: -self.refits[names].adjusted))
+        return tuple(sorted(kept, key=lambda names: self.standings[names].behind))
 
     def alike(self, names: Names, share: float) -> tuple[Names, ...]:
         """Return a set that leaves something, and behind it those that leave no more than this share.

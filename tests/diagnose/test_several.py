@@ -12,6 +12,7 @@ import pytest
 from mjfish import fish as fishes
 from mjfish.diagnose import several as module
 from mjfish.diagnose.evidence import gather
+from mjfish.diagnose.heldout import HeldOut
 from mjfish.diagnose.progress import silent
 from mjfish.diagnose.refit import refit
 from mjfish.diagnose.select import Standing
@@ -88,7 +89,7 @@ def test_a_member_that_stood_in_for_a_later_one_is_dropped(
     monkeypatch.setattr(module, "_extended", extended)
     monkeypatch.setattr(module, "standings", standings)
     singles: Any = {name: _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
-    found = several(singles, (), np.random.default_rng(0), silent)
+    found = several(singles, (), HeldOut(None, ()), np.random.default_rng(0), silent)  # type: ignore[arg-type]
     assert found is not None
     assert found.suffice == [named]
 
