@@ -15,7 +15,7 @@ from mjfish.diagnose.evidence import Evidence, gather, signatures, under
 from mjfish.diagnose.noise.choice import noise_of
 from mjfish.diagnose.noise.differentiated import Differentiated
 from mjfish.diagnose.noise.drifting import Drifting
-from mjfish.diagnose.noise.edges import inside, noisy_ends
+from mjfish.diagnose.noise.edges import noisy_ends
 from mjfish.diagnose.noise.forces import Pushed
 from mjfish.diagnose.noise.misread import Misread
 from mjfish.diagnose.noise.saturated import saturated
@@ -76,7 +76,7 @@ def search(
     made = signatures(problem, baseline.values, candidates)
     ends = noisy_ends(saturated(problem, baseline, made).residuals)
     if ends:
-        problem = replace(problem, windows=inside(problem.trials, ends))
+        problem = replace(problem, ends=ends)
         baseline = fit(problem, baseline.x, tolerance=1e-6)
         made = signatures(problem, baseline.values, candidates)
     results: dict[Differentiator | None, tuple[Findings, str]] = {}

@@ -42,6 +42,7 @@ class Problem:
         declared: other declarations (bounds, starts) for parameters, by name.
         free_clock: whether each trial has a clock offset of its own.
         windows: per trial, the times [s] between which samples count; None: all of it.
+        ends: how many samples at either end of every trial do not count.
         slope_step: longest integration step of the derivatives [s]; None: that of the model. A fit goes by them, where
             it ends the residuals say: they may be rougher.
         smoothing: filter that the recorded velocities went through, and predictions do, too; None: none.
@@ -55,6 +56,7 @@ class Problem:
     declared: Mapping[str, Parameter] = field(default_factory=dict)
     free_clock: bool = False
     windows: tuple[tuple[float, float] | None, ...] | None = None
+    ends: int = 0
     slope_step: float | None = None
     smoothing: Differentiator | None = None
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
@@ -146,7 +148,7 @@ class Problem:
         """Return which samples (n_r,) of a trial count.
 
         Left out are the samples next to a step of the drive, where the velocity jumps and a reading depends on which
-        side of the step it fell; where the joints were measured, the ends: a shifted clock would ask for motion
+        side of the step it fell; `ends`; where the joints were measured, the ends: a shifted clock would ask for motion
         that nobody saw; and where velocities were smoothed, what the filter feels of such a step or of an end.
         """
         trial = self.trials[index]
@@ -156,6 +158,8 @@ class Problem:
             reach = self.smoothing.reach(trial.step)
             beside += reach
             keep &= (trial.time >= trial.time[0] + reach) & (trial.time <= trial.time[-1] - reach)
+        cut = (self.ends - 0.5) * trial.step
+        keep &= (trial.time >= trial.time[0] + cut) & (trial.time <= trial.time[-1] - cut)
         for segment in trial.drive[1:]:
             keep &= np.abs(trial.time - segment.start) > beside
         if trial.joint_angle is not None:

@@ -129,7 +129,7 @@ def distances(rivals: Sequence[Fitted], runs: Sequence[Run]) -> Distances:
 
 
 def _on(problem: Problem, runs: Sequence[Run]) -> Problem:
-    return replace(problem, trials=tuple(run.trial for run in runs), windows=None)
+    return replace(problem, trials=tuple(run.trial for run in runs), windows=None, ends=0)
 
 
 def _x(one: Fitted, menu: Problem) -> FloatArray:

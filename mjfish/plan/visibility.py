@@ -59,7 +59,7 @@ def visibility(problem: Problem, nominal: Fit, causes: Sequence[Effect], runs: S
     """Derive the nominal model by its coefficients and by every cause at its null, on the data and on the menu."""
     amplitudes = {cause.name: tuple(p for p in cause.parameters if not p.shape) for cause in causes}
     wide = replace(problem, model=replace(problem.model, effects=(*problem.model.effects, *causes)))
-    menu = replace(wide, trials=tuple(run.trial for run in runs), windows=None)
+    menu = replace(wide, trials=tuple(run.trial for run in runs), windows=None, ends=0)
     here = {p.name: p.default for cause in causes for p in cause.parameters} | problem.named(nominal.x)
     held = {p.name for p, at_bound in zip(nominal.parameters, nominal.at_bound, strict=True) if at_bound}
     shapes = {p.name for cause in causes for p in cause.parameters if p.shape}

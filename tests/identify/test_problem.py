@@ -16,6 +16,7 @@ from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.frames import CHANNELS
 from mjfish.identify import Noise, Problem
 from mjfish.identify.problem import nuisances
+from mjfish.identify.score import predict_held_out
 from mjfish.model import MARGIN, Model
 from mjfish.trial import Dataset, Trial
 
@@ -173,6 +174,15 @@ def test_only_samples_inside_the_window_count(posed: Problem) -> None:
     np.testing.assert_allclose(posed.trials[0].time[windowed.mask(0)][[0, -1]], [0.5, 1.0])
     assert np.all(windowed.mask(1))
     assert len(windowed.residual(posed.start(TRUTH))) == 3 * (26 + 101)
+
+
+def test_samples_at_either_end_do_not_count_of_held_out_trials_either(posed: Problem) -> None:
+    """Catches a likelihood of held-out trials that is ruled by the noisier ends of a differentiating filter."""
+    cut = replace(posed, ends=2)
+    for i, trial in enumerate(posed.trials):
+        np.testing.assert_array_equal(np.flatnonzero(cut.mask(i)), np.arange(2, len(trial.time) - 2))
+    score = predict_held_out(cut, TRUTH, posed.trials[:1])
+    assert len(score.residuals[0]) == len(posed.trials[0].time) - 4
 
 
 def test_a_trial_that_diverges_has_residuals_worse_than_any_and_a_complaint(posed: Problem) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy import optimize
@@ -101,9 +102,7 @@ def drifting(problem: Problem, residuals: Sequence[FloatArray], kept: FloatArray
         level = float(np.log(0.7 * spread[c]))
         bounds = [(level - 9.0, level + 4.0)] * 2 + [(np.log(_TIMES[0]), np.log(most))]
         tried = [
-            optimize.minimize(
-                lambda x, of=of: float(of.cost(x)), [level, level, np.log(time)], method="L-BFGS-B", bounds=bounds
-            )
+            optimize.minimize(of.cost, [level, level, np.log(time)], method="L-BFGS-B", bounds=bounds)
             for time in _TIMES
             if time <= most
         ]
@@ -124,7 +123,7 @@ class _Whittle:
     share: FloatArray
     step: float
 
-    def cost(self, x: FloatArray) -> FloatArray:
+    def cost(self, x: FloatArray) -> Any:
         """Return - log L (...) at logarithms (3, ...) of both standard deviations and of the time."""
         white, slow, time = np.exp(x)[..., None]
         decay = np.exp(-self.step / time)
@@ -132,7 +131,7 @@ class _Whittle:
         # of the sampled wander, aliases included
         shape = self.step * (1.0 - decay**2) / (1.0 - 2.0 * decay * turn + decay**2)
         density = self.share * (white**2 * self.step + slow**2 * shape)
-        return np.asarray((np.log(density) + self.power / density) @ (self.seen.count * self.share))
+        return (np.log(density) + self.power / density) @ (self.seen.count * self.share)
 
 
 def _drawn(of: _Whittle, best: FloatArray, times: tuple[float, float], rng: np.random.Generator) -> FloatArray:

@@ -12,7 +12,6 @@ import numpy as np
 from scipy import stats
 
 from mjfish.arrays import FloatArray
-from mjfish.trial import Trial
 
 #: Longest end that is looked at, samples.
 _LONGEST = 20
@@ -35,15 +34,3 @@ def noisy_ends(residuals: Sequence[FloatArray]) -> int:
         return 0
     quiet = np.flatnonzero(square < stats.chi2.isf(_REACH, count) / count)
     return int(quiet[0]) if len(quiet) else _LONGEST
-
-
-def inside(trials: Sequence[Trial], samples: int) -> tuple[tuple[float, float] | None, ...] | None:
-    """Return the windows [s] of trials without so many samples at either end; None where there are none."""
-    if samples == 0:
-        return None
-    windows = []
-    for trial in trials:
-        step = trial.step
-        cut = (samples - 0.5) * step
-        windows.append((float(trial.time[0]) + cut, float(trial.time[-1]) - cut))
-    return tuple(windows)
