@@ -75,6 +75,17 @@ def test_right_wrong_and_silent_answers_are_counted_apart() -> None:
     assert size.good
 
 
+def test_recall_is_of_certain_members_and_of_the_set_that_fits_best() -> None:
+    """Two sets tie in one member: half is certain, all of it in the one that fits best."""
+    pair = replace(TRUTH, kind="two", causes=("servo_lag", "roll"), strength={"servo_lag": 200.0, "roll": 150.0})
+    tie = _case("cannot_tell", {}, pair)
+    sets = [["servo_lag", "roll"], ["time_offset", "roll"]]
+    tied = Judged(pair, {**tie.answer, "alternatives": sets, "certain": ["roll"]})
+    other = Judged(pair, {**tie.answer, "alternatives": sets[::-1], "certain": ["roll"]})
+    assert _row([tied, other], "two effects: recall, members that are certain").count == 2
+    assert _row([tied, other], "two effects: recall of the set that fits best").count == 3
+
+
 def test_the_gain_is_held_against_that_of_the_true_cause() -> None:
     """0.3 falls to 0.1 with the truth; a wrong name that falls to 0.2 has 5/8 of it, silence nothing."""
     cases = [_case("named", {"servo_lag": 0.01}), _case("named", {"time_offset": 0.01}), _case("nothing_wrong", {})]

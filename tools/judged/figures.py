@@ -70,6 +70,11 @@ def in_set(one: Judged) -> bool:
     return any(set(names) == set(one.truth.causes) for names in one.answer["alternatives"])
 
 
+def best_set(one: Judged) -> tuple[str, ...]:
+    """Return the set that fits best of those that stayed; none where none did."""
+    return tuple(next(iter(one.answer["alternatives"]), ()))
+
+
 def figures(cases: Sequence[Judged]) -> list[Figure]:
     """Return every figure that these cases can show."""
     of = {kind: [c for c in cases if c.truth.kind == kind] for kind in ("none", "one", "two", "off_list")}
@@ -113,6 +118,10 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         proportion(
             "two effects: false members", "at most 7 %",
             (name not in c.truth.causes for c in both for name in c.answer["certain"]), lambda p: p <= 0.07,
+        ),
+        proportion(
+            "two effects: recall of the set that fits best, whoever ties with it", "",
+            (name in best_set(c) for c in both for name in c.truth.causes), lambda _: True,
         ),
         *sizes(of["one"]),
         *gains(clear),
