@@ -12,6 +12,15 @@ BoolArray = NDArray[np.bool_]
 RecordArray = NDArray[Any]
 
 
+#: Standard deviation of normal errors over the median of their absolute values.
+_MEDIAN = 1.4826
+
+
+def robust_sigma(errors: FloatArray) -> FloatArray:
+    """Return the standard deviation (...) of errors (n, ...) about zero by 1.4826 median |e|, whatever a few are."""
+    return np.asarray(_MEDIAN * np.median(np.abs(errors), axis=0))
+
+
 def readonly(values: ArrayLike) -> FloatArray:
     """Return a contiguous float64 copy that cannot be written to."""
     array = np.array(values, dtype=np.float64, order="C")

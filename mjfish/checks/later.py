@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, robust_sigma
 from mjfish.checks import clock
 from mjfish.checks.design import beats
 from mjfish.checks.finding import Checks, Finding, ordered
@@ -14,7 +14,6 @@ from mjfish.checks.guess import sampled_enough
 from mjfish.checks.labels import costs, labels
 from mjfish.checks.making import making, remarks
 from mjfish.checks.odd_run import odd_run
-from mjfish.checks.smooth import MAD
 from mjfish.identify.fit import Fit
 from mjfish.identify.problem import Problem
 from mjfish.trial import Trial
@@ -41,7 +40,7 @@ def after(problem: Problem, fit: Fit, held: Sequence[Trial] = ()) -> Checks:
     values = {**problem.fixed, **fit.values}
     shared = {p.name: values[p.name] for p in problem.model.parameters}
     residuals = problem.raw(fit.x)
-    sigma = np.median([MAD * np.median(np.abs(r), axis=0) for r in residuals], axis=0) + 1e-12
+    sigma = np.median([robust_sigma(r) for r in residuals], axis=0) + 1e-12
     trials = [trial for trial in (*problem.trials, *held) if trial.drive and sampled_enough(trial)]
     found: list[Finding] = []
     found += _labels(problem, trials, shared, sigma)

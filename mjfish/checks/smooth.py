@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, robust_sigma
 from mjfish.trial import Trial
 from mjfish.trial.check import GAP
 
@@ -22,8 +22,6 @@ _ROUNDS = 5
 #: After a start or a step of the drive, beats that are left out.
 _BEATS = 2.5
 _HUBER = 1.5
-#: Median absolute deviation to standard deviation.
-MAD = 1.4826
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +63,7 @@ def smooth(trial: Trial) -> Smooth | None:
         design = np.column_stack([values[rows[:, None] + offsets], np.ones(len(rows))])
         misfit[:, channel], weights = _robust(design, values[rows])
         noise[channel] = 1.0 / np.sqrt(1.0 + weights[:-1] @ weights[:-1])
-    sigma = MAD * np.median(np.abs(misfit), axis=0) + 1e-300
+    sigma = robust_sigma(misfit) + 1e-300
     return Smooth(trial, rows, misfit, sigma, sigma * noise)
 
 
@@ -81,6 +79,6 @@ def _robust(design: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatAr
         root = np.sqrt(weight)
         coefficients = np.linalg.lstsq(design * root[:, None], target * root)[0]
         residual = target - design @ coefficients
-        scale = _HUBER * MAD * float(np.median(np.abs(residual))) + 1e-300
+        scale = _HUBER * float(robust_sigma(residual)) + 1e-300
         weight = np.minimum(scale / np.maximum(np.abs(residual), 1e-300), 1.0)
     return np.asarray(residual), np.asarray(coefficients)

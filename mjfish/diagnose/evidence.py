@@ -128,12 +128,11 @@ class Evidence:
             p.name: float(np.sqrt(18.0 * max(v, 0.0))) * p.scale for p, v in zip(own, np.diag(inverse), strict=True)
         }
 
-    def null_draws(self, rng: np.random.Generator, mean: FloatArray | None = None) -> FloatArray:
-        """Return score vectors (DRAWS, d) ~ N(mean, I) as noise alone would give them."""
+    def null_draws(self, rng: np.random.Generator) -> FloatArray:
+        """Return score vectors (DRAWS, d) ~ N(0, I) as noise alone would give them."""
         values, vectors = np.linalg.eigh(self.information)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        draws = rng.standard_normal((DRAWS, len(values))) @ root.T
-        return np.asarray(draws if mean is None else draws + mean)
+        return np.asarray(rng.standard_normal((DRAWS, len(values))) @ root.T)
 
     def directed_p(self, rng: np.random.Generator) -> float:
         """Return the family-wise p value of the largest candidate (Westfall-Young), on the scale of chi2 tails.

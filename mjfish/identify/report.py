@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, robust_sigma
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 from mjfish.identify.assessment import Assessment, assess
@@ -189,7 +189,7 @@ def _spread(residual: FloatArray, loss: str) -> FloatArray:
     """Return the sigma (3,) of residuals (n, 3): their RMS, or where outliers are expected 1.4826 of their median."""
     if loss == "linear":
         return np.asarray(np.sqrt(np.mean(residual**2, axis=0)))
-    return np.asarray(1.4826 * np.median(np.abs(residual), axis=0))
+    return robust_sigma(residual)
 
 
 def _remarks(trials: tuple[Trial, ...]) -> Iterator[str]:

@@ -11,13 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, robust_sigma
 
 #: Longest end that is looked at, samples.
 _LONGEST = 20
 #: Chance at which the very last samples must be too large, and the others for the end to reach there.
 _ALARM, _REACH = 1e-4, 1e-2
-_MAD = 1.4826
 
 
 def noisy_ends(residuals: Sequence[FloatArray]) -> int:
@@ -26,7 +25,7 @@ def noisy_ends(residuals: Sequence[FloatArray]) -> int:
     Args:
         residuals: (n_r, 3) of every run, less what any cause explains.
     """
-    sigma = _MAD * np.median(np.abs(np.concatenate(residuals)), axis=0) + 1e-300
+    sigma = robust_sigma(np.concatenate(residuals)) + 1e-300
     last = np.stack([np.pad(r / sigma, ((_LONGEST, 0), (0, 0)))[: -_LONGEST - 1 : -1] for r in residuals])
     square = np.mean(last**2, axis=(0, 2))
     count = 3 * len(residuals)
