@@ -27,8 +27,9 @@ from mjfish.trial import Trial
 MARGIN = 0.1
 #: A CPG goes on this long behind the last sample: a clock may be that far ahead [s].
 LEAD = 0.25
-#: Largest product of step and fastest rate of the flexible tail; Runge-Kutta is stable below 2.8.
-_STIFFNESS = 2.0
+#: Largest product of step and fastest rate of the flexible tail; Runge-Kutta is stable below 2.8. Of shorter steps than
+#: this [s] it is less in proportion: who asks for a finer step has a finer tail, too.
+_STIFFNESS, _COARSE = 2.0, 0.005
 #: Share of the speed of the tail that is left where the head is free to recoil and the tail gives way.
 _RECOIL = 0.25
 #: Octaves by which the step is shortened for it at most.
@@ -234,7 +235,7 @@ def joint_motion(
 
 
 def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, float]) -> float:
-    """Shorten the step, by half octaves, until the elastic deflection of the tail, if any, is integrated stably.
+    """Shorten the step, by half octaves, until the elastic deflection of the tail, if any, is integrated well.
 
     Its rates are those of the spring, sqrt(1 / (compliance J)), of its damping, and of the drag linearised about the
     sideways speed U of the tail, rho c_d U INT h r^2 dr / J; J is the inertia about the joint, half of it because the
@@ -248,7 +249,7 @@ def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, f
     second_moment = float(outline.height_moment[-1, 2])
     drag = fish.density * max(values["c_d.tail"], 0.0) * _RECOIL * _tail_speed(fish.links, asked) * second_moment
     rate = np.sqrt(1.0 / (fish.tail_compliance * inertia)) + (fish.tail_damping + drag) / inertia
-    octaves = 0.5 * np.ceil(2.0 * np.log2(max(step * rate / _STIFFNESS, 1.0)))
+    octaves = 0.5 * np.ceil(2.0 * np.log2(max(max(step, _COARSE) * rate / _STIFFNESS, 1.0)))
     return float(step / 2.0 ** min(octaves, _FINEST))
 
 

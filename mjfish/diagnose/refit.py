@@ -12,6 +12,7 @@ from mjfish.arrays import FloatArray
 from mjfish.diagnose.algebra import chance
 from mjfish.diagnose.evidence import Evidence
 from mjfish.diagnose.progress import Progress, silent
+from mjfish.diagnose.resolution import finer
 from mjfish.diagnose.side_by_side import side_by_side, with_jobs
 from mjfish.diagnose.starts import best_start, off_null, other_valleys
 from mjfish.effects.effect import Effect
@@ -28,6 +29,8 @@ _MISFIT = 1.1
 #: Share of the best gain from which a coarse refit is followed to its optimum; how far it may be behind where the best
 #: fits, as a share and at least.
 _RUNNING, _DISTANCE, _WEAK = 0.25, 0.3, 100.0
+#: How often another valley is looked for, from one to the next.
+_LOOKS = 3
 #: A fit that is behind the best is followed until a step gains less than this share of its distance.
 _BEHIND = 0.01
 #: How many candidates are refitted for their score alone.
@@ -210,7 +213,7 @@ def refined(one: Refit, best: float) -> Refit:
     """Follow a refit to its optimum; while nothing fits, once more with the coefficients at their declared starts.
 
     A large effect drags the coefficients of the nominal model far off, and from there an optimum may be out of reach.
-    What is not smooth may lie in another valley: half and twice of it are tried.
+    What is not smooth may lie in another valley: sizes from half to twice of it are tried.
 
     Args:
         one: a coarse refit.
@@ -218,12 +221,29 @@ def refined(one: Refit, best: float) -> Refit:
     """
     there = one.fit.status == "converged"
     result = one.fit if there else _followed(one.problem, one.fit.x, one.fit.sse, best)
-    if min(best, result.sse) > _MISFIT * len(result.residual):
+    fits = min(best, result.sse) <= _MISFIT * len(result.residual)
+    if not fits:
         start = one.problem.start(one.parameter_values())
         result = min(result, _followed(one.problem, start, result.sse, best), key=lambda each: each.sse)
-    for start in other_valleys(result, one.problem):
-        result = min(result, _followed(one.problem, start, result.sse, best), key=lambda each: each.sse)
-    return replace(one, fit=result, gain=one.gain + one.fit.sse - result.sse) if result.sse <= one.fit.sse else one
+    for _ in range(_LOOKS):
+        starts = other_valleys(result, one.problem, fits=fits)
+        others = [_followed(one.problem, start, result.sse, best) for start in starts]
+        lower = min([result, *others], key=lambda each: each.sse)
+        if lower is result:
+            break
+        result = lower
+    if result.sse <= one.fit.sse:
+        one = replace(one, fit=result, gain=one.gain + one.fit.sse - result.sse)
+    return _resolved(one)
+
+
+def _resolved(one: Refit) -> Refit:
+    """Shorten the integration step where its error would show with the cause in the model, and fit once more."""
+    problem = finer(one.problem, one.fit.x, TOLERANCE)
+    if problem is one.problem:
+        return one
+    result = fit(problem, one.fit.x, tolerance=TOLERANCE)
+    return replace(one, problem=problem, fit=result, gain=one.gain + one.fit.sse - result.sse)
 
 
 def _followed(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:

@@ -23,6 +23,7 @@ from mjfish.diagnose.noise.smoothed import smoothing_of
 from mjfish.diagnose.noise.stepwise import Stepwise
 from mjfish.diagnose.progress import Progress, part
 from mjfish.diagnose.refit import Refit, abrupt, refined, refits, settled
+from mjfish.diagnose.resolution import resolved
 from mjfish.diagnose.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.identify import Fit, Noise, Problem, fit
@@ -30,13 +31,6 @@ from mjfish.identify.smoothing import Differentiator
 
 #: A change of sigma by less than this share leaves the weights as they are; of other numbers of a noise by four times.
 _SAME = 0.05
-#: Longest and shortest integration step [s], and what its error may add to a sum of squares in units of the noise.
-_LONGEST, _SHORTEST = 0.005, 0.00125
-_UNSEEN = 0.1
-#: Power of the step by which that falls, a little less than the eight of a method of fourth order.
-_POWER = 7.0
-#: Step of the derivatives in steps of the rollouts.
-_SLOPES = 2.0
 #: Shares of the alarm's rate that the tests may use up [Rosenthal1983]: that of the candidates' scores, of the omnibus
 #: basis, of the refits of what is not smooth. The first sees most; what the others find is seldom close.
 _DIRECTED, _OMNIBUS, _ABRUPT = 0.625, 0.125, 0.25
@@ -184,19 +178,6 @@ class _Look:
         """Return what is seen under another noise; the same where it is not another."""
         problem, baseline = seen.evidence.problem, seen.evidence.fit
         return seen if _same(noise, problem.noise) else self.at(problem, baseline, noise)
-
-
-def resolved(problem: Problem) -> tuple[Problem, FloatArray]:
-    """Return the problem with the longest step whose error the data cannot see, and the fit there as a start.
-
-    The error is the change of the whitened prediction on halving the step; its sum of squares is what the step adds to
-    any statistic.
-    """
-    rough, fine = (replace(problem, model=replace(problem.model, step=by * _LONGEST)) for by in (1.0, 0.5))
-    x = fit(rough, tolerance=1e-4).x
-    error = float(np.sum((rough.residual(x) - fine.residual(x)) ** 2))
-    step = max(_LONGEST * min(_UNSEEN / max(error, 1e-300), 1.0) ** (1.0 / _POWER), _SHORTEST)
-    return replace(problem, model=replace(problem.model, step=step), slope_step=_SLOPES * step), x
 
 
 def _same(new: Noise, old: Noise) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -18,6 +18,8 @@ _MULTIPLES = (0.3, 1.0, 3.0)
 _GRID = (0.1, 0.2, 0.6, 1.25, 1.5, 1.75, 2.0, 2.5)
 #: Change of the sum of squares from which on a size is felt, and how closely and how far above the least such is tried.
 _FELT, _HALVINGS, _ABOVE = 0.5, 8, (0.003, 0.006, 0.012, 0.025, 0.05)
+#: Multiples of a fitted amplitude at which another valley is looked for.
+_VALLEYS = tuple(2.0 ** (k / 4.0) for k in (-4, -3, -2, -1, 1, 2, 3, 4))
 #: How many of the most promising starts are looked at once more, with the coefficients moved.
 _TRIED = 3
 #: An amplitude that cannot be negative may come nearer to zero than its effect says (`Effect.least`): to this share of
@@ -90,24 +92,43 @@ class _Tried:
         return np.asarray([*self.starts, *promising][int(np.argmin(left))])
 
 
-def other_valleys(found: Fit, problem: Problem) -> list[FloatArray]:
-    """Return, per amplitude that is not smooth at its null, where half or twice of it explains more than the fit does.
+def other_valleys(found: Fit, problem: Problem, *, fits: bool = True) -> list[FloatArray]:
+    """Return, per amplitude that is not smooth at its null, where another explains more than the fit does.
 
-    Along such an amplitude the sum of squares has several valleys; the other free parameters are moved along.
+    Along such an amplitude the sum of squares has several valleys, of a tail that rings by less than an octave apart:
+    sizes from half to twice are tried, the other free parameters moved along.
+
+    Args:
+        found: where a fit has ended.
+        problem: its problem.
+        fits: False: it leaves something systematic, and the best other valley is worth a look though it seems higher.
     """
     rough = [p.name for effect in problem.model.effects if not effect.smooth for p in effect.parameters if not p.shape]
     better = []
     for column, p in enumerate(problem.parameters):
         if p.name in rough:
             tried = _Tried(found, problem, p.name)
-            for size in (0.5 * found.x[column], 2.0 * found.x[column]):
+            for multiple in _VALLEYS:
                 start = found.x.copy()
-                start[column] = np.clip(size, p.low, p.high)
+                start[column] = np.clip(multiple * found.x[column], p.low, p.high)
                 tried.add(start)
             there = tried.best()
             if float(np.sum(problem.residual(there) ** 2)) < found.sse:
                 better.append(there)
+            elif not fits and (valley := _valley(tried.promised, found.sse)) is not None:
+                better.append(tried.moved[valley])
     return better
+
+
+def _valley(promised: Sequence[float], here: float) -> int | None:
+    """Return which of `_VALLEYS` is the floor of the best valley but that where the fit is; None: there is no other."""
+    below = sum(multiple < 1.0 for multiple in _VALLEYS)
+    sums = np.concatenate([[np.inf], promised[:below], [here], promised[below:], [np.inf]])
+    floors = [k - 1 for k in range(1, len(sums) - 1) if sums[k] < min(sums[k - 1], sums[k + 1]) and k - 1 != below]
+    if not floors:
+        return None
+    lowest = min(floors, key=lambda k: float(sums[k + 1]))
+    return lowest - (lowest > below)
 
 
 def to_the_edge(tried: _Tried, column: int) -> None:

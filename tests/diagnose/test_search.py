@@ -13,7 +13,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.diagnose.evidence import Evidence, gather
 from mjfish.diagnose.progress import silent
 from mjfish.diagnose.refit import refit, refits
-from mjfish.diagnose.search import resolved, search
+from mjfish.diagnose.search import search
 from mjfish.diagnose.starts import off_null, other_valleys, to_the_edge
 from mjfish.effects import find
 from mjfish.fish import Fish
@@ -24,8 +24,6 @@ from mjfish.trial import Dataset
 
 SIGMA = np.array([0.006, 0.006, 0.05])
 LIMIT = find("servo_rate_limit")
-#: Longest integration step [s].
-LONGEST = 0.005
 
 
 @pytest.fixture(scope="module")
@@ -35,29 +33,6 @@ def pike() -> Fish:
 
 def _problem(dataset: Dataset) -> Problem:
     return Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
-
-
-@pytest.mark.parametrize("modes", [["v1"], ["v5", "v7"]])
-def test_the_step_is_as_long_as_its_error_is_unseen(pike: Fish, modes: list[str]) -> None:
-    """Slow swimming takes the longest step; of quick swimming the error is near what may be, not far below it."""
-    problem = _problem(plant(pike, modes, noise=SIGMA, duration=4.0, seed=1))
-    chosen, x = resolved(problem)
-    fine = replace(problem, model=replace(problem.model, step=0.001))
-    error = float(np.sum((chosen.residual(x) - fine.residual(x)) ** 2))
-    assert error < 0.15
-    assert chosen.model.step <= LONGEST
-    assert chosen.model.step == LONGEST or error > 0.005
-
-
-def test_slopes_by_a_rougher_step_lead_to_the_same_fit(pike: Fish) -> None:
-    """Residuals decide where a fit ends; slopes that were wrong, or of another model, would stop it elsewhere."""
-    dataset = plant(pike, ["v3", "v5"], noise=SIGMA, duration=5.2, seed=4)
-    rough, x = resolved(_problem(dataset))
-    assert rough.slope_step == 2.0 * rough.model.step
-    one, other = fit(rough, x), fit(replace(rough, slope_step=None), x)
-    assert one.sse == pytest.approx(other.sse, abs=1e-3)
-    np.testing.assert_allclose(one.jacobian, other.jacobian, atol=0.01 * np.abs(other.jacobian).max())
-    assert np.any(one.jacobian != other.jacobian)
 
 
 def _limited(pike: Fish, sigma: FloatArray) -> tuple[Evidence, float]:
