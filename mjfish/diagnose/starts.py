@@ -123,12 +123,12 @@ def other_valleys(found: Fit, problem: Problem, *, fits: bool = True) -> list[Fl
 def _valley(promised: Sequence[float], here: float) -> int | None:
     """Return which of `_VALLEYS` is the floor of the best valley but that where the fit is; None: there is no other."""
     below = sum(multiple < 1.0 for multiple in _VALLEYS)
-    sums = np.concatenate([[np.inf], promised[:below], [here], promised[below:], [np.inf]])
-    floors = [k - 1 for k in range(1, len(sums) - 1) if sums[k] < min(sums[k - 1], sums[k + 1]) and k - 1 != below]
-    if not floors:
+    sums = [np.inf, *promised[:below], here, *promised[below:], np.inf]
+    floors = [k for k in range(1, len(sums) - 1) if sums[k] < min(sums[k - 1], sums[k + 1]) and k != below + 1]
+    lowest = min(floors, key=lambda k: sums[k], default=None)
+    if lowest is None:
         return None
-    lowest = min(floors, key=lambda k: float(sums[k + 1]))
-    return lowest - (lowest > below)
+    return lowest - 1 if lowest <= below else lowest - 2
 
 
 def to_the_edge(tried: _Tried, column: int) -> None:
