@@ -76,8 +76,8 @@ def test_a_roll_on_film_is_named(tmp_path: Path) -> None:
     """First on every film, named on three of four, and no other cause alone on any; its height to a fifth.
 
     Of eight draws the height was off by 8 % (rms), and the added mass by up to 140 %. The importer puts the sway of the
-    plates down to the joints, off by 0.1 rad: more than it states. Where that leaves more than a tenth of what there was to
-    explain, roll is told and not named (docs/notes/017): the verdict is `cannot_tell`, and no other cause is in it.
+    plates down to the joints, off by 0.1 rad: more than it states. Where that leaves more than a tenth unexplained,
+    roll is told and not named (docs/notes/017): the verdict is `cannot_tell`, and no other cause is in it.
     """
     verdicts = []
     for seed in range(4):
