@@ -15,6 +15,7 @@ from mjfish.diagnose.fingerprint import fingerprint
 from mjfish.diagnose.force import missing_force
 from mjfish.diagnose.heldout import HeldOut
 from mjfish.diagnose.locate import locate
+from mjfish.diagnose.noise.bursts import bursts
 from mjfish.diagnose.noise.magnitude import too_large
 from mjfish.diagnose.progress import Progress, part, silent
 from mjfish.diagnose.refit import Refit
@@ -80,8 +81,9 @@ def _diagnosed(
     findings, noise_remark = search(problem, applicable, stated, rng, progress)
     evidence, refitted = findings.evidence, findings.refits
     checked = checked.joined(checks.after(evidence.problem, evidence.fit, held))
-    if findings.p_wrong >= ALARM and (finding := too_large(evidence.problem, evidence.fit, checked.repeats)):
-        checked = checked.joined(checks.Checks((finding,)))
+    if findings.p_wrong >= ALARM:
+        taken_for_noise = too_large(evidence.problem, evidence.fit, checked.repeats), bursts(evidence, rng)
+        checked = checked.joined(checks.Checks(tuple(one for one in taken_for_noise if one is not None)))
 
     progress("comparing the candidates", 0.75)
     held_out = HeldOut(evidence, held)
