@@ -9,7 +9,7 @@ import pytest
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.diagnose import diagnose
-from mjfish.diagnose.noise.bursts import burstiness
+from mjfish.diagnose.noise.bursts import burstiness, coincidence, stand_out
 from mjfish.fish import Fish
 from mjfish.plant import plant
 from mjfish.trial import Dataset
@@ -39,8 +39,11 @@ def test_bursts_are_told_from_tails_and_from_channels_that_go_together(seed: int
     }
     widths = [WIDTH] * 4
     for runs in quiet.values():
-        assert burstiness(runs, widths, rng) < 3.5
-    assert burstiness([_jerked(run, range(20, 380, 60), 1.5) for run in quiet["white"]], widths, rng) > 6.0
+        bursty = burstiness(runs, widths, rng)
+        assert abs(bursty) < 3.5
+        assert not stand_out(bursty, coincidence(runs))
+    jerked = [_jerked(run, range(20, 380, 60), 1.5) for run in quiet["white"]]
+    assert stand_out(burstiness(jerked, widths, rng), coincidence(jerked))
 
 
 def _swum(pike: Fish, size: float) -> Dataset:
