@@ -19,6 +19,7 @@ from mjfish.identify import Problem, fit
 from mjfish.identify.noise import estimate
 from mjfish.plan.calibration import settled
 from mjfish.plan.fitted import baseline, fit_rivals, with_noise_of_the_best
+from mjfish.plan.gain import NONE
 from mjfish.plan.menu import Menu, Run
 from mjfish.plan.odds import chance
 from mjfish.plan.question import Question, of_diagnosis
@@ -149,7 +150,7 @@ def _pair(d: Distances, a: str, b: str, run: int | None) -> Pair:
     after = now if run is None else (d.lambdas(a, b, run), d.lambdas(b, a, run))
     margin = d.sse[b] - d.sse[a]
     gains = d.gain(a, b, run), d.gain(b, a, run)
-    return Pair(a, b, min(now), min(after), chance(margin, (0.0, 0.0)), chance(margin, gains))
+    return Pair(a, b, min(now), min(after), chance(margin, (NONE, NONE)), chance(margin, gains))
 
 
 def _calibrations(rivals: Sequence[Effect], d: Distances) -> list[Option]:

@@ -1,27 +1,23 @@
 r"""The chance of a right verdict on two rivals, given the data at hand.
 
-The margin of the data, m = SSE_l - SSE_k, is known. A run more, were k true at its own fit, adds to it
-
-    g_{k|l} = min over dx of |d_m - J_m dx|^2 + |J dx|^2,   d_m = eta_k - eta_l on the run,
-
-on average: what the refit of l cannot follow, d_m'(1 + J_m C J_m')^-1 d_m with C the covariance of l's estimates
-([Buzzi-Ferraris1984]); its variance is 4 g. A verdict drops l once its likelihood is a tenth of that of k
+The margin of the data, m = SSE_l - SSE_k, is known; what a run adds to it where k is true has a mean g and a standard
+deviation s (`mjfish.plan.gain`). A verdict drops l once its likelihood is a tenth of that of k
 (`mjfish.diagnose.select.CLOSE`); that noise would lead so far in less than 5 % of cases, were l the truth, is then so
 too: 2 z sqrt(lambda) - lambda, z = 1.645, is 2.7 at most. So
 
-    P_k = Phi((m + g_{k|l} - 2 ln 10) / (2 sqrt(g_{k|l})))
+    P_k = Phi((m + g - 2 ln 10) / s)
 
-Which of the two is true has odds exp(m / 2). Of data not yet taken (m = 0, g = lambda) and large lambda that tends to
-Phi(sqrt(lambda) / 2), which is Phi(sqrt(lambda_k (1 - rho) / 2)) of nearly parallel signatures, lambda = lambda_k
-(1 - rho^2).
+Which of the two is true has odds exp(m / 2). Of data not yet taken, of parameters that are known and of large lambda
+(m = 0, g = lambda, s = 2 sqrt(lambda)) that tends to Phi(sqrt(lambda) / 2), which is Phi(sqrt(lambda_k (1 - rho) / 2))
+of nearly parallel signatures, lambda = lambda_k (1 - rho^2).
 """
 
 from __future__ import annotations
 
-import numpy as np
 from scipy import special, stats
 
 from mjfish.diagnose.select import CLOSE
+from mjfish.plan.gain import Gain
 
 
 def drops(margin: float) -> bool:
@@ -29,22 +25,22 @@ def drops(margin: float) -> bool:
     return margin >= CLOSE
 
 
-def told(margin: float, gain: float) -> float:
+def told(margin: float, gain: Gain) -> float:
     """Return P_k, the chance that l is dropped where k is true.
 
     Args:
         margin: SSE_l - SSE_k of the data at hand.
-        gain: g_{k|l} of the run; 0 of none.
+        gain: of the run, where k is true; `mjfish.plan.gain.NONE` without one.
     """
-    return float(stats.norm.cdf((margin + gain - CLOSE) / (2.0 * np.sqrt(max(gain, 1e-12)))))
+    return float(stats.norm.cdf((margin + gain.mean - CLOSE) / max(gain.spread, 1e-6)))
 
 
-def chance(margin: float, gains: tuple[float, float]) -> float:
+def chance(margin: float, gains: tuple[Gain, Gain]) -> float:
     """Return the chance that the true one of (k, l) is told.
 
     Args:
         margin: SSE_l - SSE_k of the data at hand.
-        gains: g_{k|l} and g_{l|k} of the run.
+        gains: of the run, where k is true and where l is.
     """
     first = float(special.expit(0.5 * margin))
     return first * told(margin, gains[0]) + (1.0 - first) * told(-margin, gains[1])

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
+from itertools import combinations
 
 import numpy as np
 
@@ -24,79 +24,36 @@ from mjfish.arrays import FloatArray
 from mjfish.identify import Problem
 from mjfish.parameter import Parameter
 from mjfish.plan.fitted import Fitted
+from mjfish.plan.gain import NONE, Gain, gain
 from mjfish.plan.menu import Run
-
-#: Directions below this share of the strongest are numerical dust.
-_RANK = 1e-10
-
-
-@dataclass(frozen=True, eq=False)
-class Sums:
-    """Sums over runs that lambda is made of.
-
-    Attributes:
-        names: of the columns of J, in units of the parameters' scales.
-        gram: J'J (p, p).
-        moment: J'd (p,).
-        square: d'd.
-    """
-
-    names: tuple[str, ...]
-    gram: FloatArray
-    moment: FloatArray
-    square: float
-
-    def __add__(self, other: Sums) -> Sums:
-        """Join runs; columns of the same name are the same parameter."""
-        names = (*self.names, *(name for name in other.names if name not in self.names))
-        gram, moment = np.zeros((len(names), len(names))), np.zeros(len(names))
-        for part in (self, other):
-            at = [names.index(name) for name in part.names]
-            gram[np.ix_(at, at)] += part.gram
-            moment[at] += part.moment
-        return Sums(names, gram, moment, self.square + other.square)
-
-    @property
-    def apart(self) -> float:
-        """Return lambda."""
-        explained = self.moment @ solve(self.gram, self.moment[:, None])[:, 0]
-        return max(self.square - float(explained), 0.0)
-
-
-def solve(gram: FloatArray, right: FloatArray) -> FloatArray:
-    """Return gram^+ right (p, k) of a positive semi-definite gram, its columns first scaled to length 1."""
-    length = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    values, vectors = np.linalg.eigh(gram / np.outer(length, length))
-    kept = values > _RANK * max(float(values[-1]), 1e-300) if len(values) else np.zeros(0, dtype=bool)
-    inner = vectors[:, kept].T @ (right / length[:, None])
-    return np.asarray(vectors[:, kept] @ (inner / values[kept, None]) / length[:, None])
+from mjfish.plan.sums import Sums, column, gram_of, scales
 
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """Sums of every ordered pair of rivals: of the data, and of every run of the menu.
+    """Sums of every pair of rivals, J = [J_k, J_l]: of the data, and of every run of the menu.
 
     Attributes:
-        old: by (k, l).
-        new: by (k, l), one a run; None of a run in which a rival diverges.
+        old: by the pair; their columns are named (rival, parameter).
+        new: by the pair, one a run; None of a run in which a rival diverges.
         sse: of every rival's own fit.
     """
 
-    old: dict[tuple[str, str], Sums]
-    new: dict[tuple[str, str], tuple[Sums | None, ...]]
+    old: dict[frozenset[str], Sums]
+    new: dict[frozenset[str], tuple[Sums | None, ...]]
     sse: dict[str, float]
 
     def lambdas(self, k: str, l: str, run: int | None = None) -> float:  # noqa: E741 - the equation's
         """Return lambda_{k|l} of the data, and of the data with a run more."""
-        added = None if run is None else self.new[k, l][run]
-        return (self.old[k, l] if added is None else self.old[k, l] + added).apart
+        pair = frozenset((k, l))
+        added = None if run is None else self.new[pair][run]
+        return (self.old[pair] if added is None else self.old[pair] + added).of(l).apart
 
-    def gain(self, k: str, l: str, run: int | None = None) -> float:  # noqa: E741 - the equation's
-        """Return g_{k|l}: what a run is expected to add to the margin of the data (`mjfish.plan.odds`)."""
-        added = None if run is None else self.new[k, l][run]
-        fitted = self.old[k, l]
-        # At its own fit l is at the bottom of its misfit of the data: no moment there.
-        return 0.0 if added is None else (replace(fitted, moment=0.0 * fitted.moment, square=0.0) + added).apart
+    def gain(self, k: str, l: str, run: int | None = None) -> Gain:  # noqa: E741 - the equation's
+        """Return what a run is expected to add to the margin of the data."""
+        pair = frozenset((k, l))
+        added = None if run is None else self.new[pair][run]
+        return NONE if added is None else gain(self.old[pair], added, k, l)
 
     def possible(self, run: int) -> bool:
         """Whether no rival diverges in a run."""
@@ -106,64 +63,63 @@ class Distances:
 def distances(rivals: Sequence[Fitted], runs: Sequence[Run]) -> Distances:
     """Compare every pair of rivals at their own fits on the data and on every run."""
     menus = [_on(one.problem, runs) for one in rivals]
-    there = [
-        [one.problem.predictions(one.fit.x), menu.predictions(_x(one, menu))]
-        for one, menu in zip(rivals, menus, strict=True)
-    ]
-    slopes = [_slopes(one, menu) for one, menu in zip(rivals, menus, strict=True)]
+    here = [_here(one) for one in rivals]
+    there = [_there(one, menu) for one, menu in zip(rivals, menus, strict=True)]
     old, new = {}, {}
-    for k, l in permutations(range(len(rivals)), 2):  # noqa: E741
-        pair = rivals[k].effect.name, rivals[l].effect.name
-        problem, menu = rivals[l].problem, menus[l]
-        names = tuple(p.name for p in rivals[l].free)
-        parts = [
-            _sums(problem, i, names, there[k][0][i] - there[l][0][i], slopes[l][0][i])
-            for i in range(len(problem.trials))
-        ]
+    for k, l in combinations(range(len(rivals)), 2):  # noqa: E741
+        pair = frozenset((rivals[k].effect.name, rivals[l].effect.name))
+        problem = rivals[l].problem
+        parts = [_sums(problem, i, here[k], here[l]) for i in range(len(problem.trials))]
         old[pair] = _total([part for part in parts if part is not None])
-        added = tuple(p.name for p in menu.parameters if p.name in names or ":" in p.name)
-        new[pair] = tuple(
-            _sums(menu, i, added, there[k][1][i] - there[l][1][i], slopes[l][1][i]) for i in range(len(runs))
-        )
+        new[pair] = tuple(_sums(menus[l], i, there[k], there[l]) for i in range(len(runs)))
     return Distances(old, new, {one.effect.name: one.fit.sse for one in rivals})
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """What a rival says of the runs: predictions, and their slopes by what a refit can move, in units of the scales."""
+
+    rival: str
+    moved: tuple[str, ...]
+    predictions: list[FloatArray]
+    slopes: list[FloatArray]
+
+    def of(self, i: int, trial: str) -> tuple[tuple[str, ...], FloatArray]:
+        """Return the columns of a trial and their names, without what is another trial's own."""
+        own = [j for j, name in enumerate(self.moved) if name.partition(":")[0] in (name, trial)]
+        return tuple(column(self.rival, self.moved[j]) for j in own), self.slopes[i][:, :, own]
+
+
+def _view(one: Fitted, problem: Problem, x: FloatArray, moved: Sequence[Parameter]) -> _View:
+    blocks = problem.sensitivities(x, only=[p.name for p in moved])
+    names = tuple(p.name for p in moved)
+    return _View(one.effect.name, names, problem.predictions(x), [b * scales(moved) for b in blocks])
+
+
+def _here(one: Fitted) -> _View:
+    return _view(one, one.problem, one.fit.x, one.free)
+
+
+def _there(one: Fitted, menu: Problem) -> _View:
+    free = {p.name for p in one.free}
+    moved = [p for p in menu.parameters if p.name in free or ":" in p.name]
+    return _view(one, menu, menu.start(one.problem.named(one.fit.x)), moved)
 
 
 def _on(problem: Problem, runs: Sequence[Run]) -> Problem:
     return replace(problem, trials=tuple(run.trial for run in runs), windows=None, ends=0)
 
 
-def _x(one: Fitted, menu: Problem) -> FloatArray:
-    return menu.start(one.problem.named(one.fit.x))
-
-
-def _slopes(one: Fitted, menu: Problem) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Return the sensitivities of the data and of the menu, in units of the scales, by what a refit can move."""
-    free = [p.name for p in one.free]
-    old = one.problem.sensitivities(one.fit.x, only=free)
-    moved = [p for p in menu.parameters if p.name in free or ":" in p.name]
-    new = menu.sensitivities(_x(one, menu), only=[p.name for p in moved])
-    return [b * scales(one.free) for b in old], [b * scales(moved) for b in new]
-
-
-def scales(parameters: Sequence[Parameter]) -> FloatArray:
-    """Return the scales (p,) of parameters."""
-    return np.array([p.scale for p in parameters])
-
-
-def _sums(problem: Problem, i: int, names: tuple[str, ...], d: FloatArray, slope: FloatArray) -> Sums | None:
+def _sums(problem: Problem, i: int, k: _View, l: _View) -> Sums | None:  # noqa: E741
     """Return the sums of one trial; None where a prediction is not finite."""
+    d = k.predictions[i] - l.predictions[i]
     if not np.all(np.isfinite(d)):
         return None
-    joined = np.concatenate([slope, d[problem.mask(i)][:, :, None]], axis=2)
+    views = [view.of(i, problem.trials[i].name) for view in (k, l)]
+    joined = np.concatenate([*(block for _, block in views), d[problem.mask(i)][:, :, None]], axis=2)
     gram = gram_of(problem, i, joined)
+    names = tuple(name for names, _ in views for name in names)
     return Sums(names, gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]))
-
-
-def gram_of(problem: Problem, i: int, block: FloatArray) -> FloatArray:
-    """Return B'B (k, k) of the whitened columns of a block (n_i, 3, k) of the counted samples of trial i."""
-    white = problem.whitened(i, block)
-    white = white.reshape(-1, white.shape[2])
-    return np.asarray(white.T @ white)
 
 
 def _total(parts: Sequence[Sums]) -> Sums:

@@ -12,7 +12,7 @@ from mjfish.effects.effect import Effect
 from mjfish.identify import Fit, Problem
 from mjfish.parameter import Parameter
 from mjfish.plan.menu import Run
-from mjfish.plan.separation import Sums, gram_of, scales, solve
+from mjfish.plan.sums import Sums, gram_of, scales, solve
 
 #: lambda that a family of some twenty causes at 5 % needs for 90 % power: (2.99 + 1.28)^2.
 SEEN = 18.0

@@ -16,7 +16,7 @@ from mjfish.errors import InputError
 from mjfish.identify import fit
 from mjfish.plan import Menu, Plan, Question, advise, generate
 from mjfish.plan.fitted import baseline
-from mjfish.plan.separation import Sums
+from mjfish.plan.sums import Sums
 from mjfish.plan.visibility import Visibility
 from mjfish.trial import Dataset, load, read_table, save, write_table
 

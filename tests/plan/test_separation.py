@@ -13,7 +13,8 @@ from mjfish.effects import find
 from mjfish.identify import fit
 from mjfish.plan.fitted import Fitted, baseline, fit_rivals
 from mjfish.plan.menu import Menu, Run
-from mjfish.plan.separation import Sums, distances, solve
+from mjfish.plan.separation import distances
+from mjfish.plan.sums import Sums, solve
 
 CASES = {
     "clock": ("time_offset", "servo_lag", {"time_offset.offset": -0.003}),
