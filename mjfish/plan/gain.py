@@ -15,8 +15,8 @@ d is made of estimates: noise that the two fits do not share passes for a differ
 
     tr(P_l Cov(d)),    Cov(d) = J_k C_k J_k' + J_l C_l J_l' - J_k C_kl J_l' - J_l C_lk J_k',    C_kl = C_k J_0k'J_0l C_l
 
-on average, and that is taken off (down to nothing; of the variance, in the same proportion). What is left is approximate:
-no more is assumed of the sizes than that, and u is as wide as the data leave it (docs/plan.md has how often it was right).
+on average, and that is taken off (down to nothing; of the variance, in the same proportion). It is an approximation:
+nothing else is assumed of sizes, and u is as wide as the data leave it. docs/plan.md has how often it was right.
 """
 
 from __future__ import annotations
