@@ -119,7 +119,7 @@ class Problem:
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> FloatArray:
         """Return the derivative (n_r, 3, k) of one trial's prediction by the chosen parameters."""
         result = np.zeros((len(trial.time), len(CHANNELS), len(chosen)))
-        own = {k: p.name.removeprefix(f"{trial.name}:") for k, p in enumerate(chosen) if not _elsewhere(p, trial)}
+        own = {k: p.name.removeprefix(f"{trial.name}:") for k, p in enumerate(chosen) if not elsewhere(p, trial)}
         model = self._sloping
         rough = [k for k, name in own.items() if one_sided(model, name, here[chosen[k].name])]
         exact = [k for k in own if k not in rough]
@@ -254,7 +254,7 @@ def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:
     return (*declared, *clocks.parameters(trial))
 
 
-def _elsewhere(parameter: Parameter, trial: Trial) -> bool:
+def elsewhere(parameter: Parameter, trial: Trial) -> bool:
     """Return whether the parameter is a nuisance of another trial."""
     owner, separator, _ = parameter.name.rpartition(":")
     return bool(separator) and owner != trial.name

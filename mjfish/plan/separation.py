@@ -15,18 +15,23 @@ order in the effect it is psi_k' D_{k|l} psi_k of the score tests ([Eriksson2013
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import reduce
 from itertools import combinations
+from operator import add
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.identify import Problem
+from mjfish.identify.problem import elsewhere
 from mjfish.parameter import Parameter
 from mjfish.plan.fitted import Fitted
 from mjfish.plan.gain import NONE, Gain, gain
 from mjfish.plan.menu import Run
-from mjfish.plan.sums import Sums, column, gram_of, scales
+from mjfish.plan.slopes import on_menu, slopes
+from mjfish.plan.sums import Sums, column, gram_of
+from mjfish.trial import Trial
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +39,7 @@ class Distances:
     """Sums of every pair of rivals, J = [J_k, J_l]: of the data, and of every run of the menu.
 
     Attributes:
-        old: by the pair; their columns are named (rival, parameter).
+        old: by the pair; columns are named by `mjfish.plan.sums.column`.
         new: by the pair, one a run; None of a run in which a rival diverges.
         sse: of every rival's own fit.
     """
@@ -45,15 +50,17 @@ class Distances:
 
     def lambdas(self, k: str, l: str, run: int | None = None) -> float:  # noqa: E741 - the equation's
         """Return lambda_{k|l} of the data, and of the data with a run more."""
-        pair = frozenset((k, l))
-        added = None if run is None else self.new[pair][run]
-        return (self.old[pair] if added is None else self.old[pair] + added).of(l).apart
+        old, new = self._sums(k, l, run)
+        return (old if new is None else old + new).of(l).apart
 
     def gain(self, k: str, l: str, run: int | None = None) -> Gain:  # noqa: E741 - the equation's
         """Return what a run is expected to add to the margin of the data."""
+        old, new = self._sums(k, l, run)
+        return NONE if new is None else gain(old, new, k, l)
+
+    def _sums(self, k: str, l: str, run: int | None) -> tuple[Sums, Sums | None]:  # noqa: E741
         pair = frozenset((k, l))
-        added = None if run is None else self.new[pair][run]
-        return NONE if added is None else gain(self.old[pair], added, k, l)
+        return self.old[pair], None if run is None else self.new[pair][run]
 
     def possible(self, run: int) -> bool:
         """Whether no rival diverges in a run."""
@@ -62,7 +69,7 @@ class Distances:
 
 def distances(rivals: Sequence[Fitted], runs: Sequence[Run]) -> Distances:
     """Compare every pair of rivals at their own fits on the data and on every run."""
-    menus = [_on(one.problem, runs) for one in rivals]
+    menus = [on_menu(one.problem, runs) for one in rivals]
     here = [_here(one) for one in rivals]
     there = [_there(one, menu) for one, menu in zip(rivals, menus, strict=True)]
     old, new = {}, {}
@@ -70,7 +77,7 @@ def distances(rivals: Sequence[Fitted], runs: Sequence[Run]) -> Distances:
         pair = frozenset((rivals[k].effect.name, rivals[l].effect.name))
         problem = rivals[l].problem
         parts = [_sums(problem, i, here[k], here[l]) for i in range(len(problem.trials))]
-        old[pair] = _total([part for part in parts if part is not None])
+        old[pair] = reduce(add, (part for part in parts if part is not None))
         new[pair] = tuple(_sums(menus[l], i, there[k], there[l]) for i in range(len(runs)))
     return Distances(old, new, {one.effect.name: one.fit.sse for one in rivals})
 
@@ -80,20 +87,18 @@ class _View:
     """What a rival says of the runs: predictions, and their slopes by what a refit can move, in units of the scales."""
 
     rival: str
-    moved: tuple[str, ...]
+    moved: Sequence[Parameter]
     predictions: list[FloatArray]
     slopes: list[FloatArray]
 
-    def of(self, i: int, trial: str) -> tuple[tuple[str, ...], FloatArray]:
+    def of(self, i: int, trial: Trial) -> tuple[tuple[str, ...], FloatArray]:
         """Return the columns of a trial and their names, without what is another trial's own."""
-        own = [j for j, name in enumerate(self.moved) if name.partition(":")[0] in (name, trial)]
-        return tuple(column(self.rival, self.moved[j]) for j in own), self.slopes[i][:, :, own]
+        own = [j for j, p in enumerate(self.moved) if not elsewhere(p, trial)]
+        return tuple(column(self.rival, self.moved[j].name) for j in own), self.slopes[i][:, :, own]
 
 
 def _view(one: Fitted, problem: Problem, x: FloatArray, moved: Sequence[Parameter]) -> _View:
-    blocks = problem.sensitivities(x, only=[p.name for p in moved])
-    names = tuple(p.name for p in moved)
-    return _View(one.effect.name, names, problem.predictions(x), [b * scales(moved) for b in blocks])
+    return _View(one.effect.name, moved, problem.predictions(x), slopes(problem, x, moved))
 
 
 def _here(one: Fitted) -> _View:
@@ -106,24 +111,13 @@ def _there(one: Fitted, menu: Problem) -> _View:
     return _view(one, menu, menu.start(one.problem.named(one.fit.x)), moved)
 
 
-def _on(problem: Problem, runs: Sequence[Run]) -> Problem:
-    return replace(problem, trials=tuple(run.trial for run in runs), windows=None, ends=0)
-
-
 def _sums(problem: Problem, i: int, k: _View, l: _View) -> Sums | None:  # noqa: E741
     """Return the sums of one trial; None where a prediction is not finite."""
     d = k.predictions[i] - l.predictions[i]
     if not np.all(np.isfinite(d)):
         return None
-    views = [view.of(i, problem.trials[i].name) for view in (k, l)]
+    views = [view.of(i, problem.trials[i]) for view in (k, l)]
     joined = np.concatenate([*(block for _, block in views), d[problem.mask(i)][:, :, None]], axis=2)
     gram = gram_of(problem, i, joined)
     names = tuple(name for names, _ in views for name in names)
     return Sums(names, gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]))
-
-
-def _total(parts: Sequence[Sums]) -> Sums:
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
-    return total

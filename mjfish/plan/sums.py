@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.identify import Problem
-from mjfish.parameter import Parameter
 
 #: Directions below this share of the strongest are numerical dust.
 _RANK = 1e-10
@@ -72,8 +70,3 @@ def gram_of(problem: Problem, i: int, block: FloatArray) -> FloatArray:
     white = problem.whitened(i, block)
     white = white.reshape(-1, white.shape[2])
     return np.asarray(white.T @ white)
-
-
-def scales(parameters: Sequence[Parameter]) -> FloatArray:
-    """Return the scales (p,) of parameters."""
-    return np.array([p.scale for p in parameters])

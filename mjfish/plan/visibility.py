@@ -12,7 +12,8 @@ from mjfish.effects.effect import Effect
 from mjfish.identify import Fit, Problem
 from mjfish.parameter import Parameter
 from mjfish.plan.menu import Run
-from mjfish.plan.sums import Sums, gram_of, scales, solve
+from mjfish.plan.slopes import on_menu, scales, slopes
+from mjfish.plan.sums import Sums, gram_of, solve
 
 #: lambda that a family of some twenty causes at 5 % needs for 90 % power: (2.99 + 1.28)^2.
 SEEN = 18.0
@@ -59,7 +60,7 @@ def visibility(problem: Problem, nominal: Fit, causes: Sequence[Effect], runs: S
     """Derive the nominal model by its coefficients and by every cause at its null, on the data and on the menu."""
     amplitudes = {cause.name: tuple(p for p in cause.parameters if not p.shape) for cause in causes}
     wide = replace(problem, model=replace(problem.model, effects=(*problem.model.effects, *causes)))
-    menu = replace(wide, trials=tuple(run.trial for run in runs), windows=None, ends=0)
+    menu = on_menu(wide, runs)
     here = {p.name: p.default for cause in causes for p in cause.parameters} | problem.named(nominal.x)
     held = {p.name for p, at_bound in zip(nominal.parameters, nominal.at_bound, strict=True) if at_bound}
     shapes = {p.name for cause in causes for p in cause.parameters if p.shape}
@@ -75,8 +76,8 @@ def visibility(problem: Problem, nominal: Fit, causes: Sequence[Effect], runs: S
 
 def _grams(problem: Problem, here: dict[str, float], fixed: set[str]) -> tuple[list[FloatArray], tuple[str, ...]]:
     moved = [p for p in problem.parameters if p.name not in fixed]
-    blocks = problem.sensitivities(problem.start(here), only=[p.name for p in moved])
-    return [gram_of(problem, i, b * scales(moved)) for i, b in enumerate(blocks)], tuple(p.name for p in moved)
+    blocks = slopes(problem, problem.start(here), moved)
+    return [gram_of(problem, i, block) for i, block in enumerate(blocks)], tuple(p.name for p in moved)
 
 
 def _blind(names: tuple[str, ...], gram: FloatArray) -> Sums:

@@ -76,6 +76,22 @@ def test_a_repeat_doubles_lambda_and_turns_no_signature() -> None:
         assert apart.lambdas(*pair, 0) == pytest.approx(2.0 * apart.lambdas(*pair), rel=1e-6)
 
 
+def test_a_repeat_has_a_clock_of_its_own() -> None:
+    """What is a run's own is free in that run alone: the clock of the repeat is not that of the data."""
+    truth, rival, sizes = CASES["current"]
+    dataset = replace(planted(truth, sizes), clock="free")
+    rivals = fit_rivals(baseline(dataset, 1), [find(truth), find(rival)], sizes)
+    again = [run for run in Menu(DURATION).runs(dataset) if run.repeat]
+    apart = distances(rivals, again)
+    (old,), (new,) = apart.old.values(), apart.new.values()
+    assert len(new) == len(again) == 2
+    for sums, owners in ((old, ("v1", "v3")), *((one, (run.name,)) for one, run in zip(new, again, strict=True))):
+        assert sums is not None
+        clocks = {name for name in sums.names if ":" in name}
+        assert clocks == {f"{one}/{owner}:clock.offset" for one in (truth, rival) for owner in owners}
+        assert all(sums.gram[i, i] > 1.0 for i, name in enumerate(sums.names) if name in clocks)
+
+
 def test_sums_of_runs_join_columns_by_name() -> None:
     """A run's own nuisance stays its own; shared parameters add."""
     rng = np.random.default_rng(3)
