@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from mjfish.diagnose import Diagnosis
+from mjfish.diagnose.select import GOODNESS, KEEP
 from mjfish.files import write_text
 from mjfish.report import template
 from mjfish.report.beat import beat_figure
@@ -16,7 +17,7 @@ from mjfish.report.force import force_figure, force_shares
 from mjfish.report.gain import gain_view
 from mjfish.report.series import trial_figures
 from mjfish.report.where import where_view
-from mjfish.report.words import VERDICTS, chance
+from mjfish.report.words import VERDICTS, chance, number
 
 
 def write_report(diagnosis: Diagnosis, path: Path) -> None:
@@ -47,6 +48,8 @@ def _view(diagnosis: Diagnosis) -> dict[str, Any]:
         "force": force_figure(diagnosis),
         "force_shares": force_shares(diagnosis),
         "candidates": candidate_views(diagnosis),
+        "keep": number(KEEP, 1),
+        "goodness": number(GOODNESS, 1),
         "experiments": experiments(diagnosis),
         "coefficients": coefficient_views(diagnosis),
         "sampled": sum(len(overlay.trial.time) for overlay in diagnosis.overlays),

@@ -1,4 +1,4 @@
-"""The parts of the report: numbers in words, thinned curves, the residual over the beat, remarks on candidates."""
+"""The parts of the report: numbers in words, thinned curves and the residual over the beat."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 from diagnosed import diagnosis
 
 from mjfish.diagnose import Estimate
-from mjfish.diagnose.result import Verdict
 from mjfish.report.beat import BINS, beat_figure, binned
 from mjfish.report.candidates import candidate_views
 from mjfish.report.coefficients import coefficient_views
@@ -99,22 +98,6 @@ def test_the_beat_is_shown_of_held_out_trials_alone_where_there_are_any() -> Non
     assert beat_figure(diagnosis(held_out=False))["data"] != beat_figure(one)["data"]
 
 
-def _remarks(verdict: Verdict) -> dict[str, str]:
-    return {view.name: view.remark for view in candidate_views(diagnosis(verdict))}
-
-
-def test_every_candidate_is_judged_in_words() -> None:
-    named = _remarks("named")
-    assert named["servo_lag"] == "The cause: with it in the model nothing systematic is left."
-    assert named["time_offset"].startswith("Ruled out: servo_lag explains")
-    assert "hides 97" in named["time_offset"]
-    assert named["tail_compliance"].endswith("On its bound: damping.")
-    assert named["ambient_current"] == "Not tried: the heading was not recorded."
-    assert _remarks("cannot_tell")["time_offset"].startswith("Possible: the data cannot tell it")
-    assert "something systematic is left" in _remarks("unexplained")["servo_lag"]
-    assert _remarks("nothing_wrong")["servo_lag"].startswith("No sign of it.")
-
-
 def test_what_remains_is_shown_only_of_candidates_in_the_race() -> None:
     views = {view.name: view for view in candidate_views(diagnosis("cannot_tell"))}
     assert (views["servo_lag"].fit_p, views["time_offset"].fit_p, views["tail_compliance"].fit_p) == (
@@ -123,13 +106,6 @@ def test_what_remains_is_shown_only_of_candidates_in_the_race() -> None:
         "–",
     )
     assert {view.rival_p for view in candidate_views(diagnosis("nothing_wrong"))} == {"–"}
-
-
-def test_a_candidate_that_fits_but_gains_nothing_is_said_to_do_so() -> None:
-    one = diagnosis("unexplained")
-    best = replace(one.candidates[0], fit_p=0.5, held_out_gain=-3.0)
-    views = candidate_views(replace(one, candidates=(best, *one.candidates[1:])))
-    assert views[0].remark == "Fits, but makes the held-out trials no better."
 
 
 def test_a_cause_from_a_users_own_file_needs_no_entry_in_the_catalogue() -> None:
