@@ -1,8 +1,9 @@
 """Compilation by numba, cached on disk so that a later process starts at once.
 
 numba's own cache looks at the file of a function only: after an edit in another file that the function calls, it
-would return stale machine code. Here the cache folder carries a hash of every compiled source and of the
-versions below it, so that a stale entry cannot be found.
+would return stale machine code, and in a fresh copy of the same sources it would find nothing. Here the cache folder
+carries a hash of the code of every compiled source and of the versions below it. Comments, docstrings, the place of
+the package and the dates of its files do not count.
 """
 
 from __future__ import annotations
@@ -13,12 +14,15 @@ import os
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from types import CodeType
 from typing import Any, TypeVar
 
 import numba
+from numba.core.caching import _CacheLocator
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_PACKAGE = Path(__file__).parent
 #: Where functions are compiled; sources elsewhere do not end up in machine code.
 _COMPILED_FOLDERS = ("drive", "hydro", "ode", "sim", "effects", "diagnose/noise")
 
@@ -29,13 +33,54 @@ def cache_folder() -> Path:
     digest = hashlib.sha256()
     for library in ("numba", "llvmlite", "numpy", "mujoco"):
         digest.update(f"{library} {version(library)}\n".encode())
-    package = Path(__file__).parent
-    digest.update(Path(__file__).read_bytes())  # how functions are compiled
+    sources = [Path(__file__)]  # how functions are compiled
     for folder in _COMPILED_FOLDERS:
-        for source in sorted((package / folder).rglob("*.py")):
-            digest.update(source.read_bytes())
+        sources += sorted((_PACKAGE / folder).rglob("*.py"))
+    for source in sources:
+        code = compile(source.read_bytes(), "", "exec", dont_inherit=True, optimize=2)
+        digest.update(f"{source.relative_to(_PACKAGE)} {_instructions(code)}\n".encode())
     root = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     return Path(root) / "mjfish" / digest.hexdigest()[:16]
+
+
+def _instructions(code: CodeType) -> tuple[object, ...]:
+    """Return what a code object does, without its place in the file."""
+    constants = [_instructions(item) if isinstance(item, CodeType) else repr(item) for item in code.co_consts]
+    return code.co_code, code.co_names, code.co_varnames, code.co_freevars, constants
+
+
+class SourceLocator(_CacheLocator):  # type: ignore[misc]
+    """Tells numba where the machine code of a function of this package lies: see the top of this file."""
+
+    def __init__(self, file: Path) -> None:
+        self._py_file = str(file)  # numba names it in its warnings
+        self._folder = cache_folder() / file.relative_to(_PACKAGE).with_suffix("")
+
+    def get_cache_path(self) -> str:
+        """Return the folder of the machine code of this file."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """Return nothing: the folder's name carries the hash of the sources."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """Return nothing: functions of one name differ in their bytecode, which is in numba's key."""
+        return ""
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> SourceLocator | None:
+        """Return the locator of a function of this package; None for others and where nothing can be written."""
+        del py_func
+        file = Path(py_file)
+        if not file.is_relative_to(_PACKAGE):
+            return None
+        locator = cls(file)
+        try:
+            locator.ensure_cache_path()
+        except OSError:
+            return None
+        return locator
 
 
 def compiled(function: F) -> F:
@@ -43,7 +88,7 @@ def compiled(function: F) -> F:
 
     Functions of a user's own file are compiled anew in every process: what they read from other files is not hashed.
     """
-    ours = Path(function.__code__.co_filename).is_relative_to(Path(__file__).parent)
+    ours = Path(function.__code__.co_filename).is_relative_to(_PACKAGE)
     with _CacheDir():
         dispatcher: F = numba.njit(cache=ours, nogil=True, error_model="numpy")(function)
     return dispatcher
@@ -51,7 +96,7 @@ def compiled(function: F) -> F:
 
 def inlined(function: F) -> F:
     """Compile like `compiled`, but as a part of every compiled function that calls it: for the innermost loops."""
-    ours = Path(function.__code__.co_filename).is_relative_to(Path(__file__).parent)
+    ours = Path(function.__code__.co_filename).is_relative_to(_PACKAGE)
     with _CacheDir():
         make = numba.njit(cache=ours, nogil=True, error_model="numpy", inline="always")
         dispatcher: F = make(function)
@@ -89,12 +134,16 @@ def c_callback(signature: Any, *, cached: bool = True) -> Callable[[Callable[...
 
 
 class _CacheDir:
-    """Sets numba's cache folder while a function is decorated: numba reads it then and only then."""
+    """Makes numba look into the cache folder while a function is decorated: it decides then and only then.
+
+    A folder that the user set (NUMBA_CACHE_DIR) is left to numba.
+    """
 
     def __enter__(self) -> None:
-        self._before = numba.config.CACHE_DIR
-        if not self._before:
-            numba.config.CACHE_DIR = str(cache_folder())
+        self._before = numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES
+        if not any(self._before):
+            numba.config.CACHE_DIR = str(cache_folder())  # where the file is no file of ours
+            numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.SourceLocator,UserProvidedCacheLocator"
 
     def __exit__(self, *_: object) -> None:
-        numba.config.CACHE_DIR = self._before
+        numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = self._before

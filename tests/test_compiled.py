@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -37,10 +38,27 @@ def test_the_cache_folder_changes_with_any_compiled_source_and_with_nothing_else
     assert _folder_in_fresh_process(tmp_path, tmp_path) == folders[0]
     (package / "report" / "page.py").write_text("x = 1")
     assert _folder_in_fresh_process(tmp_path, tmp_path) == folders[0]
-    for name in ("hydro/force.py", "effects/mine.py"):
-        (package / name).write_text("x = 1")
+    force = (package / "hydro/force.py").read_text()
+    (package / "hydro/force.py").write_text("# A comment alone changes no machine code.\n" + force)
+    assert _folder_in_fresh_process(tmp_path, tmp_path) == folders[0]
+    for name, code in {"hydro/force.py": force + "x = 1", "effects/mine.py": "x = 2"}.items():
+        (package / name).write_text(code)
         folders.append(_folder_in_fresh_process(tmp_path, tmp_path))
     assert len(set(folders)) == 3
+
+
+def test_a_copy_of_the_package_elsewhere_finds_the_machine_code(tmp_path: Path) -> None:
+    """A fresh clone has new dates and a new place; the code is the same."""
+    source = Path(compiling.__file__).parent
+    counts = []
+    for place in ("one", "two"):
+        shutil.copytree(source, tmp_path / place / "mjfish")
+        environment = {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(tmp_path / place), "PATH": ""}
+        code = "from mjfish.effects import catalogue; catalogue()"
+        subprocess.run([sys.executable, "-P", "-c", code], env=environment, check=True, cwd=tmp_path)
+        counts.append(len(list((tmp_path / "mjfish").rglob("*.nbc"))))
+    assert counts[0] > 0
+    assert counts == [counts[0]] * 2
 
 
 def test_numbas_own_setting_is_left_as_it_was() -> None:
