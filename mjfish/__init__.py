@@ -3,20 +3,20 @@
 A fish swims (drive -> body -> water -> camera), a measured fish swims too, and the package explains the difference:
 
 - `mjfish.fish`, `mjfish.drive`, `mjfish.hydro`: the fish, its joint motion, the force of the water;
-- `mjfish.ode`, `mjfish.sim`, `mjfish.crosscheck`: the head-frame equations, MuJoCo, one against the other;
-- `mjfish.trial`, `mjfish.importers`, `mjfish.plant`: measured, imported and planted datasets;
-- `mjfish.effects`, `mjfish.model`, `mjfish.identify`, `mjfish.diagnose`: causes, the extended model, its fit,
+- `mjfish.ode`, `mjfish.mujoco`, `mjfish.simulation`: the head-frame equations, MuJoCo, one against the other;
+- `mjfish.data`, `mjfish.data.importers`, `mjfish.simulation.generate`: measured, imported and planted datasets;
+- `mjfish.effects`, `mjfish.model`, `mjfish.estimation`, `mjfish.diagnosis`: causes, the extended model, its fit,
   the verdict;
-- `mjfish.compare`: anyone's rollouts against measurements;
-- `mjfish.report`, `mjfish.viewlog`, `mjfish.cli`: how it is shown.
+- `mjfish.comparison`: anyone's rollouts against measurements;
+- `mjfish.reporting.html`, `mjfish.reporting.log`, `mjfish.cli`: how it is shown.
 
-The water is there for any MuJoCo model, too: `mjfish.StripFluid`, described in `mjfish.sim`.
+The water is there for any MuJoCo model, too: `mjfish.StripFluid`, described in `mjfish.mujoco`.
 """
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mjfish.sim import StripFluid, StripLink
+    from mjfish.mujoco import StripFluid, StripLink
 
 __all__ = ["StripFluid", "StripLink"]
 
@@ -25,7 +25,7 @@ def __getattr__(name: str) -> Any:
     """Import MuJoCo and the compiler only for those who ask for the water."""
     if name not in __all__:
         raise AttributeError(f"module 'mjfish' has no attribute '{name}'")
-    from mjfish import sim
+    from mjfish import mujoco as sim
 
     return getattr(sim, name)
 

@@ -24,7 +24,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parent
 #: Where functions are compiled; sources elsewhere do not end up in machine code.
-_COMPILED_FOLDERS = ("drive", "hydro", "ode", "sim", "effects", "diagnose/noise")
+_COMPILED_FOLDERS = ("drive", "hydro", "ode", "mujoco", "effects", "noise")
 
 
 @functools.cache

@@ -19,7 +19,7 @@ def text(
     Args:
         fish: the fish.
         comments: lines at the top, such as where the numbers come from.
-        effects: that extend it, by name, their parameters by short name (`mjfish.extended` reads them back).
+        effects: that extend it, by name, their parameters by short name (`mjfish.model.extended` reads them back).
 
     Raises:
         InputError: the fish breaks its own schema, so that it could not be read back.

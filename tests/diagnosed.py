@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from mjfish import fish as fishes
-from mjfish.checks import Checks
-from mjfish.diagnose import Candidate, Cause, Diagnosis, Estimate, Overlay
-from mjfish.diagnose.description import Description, Term
-from mjfish.diagnose.fingerprint import Measured
-from mjfish.diagnose.force import MissingForce
-from mjfish.diagnose.heldout import Gain
-from mjfish.diagnose.locate import Where
-from mjfish.diagnose.result import Verdict
+from mjfish.data import Dataset, Trial
+from mjfish.diagnosis import Candidate, Cause, Diagnosis, Estimate, Overlay
+from mjfish.diagnosis.description import Description, Term
+from mjfish.diagnosis.fingerprint import Measured
+from mjfish.diagnosis.force import MissingForce
+from mjfish.diagnosis.heldout import Gain
+from mjfish.diagnosis.locate import Where
+from mjfish.diagnosis.result import Verdict
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import find
+from mjfish.inspection import Checks
 from mjfish.model import Model
-from mjfish.trial import Dataset, Trial
 
 CAUSE = "servo_lag"
 LAG = Estimate(0.0201, 0.0195, 0.0207, "s")

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mjfish import fish as fishes
+from mjfish.data import Dataset
 from mjfish.drive.modes import MODES
 from mjfish.effects import find
 from mjfish.fish import COEFFICIENTS
-from mjfish.plant import plant
-from mjfish.trial import Dataset
+from mjfish.simulation.generate import plant
 
 SEED = int(os.environ.get("MJFISH_SEED", "20261121"))
 #: Long enough for a change of the mode at 5.2 s to show.

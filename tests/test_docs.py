@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from doc_blocks import ROOT, blocks
 
-from mjfish.trial import load
+from mjfish.data import load
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 

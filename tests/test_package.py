@@ -25,8 +25,8 @@ def test_import_is_light_until_the_water_is_asked_for() -> None:
 
 
 def test_every_name_is_there() -> None:
-    """Catches a name that is promised and was moved or renamed in `mjfish.sim`."""
-    from mjfish import sim
+    """Catches a name that is promised and was moved or renamed in `mjfish.mujoco`."""
+    from mjfish import mujoco as sim
 
     for name in mjfish.__all__:
         assert getattr(mjfish, name) is getattr(sim, name)

@@ -16,17 +16,17 @@ from scipy import stats
 
 from mjfish import fish as fishes
 from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset, Trial
+from mjfish.design import Menu, Run
+from mjfish.design.advise import PAUSE, separating
+from mjfish.design.fitted import Fitted, baseline, extended
+from mjfish.design.odds import drops, told
+from mjfish.design.separation import distances
 from mjfish.drive import modes
 from mjfish.effects import Effect, find
+from mjfish.estimation import fit
 from mjfish.fish import COEFFICIENTS
-from mjfish.identify import fit
 from mjfish.model import Model
-from mjfish.plan import Menu, Run
-from mjfish.plan.advise import PAUSE, separating
-from mjfish.plan.fitted import Fitted, baseline, extended
-from mjfish.plan.odds import drops, told
-from mjfish.plan.separation import distances
-from mjfish.trial import Dataset, Trial
 
 #: Pairs of rivals and a size of each that is neither small nor large.
 PAIRS = {

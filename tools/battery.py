@@ -28,9 +28,9 @@ from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
 
 from mjfish import fish  # noqa: E402
-from mjfish.diagnose import diagnose  # noqa: E402
+from mjfish.diagnosis import diagnose  # noqa: E402
 from mjfish.effects import find  # noqa: E402
-from mjfish.plant import plant  # noqa: E402
+from mjfish.simulation.generate import plant  # noqa: E402
 
 OUT = Path("out/battery")
 app = typer.Typer(add_completion=False, no_args_is_help=True)

@@ -20,13 +20,13 @@ from scipy import optimize
 
 from mjfish import fish as fishes
 from mjfish import frames
+from mjfish.data import Trial
 from mjfish.drive import cpg, modes
+from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import COEFFICIENTS
-from mjfish.identify import Noise, Problem, fit
 from mjfish.model import Model
-from mjfish.plant import plant
-from mjfish.sim import StripFluid, planar, prescribed
-from mjfish.trial import Trial
+from mjfish.mujoco import StripFluid, planar, prescribed
+from mjfish.simulation.generate import plant
 
 FloatArray = NDArray[np.float64]
 TimeSeries = sysid.TimeSeries
@@ -80,7 +80,7 @@ def _fits(name: str, top: Side, problem: Problem, target: float) -> Comparison:
 
     return Comparison(
         top=top,
-        bottom=Side("mjfish.identify.fit, step 5 ms", lambda: fit(problem).cost, times=3),
+        bottom=Side("mjfish.estimation.fit, step 5 ms", lambda: fit(problem).cost, times=3),
         target=target,
         at_least=True,
         repeats=1,

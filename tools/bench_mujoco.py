@@ -16,7 +16,7 @@ from comparison import Comparison, Side
 
 from mjfish import fish as fishes
 from mjfish.drive import cpg, modes
-from mjfish.sim import StripFluid, planar, reference
+from mjfish.mujoco import StripFluid, planar, reference
 
 _PIKE = fishes.load("pike")
 _COMMAND = cpg.joint_motion(_PIKE.cpg, modes.drive("v1"), 10.0, 0.01).angle[:, 0]

@@ -22,10 +22,10 @@ import numpy as np
 
 from mjfish import fish as fishes
 from mjfish.drive import modes
+from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import COEFFICIENTS
-from mjfish.identify import Noise, Problem, fit
 from mjfish.model import Model, Prediction, Prepared
-from mjfish.plant import plant
+from mjfish.simulation.generate import plant
 
 _SIGMA = np.array([0.01, 0.01, 0.05])
 #: Inside the bounds of Table III, away from its start values: c_m, c_d, c_f of head, body, tail.

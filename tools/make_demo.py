@@ -12,9 +12,9 @@ import numpy as np
 
 from mjfish import fish
 from mjfish.arrays import readonly
+from mjfish.data import save
 from mjfish.effects import find
-from mjfish.plant import plant
-from mjfish.trial import save
+from mjfish.simulation.generate import plant
 
 FOLDER = Path(__file__).parents[1] / "mjfish" / "demo"
 TRUTH = {

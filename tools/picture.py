@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnose import Diagnosis, Overlay, diagnose
+from mjfish.data import load
+from mjfish.diagnosis import Diagnosis, Overlay, diagnose
 from mjfish.files import write_text
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.report.counted import counted
-from mjfish.trial import load
+from mjfish.reporting.html.counted import counted
 
 WIDTH, HEIGHT = 880, 470
 #: Left and right edge of both panels; top and bottom of each [px].

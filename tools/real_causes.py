@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mjfish.diagnose import Candidate, Diagnosis, Estimate
+from mjfish.diagnosis import Candidate, Diagnosis, Estimate
 from mjfish.effects import find
 
 HEAD = ("cause", "fall of the sum of squares", "score", "nRMSE fitted", "nRMSE held out", "size")

@@ -13,13 +13,14 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from mjfish import extended, tomlfile
+from mjfish import tomlfile
 from mjfish.cli import console
-from mjfish.diagnose import Estimate
+from mjfish.data.importers import HEADERS
+from mjfish.diagnosis import Estimate
 from mjfish.errors import MjfishError
 from mjfish.files import check_file, check_folder, make_folder
 from mjfish.frames import CHANNELS
-from mjfish.importers import HEADERS
+from mjfish.model import extended
 
 #: Phases of the beat that are printed.
 BINS = 8

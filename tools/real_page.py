@@ -13,12 +13,12 @@ import real_pictures
 from real_runs import Outcome, Score, alone, crossed, reached, refitted, scores, told
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnose import Estimate
+from mjfish.data.importers import HEADERS
+from mjfish.data.importers.layouts import layout
+from mjfish.data.importers.mapping import MarkersMap, read
+from mjfish.diagnosis import Estimate
 from mjfish.files import make_folder, write_text
 from mjfish.frames import CHANNELS
-from mjfish.importers import HEADERS
-from mjfish.importers.layouts import layout
-from mjfish.importers.mapping import MarkersMap, read
 
 #: Columns of the importer's report that are told.
 _TOLD = ("file", "frames", "usable", "beat [Hz]", "mean speed [m/s]", "sigma yaw_rate [rad/s]", "sigma joints [rad]")

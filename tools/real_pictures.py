@@ -7,7 +7,7 @@ from picture import PANELS, Frame, axes, dots, line, page, span_of, title
 from real_runs import MODELS, Outcome, phases, residual
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnose import Overlay
+from mjfish.diagnosis import Overlay
 from mjfish.drive.measured import smoothing_spline
 from mjfish.frames import CHANNELS, UNITS
 

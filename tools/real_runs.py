@@ -13,18 +13,18 @@ import numpy as np
 from pydantic import Field
 from threadpoolctl import threadpool_limits
 
-from mjfish import importers, tomlfile
+from mjfish import tomlfile
 from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.diagnose import Diagnosis, Estimate, Overlay, diagnose
-from mjfish.diagnose.basis import beat_phase
-from mjfish.diagnose.progress import Progress, silent
+from mjfish.data import Dataset, Trial, importers, schema
+from mjfish.data.importers import ImportReport
+from mjfish.diagnosis import Diagnosis, Estimate, Overlay, diagnose
+from mjfish.diagnosis.progress import Progress, silent
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.identify import Fit, Noise, Problem, fit, predict_held_out
-from mjfish.identify.score import PREFIX
-from mjfish.importers import ImportReport
-from mjfish.report.counted import counted
-from mjfish.trial import Dataset, Trial, schema
+from mjfish.estimation import Fit, Noise, Problem, fit, predict_held_out
+from mjfish.estimation.basis import beat_phase
+from mjfish.estimation.score import PREFIX
+from mjfish.reporting.html.counted import counted
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = Path(__file__).with_name("real_fish.toml")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from roll_runs import PIKE, mode
 from scipy.spatial.transform import Rotation
 
-from mjfish.sim import SimRollout, free
+from mjfish.mujoco import SimRollout, free
 
 #: Instants [s], and size of each panel [px].
 INSTANTS = (0.1, 0.24, 0.4, 0.7, 1.15)

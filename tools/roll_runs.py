@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mjfish import fish as fishes
-from mjfish import sim
+from mjfish import mujoco as sim
 from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion, grid

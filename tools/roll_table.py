@@ -32,10 +32,10 @@ from roll_runs import (
     turn,
 )
 
-from mjfish import sim
+from mjfish import mujoco as sim
 from mjfish.drive import modes
 from mjfish.files import write_text
-from mjfish.sim.free import GRAVITY
+from mjfish.mujoco.free import GRAVITY
 
 #: Normalised RMSE of the paper's model by mode [%]: surge, sway, yaw rate ([Yu2016], Table IV).
 PAPER = {

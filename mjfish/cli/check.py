@@ -13,13 +13,13 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from mjfish import extended
 from mjfish.cli import console
 from mjfish.drive import modes
 from mjfish.errors import UnknownNameError
-from mjfish.extended import Extended
 from mjfish.files import check_file, write_json
 from mjfish.frames import CHANNELS, UNITS
+from mjfish.model import extended
+from mjfish.model.extended import Extended
 
 #: Checked where no mode is named: a straight run, a change of frequency, a turn.
 MODES = ("v1", "v5-v1", "v3-t2")
@@ -55,7 +55,7 @@ def check(
     effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
 ) -> None:
     """Cross-check MuJoCo with the fluid force against the head-frame ODE, on the joint motion that MuJoCo realised."""
-    from mjfish import crosscheck
+    from mjfish import simulation as crosscheck
 
     whole = extended.load(fish, effects or ())
     whole.check_mujoco()
@@ -99,7 +99,7 @@ def check(
 
 def _check_all(whole: Extended, names: list[str] | None, reference: Path | None, json_: Path | None) -> None:
     """Compare every engine on every case, or on those of the named modes."""
-    from mjfish import crosscheck
+    from mjfish import simulation as crosscheck
 
     body = whole.fish
     cases = tuple(case for case in crosscheck.CASES if not names or case.mode in names)

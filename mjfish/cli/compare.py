@@ -13,14 +13,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from mjfish.cli import console, paper
-from mjfish.compare import Comparison, Shift, TrialComparison, compare
+from mjfish.comparison import Comparison, Shift, TrialComparison, compare
+from mjfish.data import load
+from mjfish.data.table import check_suffix
 from mjfish.errors import InputError
+from mjfish.estimation.agreement import Agreement
+from mjfish.estimation.rows import write_rows
 from mjfish.files import check_file, write_json
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.identify.agreement import Agreement
-from mjfish.identify.rows import write_rows
-from mjfish.trial import load
-from mjfish.trial.table import check_suffix
 
 _NONE = "–"
 _HEADINGS = ("trial", "channel", "RMSE", "nRMSE", "fit [%]", "start-up", "steady", "shift", "then")

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from mjfish.diagnose.progress import Progress as Told
+from mjfish.diagnosis.progress import Progress as Told
 from mjfish.errors import InputError
 
 #: Exit codes.

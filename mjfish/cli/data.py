@@ -12,12 +12,12 @@ from rich.table import Table
 
 from mjfish import fish as fishes
 from mjfish.cli import console
+from mjfish.data import check_folder, save
+from mjfish.data.importers import HEADERS, IMPORTERS, import_files
 from mjfish.drive import modes as table_iv
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError
-from mjfish.importers import HEADERS, IMPORTERS, import_files
-from mjfish.plant import plant
-from mjfish.trial import check_folder, save
+from mjfish.simulation.generate import plant
 
 
 def register(app: typer.Typer) -> None:

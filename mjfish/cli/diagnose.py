@@ -10,13 +10,13 @@ from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 
-from mjfish import extended
 from mjfish.cli import console, narrate
-from mjfish.diagnose import Diagnosis, diagnose
+from mjfish.data import Dataset, load
+from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
 from mjfish.files import check_file, check_folder, make_folder
-from mjfish.trial import Dataset, load
+from mjfish.model import extended
 
 #: The dataset that ships with the package; what is hidden in it is not said here.
 DEMO = Path(__file__).parents[1] / "demo"
@@ -101,11 +101,11 @@ def _write(
     if json_ is not None:
         result.save(json_)
     if report is not None:
-        from mjfish.report import write_report
+        from mjfish.reporting.html import write_report
 
         write_report(result, report)
     if rrd is not None:
-        from mjfish.viewlog import write_diagnosis_log
+        from mjfish.reporting.log import write_diagnosis_log
 
         write_diagnosis_log(result, rrd)
     if extended_ is not None:

@@ -34,8 +34,8 @@ def export(
             raise InputError("--free: a fish TOML is neither planar nor free; write an .xml, or leave out --free")
         fish_toml.write(out, body, comments[:1])
     elif out.suffix == ".xml":
-        from mjfish.sim import Trim
-        from mjfish.sim import export as mjcf
+        from mjfish.mujoco import Trim
+        from mjfish.mujoco import export as mjcf
 
         mjcf.write(out, body, free=Trim() if free else None, comments=comments)
     else:

@@ -8,13 +8,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from mjfish.cli import console
+from mjfish.estimation import table_iv
+from mjfish.estimation.agreement import HORIZONS
+from mjfish.estimation.assessment import Assessment
+from mjfish.estimation.report import Identification
+from mjfish.estimation.score import PREFIX
+from mjfish.estimation.uncertainty.profile import Profile
 from mjfish.frames import CHANNELS
-from mjfish.identify import table_iv
-from mjfish.identify.agreement import HORIZONS
-from mjfish.identify.assessment import Assessment
-from mjfish.identify.report import Identification
-from mjfish.identify.score import PREFIX
-from mjfish.identify.uncertainty.profile import Profile
 
 
 def show(result: Identification, profiles: Sequence[Profile]) -> None:

@@ -10,16 +10,16 @@ from rich.markup import escape
 
 from mjfish import fish_toml
 from mjfish.cli import console, identified
-from mjfish.diagnose.progress import Progress
+from mjfish.data import load
+from mjfish.data.table import check_suffix
+from mjfish.diagnosis.progress import Progress
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.estimation.identified import identified_fish, origin
+from mjfish.estimation.report import Identification, identify, pose
+from mjfish.estimation.settings import Loss, Settings, Weights
+from mjfish.estimation.tables import write_coefficients
+from mjfish.estimation.uncertainty.profile import Profile, profile
 from mjfish.files import check_file, write_json
-from mjfish.identify.identified import identified_fish, origin
-from mjfish.identify.report import Identification, identify, pose
-from mjfish.identify.settings import Loss, Settings, Weights
-from mjfish.identify.tables import write_coefficients
-from mjfish.identify.uncertainty.profile import Profile, profile
-from mjfish.trial import load
-from mjfish.trial.table import check_suffix
 
 
 def register(app: typer.Typer) -> None:
@@ -109,7 +109,7 @@ def _write(
         write_coefficients(table, result.fit, None if told is None else told.intervals)
         written.append(table)
     if figures is not None and told is not None:
-        from mjfish.report.identification import write_identification_figures
+        from mjfish.reporting.html.identification import write_identification_figures
 
         written += write_identification_figures(figures, result.dataset.name, told.residuals, told.tests, profiles)
     if fish is not None:
@@ -126,7 +126,7 @@ def _write_fish(result: Identification, file: Path) -> None:
     if file.suffix == ".toml":
         fish_toml.write(file, fish, comments)
         return
-    from mjfish.sim import export
+    from mjfish.mujoco import export
 
     export.write(file, fish, comments=comments)
 

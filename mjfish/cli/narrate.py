@@ -9,10 +9,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from mjfish.cli.console import out
-from mjfish.diagnose import Diagnosis
+from mjfish.diagnosis import Diagnosis
 from mjfish.effects import Effect
+from mjfish.estimation.fit import Z95
 from mjfish.frames import CHANNELS
-from mjfish.identify.fit import Z95
 
 #: Standard errors by which a coefficient must move to be told.
 _PUSHED = 2.0

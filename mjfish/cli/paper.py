@@ -11,14 +11,14 @@ from rich.table import Table
 
 from mjfish import fish as fishes
 from mjfish.cli import console
-from mjfish.compare.paper import PaperComparison, compare_paper
-from mjfish.compare.paper.misfit import Fitted
-from mjfish.compare.paper.ranges import Ranges
-from mjfish.compare.paper.reasons import Reason
-from mjfish.compare.paper.words import removed, sentences
+from mjfish.comparison.paper import PaperComparison, compare_paper
+from mjfish.comparison.paper.misfit import Fitted
+from mjfish.comparison.paper.ranges import Ranges
+from mjfish.comparison.paper.reasons import Reason
+from mjfish.comparison.paper.words import removed, sentences
+from mjfish.estimation.rows import write_rows
 from mjfish.files import write_json
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.identify.rows import write_rows
 
 _NONE = "–"
 

@@ -10,14 +10,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from mjfish.cli import console
+from mjfish.data import load
+from mjfish.design import Menu, Option, Plan, Question, advise, generate, skeleton
+from mjfish.design import plan as planned
+from mjfish.design.question import of_file
+from mjfish.design.words import percent
 from mjfish.effects import catalogue
 from mjfish.errors import InputError
 from mjfish.files import check_file
-from mjfish.plan import Menu, Option, Plan, Question, advise, generate, skeleton
-from mjfish.plan import plan as planned
-from mjfish.plan.question import of_file
-from mjfish.plan.words import percent
-from mjfish.trial import load
 
 #: Rows of the table; all of them are in the JSON.
 _ROWS = 12

@@ -11,15 +11,16 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from mjfish import extended, ode
+from mjfish import ode
 from mjfish.arrays import FloatArray, readonly
 from mjfish.cli import console
+from mjfish.data import Trial, columns, write_table
 from mjfish.drive import modes
 from mjfish.errors import InputError
-from mjfish.extended import Extended
 from mjfish.files import check_folder, make_folder
 from mjfish.frames import CHANNELS
-from mjfish.trial import Trial, columns, write_table
+from mjfish.model import extended
+from mjfish.model.extended import Extended
 
 #: Step of both engines [s].
 STEP = 0.001
@@ -74,7 +75,7 @@ def simulate(
         attitude = attitude[kept]
         table = np.column_stack([table, attitude])
     write_table(out / "rollout.csv", {columns.header(n): table[:, k] for k, n in enumerate(names)})
-    from mjfish.viewlog import write_rollout_log
+    from mjfish.reporting.log import write_rollout_log
 
     at, velocity, pose, angle = table[:, 0], table[:, 1:4], table[:, 4:7], table[:, 7 : 7 + body.joints]
     write_rollout_log(out / "rollout.rrd", body, at, velocity, pose, angle, attitude=attitude)
@@ -108,7 +109,7 @@ def _run(
     time = np.minimum(run.time, run.motion.time[-1])
     attitude = None
     if engine is Engine.MUJOCO:
-        from mjfish import sim
+        from mjfish import mujoco as sim
 
         swum = sim.simulate(
             run.fish, run.motion, values=run.coefficients, loads=run.loads, velocity=run.velocity,

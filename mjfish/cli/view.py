@@ -15,6 +15,6 @@ def register(app: typer.Typer) -> None:
 
 def view(file: Annotated[Path, typer.Argument(help="A .rrd file.")]) -> None:
     """Open a log in the rerun viewer."""
-    from mjfish.viewlog import view as open_log
+    from mjfish.reporting.log import view as open_log
 
     open_log(file)

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
+from mjfish.data import place
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, MjfishError, UnknownNameError
-from mjfish.trial import place
 
 
 @functools.cache

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from mjfish.data import Dataset
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
-from mjfish.trial import Dataset
 
 
 class ComOffset(Effect):

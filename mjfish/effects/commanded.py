@@ -6,8 +6,8 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import inlined
+from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.trial import Dataset
 
 
 def nothing_between(dataset: Dataset) -> str:

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
 
 from mjfish.arrays import FloatArray
+from mjfish.data import Dataset, Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import ParameterError, UnknownNameError
 from mjfish.fish import KINDS, Fish
 from mjfish.hydro.load import PARAMETERS, Load
 from mjfish.parameter import Parameter
-from mjfish.trial import Dataset, Trial
 
 #: Values of an effect's parameters by their short names, e.g. ``{"offset": 0.02}``.
 Values = Mapping[str, float]

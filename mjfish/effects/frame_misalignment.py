@@ -8,9 +8,9 @@ import numpy as np
 
 from mjfish import frames
 from mjfish.arrays import FloatArray
+from mjfish.data import Trial
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
-from mjfish.trial import Trial
 
 
 class FrameMisalignment(Effect):

@@ -9,10 +9,10 @@ import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.compiled import compiled
+from mjfish.data import Trial
 from mjfish.drive.measured import smoothing_spline
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
-from mjfish.trial import Trial
 
 #: Acceleration of gravity [m/s2].
 GRAVITY = 9.81

@@ -8,11 +8,11 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, inlined
+from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import balanced, nothing_between
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
-from mjfish.trial import Dataset
 
 #: Parts of each half step of the drive, in which the play is straight.
 _PARTS = 2

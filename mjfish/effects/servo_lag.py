@@ -8,11 +8,11 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
+from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import cubic, nothing_between
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
-from mjfish.trial import Dataset
 
 #: A shorter lag is none: the steps behind a step of the drive could not follow its kick [s].
 SHORTEST = 5e-5

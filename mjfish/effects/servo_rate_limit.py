@@ -8,11 +8,11 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, inlined
+from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import balanced, cubic, nothing_between
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
-from mjfish.trial import Dataset
 
 #: Rate at which a joint behind its command closes in on it, below the limit [1/s]: position loops of servos.
 CATCH_UP = 100.0

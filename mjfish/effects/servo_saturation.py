@@ -6,11 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import nothing_between
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
-from mjfish.trial import Dataset
 
 
 class ServoSaturation(Effect):

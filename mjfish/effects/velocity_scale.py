@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import ClassVar
 
 from mjfish.arrays import FloatArray
+from mjfish.data import Trial
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
-from mjfish.trial import Trial
 
 
 class VelocityScale(Effect):

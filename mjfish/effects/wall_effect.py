@@ -6,11 +6,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from mjfish.data import Dataset, Trial
 from mjfish.effects.effect import Effect, Family, Fingerprint
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
-from mjfish.trial import Dataset, Trial
 
 #: Lengths of decay within which a wall matters at all: beyond, less than a twentieth of it is left.
 _NEAR = 3.0

@@ -10,7 +10,7 @@ from mjfish.hydro.outline import INTERVALS, STRIPS
 #: body: id of its body; carrier: where that body stands in the list of bodies that the water reaches.
 #: origin (3,): of the strips' frame in the body's frame [m]; turn (9,): its axes, row by row: x along the strips, y, z.
 #: center (3,): centre of buoyancy in the body's frame [m]; volume: displaced [m3].
-#: length ... roll_damping: of the water on the link, see `mjfish.sim.strip_link.StripLink`.
+#: length ... roll_damping: of the water on the link, see `mjfish.mujoco.strip_link.StripLink`.
 #: the rest: integrals, see `mjfish.hydro.outline.LinkOutline`.
 SPATIAL = np.dtype(
     [

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from command_line import Run
 
-from mjfish import crosscheck
 from mjfish import fish as fishes
+from mjfish import simulation as crosscheck
 
 
 @pytest.fixture

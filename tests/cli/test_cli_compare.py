@@ -13,8 +13,8 @@ from command_line import Run
 
 from mjfish import fish as fishes
 from mjfish.cli import compare as comparing
-from mjfish.plant import plant
-from mjfish.trial import save
+from mjfish.data import save
+from mjfish.simulation.generate import plant
 
 
 @pytest.fixture

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from command_line import Run
 
-from mjfish import plant as planting
 from mjfish.cli import data
+from mjfish.data import load
 from mjfish.drive import modes
-from mjfish.trial import load
+from mjfish.simulation import generate as planting
 
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
 SHORT = "generate --modes v1,v3 --duration 1"

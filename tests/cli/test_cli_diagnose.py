@@ -10,13 +10,12 @@ import pytest
 from command_line import Run
 from diagnosed import diagnosis
 
-from mjfish import extended
 from mjfish.arrays import FloatArray
 from mjfish.cli import diagnose
+from mjfish.data import read_table
 from mjfish.effects import find
 from mjfish.fish import Fish
-from mjfish.model import Model
-from mjfish.trial import read_table
+from mjfish.model import Model, extended
 
 _FEW = {name: find(name) for name in ("servo_lag", "tail_compliance", "time_offset")}
 

@@ -13,9 +13,9 @@ from command_line import Run
 from mjfish import fish as fishes
 from mjfish.cli import diagnose as diagnosing
 from mjfish.cli import identify as identifying
+from mjfish.data import save
 from mjfish.fish import COEFFICIENTS
-from mjfish.plant import plant
-from mjfish.trial import save
+from mjfish.simulation.generate import plant
 
 TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012), strict=True))
 

@@ -10,7 +10,7 @@ import pytest
 from diagnosed import CAUSE, diagnosis
 
 from mjfish.cli import console, narrate
-from mjfish.diagnose.result import Verdict
+from mjfish.diagnosis.result import Verdict
 from mjfish.effects import catalogue
 
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"

@@ -11,8 +11,8 @@ import pytest
 from command_line import Run
 
 from mjfish.cli import paper
-from mjfish.compare.paper import study
-from mjfish.compare.paper.reasons import UNIT, Reason, noise_parameters
+from mjfish.comparison.paper import study
+from mjfish.comparison.paper.reasons import UNIT, Reason, noise_parameters
 
 
 def test_lambda_star_alone_is_shown_and_written(run: Run, tmp_path: Path) -> None:

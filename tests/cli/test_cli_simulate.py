@@ -11,8 +11,8 @@ from command_line import Run
 
 from mjfish import fish as fishes
 from mjfish import ode
+from mjfish.data import read_table
 from mjfish.drive import cpg, modes
-from mjfish.trial import read_table
 
 COLUMNS = ["time", "surge", "sway", "yaw_rate", "x", "y", "yaw", "joint_1", "joint_2", "joint_3", "joint_4"]
 

@@ -9,9 +9,9 @@ import numpy as np
 from command_line import Run
 
 from mjfish import fish as fishes
-from mjfish import sim
+from mjfish import mujoco as sim
+from mjfish.data import read_table
 from mjfish.drive import cpg, modes
-from mjfish.trial import read_table
 
 
 def test_a_free_run_has_roll_pitch_and_heave(run: Run, tmp_path: Path) -> None:

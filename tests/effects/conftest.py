@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import readonly
+from mjfish.data import Trial
 from mjfish.drive.cpg import DriveSegment
-from mjfish.trial import Trial
 
 STRAIGHT = (0.0, 0.0, 0.0, 0.0)
 

@@ -3,11 +3,11 @@
 from typing import Any, ClassVar
 
 from mjfish.arrays import FloatArray
+from mjfish.data import Trial
 from mjfish.effects import Effect
 from mjfish.effects.effect import Family, Values
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
-from mjfish.trial import Trial
 
 
 class CameraScale(Effect):

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from mjfish.arrays import FloatArray
+from mjfish.data import Dataset, Trial
 from mjfish.effects import Effect
+from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.fish import COEFFICIENTS, Fish
-from mjfish.identify import Fit, Noise, Problem, fit
 from mjfish.model import Model
-from mjfish.plant import plant
-from mjfish.sensitivity import sensitivities
-from mjfish.trial import Dataset, Trial
+from mjfish.model.sensitivity import sensitivities
+from mjfish.simulation.generate import plant
 
 #: Of surge, sway [m/s] and yaw rate [rad/s].
 NOISE = np.array([0.006, 0.006, 0.04])

@@ -10,10 +10,10 @@ from scipy import integrate
 
 from mjfish import frames
 from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset, Trial
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model, Prediction
-from mjfish.trial import Dataset, Trial
 
 CURRENT = find("ambient_current")
 C = np.array([0.12, -0.07])

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import FloatArray
+from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import find
+from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import COEFFICIENTS, Fish
-from mjfish.identify import Noise, Problem, fit
 from mjfish.model import Model
-from mjfish.plant import plant
-from mjfish.sensitivity import one_sided, sensitivities
-from mjfish.trial import Trial
+from mjfish.model.sensitivity import one_sided, sensitivities
+from mjfish.simulation.generate import plant
 
 #: Off every bound.
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.014, 0.01, 0.012), strict=True))

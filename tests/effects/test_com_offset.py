@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from mjfish import fish as fishes
+from mjfish.data import Dataset, Trial
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
-from mjfish.trial import Dataset, Trial
 
 COM = find("com_offset")
 

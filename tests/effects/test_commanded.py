@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import readonly
+from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect, find
 from mjfish.effects.commanded import balanced
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.trial import Dataset, Trial
 
 #: Sizes that act on the trial's drive.
 SIZES = {

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset, Tank, Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect, catalogue
@@ -18,7 +19,6 @@ from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model import Model
 from mjfish.parameter import Parameter
-from mjfish.trial import Dataset, Tank, Trial
 
 OWN = Path(__file__).parent / "own_effects.py"
 EFFECTS = catalogue([OWN])

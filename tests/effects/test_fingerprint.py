@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect, catalogue
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.trial import Dataset, Trial
 
 #: Frequencies of the drive that are compared [rad/s].
 OMEGA = (16.0, 26.0)

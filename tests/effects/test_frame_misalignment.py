@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from recovery import derivative_error, deviations, planted, refitted, strength
 
+from mjfish.data import Trial
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.trial import Trial
 
 MISALIGNMENT = find("frame_misalignment")
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.trial import Trial
 
 INERTIA = find("inertia_error")
 

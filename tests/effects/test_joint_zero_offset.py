@@ -7,11 +7,11 @@ import pytest
 from recovery import derivative_error, deviations, planted, refitted, strength
 
 from mjfish import fish as fishes
+from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.trial import Dataset, Trial
 
 ZERO = find("joint_zero_offset")
 BEND = {"joint_1": 0.02, "joint_2": -0.015, "joint_3": 0.02, "joint_4": 0.03}

@@ -7,10 +7,10 @@ import pytest
 from recovery import derivative_error, deviations, planted, refitted, strength
 
 from mjfish import frames
+from mjfish.data import Trial
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.trial import Trial
 
 MARKER = find("marker_offset")
 R_M = np.array([-0.12, 0.03])

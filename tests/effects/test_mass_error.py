@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import FloatArray
+from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import find
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model import Model
-from mjfish.sensitivity import sensitivities
-from mjfish.trial import Trial
+from mjfish.model.sensitivity import sensitivities
 
 MASS = find("mass_error")
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.014, 0.01, 0.012), strict=True))

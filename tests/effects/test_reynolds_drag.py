@@ -9,6 +9,7 @@ import pytest
 from scipy import integrate
 
 from mjfish.arrays import FloatArray
+from mjfish.data import Trial
 from mjfish.effects.reynolds_drag import REFERENCE_SPEED, ReynoldsDrag
 from mjfish.fish import Fish
 from mjfish.hydro.force import drag
@@ -16,7 +17,6 @@ from mjfish.hydro.link import link_records
 from mjfish.hydro.load import apply_loads, load_table
 from mjfish.hydro.outline import section_at
 from mjfish.model import Model
-from mjfish.trial import Trial
 
 
 def _records(fish: Fish, u: float, v: float, w: float) -> Any:

@@ -11,12 +11,12 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Trial
 from mjfish.effects import find
 from mjfish.effects.roll import GRAVITY
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.plant import plant
-from mjfish.trial import Trial
+from mjfish.simulation.generate import plant
 
 ROLL = find("roll")
 SHAPES = {"frequency": 9.0, "damping": 0.15}

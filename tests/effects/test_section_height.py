@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import find
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.outline import outlines
 from mjfish.model import Model
-from mjfish.trial import Trial
 
 HEIGHT = find("section_height")
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.014, 0.01, 0.012), strict=True))

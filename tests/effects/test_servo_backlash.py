@@ -8,11 +8,11 @@ from recovery import derivative_error, deviations, planted, refitted, strength
 from scipy.integrate import solve_ivp
 
 from mjfish.arrays import FloatArray
+from mjfish.data import Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.effects import find
 from mjfish.fish import Fish
-from mjfish.trial import Trial
 
 BACKLASH = find("servo_backlash")
 CONTACT = 0.003

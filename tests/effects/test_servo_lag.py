@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
 from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.motion import JointMotion, grid
@@ -15,7 +16,6 @@ from mjfish.effects import find
 from mjfish.effects.servo_lag import SHORTEST
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.trial import Dataset, Trial
 
 LAG = find("servo_lag")
 

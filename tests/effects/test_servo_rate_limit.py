@@ -7,12 +7,12 @@ import pytest
 from recovery import derivative_error, deviations, planted, refitted, strength
 from scipy.integrate import solve_ivp
 
+from mjfish.data import Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.effects import find
 from mjfish.effects.servo_rate_limit import CATCH_UP
 from mjfish.fish import Fish
-from mjfish.trial import Trial
 
 LIMIT = find("servo_rate_limit")
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from recovery import derivative_error, deviations, planted, refitted, strength
 
+from mjfish.data import Trial
 from mjfish.drive import cpg
 from mjfish.effects import find
 from mjfish.fish import Fish
-from mjfish.trial import Trial
 
 SATURATION = find("servo_saturation")
 

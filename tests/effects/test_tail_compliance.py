@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import FloatArray
+from mjfish.data import Trial
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model, Prediction
-from mjfish.trial import Trial
 
 TAIL = find("tail_compliance")
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset, Trial
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.trial import Dataset, Trial
 
 OFFSET = find("time_offset")
 

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from mjfish.data import Trial
 from mjfish.effects.wake_memory import WakeMemory
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, load_rows, loads_on
 from mjfish.model import Model
-from mjfish.sensitivity import sensitivities
-from mjfish.trial import Trial
+from mjfish.model.sensitivity import sensitivities
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 

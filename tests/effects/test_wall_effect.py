@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mjfish.data import Dataset, Tank, Trial
 from mjfish.effects.wall_effect import WallEffect
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, load_rows, loads_on
 from mjfish.model import Model
-from mjfish.plant import plant
-from mjfish.sensitivity import sensitivities
-from mjfish.trial import Dataset, Tank, Trial
+from mjfish.model.sensitivity import sensitivities
+from mjfish.simulation.generate import plant
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 ON = {"wall_effect.size": 1.5, "wall_effect.reach": 0.2}

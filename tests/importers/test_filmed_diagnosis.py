@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from filmed_swimming import FISH, HEIGHTS, Swim
 
-from mjfish import importers
-from mjfish.diagnose import diagnose
+from mjfish.data import Dataset, importers, load, save
+from mjfish.diagnosis import diagnose
 from mjfish.effects import find
-from mjfish.identify import Noise, Problem, fit, predict_held_out
+from mjfish.estimation import Noise, Problem, fit, predict_held_out
 from mjfish.model import Model
-from mjfish.trial import Dataset, load, save
 
 #: The head's markers over those of the plates as the mapping has it [m], and as the film has it.
 _TAKEN, _PLANTED = 0.1, float(HEIGHTS[0] - HEIGHTS[3])

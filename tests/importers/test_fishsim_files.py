@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from filmed_swimming import Swim
 
-from mjfish import importers
 from mjfish.arrays import FloatArray
+from mjfish.data import importers
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 
 Lines = list[str]

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from mjfish import importers, model, trial
+from mjfish import data as trial
+from mjfish import model
+from mjfish.data import Dataset, importers
+from mjfish.data.importers import ImportReport
 from mjfish.errors import InputError
-from mjfish.importers import ImportReport
-from mjfish.trial import Dataset
 
 pytestmark = pytest.mark.real
 

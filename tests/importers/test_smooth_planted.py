@@ -10,13 +10,13 @@ import pytest
 from filmed_swimming import Swim
 
 from mjfish import fish as fishes
-from mjfish import importers
 from mjfish.arrays import FloatArray
+from mjfish.data import importers
+from mjfish.data.importers import FileReport, marked, markers
+from mjfish.data.importers.layouts import layout
+from mjfish.data.importers.mapping import MarkersMap, read
+from mjfish.data.importers.smooth import velocity
 from mjfish.errors import InputError
-from mjfish.importers import FileReport, marked, markers
-from mjfish.importers.layouts import layout
-from mjfish.importers.mapping import MarkersMap, read
-from mjfish.importers.smooth import velocity
 
 #: Seen from above, where the heights of the markers do not show; and as the real camera saw its fish.
 ABOVE = Swim()

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mjfish import importers, trial
+from mjfish import data as trial
 from mjfish.arrays import FloatArray
+from mjfish.data import Dataset, importers
 from mjfish.errors import InputError, MjfishError
-from mjfish.trial import Dataset
 
 RATE = 50.0
 BEAT = 0.9
@@ -149,7 +149,7 @@ def test_an_importer_in_a_file_of_ones_own_works_the_same(tmp_path: Path) -> Non
     _table(tmp_path / "run.csv", "time,surge,sway,yaw_rate", np.column_stack([time, true]))
     own = tmp_path / "mine.py"
     own.write_text(
-        "from mjfish.importers import import_files as by_name\n"
+        "from mjfish.data.importers import import_files as by_name\n"
         "def import_files(files, held_out=(), mapping=None):\n"
         "    return by_name('velocities', files, held_out, mapping)\n"
     )

@@ -9,9 +9,9 @@ import pytest
 
 from mjfish import ode
 from mjfish.arrays import FloatArray
-from mjfish.crosscheck import CASES, Case
 from mjfish.drive import cpg, modes
 from mjfish.fish import Fish
+from mjfish.simulation import CASES, Case
 
 #: At 1 ms the error of the step is below 1e-6; at the default 5 ms it is seen (docs/theory.md).
 STEP = 0.001

@@ -14,10 +14,10 @@ from sealed.classes import CAUSES
 from sealed.truth import open_truth, seal
 from sealed.world import FINE
 
+from mjfish.data import Trial, load
 from mjfish.effects import find
 from mjfish.errors import InputError
 from mjfish.model import Model
-from mjfish.trial import Trial, load
 
 
 @pytest.mark.parametrize(("cause", "kind"), [("servo_saturation", "white"), ("fin_lift", "drift"), ("tether", "white")])

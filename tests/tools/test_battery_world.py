@@ -9,12 +9,12 @@ from sealed.classes import CAUSES, GAUGES, LISTED
 from sealed.plans import Run
 from sealed.world import COARSE, FINE, Accuracy, swim
 
+from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import catalogue, find
 from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.ode import rollout
-from mjfish.trial import Trial
 
 TIME = np.arange(301) / 50.0
 EXACT = [cause for cause in (*LISTED, *GAUGES) if cause.exact]

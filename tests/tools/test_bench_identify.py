@@ -8,8 +8,8 @@ import pytest
 from comparison import Comparison, Side, measure
 from mujoco import sysid
 
+from mjfish.estimation import Problem
 from mjfish.fish import COEFFICIENTS
-from mjfish.identify import Problem
 
 #: Coefficients away from the planted ones, inside the bounds.
 _ELSEWHERE = (1.5, 0.2, 0.9, 3.0, 0.5, 2.5, 0.004, 0.015, 0.006)

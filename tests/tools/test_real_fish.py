@@ -16,9 +16,9 @@ from diagnosed import diagnosis
 from real_runs import Outcome, Settings
 
 from mjfish import tomlfile
-from mjfish.diagnose import Candidate
+from mjfish.data.importers import HEADERS
+from mjfish.diagnosis import Candidate
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.importers import HEADERS
 
 _PAGE = Path(__file__).parents[2] / "docs" / "real-fish.md"
 

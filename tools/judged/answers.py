@@ -15,7 +15,7 @@ from sealed.case import STRENGTHS, Case, make_case
 from sealed.truth import Truth, open_truth, seal
 
 from judged.sparse import sparsest
-from mjfish.diagnose import Diagnosis, diagnose
+from mjfish.diagnosis import Diagnosis, diagnose
 
 
 @dataclass(frozen=True)

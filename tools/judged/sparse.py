@@ -13,11 +13,11 @@ import numpy as np
 from scipy import signal
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnose.evidence import signatures
+from mjfish.data import Dataset
+from mjfish.design.fitted import baseline
+from mjfish.diagnosis.evidence import signatures
 from mjfish.effects import catalogue
-from mjfish.identify import fit
-from mjfish.plan.fitted import baseline
-from mjfish.trial import Dataset
+from mjfish.estimation import fit
 
 _WINDOW, _DEGREE = 9, 3
 

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.sim.compatible import Coupling
+from mjfish.mujoco.compatible import Coupling
 from proofs import parts
 from proofs.dense import dried
 from proofs.derivation import motion_of

@@ -14,8 +14,8 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.sim import blocks, reference
-from mjfish.sim.block_layout import unpack
+from mjfish.mujoco import blocks, reference
+from mjfish.mujoco.block_layout import unpack
 
 
 @dataclass(frozen=True, eq=False)

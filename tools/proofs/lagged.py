@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.sim import blocks, reference
-from mjfish.sim.block_layout import unpack
-from mjfish.sim.compatible import Coupling
+from mjfish.mujoco import blocks, reference
+from mjfish.mujoco.block_layout import unpack
+from mjfish.mujoco.compatible import Coupling
 from proofs import parts, trees
 from proofs.dense import dried, equation
 

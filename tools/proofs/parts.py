@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.sim import StripFluid, mjcf, reference
-from mjfish.sim.compatible import Coupling
+from mjfish.mujoco import StripFluid, mjcf, reference
+from mjfish.mujoco.compatible import Coupling
 
 Joint = Literal["free", "ball", "hinge", "slide", "none"]
 

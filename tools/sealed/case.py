@@ -15,10 +15,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from mjfish import trial as trials
+from mjfish import data as trials
 from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset, Trial
 from mjfish.errors import InputError
-from mjfish.trial import Dataset, Trial
 from sealed import camera, classes, forcing, rolling, size
 from sealed import noise as noises
 from sealed.classes import CAUSES, LISTED, OFF_LIST, Cause

@@ -1,0 +1,212 @@
+"""Measured trials against rollouts of anyone's simulation: scores, shifts in time, and what is not covered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from mjfish.arrays import BoolArray, FloatArray
+from mjfish.comparison import rollouts
+from mjfish.comparison.rollouts import SimulatedRun
+from mjfish.comparison.shift import Shift, best_shift, reach
+from mjfish.data import Dataset, Role, Trial
+from mjfish.errors import InputError
+from mjfish.estimation.agreement import Agreement, agreement
+from mjfish.estimation.noise import Noise
+from mjfish.estimation.problem import Problem
+from mjfish.estimation.residuals.residual import Residual
+from mjfish.frames import CHANNELS
+from mjfish.model import Model
+
+#: Points that a beat needs so that a spline between them errs by 1e-3 of the range, root mean square.
+_POINTS_A_BEAT = 12
+
+
+@dataclass(frozen=True)
+class TrialComparison:
+    """One trial against its rollout.
+
+    Attributes:
+        trial: its name.
+        role: ``fit`` or ``held_out``.
+        source: file of the rollout; None where there is none.
+        status: ``covered``: the rollout goes over every sample that counts, ``partly``, or ``absent``.
+        scores: of every channel in the file, whole and in parts, over the samples that are covered.
+        shifts: by channel, and of all of them together by ``all``; without those that cannot be told.
+        remarks: what a reader should know.
+    """
+
+    trial: str
+    role: Role
+    source: Path | None
+    status: Literal["covered", "partly", "absent"]
+    scores: tuple[Agreement, ...] = ()
+    shifts: tuple[tuple[str, Shift], ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels that were compared."""
+        return tuple(score.channel for score in self.scores if score.part == "whole")
+
+    @property
+    def worst(self) -> float:
+        """Largest nRMSE of a channel over the whole trial; NaN where one cannot be told, or there is no rollout."""
+        return float(np.max([score.nrmse for score in self.scores if score.part == "whole"] or [np.nan]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "trial": self.trial,
+            "role": self.role,
+            "rollout": None if self.source is None else str(self.source),
+            "status": self.status,
+            "scores": [score.to_dict() for score in self.scores],
+            "shifts": {channel: shift.to_dict() for channel, shift in self.shifts},
+            "remarks": list(self.remarks),
+        }
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Every trial of a dataset against its rollout.
+
+    Attributes:
+        dataset: its name.
+        trials: in its order.
+        unused: files that belong to no trial.
+        bound: largest nRMSE that is good; None: any is.
+    """
+
+    dataset: str
+    trials: tuple[TrialComparison, ...]
+    unused: tuple[Path, ...]
+    bound: float | None
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Why the rollouts are not good, a line a trial; empty where they are."""
+        lines = []
+        for one in self.trials:
+            if one.status != "covered":
+                lines.append(one.remarks[0])
+            elif self.bound is not None and not one.worst <= self.bound:
+                lines.append(f"{one.trial}: nRMSE {one.worst:.4f} is beyond the bound {self.bound:g}")
+        return tuple(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "schema": 1,
+            "dataset": self.dataset,
+            "passed": not self.failures,
+            "bound": self.bound,
+            "failures": list(self.failures),
+            "trials": [one.to_dict() for one in self.trials],
+            "unused": [str(path) for path in self.unused],
+        }
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row a trial, channel and part for a table; shifts stand beside the whole trial."""
+        rows = []
+        for one in self.trials:
+            shifts = dict(one.shifts)
+            for score in one.scores:
+                shift = shifts.get(score.channel) if score.part == "whole" else None
+                row = {key: value for key, value in score.to_dict().items() if key != "horizon"}
+                row["shift [s]"] = None if shift is None else shift.time
+                row["rmse_shifted"] = None if shift is None else shift.rmse
+                row["nrmse_shifted"] = None if shift is None else shift.nrmse
+                rows.append(row)
+        return rows
+
+
+def compare(dataset: Dataset, against: Sequence[str | Path], *, bound: float | None = None) -> Comparison:
+    """Compare the measured trials with rollouts.
+
+    Samples count as in a fit: those beside a step of the drive, and the ends where joints were measured, do not.
+
+    Args:
+        dataset: measured.
+        against: folders of rollouts or files, named as the trials (`mjfish.comparison.rollouts.assign`).
+        bound: largest nRMSE that is good.
+
+    Raises:
+        InputError: a file is damaged, or belongs to no trial; the bound is no positive number.
+    """
+    if bound is not None and not 0.0 < bound < np.inf:
+        raise InputError(f"the bound is {bound:g}, expected a finite nRMSE above 0, e.g. 0.1; correct it")
+    found, unused = rollouts.assign([Path(path) for path in against], dataset.trials)
+    runs = {name: rollouts.read(path) for name, path in found.items()}
+    held = {trial.name for trial in dataset.split()[1]}
+    counted = Problem(Model(dataset.fish), dataset.trials, Noise.white(np.ones(3)), jobs=1)
+    trials = []
+    for index, trial in enumerate(dataset.trials):
+        role: Role = "held_out" if trial.name in held else "fit"
+        if trial.name not in runs:
+            remark = f"{trial.name}: no rollout; expected a file {trial.name}.csv"
+            trials.append(TrialComparison(trial.name, role, None, "absent", remarks=(remark,)))
+        else:
+            trials.append(_compared(trial, role, runs[trial.name], counted.mask(index)))
+    return Comparison(dataset.name, tuple(trials), unused, bound)
+
+
+def _compared(trial: Trial, role: Role, run: SimulatedRun, counted: BoolArray) -> TrialComparison:
+    covered = counted & run.covers(trial.time)
+    missed = int(np.count_nonzero(counted & ~covered))
+    remarks = []
+    if missed:
+        remarks.append(
+            f"{trial.name}: {run.source} runs from {run.time[0]:.4g} to {run.time[-1]:.4g} s and does not cover "
+            f"{missed} of {np.count_nonzero(counted)} measured samples from {trial.time[0]:.4g} to "
+            f"{trial.time[-1]:.4g} s; simulate all of it"
+        )
+    absent = [channel for channel in CHANNELS if channel not in run.channels]
+    if absent:
+        remarks.append(f"{trial.name}: {run.source} has no {' and no '.join(absent)}; not compared")
+    remarks += _coarse(trial, run)
+    residual = Residual(trial, role, run.at(trial.time), covered, covered)
+    scores = agreement([residual], horizons=(), noise=Noise.white(np.ones(3))) if np.any(covered) else ()
+    return TrialComparison(
+        trial=trial.name,
+        role=role,
+        source=run.source,
+        status="partly" if missed else "covered",
+        scores=tuple(replace(score, role=role) for score in scores if score.channel in run.channels),
+        shifts=tuple(_shifts(trial, run, counted)),
+        remarks=tuple(remarks),
+    )
+
+
+def _coarse(trial: Trial, run: SimulatedRun) -> list[str]:
+    """Say where steps of a rollout are too long for its beat, or, where that is unknown, for the measurement."""
+    beat = min((2.0 * np.pi / segment.omega for segment in trial.drive), default=0.0)
+    enough = beat / _POINTS_A_BEAT if beat else 2.0 * float(np.max(np.diff(trial.time)))
+    longest = float(np.max(np.diff(run.time)))
+    if longest <= enough:
+        return []
+    why = f"a beat lasts {beat:.3g} s" if beat else f"the measured ones are half of {enough:.3g} s"
+    return [
+        f"{trial.name}: steps of {run.source} are up to {longest:.3g} s and {why}; what is between is guessed: "
+        f"write it every {enough:.2g} s or more often"
+    ]
+
+
+def _shifts(trial: Trial, run: SimulatedRun, counted: BoolArray) -> list[tuple[str, Shift]]:
+    index = [CHANNELS.index(channel) for channel in run.channels]
+    span = np.nanmax(trial.velocity, axis=0) - np.nanmin(trial.velocity, axis=0)
+    found = []
+    for name, chosen in [*zip(run.channels, ([i] for i in index), strict=True), ("all", index)]:
+
+        def predict(time: FloatArray, chosen: list[int] = chosen) -> FloatArray:
+            return run.at(time)[:, chosen]
+
+        measured = trial.velocity[counted][:, chosen]
+        shift = best_shift(predict, trial.time[counted], measured, span[chosen], reach(trial))
+        if shift is not None:
+            found.append((name, shift))
+    return found

@@ -1,6 +1,0 @@
-"""Cross-checks of the engines: against each other on a servo's motion, all of them on a prescribed one."""
-
-from mjfish.crosscheck.engines import CASES, ENGINES, Case, Row, check_all
-from mjfish.crosscheck.realised import BOUND, CrossCheck, Level, check, cpg_of
-
-__all__ = ["BOUND", "CASES", "ENGINES", "Case", "CrossCheck", "Level", "Row", "check", "check_all", "cpg_of"]

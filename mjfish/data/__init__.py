@@ -1,0 +1,8 @@
+"""Measured swimming: trials, datasets of them, and the files they live in."""
+
+from mjfish.data.read import load
+from mjfish.data.table import read_table, write_table
+from mjfish.data.types import Clock, Dataset, Role, Tank, Trial
+from mjfish.data.write import check_folder, save
+
+__all__ = ["Clock", "Dataset", "Role", "Tank", "Trial", "check_folder", "load", "read_table", "save", "write_table"]

@@ -1,0 +1,190 @@
+"""Is a recording usable: its times, its joint angles, its drive."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.data import beat, columns, place
+from mjfish.data.types import Tank
+from mjfish.drive.cpg import DriveSegment
+from mjfish.drive.wave import Wave
+from mjfish.errors import InputError
+from mjfish.fish import Fish
+
+#: A step longer than this many median steps is a gap: one lost sample makes 2, jitter of the clock far less than 1.5.
+GAP = 1.5
+#: Fewest samples that the smoothing spline of measured joint angles takes.
+_FEWEST = 7
+#: The number of beats in measured angles is estimated, so a recording is not refused for a twentieth.
+_BEAT_TOLERANCE = 0.05
+
+
+def times(time: FloatArray, path: Path, *, gaps: bool = False) -> None:
+    """Refuse times that do not increase, repeat, or, unless `gaps` are allowed, leave a gap.
+
+    Args:
+        time: (n,) finite [s].
+        path: the file, for messages.
+    """
+    if len(time) < 2:
+        raise InputError(f"{path}: has 1 row, expected a recording of at least one beat; record longer")
+    steps = increasing(time, path)
+    median = float(np.median(steps))
+    wide = np.flatnonzero(steps > GAP * median)
+    if wide.size and not gaps:
+        index = int(wide[0]) + 1
+        raise InputError(
+            f"{place.row(path, index)}: a gap of {steps[index - 1]:.6g} s from row {index} ({time[index - 1]:.9g} s) "
+            f"to row {index + 1} ({time[index]:.9g} s), expected steps of about {median:.6g} s; cut the recording "
+            f"there into two trials, fill in the missing rows, or, where a CPG drives the fish, say gaps = true in its "
+            f"entry ({wide.size} gaps in the file)"
+        )
+
+
+def increasing(time: FloatArray, path: Path) -> FloatArray:
+    """Refuse times (n,) [s] that do not increase or repeat; return the steps (n - 1,) between them."""
+    with np.errstate(over="ignore"):
+        steps = np.diff(time)
+    wrong = np.flatnonzero(steps <= 0.0)
+    if wrong.size:
+        index = int(wrong[0]) + 1
+        before, here = time[index - 1], time[index]
+        how = "repeats that of" if here == before else f"is before the {before:.9g} s of"
+        what = "remove one of the two rows" if here == before else "sort the rows by time"
+        raise InputError(
+            f"{place.row(path, index)}, column 'time [s]': {here:.9g} s {how} row {index}, expected increasing times; "
+            f"{what}"
+        )
+    return np.asarray(steps)
+
+
+def angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
+    """Refuse joint angles that must be degrees, and recordings shorter than one beat.
+
+    Args:
+        time: (n,) checked by `times` [s].
+        angle: (n, joints) finite [rad].
+        path: the file, for messages.
+    """
+    far = np.argwhere(np.abs(angle) > np.pi)
+    if far.size:
+        index, joint = int(far[0, 0]), int(far[0, 1])
+        header = columns.header(columns.joint(joint + 1))
+        raise InputError(
+            f"{place.row(path, index)}, column '{header}': {angle[index, joint]:g} rad is more than half a turn, "
+            "expected radians; if these are degrees, multiply by pi/180"
+        )
+    if len(time) < _FEWEST:
+        raise InputError(
+            f"{path}: has {len(time)} rows, expected {_FEWEST} or more where joint angles are measured; record longer"
+        )
+    beats = beat.count(time, angle)
+    if beats is not None and beats < 1.0 - _BEAT_TOLERANCE:
+        raise InputError(
+            f"{path}: lasts {time[-1] - time[0]:.4g} s, which is {beats:.2g} of a beat of the joint angles, expected "
+            "one beat or more; record longer"
+        )
+
+
+def segments(drive: tuple[DriveSegment, ...], fish: Fish, key: str) -> None:
+    """Refuse a drive that the CPG of the fish cannot follow.
+
+    Args:
+        drive: one segment or more.
+        fish: driven.
+        key: of the drive in its file, for messages.
+    """
+    if fish.cpg is None:
+        raise InputError(
+            f"{key}: fish '{fish.name}' has no CPG, expected measured joint angles; remove the drive and give columns "
+            f"'{columns.header(columns.joint(1))}' to '{columns.header(columns.joint(fish.joints))}', or add [cpg] to "
+            "the fish"
+        )
+    for number, segment in enumerate(drive, start=1):
+        if len(segment.bias) != fish.joints:
+            raise InputError(
+                f"{key}.{number}.bias: {len(segment.bias)} numbers, expected {fish.joints}, one for each joint of fish "
+                f"'{fish.name}'; correct it"
+            )
+    if drive[0].start != 0.0:
+        raise InputError(
+            f"{key}.1.start: {drive[0].start:g} s, expected 0; the first segment starts the fish from rest"
+        )
+    for number, (before, here) in enumerate(pairwise(drive), start=2):
+        if here.start <= before.start:
+            raise InputError(
+                f"{key}.{number}.start: {here.start:g} s is not after the {before.start:g} s of the segment before, "
+                "expected increasing starts; sort the segments"
+            )
+
+
+def driven(time: FloatArray, drive: tuple[DriveSegment, ...], path: Path, key: str) -> None:
+    """Refuse a recording that does not fit its CPG drive in time.
+
+    Args:
+        time: (n,) checked by `times` [s].
+        drive: checked by `segments`.
+        path: the file, for messages.
+        key: of the drive in its file, for messages.
+    """
+    if time[0] < 0.0:
+        raise InputError(
+            f"{place.row(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for the CPG starts at "
+            "0 s; remove the rows before, or shift the times"
+        )
+    period = 2.0 * math.pi / drive[0].omega
+    # One step more: the samples of one whole beat span a step less than the beat.
+    if time[-1] - time[0] + float(np.median(np.diff(time))) < (1.0 - 1e-9) * period:
+        raise InputError(
+            f"{path}: lasts {time[-1] - time[0]:.4g} s, expected one beat of {period:.4g} s "
+            f"(omega = {drive[0].omega:g} rad/s) or more; record longer"
+        )
+    if drive[-1].start >= time[-1]:
+        raise InputError(
+            f"{key}.{len(drive)}.start: {drive[-1].start:g} s is not before the end of {path} at {time[-1]:g} s; "
+            "remove the segment, or correct its start"
+        )
+
+
+def waved(time: FloatArray, wave: Wave, path: Path, key: str) -> None:
+    """Refuse a recording that does not fit the wave that drives it.
+
+    Args:
+        time: (n,) checked by `times` [s].
+        wave: one of everything a joint.
+        path: the file, for messages.
+        key: of the drive in its file, for messages.
+    """
+    if wave.ramp > 0.0 and time[0] < 0.0:
+        raise InputError(
+            f"{place.row(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for a wave with a ramp "
+            "starts at 0 s; remove the rows before, or shift the times"
+        )
+    far = [number for number, angle in enumerate(wave.amplitude, start=1) if abs(angle) > np.pi]
+    if far:
+        raise InputError(
+            f"{key}.amplitude: {wave.amplitude[far[0] - 1]:g} rad at joint {far[0]} is more than half a turn, expected "
+            "radians; if these are degrees, multiply by pi/180"
+        )
+    if time[-1] - time[0] + float(np.median(np.diff(time))) < (1.0 - 1e-9) / wave.frequency:
+        raise InputError(
+            f"{path}: lasts {time[-1] - time[0]:.4g} s, expected one beat of {1.0 / wave.frequency:.4g} s (frequency = "
+            f"{wave.frequency:g} Hz) or more; record longer"
+        )
+
+
+def inside(pose: FloatArray, tank: Tank, source: Path) -> None:
+    """Refuse a nose outside of the tank: its walls, or the poses, are then not what they seem."""
+    outside = np.flatnonzero(tank.distance(pose) < 0.0)
+    if len(outside):
+        first = int(outside[0])
+        x, y = pose[first, :2]
+        raise InputError(
+            f"{place.row(source, first)}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
+            f"{tank.x[0]:g} to {tank.x[1]:g} m, y from {tank.y[0]:g} to {tank.y[1]:g} m; correct tank or poses"
+        )

@@ -1,0 +1,174 @@
+"""The mapping file: how a laboratory's columns, units and axes become those of mjfish.
+
+One TOML for all files of an import. What is common to all kinds is in `Mapping`; each importer has a table of its own.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import Field, model_validator
+
+from mjfish import fish as fishes
+from mjfish import tomlfile
+from mjfish.data import place
+from mjfish.data.schema import Law, NotNegative, Number, Positive
+from mjfish.errors import InputError
+from mjfish.fish import Fish
+from mjfish.tomlfile import Table
+
+#: What one unit is in SI.
+LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+ANGLES = {"rad": 1.0, "deg": 0.017453292519943295}
+TIMES = {"s": 1.0, "ms": 0.001}
+
+Length = Literal["m", "cm", "mm"]
+Angle = Literal["rad", "deg"]
+Time = Literal["s", "ms"]
+
+
+M = TypeVar("M", bound=Table)
+
+
+class WaveTable(Law):
+    """The joint law sent to the joints; `unit` of its angles."""
+
+    unit: Angle = "rad"
+
+
+class JointColumns(Table):
+    """Columns of measured joint angles, head first; `sign` -1 where they turn the other way."""
+
+    columns: tuple[str, ...]
+    unit: Angle = "rad"
+    sign: Literal[1, -1] = 1
+
+
+class Mapping(Table):
+    """What every kind of import needs."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    fish: Annotated[str, Field(min_length=1)]
+    #: Taken away from the front of a file's name to make that of its trial.
+    prefix: str = ""
+
+
+class Driven(Mapping):
+    """A record whose joint angles are columns of the file, or given by a law."""
+
+    joints: JointColumns | None = None
+    wave: WaveTable | None = None
+
+    @model_validator(mode="after")
+    def _one_drive(self) -> Driven:
+        if (self.joints is None) == (self.wave is None):
+            raise ValueError("expected one of [joints] (columns of measured angles) and [wave] (a joint law); give one")
+        return self
+
+
+class MarkerEntry(Table):
+    """A marker: `link` by name, `station` behind the nose of the straight fish [m], doubts `along`, `across` [m]."""
+
+    name: Annotated[str, Field(min_length=1)]
+    link: Annotated[str, Field(min_length=1)]
+    station: NotNegative
+    along: NotNegative = 0.0
+    across: NotNegative = 0.0
+    columns: tuple[str, str] | None = None
+
+
+class PlaneEntry(Table):
+    """Markers at another height than the first two: how far they may appear shifted and wobble sideways [m].
+
+    `below`: how far they lie below the first two [m]; their wobble is then a measured roll. For one plane of all.
+    """
+
+    markers: tuple[str, ...]
+    shift: Positive
+    slip: NotNegative = 0.0
+    below: Positive | None = None
+
+    @model_validator(mode="after")
+    def _wobbles(self) -> PlaneEntry:
+        if self.below is not None and self.slip == 0.0:
+            raise ValueError("below, but no slip to read a roll from; give slip")
+        return self
+
+
+class MarkersMap(Mapping):
+    """``kind = "markers"``: pixels or coordinates of markers, one row a frame."""
+
+    kind: Literal["markers"]
+    rate: Positive
+    header: bool = False
+    missing: bool = True
+    y: Literal["up", "down"] = "down"
+    markers: Annotated[tuple[MarkerEntry, ...], Field(min_length=3)]
+    planes: tuple[PlaneEntry, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_roll(self) -> MarkersMap:
+        rolling = [", ".join(plane.markers) for plane in self.planes if plane.below is not None]
+        if len(rolling) > 1:
+            raise ValueError(
+                f"below in {len(rolling)} planes (markers {'; '.join(rolling)}), expected one to read the roll from; "
+                "keep it in the one that wobbles most"
+            )
+        return self
+
+
+class PosesMap(Driven):
+    """``kind = "poses"``: columns of time, x, y, yaw of a point of the head."""
+
+    kind: Literal["poses"]
+    time: str = "time"
+    x: str = "x"
+    y: str = "y"
+    yaw: str = "yaw"
+    time_unit: Time = "s"
+    length_unit: Length = "m"
+    angle_unit: Angle = "rad"
+    #: Where y points, seen from above with x to the right.
+    axes: Literal["y_up", "y_down"] = "y_up"
+    #: The measured yaw when the fish points along x [of angle_unit], and the tracked point behind the nose [m].
+    yaw_zero: Number = 0.0
+    behind_nose: Number = 0.0
+
+
+class VelocitiesMap(Driven):
+    """``kind = "velocities"``: columns of time, surge, sway, yaw rate of a point of the head."""
+
+    kind: Literal["velocities"]
+    time: str = "time"
+    surge: str = "surge"
+    sway: str = "sway"
+    yaw_rate: str = "yaw_rate"
+    time_unit: Time = "s"
+    length_unit: Length = "m"
+    angle_unit: Angle = "rad"
+    #: Where surge, sway and yaw rate are positive.
+    surge_to: Literal["front", "tail"] = "front"
+    sway_to: Literal["port", "starboard"] = "port"
+    turn_to: Literal["port", "starboard"] = "port"
+    behind_nose: Number = 0.0
+    noise: tuple[Positive, Positive, Positive] | None = None
+
+
+def fish_of(mapping: Mapping, path: Path) -> Fish:
+    """Return the fish that a mapping file names, relative to it."""
+    with place.named(f"{path}: fish"):
+        return fishes.load(mapping.fish, relative_to=path.parent)
+
+
+def read(path: Path | None, model: type[M], importer: str) -> M:
+    """Read the mapping file of an importer that cannot do without one.
+
+    Raises:
+        InputError: none was given, or it breaks the schema.
+    """
+    if path is None:
+        raise InputError(
+            f"importer '{importer}' needs a mapping file that names its columns and units; give --map FILE"
+        )
+    return tomlfile.read(path, model)

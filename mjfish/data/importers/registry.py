@@ -1,0 +1,106 @@
+"""Importers by name, or in a file of one's own: measured files of some laboratory in, a dataset and a report out."""
+
+from __future__ import annotations
+
+import importlib.util
+import uuid
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from mjfish.data import Dataset
+from mjfish.data.importers import fishsim, markers, poses, velocities
+from mjfish.data.importers.report import ImportReport
+from mjfish.errors import InputError, MjfishError, UnknownNameError
+
+
+class Importer(Protocol):
+    """Turns files into a dataset.
+
+    An importer raises `MjfishError` where a file cannot be used; it writes nothing.
+    """
+
+    def __call__(
+        self, files: Sequence[Path], held_out: Sequence[str] = (), mapping: Path | None = None
+    ) -> tuple[Dataset, ImportReport]:
+        """Import `files`.
+
+        Args:
+            files: paths that exist or not.
+            held_out: trials or runs named here get the role ``held_out``, all others ``fit``.
+            mapping: a TOML that says what columns, units and axes mean; an importer that needs none ignores it.
+        """
+        ...
+
+
+IMPORTERS: Mapping[str, Importer] = {
+    "fishsim": fishsim.import_files,
+    "markers": markers.import_files,
+    "poses": poses.import_files,
+    "velocities": velocities.import_files,
+}
+#: What a file with an importer must define.
+FUNCTION = "import_files"
+
+
+def find(importer: str | Path) -> Importer:
+    """Return an importer by name, or from a Python file that defines ``import_files`` with the signature of `Importer`.
+
+    Raises:
+        UnknownNameError: no such importer.
+        InputError: the file is missing, fails, or defines no such function.
+    """
+    if str(importer) in IMPORTERS:
+        return IMPORTERS[str(importer)]
+    path = Path(importer)
+    if path.suffix != ".py":
+        raise UnknownNameError("importer", str(importer), IMPORTERS, "or give a Python file")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; give the Python file of an importer, or one of {', '.join(IMPORTERS)}")
+    spec = importlib.util.spec_from_file_location(f"mjfish_importer_{uuid.uuid4().hex}", path)
+    assert spec is not None and spec.loader is not None  # noqa: S101, PT018 - a .py file always has a loader
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except MjfishError:
+        raise
+    except Exception as error:
+        raise InputError(f"{path}: fails when it is read: {type(error).__name__}: {error}; correct it") from error
+    function = getattr(module, FUNCTION, None)
+    if not callable(function):
+        raise InputError(
+            f"{path}: defines no function '{FUNCTION}', expected {FUNCTION}(files, held_out=(), mapping=None) that "
+            "returns a Dataset and an ImportReport; add it"
+        )
+    found: Importer = function
+    return found
+
+
+def import_files(
+    importer: str | Path,
+    files: Sequence[str | Path],
+    held_out: Sequence[str] = (),
+    mapping: str | Path | None = None,
+) -> tuple[Dataset, ImportReport]:
+    """Import measured files.
+
+    Args:
+        importer: its name, one of `IMPORTERS`, or a Python file with one.
+        files: paths.
+        held_out: names of trials, or of files without their prefix and suffix, that are not to be fitted.
+        mapping: mapping file, for importers that need one.
+
+    Raises:
+        UnknownNameError: no such importer, or nothing of a name in `held_out`.
+        InputError: a file is missing, not what it must be, given twice, or not usable.
+    """
+    function = find(importer)
+    paths = [Path(file) for file in files]
+    if not paths:
+        raise InputError(f"no files to import, expected one or more; name the files of {importer}")
+    seen: dict[Path, Path] = {}
+    for path in paths:
+        first = seen.setdefault(path.resolve(), path)
+        if first is not path:
+            raise InputError(f"{path}: given twice, expected every file once; remove one")
+    return function(paths, held_out, None if mapping is None else Path(mapping))

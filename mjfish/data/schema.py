@@ -1,0 +1,215 @@
+"""The tables of ``dataset.toml``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from mjfish.data import place
+from mjfish.data.types import Clock, Role
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.tomlfile import Table
+
+#: Name of the file that makes a folder a dataset.
+FILE = "dataset.toml"
+_SAFE_NAME = re.compile(r"\w(?:[\w .+-]{0,98}[\w+-])?")
+
+Number = Annotated[float, Field(strict=True)]
+
+
+def _positive(value: float) -> float:
+    if value <= 0.0:
+        raise ValueError("must be above 0; correct it")
+    return value
+
+
+def _not_negative(value: float) -> float:
+    if value < 0.0:
+        raise ValueError("must be at least 0; correct it")
+    return value
+
+
+def _sigma(value: float) -> float:
+    if value <= 0.0:
+        raise ValueError("must be above 0; leave out [noise] to have it estimated from the data")
+    return value
+
+
+def _safe(name: str) -> str:
+    if not _SAFE_NAME.fullmatch(name):
+        raise ValueError(
+            "a trial's name is also a file name: letters, digits, spaces and . + - _ only, beginning with a letter or "
+            "digit, at most 100 characters; rename the trial"
+        )
+    return name
+
+
+def _path(name: str) -> str:
+    if not name or "\0" in name:
+        raise ValueError("expected the name of a file; correct it")
+    return name
+
+
+Sigma = Annotated[Number, AfterValidator(_sigma)]
+Positive = Annotated[Number, AfterValidator(_positive)]
+NotNegative = Annotated[Number, AfterValidator(_not_negative)]
+
+
+class Noise(Table):
+    """Standard deviation of the measured velocities: surge, sway [m/s], yaw rate [rad/s]."""
+
+    surge: Sigma
+    sway: Sigma
+    yaw_rate: Sigma
+
+
+class Bounds(Table):
+    """Start value and bounds of one coefficient; what is left out stays as the fish declares it."""
+
+    start: NotNegative | None = None
+    low: NotNegative | None = None
+    high: Positive | None = None
+
+
+class Drive(Table):
+    """A CPG segment: from `start` [s] on, frequency `omega` [rad/s] and one bias a joint [-]."""
+
+    start: NotNegative
+    omega: Positive
+    bias: tuple[Number, ...]
+
+
+class Law(Table):
+    """A joint law, see `mjfish.drive.wave`: frequency [Hz]; amplitude, phase and bias [rad], one a joint.
+
+    `free`: drive and record have no common clock, so that frequency and phase are fitted with every trial.
+    """
+
+    frequency: Positive
+    amplitude: tuple[Number, ...]
+    phase: tuple[Number, ...]
+    bias: tuple[Number, ...] = ()
+    ramp: NotNegative = 0.0
+    free: bool = False
+
+
+class WaveDrive(Law):
+    """A wave as the drive."""
+
+    kind: Literal["wave"]
+
+
+class TrialTable(Table):
+    """One entry of ``[[trials]]``; `file` is relative to the folder of dataset.toml.
+
+    `gaps`: samples are missing, rows or velocities in rows; only where a CPG drives the fish, whose motion is known.
+    `errors`: file of the modes of the errors of velocities and joint angles, see `mjfish.data.errors`.
+    """
+
+    name: Annotated[str, AfterValidator(_safe)]
+    file: Annotated[str, AfterValidator(_path)]
+    role: Role | None = None
+    gaps: bool = False
+    errors: Annotated[str, AfterValidator(_path)] | None = None
+    drive: tuple[Drive, ...] = ()
+    wave: WaveDrive | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_table_is_a_wave(cls, raw: object) -> object:
+        """``[[trials.drive]]`` is a list of CPG segments, ``[trials.drive]`` one table with a kind."""
+        if isinstance(raw, Mapping) and isinstance(raw.get("drive"), Mapping):
+            return {**{key: value for key, value in raw.items() if key != "drive"}, "wave": raw["drive"]}
+        return raw
+
+
+def _walls(walls: tuple[float, float]) -> tuple[float, float]:
+    if walls[0] >= walls[1]:
+        raise ValueError(
+            f"the walls are at {walls[0]:g} and {walls[1]:g} m, expected the lower one first; correct them"
+        )
+    return walls
+
+
+Walls = Annotated[tuple[Number, Number], AfterValidator(_walls)]
+
+
+class TankTable(Table):
+    """Walls of the tank: lowest and highest x and y [m], in the world of the poses."""
+
+    x: Walls
+    y: Walls
+
+
+def _flat(raw: object) -> object:
+    """Let ``c_f.tail = ..`` mean ``"c_f.tail" = ..``, and a bare number a start value."""
+    if not isinstance(raw, Mapping):
+        return raw
+    flat: dict[str, Any] = {}
+    kinds = {name.partition(".")[0] for name in COEFFICIENTS}
+    for key, value in raw.items():
+        if key in kinds and isinstance(value, Mapping):
+            flat.update({f"{key}.{group}": entry for group, entry in value.items()})
+        else:
+            flat[key] = value
+    return {key: value if isinstance(value, Mapping) else {"start": value} for key, value in flat.items()}
+
+
+class DatasetTable(Table):
+    """The file: a fish, how it was measured, and its trials."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    name: Annotated[str, Field(min_length=1)]
+    fish: Annotated[str, Field(min_length=1)]
+    clock: Clock = "synchronised"
+    noise: Noise | None = None
+    tank: TankTable | None = None
+    start: Annotated[dict[str, Bounds], BeforeValidator(_flat), Field(default_factory=dict)]
+    trials: Annotated[tuple[TrialTable, ...], Field(min_length=1)]
+
+
+def check(table: DatasetTable, file: Path) -> None:
+    """Refuse trials that share a name or a file, and a dataset with nothing to fit.
+
+    Raises:
+        InputError: naming the key in `file`.
+    """
+    names: dict[str, int] = {}
+    files: dict[Path, int] = {}
+    for number, trial in enumerate(table.trials, start=1):
+        # Some file systems do not tell upper from lower case.
+        first = names.setdefault(trial.name.casefold(), number)
+        if first != number:
+            raise InputError(
+                f"{file}: trials.{number}.name: '{trial.name}' is also the name of trial {first}; give each its own"
+            )
+        first = files.setdefault((file.parent / trial.file).resolve(), number)
+        if first != number:
+            raise InputError(
+                f"{file}: trials.{number}.file: '{trial.file}' is also the file of trial {first}; "
+                "a recording must not be counted twice, or be both fitted and held out; remove one"
+            )
+    if all(trial.role == "held_out" for trial in table.trials):
+        raise InputError(f"{file}: trials: every role is 'held_out', expected one or more of role 'fit'; change one")
+
+
+def with_start(fish: Fish, start: Mapping[str, Bounds], file: Path) -> Fish:
+    """Return the fish with the start values and bounds of the ``[start]`` table.
+
+    Raises:
+        UnknownNameError: no such coefficient.
+        ParameterError: empty bounds, or a start outside of them.
+    """
+    declared = {parameter.name: parameter for parameter in fish.parameters}
+    changed = {}
+    for name, bounds in start.items():
+        with place.named(f"{file}: start"):
+            if name not in declared:
+                raise UnknownNameError("coefficient", name, COEFFICIENTS)
+            changed[name] = declared[name].rebound(low=bounds.low, high=bounds.high, start=bounds.start)
+    return fish.with_coefficients(changed) if changed else fish

@@ -1,0 +1,214 @@
+"""Tables of numbers with units in the headers, as CSV or Parquet.
+
+Rows are counted from 1 at the first row of data; in a CSV that is line 2, and no line may be left empty.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from mjfish.arrays import FloatArray, readonly
+from mjfish.data import columns, place
+from mjfish.errors import InputError
+
+SUFFIXES = (".csv", ".parquet")
+_LONGEST_SHOWN = 40
+
+
+def read_table(path: str | Path, *, missing: Collection[str] = ()) -> dict[str, FloatArray]:
+    """Read a CSV or Parquet file whose columns are those of trials and rollouts.
+
+    Args:
+        path: with the suffix ``.csv`` or ``.parquet``.
+        missing: names of columns whose cells may be empty or NaN; they are NaN then.
+
+    Returns:
+        Columns of equal length by name (without unit), in the order of the file; finite but for those, and read-only.
+
+    Raises:
+        InputError: the file is absent, empty or damaged, a header is wrong, a cell is empty, no number or not finite.
+    """
+    path = Path(path)
+    check_suffix(path)
+    try:
+        read = _read_csv if path.suffix.lower() == ".csv" else _read_parquet
+        table = read(path, missing)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; correct its name or put it there") from None
+    except (OSError, UnicodeDecodeError, csv.Error, pa.ArrowException) as error:
+        raise InputError(f"{path}: cannot be read: {error}; save it again as a table of numbers") from None
+    if not next(iter(table.values())).size:
+        raise InputError(f"{path}: has a header and no rows; expected a row for every sample")
+    for name, values in table.items():
+        check_finite(name, np.nan_to_num(values, posinf=np.inf, neginf=-np.inf) if name in missing else values, path)
+    return table
+
+
+def write_table(path: str | Path, table: Mapping[str, FloatArray]) -> None:
+    """Write columns to a CSV or Parquet file, so that reading gives every number back to the last bit.
+
+    The file appears complete or not at all.
+
+    Args:
+        path: with the suffix ``.csv`` or ``.parquet``.
+        table: columns of equal length by header, e.g. ``surge [m/s]``.
+
+    Raises:
+        InputError: columns of unequal length, a wrong suffix, or the file cannot be written.
+    """
+    path = Path(path)
+    check_suffix(path)
+    shapes = {header: np.shape(values) for header, values in table.items()}
+    if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
+        raise InputError(f"{path}: columns of shapes {shapes}, expected one-dimensional columns of one length")
+    write = _write_csv if path.suffix.lower() == ".csv" else _write_parquet
+    with whole(path) as file:
+        write(file, table)
+
+
+@contextlib.contextmanager
+def whole(path: Path) -> Iterator[BinaryIO]:
+    """Open a file that appears under its name when the block is done, complete or not at all.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        with partial.open("wb") as file:
+            yield file
+        partial.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error}; choose another place") from None
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a file that is neither CSV nor Parquet by its name."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(f"{path}: the name ends in '{path.suffix}', expected .csv or .parquet; convert the file")
+
+
+def _write_csv(file: BinaryIO, table: Mapping[str, FloatArray]) -> None:
+    rows = zip(*(np.asarray(values, dtype=np.float64).tolist() for values in table.values()), strict=True)
+    # repr is the shortest text that reads back as the same float.
+    lines = [",".join(table), *(",".join(map(repr, row)) for row in rows)]
+    file.write(("\n".join(lines) + "\n").encode("utf-8"))
+
+
+def _write_parquet(file: BinaryIO, table: Mapping[str, FloatArray]) -> None:
+    arrays = {header: np.asarray(values, dtype=np.float64) for header, values in table.items()}
+    pa.parquet.write_table(pa.table(arrays), file, write_page_checksum=True)
+
+
+def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
+    """Parse every cell as text first: only so can a message show what stood in the file."""
+    text = _text(path)
+    headers = next(csv.reader([text.partition("\n")[0]]))
+    if not headers:
+        raise InputError(f"{path}: line 1 is empty, expected the headers of the columns; remove the lines above them")
+    if len(headers) == 1 and (";" in text or "\t" in text):
+        raise InputError(f"{path}: line 1 has no commas; separate the columns by commas, with points in the numbers")
+    names = columns.parse(headers, path)
+    if "\n" not in text:
+        return dict.fromkeys(names, readonly([]))
+    ragged: list[Any] = []
+
+    def note(row: Any) -> str:
+        ragged.append(row)
+        return "error"
+
+    try:
+        table = pa.csv.read_csv(
+            pa.BufferReader(text.encode("utf-8")),
+            read_options=pa.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=1),
+            parse_options=pa.csv.ParseOptions(ignore_empty_lines=False, invalid_row_handler=note),
+            convert_options=pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
+        )
+    except pa.ArrowInvalid:
+        if not ragged:
+            raise
+        row = ragged[0]
+        raise InputError(
+            f"{place.row(path, row.number - 2)}: {row.actual_columns} cells, expected {row.expected_columns} as in the "
+            f"header; found '{_short(row.text)}'; complete or remove the row"
+        ) from None
+    return {name: _numbers(name, table.column(name), path, name in missing) for name in names}
+
+
+def _text(path: Path) -> str:
+    raw = path.read_bytes()
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        raise InputError(f"{path}: line {line} is no UTF-8 text; save the file as UTF-8 CSV") from None
+    text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip()
+    if not text:
+        raise InputError(f"{path}: the file is empty; expected a header line and a row for every sample")
+    return text
+
+
+def _numbers(name: str, cells: Any, path: Path, missing: bool) -> FloatArray:
+    """Convert a column of text; look for the cell at fault only where the fast way fails."""
+    try:
+        return readonly(cells.cast(pa.float64()).to_numpy())
+    except pa.ArrowInvalid:
+        texts = enumerate(cells.to_pylist())
+        return readonly([np.nan if missing and not text.strip() else _number(name, text, k, path) for k, text in texts])
+
+
+def _number(name: str, cell: str, index: int, path: Path) -> float:
+    where = f"{place.row(path, index)}, column '{columns.header(name)}'"
+    if not cell.strip():
+        raise InputError(f"{where}: the cell is empty, expected a number; fill it in or remove the row")
+    try:
+        return float(cell) if "_" not in cell else float("no number")
+    except ValueError:
+        raise InputError(
+            f"{where}: '{_short(cell)}' is not a number such as -0.25; correct it or remove the row"
+        ) from None
+
+
+def _short(text: str) -> str:
+    line = text.replace("\n", " ")
+    return line if len(line) <= _LONGEST_SHOWN else f"{line[:_LONGEST_SHOWN]}..."
+
+
+def _read_parquet(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
+    with pa.parquet.ParquetFile(path, page_checksum_verification=True) as file:
+        table = file.read(use_threads=False)
+    if not table.num_columns:
+        raise InputError(f"{path}: has no columns; expected {', '.join(map(columns.header, columns.REQUIRED))}")
+    names = columns.parse(table.column_names, path)
+    result = {}
+    for name, cells in zip(names, table.columns, strict=True):
+        if not (pa.types.is_floating(cells.type) or pa.types.is_integer(cells.type)):
+            raise InputError(
+                f"{path}: column '{columns.header(name)}' has type {cells.type}, expected float64; convert it"
+            )
+        if cells.null_count and name not in missing:
+            _number(name, "", int(np.argmax(cells.is_null().to_numpy())), path)
+        result[name] = readonly(cells.cast(pa.float64()).to_numpy())
+    return result
+
+
+def check_finite(name: str, values: FloatArray, path: Path) -> None:
+    """Refuse a column with a NaN or an infinity, naming the first row."""
+    wrong = np.flatnonzero(~np.isfinite(values))
+    if wrong.size:
+        raise InputError(
+            f"{place.row(path, int(wrong[0]))}, column '{columns.header(name)}': {values[wrong[0]]}, expected a finite "
+            f"number; fill in or remove the row ({wrong.size} of {values.size} rows are like this)"
+        )

@@ -1,0 +1,156 @@
+"""A `Trial` is one recording of measured swimming, a `Dataset` a folder of them with the fish they belong to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mjfish.arrays import BoolArray, FloatArray
+from mjfish.drive.cpg import DriveSegment
+from mjfish.drive.wave import Wave
+from mjfish.fish import Fish
+
+Role = Literal["fit", "held_out"]
+Clock = Literal["synchronised", "free"]
+
+
+def rows_of(time: FloatArray) -> NDArray[np.intp]:
+    """Return the row (n,) of every sample on a grid of equal steps: rows of lost samples are skipped.
+
+    Step by step, for times that are rounded or jitter drift against any even grid; no two samples share a row.
+
+    Args:
+        time: (n,) increasing [s].
+    """
+    steps = np.diff(time)
+    apart = np.maximum(np.rint(steps / np.median(steps)), 1.0) if len(steps) else steps
+    return np.concatenate([np.zeros(1, dtype=np.intp), np.cumsum(apart.astype(np.intp))])
+
+
+def seen_of(rows: NDArray[np.intp]) -> BoolArray:
+    """Return, on the grid of equal steps up to the last of `rows` (n,), which rows are there."""
+    seen = np.zeros(int(rows[-1]) + 1 if len(rows) else 0, dtype=np.bool_)
+    seen[rows] = True
+    return seen
+
+
+@dataclass(frozen=True)
+class Tank:
+    """Where the walls of the tank are.
+
+    Attributes:
+        x, y: lowest and highest coordinate [m], in the world of the poses.
+    """
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+
+    def distance(self, pose: FloatArray) -> FloatArray:
+        """Return the distances (n,) [m] of places (n, 2 or more) to the nearest wall, negative outside."""
+        gaps = [pose[:, i] - low for i, (low, _) in enumerate((self.x, self.y))]
+        gaps += [high - pose[:, i] for i, (_, high) in enumerate((self.x, self.y))]
+        nearest: FloatArray = np.min(gaps, axis=0)
+        return nearest
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One recording of a swimming fish, validated.
+
+    Attributes:
+        name: of the trial.
+        role: ``fit``, ``held_out``, or None where the dataset assigns none.
+        time: (n,) increasing [s].
+        velocity: (n, 3) surge [m/s], sway [m/s], yaw rate [rad/s] of the nose in the forward frame.
+        drive: CPG segments; empty where the joints were measured.
+        joint_angle: (n, joints) measured joint angles [rad], or None.
+        pose: (n, 3) x [m], y [m], yaw [rad] in the world, or None; yaw alone may be given (x, y are NaN then).
+        roll: (n,) [rad], or None.
+        source: the file it was read from.
+        gaps: samples are missing, and known to be: times may have gaps.
+        wave: the wave that drives the joints, or None.
+        tank: its walls, or None where they are not known.
+        errors: (modes, n, 3 + joints) what is known of the errors of `velocity` and `joint_angle`: their sum, each mode
+            times an independent standard normal number (`mjfish.data.errors`); None: not known.
+    """
+
+    name: str
+    role: Role | None
+    time: FloatArray
+    velocity: FloatArray
+    drive: tuple[DriveSegment, ...] = ()
+    joint_angle: FloatArray | None = None
+    pose: FloatArray | None = None
+    roll: FloatArray | None = None
+    source: Path | None = None
+    gaps: bool = False
+    wave: Wave | None = None
+    tank: Tank | None = None
+    errors: FloatArray | None = None
+
+    @cached_property
+    def step(self) -> float:
+        """Step between samples [s]: the median, for gaps may be among them."""
+        return float(np.median(np.diff(self.time)))
+
+    @cached_property
+    def rows(self) -> NDArray[np.intp]:
+        """Row (n,) of every sample on a grid of equal steps, see `rows_of`."""
+        return rows_of(self.time)
+
+    @property
+    def starts_at_rest(self) -> bool:
+        """Whether the trial begins at time 0 with the fish at rest in the water, as every CPG-driven trial does.
+
+        A wave starts it from rest where it has a ramp.
+        """
+        return self.joint_angle is None and (self.wave is None or self.wave.ramp > 0.0)
+
+    def waved(self, frequency: float, phase: float) -> Trial:
+        """Return the trial with a wave whose frequency [Hz] and phase in the middle of the record [rad] are higher."""
+        if self.wave is None:
+            return self
+        middle = 0.5 * float(self.time[0] + self.time[-1])
+        return replace(
+            self, wave=self.wave.moved(frequency=frequency, phase=phase - 2.0 * math.pi * frequency * middle)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Trials of one fish.
+
+    Attributes:
+        name: of the dataset.
+        fish: with the start values and bounds of the dataset's ``[start]`` table applied.
+        trials: in the order of the file.
+        noise: (3,) sigma of the measured surge [m/s], sway [m/s], yaw rate [rad/s]; None: estimate it from the data.
+        clock: ``synchronised``, or ``free`` where the velocity clock has an unknown offset in each trial.
+        source: the dataset.toml it was read from.
+    """
+
+    name: str
+    fish: Fish
+    trials: tuple[Trial, ...]
+    noise: FloatArray | None = None
+    clock: Clock = "synchronised"
+    source: Path | None = None
+
+    def split(self) -> tuple[tuple[Trial, ...], tuple[Trial, ...]]:
+        """Return the trials to fit and the trials held out.
+
+        Where any trial has a role, those without one are fitted. Where none has, every third trial is held out,
+        beginning with the second: spread over the list, at least one of two, and never the first.
+        """
+        if any(trial.role is not None for trial in self.trials):
+            held = [trial.role == "held_out" for trial in self.trials]
+        else:
+            held = [index % 3 == 1 for index in range(len(self.trials))]
+        pairs = list(zip(self.trials, held, strict=True))
+        return tuple(trial for trial, out in pairs if not out), tuple(trial for trial, out in pairs if out)

@@ -1,0 +1,225 @@
+"""Writing a dataset, complete or not at all; what cannot be read back is refused."""
+
+from __future__ import annotations
+
+import shutil
+import uuid
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from mjfish import files, fish_toml, toml_text, tomlfile
+from mjfish import fish as fishes
+from mjfish.arrays import FloatArray
+from mjfish.data import columns, errors, place, schema
+from mjfish.data.read import build_trial
+from mjfish.data.schema import Bounds, DatasetTable
+from mjfish.data.table import check_finite, write_table
+from mjfish.data.types import Dataset, Trial
+from mjfish.errors import InputError, MjfishError
+from mjfish.fish import Fish
+from mjfish.frames import CHANNELS
+
+#: First line of every dataset.toml written here: a folder with it may be overwritten, one made by hand may not.
+MARK = "# Written by mjfish. SI units and radians; velocities are those of the nose: x forward, y to port, z up."
+_FISH_FILE = "fish.toml"
+
+
+def save(dataset: Dataset, folder: str | Path, *, suffix: Literal[".csv", ".parquet"] = ".csv") -> Path:
+    """Write dataset.toml and one table a trial, so that `load` gives every number back to the last bit.
+
+    A fish that is not a shipped one goes along as fish.toml. Files of an older dataset in the folder are replaced,
+    others are left alone.
+
+    Args:
+        dataset: validated as in `load` before anything is written.
+        folder: absent, empty, or holding a dataset written by this function.
+        suffix: of the tables.
+
+    Returns:
+        The path of the dataset.toml.
+
+    Raises:
+        MjfishError: the dataset is not valid, or the folder holds something else or cannot be written.
+    """
+    folder = Path(folder).resolve()
+    raw = _raw(dataset, suffix)
+    tables = _validated(dataset, raw)
+    stale = _replaceable(folder)
+    partial = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}.partial")
+    try:
+        partial.mkdir(parents=True)
+        for file, table in tables.items():
+            write_table(partial / file, {columns.header(name): values for name, values in table.items()})
+        if raw["fish"] == _FISH_FILE:
+            (partial / _FISH_FILE).write_text(fish_toml.text(dataset.fish), encoding="utf-8")
+        (partial / schema.FILE).write_text(f"{MARK}\n{toml_text.dumps(raw)}", encoding="utf-8")
+        _publish(partial, folder, stale)
+    except (OSError, UnicodeEncodeError) as error:
+        raise InputError(f"{folder}: the dataset cannot be written: {error}; choose another place") from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return folder / schema.FILE
+
+
+def check_folder(folder: str | Path) -> None:
+    """Refuse a folder that `save` would refuse; for callers with long work before they save.
+
+    Raises:
+        InputError: it holds something else than a dataset written by `save`, or cannot be written to.
+    """
+    folder = Path(folder).resolve()
+    files.check_folder(folder)
+    _replaceable(folder)
+
+
+def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
+    """Return dataset.toml as plain tables."""
+    fish, start = _fish_entry(dataset.fish)
+    noise = None if dataset.noise is None else dict(zip(CHANNELS, map(float, dataset.noise), strict=True))
+    trials = [
+        {
+            "name": trial.name,
+            "file": f"{trial.name}{suffix}",
+            "role": trial.role,
+            "gaps": trial.gaps,
+            "errors": None if trial.errors is None else errors.file(trial.name),
+            "drive": [
+                {"start": float(part.start), "omega": float(part.omega), "bias": [float(bias) for bias in part.bias]}
+                for part in trial.drive
+            ]
+            or _wave(trial),
+        }
+        for trial in dataset.trials
+    ]
+    raw = {
+        "schema": 1, "name": dataset.name, "fish": fish, "clock": dataset.clock, "noise": noise,
+        "tank": _tank(dataset), "start": start,
+    }  # fmt: skip
+    filled = {key: value for key, value in raw.items() if value not in (None, {})}
+    return {**filled, "trials": [{key: value for key, value in trial.items() if value} for trial in trials]}
+
+
+def _tank(dataset: Dataset) -> dict[str, list[float]] | None:
+    """Return the table of the one tank that all trials swam in."""
+    tanks = {trial.tank for trial in dataset.trials}
+    if len(tanks) > 1:
+        raise InputError(
+            "the dataset cannot be saved: its trials have different tanks, a file has one; save them apart"
+        )
+    tank = next(iter(tanks), None)
+    return None if tank is None else {"x": [float(v) for v in tank.x], "y": [float(v) for v in tank.y]}
+
+
+def _wave(trial: Trial) -> dict[str, Any]:
+    """Return the table of a wave, empty where none drives."""
+    if trial.wave is None:
+        return {}
+    wave = trial.wave
+    table: dict[str, Any] = {"kind": "wave", "frequency": float(wave.frequency)}
+    for name in ("amplitude", "phase", "bias"):
+        table[name] = [float(value) for value in getattr(wave, name)]
+    return {**table, "ramp": float(wave.ramp), "free": wave.free}
+
+
+def _fish_entry(fish: Fish) -> tuple[str, dict[str, dict[str, float]]]:
+    """Return a shipped fish's name and what ``[start]`` must say to make it this one, or the name of a fish file."""
+    if fish.name in fishes.shipped():
+        shipped = fishes.load(fish.name)
+        start = {}
+        for old, new in zip(shipped.parameters, fish.parameters, strict=True):
+            bounds = {
+                key: getattr(new, key) for key in ("start", "low", "high") if getattr(new, key) != getattr(old, key)
+            }
+            if bounds:
+                start[new.name] = bounds
+        if schema.with_start(shipped, {name: Bounds(**bounds) for name, bounds in start.items()}, Path()) == fish:
+            return fish.name, start
+    return _FISH_FILE, {}
+
+
+def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, FloatArray]]:
+    """Return the columns of every file, having passed them through all that `load` checks."""
+    file = Path(schema.FILE)
+    with place.named("the dataset cannot be saved"):
+        table = tomlfile.parse(raw, DatasetTable, str(file))
+        schema.check(table, file)
+        if raw["fish"] == _FISH_FILE:
+            tomlfile.parse(dataset.fish.model_dump(by_alias=True), Fish, _FISH_FILE)
+        tables = {}
+        for number, (entry, trial) in enumerate(zip(table.trials, dataset.trials, strict=True), start=1):
+            tables[entry.file] = _columns(trial)
+            for name, values in tables[entry.file].items():
+                check_finite(name, values, Path(entry.file))
+            build_trial(
+                entry, tables[entry.file], dataset.fish, Path(entry.file), f"{file}: trials.{number}", trial.tank
+            )
+            if entry.errors is not None:
+                tables[entry.errors] = errors.table(trial)
+    return tables
+
+
+def _columns(trial: Trial) -> dict[str, FloatArray]:
+    """Return the arrays of a trial as columns by name."""
+    samples = np.size(trial.time)
+    names: list[tuple[tuple[str, ...], FloatArray]] = [(CHANNELS, trial.velocity)]
+    if trial.pose is not None:
+        whole = not np.isnan(trial.pose[:, :2]).all()
+        names.append((columns.POSE, trial.pose) if whole else (("yaw",), trial.pose[:, 2:]))
+    if trial.roll is not None:
+        names.append((("roll",), np.reshape(trial.roll, (-1, 1))))
+    if trial.joint_angle is not None:
+        joints = np.shape(trial.joint_angle)[-1]
+        names.append((tuple(columns.joint(number + 1) for number in range(joints)), trial.joint_angle))
+    table = {"time": np.asarray(trial.time, dtype=np.float64)}
+    for labels, values in names:
+        if np.shape(values) != (samples, len(labels)):
+            raise InputError(
+                f"trial '{trial.name}': {', '.join(labels)} have shape {np.shape(values)}, expected "
+                f"{(samples, len(labels))}: a row for every time and a column for each; correct it"
+            )
+        table.update({label: np.asarray(values[:, i], dtype=np.float64) for i, label in enumerate(labels)})
+    return table
+
+
+def _replaceable(folder: Path) -> list[Path]:
+    """Return the files of the dataset in `folder`; refuse a folder that holds anything but one of ours."""
+    if not folder.exists():
+        return []
+    if not folder.is_dir():
+        raise InputError(f"{folder}: is a file, expected a folder; choose another name")
+    if not any(folder.iterdir()):
+        return []
+    file = folder / schema.FILE
+    remedy = "choose another folder, or empty this one yourself"
+    if not file.is_file():
+        raise InputError(f"{folder}: holds files and no {schema.FILE}, expected an empty folder or a dataset; {remedy}")
+    try:
+        old = tomlfile.read(file, DatasetTable)
+    except MjfishError as error:
+        raise InputError(f"{folder}: holds a dataset that cannot be read; {remedy} ({error})") from None
+    if not file.read_text(encoding="utf-8").startswith(MARK.partition(".")[0]):
+        raise InputError(f"{folder}: holds a dataset that mjfish did not write, expected one that it did; {remedy}")
+    names = [
+        schema.FILE,
+        *(file for trial in old.trials for file in (trial.file, trial.errors) if file),
+        *([_FISH_FILE] if old.fish == _FISH_FILE else []),
+    ]
+    return [folder / name for name in names if Path(name).name == name]
+
+
+def _publish(partial: Path, folder: Path, stale: list[Path]) -> None:
+    """Move the finished files of `partial` into place; dataset.toml goes first and comes last."""
+    if not folder.exists():
+        partial.rename(folder)
+        return
+    fresh = sorted(partial.iterdir(), key=lambda file: file.name == schema.FILE)
+    for file in fresh:
+        target = folder / file.name
+        if target.exists() and target not in stale:
+            raise InputError(f"{target}: is no file of the old dataset, and would be overwritten; move it away")
+    for target in stale:
+        target.unlink(missing_ok=True)
+    for file in fresh:
+        file.replace(folder / file.name)

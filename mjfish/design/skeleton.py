@@ -1,0 +1,146 @@
+"""A folder for the next run: a dataset that lacks one recording, the command to swim, a list of what to record."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tomllib
+import uuid
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mjfish import fish as fishes
+from mjfish import fish_toml, toml_text
+from mjfish.data import Dataset, columns, write_table
+from mjfish.data.schema import FILE
+from mjfish.design.menu import Run
+from mjfish.design.result import Plan
+from mjfish.drive import cpg as hopf
+from mjfish.errors import InputError
+from mjfish.files import check_folder as check_place
+from mjfish.frames import CHANNELS
+from mjfish.ode.rollout import STEP
+
+#: Samples a second of the command.
+_RATE = 100.0
+_FISH = "fish.toml"
+_LIST = "RECORD.md"
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder that holds something, or cannot be made; for callers with long work before `generate`.
+
+    Raises:
+        InputError: see above.
+    """
+    check_place(folder)
+    if folder.exists() and any(folder.iterdir()):
+        raise InputError(f"{folder}: is not empty, expected a new folder; choose another")
+
+
+def generate(dataset: Dataset, plan: Plan, folder: Path) -> Path:
+    """Write what the best run of a plan needs, whole or not at all.
+
+    ``dataset.toml`` names the recordings that are there, where they are, and the one to come, `NAME.csv` beside it:
+    once that is measured, the folder is the dataset to diagnose again. ``NAME.command.csv`` has the joint angles to be
+    driven, ``RECORD.md`` says what to do and what to record.
+
+    Args:
+        dataset: that the plan is for; read from files.
+        plan: with a run driven by a CPG.
+        folder: absent or empty.
+
+    Returns:
+        The dataset.toml.
+
+    Raises:
+        InputError: there is no such run, the dataset was not read from files, or the folder cannot be written.
+    """
+    run = next((option.run for option in plan.runs if option.run is not None and option.run.trial.drive), None)
+    if run is None:
+        raise InputError(f"{dataset.name}: the plan has no run that a CPG drives, so there is no drive to write")
+    if dataset.source is None:
+        raise InputError(
+            f"{dataset.name}: was not read from a dataset.toml, which the new one is made from; save it first"
+        )
+    folder = folder.resolve()
+    check_folder(folder)
+    raw = _extended(dataset, run, folder)
+    partial = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}.partial")
+    try:
+        partial.mkdir(parents=True)
+        if raw["fish"] == _FISH:
+            (partial / _FISH).write_text(fish_toml.text(_unbound(dataset)), encoding="utf-8")
+        (partial / FILE).write_text(toml_text.dumps(raw), encoding="utf-8")
+        (partial / _LIST).write_text("\n".join(_list(dataset, plan, run)) + "\n", encoding="utf-8")
+        write_table(partial / f"{run.name}.command.csv", _command(dataset, run))
+        if folder.exists():
+            folder.rmdir()
+        partial.rename(folder)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error}; choose another place") from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return folder / FILE
+
+
+def _extended(dataset: Dataset, run: Run, folder: Path) -> dict[str, Any]:
+    """Return the dataset.toml of old and new trials, every role written out: a trial more would else move the split."""
+    assert dataset.source is not None  # noqa: S101 - checked by the caller
+    raw = tomllib.loads(dataset.source.read_text(encoding="utf-8"))
+    if raw["fish"] not in fishes.shipped():
+        raw["fish"] = _FISH
+    _, held = dataset.split()
+    for entry, trial in zip(raw["trials"], dataset.trials, strict=True):
+        entry["file"] = Path(os.path.relpath(dataset.source.parent.resolve() / entry["file"], folder)).as_posix()
+        entry["role"] = "held_out" if trial in held else "fit"
+    drive = [{"start": s.start, "omega": s.omega, "bias": list(s.bias)} for s in run.trial.drive]
+    raw["trials"].append({"name": run.name, "file": f"{run.name}.csv", "role": "fit", "drive": drive})
+    return raw
+
+
+def _unbound(dataset: Dataset) -> fishes.Fish:
+    """Return the fish as its own file has it, without the dataset's ``[start]``."""
+    assert dataset.source is not None  # noqa: S101 - checked by the caller
+    raw = tomllib.loads(dataset.source.read_text(encoding="utf-8"))
+    return fishes.load(raw["fish"], relative_to=dataset.source.parent)
+
+
+def _command(dataset: Dataset, run: Run) -> dict[str, Any]:
+    assert dataset.fish.cpg is not None  # noqa: S101 - the run is driven by it
+    end = float(run.trial.time[-1])
+    time = np.arange(int(np.floor(end * _RATE + 1e-9)) + 1) / _RATE
+    angle = hopf.joint_motion(dataset.fish.cpg, run.trial.drive, end, STEP).angle_at(time)
+    joints = {columns.header(columns.joint(j + 1)): angle[:, j] for j in range(angle.shape[1])}
+    return {columns.header("time"): time, **joints}
+
+
+def _list(dataset: Dataset, plan: Plan, run: Run) -> Sequence[str]:
+    interval = run.trial.step
+    lines = [f"# {run.name}", "", plan.question.why, plan.message, ""]
+    calibrations = [option for option in plan.options if option.kind == "calibration"]
+    if calibrations:
+        lines += ["## Before swimming", ""]
+        lines += [f"- [ ] {option.name}: {option.about}" for option in calibrations]
+        lines += [""]
+    lines += ["## Swim", "", "- [ ] Let the water come to rest; the fish lies still, straight, nose along +x."]
+    for segment in run.trial.drive:
+        bias = ", ".join(f"{b:.3g}" for b in segment.bias)
+        lines.append(f"- [ ] At {segment.start:.3g} s: omega {segment.omega:.4g} rad/s, bias {bias}.")
+    lines += [
+        f"- [ ] Stop at {run.trial.time[-1]:.4g} s. The joint angles are in `{run.name}.command.csv`.",
+        "",
+        f"## Record, in `{run.name}.csv`",
+        "",
+        f"- [ ] Every {interval:.4g} s from 0 s on, the drive's start: columns "
+        + ", ".join(f"`{columns.header(name)}`" for name in ("time", *CHANNELS))
+        + ".",
+        "- [ ] The same camera, markers and clock as in the runs before; of the nose, x forward, y to port, z up.",
+        f"- [ ] If the camera tracks it: {', '.join(f'`{columns.header(name)}`' for name in columns.POSE)}.",
+        "",
+        "Then `mjfish diagnose` this folder.",
+    ]
+    return lines

@@ -1,0 +1,6 @@
+"""Diagnosis: is anything wrong, where, which cause, and what naming it gains."""
+
+from mjfish.diagnosis.diagnosis import diagnose
+from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, Overlay
+
+__all__ = ["Candidate", "Cause", "Diagnosis", "Estimate", "Overlay", "diagnose"]

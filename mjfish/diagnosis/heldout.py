@@ -1,0 +1,199 @@
+"""Held-out trials: the gain on them, with an interval, and what they say of rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from scipy import stats
+
+from mjfish.arrays import FloatArray
+from mjfish.data import Trial
+from mjfish.diagnosis.evidence import Evidence
+from mjfish.diagnosis.refit import Refit
+from mjfish.estimation.score import Score, held_out_doubt, predict_held_out
+
+Key = TypeVar("Key", bound=Hashable)
+
+#: Draws of the block bootstrap of the gain, and the length of a block [s].
+_DRAWS = 2000
+_BLOCK = 0.7
+#: A cause has failed on held-out trials where it loses there, and were it true that would happen less often than this.
+_FAILED = 0.001
+#: A trial that no model predicts to within noise, by a mean square of this, does not say which of them is nearer.
+_PREDICTED = 1.25
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """What a cause does on trials to which nothing was fitted.
+
+    Attributes:
+        gained: log-likelihood gained there.
+        chance: probability to gain so little, or less, were the extended model true.
+    """
+
+    gained: float
+    chance: float
+
+    @property
+    def failed(self) -> bool:
+        """Whether the cause predicts these trials worse than they are without it, by more than noise does."""
+        return self.gained <= 0.0 and self.chance < _FAILED
+
+
+def confirmation(nominal: Score, extended: Score, doubts: tuple[FloatArray, FloatArray] | None = None) -> Confirmation:
+    """Hold two models against each other on held-out trials.
+
+    With whitened predictions apart by d and the extended model true, the sum of squares falls by |d|^2 + 2 d' (eps - e)
+    with the noise eps and the error e = D u, u ~ N(0, 1), that the extended prediction has from what was fitted; its
+    variance is 4 (|d|^2 + |D' d|^2). As d has e in it, and of the nominal prediction e_0, the mean is
+    |d|^2 - 2 (|D|^2 - |D_0|^2): exact of linear models, one within the other.
+
+    Args:
+        nominal, extended: of the models.
+        doubts: D_0 and D, `mjfish.estimation.held_out_doubt` of both models; None: both are known.
+    """
+    before, after = np.concatenate(nominal.whitened), np.concatenate(extended.whitened)
+    apart = before - after
+    mean = variance = float(apart @ apart)
+    if doubts is not None:
+        mean -= 2.0 * max(float(np.sum(doubts[1] ** 2) - np.sum(doubts[0] ** 2)), 0.0)
+        variance += float(np.sum((doubts[1].T @ apart) ** 2))
+    here = float(before @ before - after @ after)
+    return Confirmation(0.5 * here, float(stats.norm.cdf((here - mean) / (2.0 * np.sqrt(max(variance, 1e-300))))))
+
+
+class HeldOut:
+    """What the nominal model and its refits predict of the held-out trials, each worked out once.
+
+    Args:
+        evidence: of the nominal model.
+        trials: held out.
+    """
+
+    def __init__(self, evidence: Evidence, trials: tuple[Trial, ...]) -> None:
+        self.evidence, self.trials = evidence, trials
+        self.scores: dict[Refit | None, Score] = {}
+        self.doubts: dict[Refit | None, FloatArray] = {}
+
+    def score(self, one: Refit | None) -> Score:
+        """Return the score of a refit, None: of the nominal model."""
+        if one not in self.scores:
+            of = self.evidence if one is None else one
+            self.scores[one] = predict_held_out(of.problem, of.fit.values, self.trials)
+        return self.scores[one]
+
+    def doubt(self, one: Refit | None) -> FloatArray:
+        """Return the columns (n, k) of the doubt about the prediction of a refit, None: of the nominal model."""
+        if one not in self.doubts:
+            of = self.evidence if one is None else one
+            self.doubts[one] = held_out_doubt(of.problem, of.fit, self.trials)
+        return self.doubts[one]
+
+    def confirmed(self, one: Refit, against: Refit | None) -> Confirmation | None:
+        """Return what a refit gains on the held-out trials; None where there are none."""
+        if not self.trials:
+            return None
+        return confirmation(self.score(against), self.score(one), (self.doubt(against), self.doubt(one)))
+
+    def of_rivals(self, refits: Mapping[Key, Refit]) -> dict[Key, FloatArray]:
+        """Return the residuals (n,) of rivals on the held-out trials that one of them predicts, to compare them.
+
+        In the metric of the noise and of what the fit left open, (I + D D')^(-1/2), where they are white, were a rival
+        true; D of the one that explains most stands for all. So whitened, they go on where those of the fit end: the
+        likelihood of all trials is that of the fitted ones times that of the others, given these.
+        """
+        if not self.trials or len(refits) < 2:
+            return {name: np.zeros(0) for name in refits}
+        doubt = self.doubt(max(refits.values(), key=lambda one: one.adjusted))
+        basis, size, _ = np.linalg.svd(doubt, full_matrices=False)
+        shrink = basis * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+        whole = {name: np.concatenate(self.score(one).whitened) for name, one in refits.items()}
+        white = np.stack([one - shrink @ (basis.T @ one) for one in whole.values()])
+        ends = np.cumsum([len(one) for one in self.score(next(iter(refits.values()))).whitened])[:-1]
+        told = [block for block in np.split(white, ends, axis=1) if np.mean(block**2, axis=1).min() < _PREDICTED]
+        return dict(zip(refits, np.concatenate([white[:, :0], *told], axis=1), strict=True))
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Held-out errors of the nominal and of the extended model.
+
+    Attributes:
+        nominal: nRMSE per channel and ``pooled`` (their mean): RMSE over the range of the measured channel.
+        extended: the same.
+        relative_reduction: of the pooled nRMSE.
+        low, high: its 95 % interval, by resampling blocks of 0.7 s.
+        mean_speed_error: nominal and extended |mean surge simulated - measured|, mean over trials [m/s].
+    """
+
+    nominal: Mapping[str, float]
+    extended: Mapping[str, float]
+    relative_reduction: float
+    low: float
+    high: float
+    mean_speed_error: tuple[float, float]
+
+
+def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.random.Generator) -> Gain:
+    """Compare two models on the held-out trials."""
+    ranges = _ranges(trials)
+    blocks = [_blocks(a, b, trial) for a, b, trial in zip(nominal.residuals, extended.residuals, trials, strict=True)]
+    sums = np.concatenate(blocks)  # (blocks, 7): squared errors of both models per channel, and the count
+    draws = sums[rng.integers(len(sums), size=(_DRAWS, len(sums)))].sum(axis=1)
+    reductions = _reduction(draws, ranges)
+    before, after = _nrmse(sums.sum(axis=0), ranges)
+    low, high = np.quantile(reductions, [0.025, 0.975])
+    return Gain(
+        nominal=_table(before),
+        extended=_table(after),
+        relative_reduction=float(_reduction(sums.sum(axis=0)[None], ranges)[0]),
+        low=float(low),
+        high=float(high),
+        mean_speed_error=(_speed_error(nominal), _speed_error(extended)),
+    )
+
+
+def pooled_error(residuals: Sequence[FloatArray], trials: Sequence[Trial]) -> float:
+    """Return the nRMSE of residuals (n_r, 3), mean over channels: RMSE over the range of the measured channel."""
+    ranges = _ranges(trials)
+    return float(np.mean(np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0)) / ranges))
+
+
+def _ranges(trials: Sequence[Trial]) -> FloatArray:
+    """Return the range (3,) of the measured channels; infinite where one stands still: its errors do not count."""
+    ranges = np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0)
+    return np.where(ranges > 0.0, ranges, np.inf)
+
+
+def _speed_error(one: Score) -> float:
+    return float(np.mean([abs(residual[:, 0].mean()) for residual in one.residuals]))
+
+
+def _blocks(nominal: FloatArray, extended: FloatArray, trial: Trial) -> FloatArray:
+    step = trial.step
+    size = max(round(_BLOCK / step), 1)
+    count = max(len(nominal) // size, 1)
+    rows = [
+        np.concatenate([(a**2).sum(axis=0), (b**2).sum(axis=0), [len(a)]])
+        for a, b in zip(np.array_split(nominal, count), np.array_split(extended, count), strict=True)
+    ]
+    return np.array(rows)
+
+
+def _nrmse(sums: FloatArray, ranges: FloatArray) -> tuple[FloatArray, FloatArray]:
+    count = sums[..., 6:]
+    return np.sqrt(sums[..., :3] / count) / ranges, np.sqrt(sums[..., 3:6] / count) / ranges
+
+
+def _reduction(sums: FloatArray, ranges: FloatArray) -> FloatArray:
+    before, after = _nrmse(sums, ranges)
+    return np.asarray(1.0 - after.mean(axis=-1) / before.mean(axis=-1))
+
+
+def _table(nrmse: FloatArray) -> dict[str, float]:
+    surge, sway, yaw_rate = (float(v) for v in nrmse)
+    return {"surge": surge, "sway": sway, "yaw_rate": yaw_rate, "pooled": float(nrmse.mean())}

@@ -1,0 +1,59 @@
+"""Provenance: from which inputs, by which versions a result came."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from mjfish import fish_toml
+from mjfish.data import Dataset
+from mjfish.effects import Effect
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def provenance(dataset: Dataset, candidates: Sequence[Effect], seed: int) -> dict[str, Any]:
+    """Return versions, git commit, seed and SHA-256 of the fish and of every input file, as plain data.
+
+    Input files are those of the dataset, by their path from its folder, and those of causes that are not shipped.
+    """
+    files = [path for path in (dataset.source, *(trial.source for trial in dataset.trials)) if path is not None]
+    home = Path() if dataset.source is None else dataset.source.parent
+    inputs = {os.path.relpath(path, home): path for path in files} | {path.name: path for path in _own(candidates)}
+    return {
+        "versions": {name: version(name) for name in ("mjfish", "numpy", "scipy", "numba")},
+        "python": platform.python_version(),
+        "commit": _commit(),
+        "seed": seed,
+        "fish": hashlib.sha256(fish_toml.text(dataset.fish).encode()).hexdigest(),
+        "inputs": {
+            name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in inputs.items() if path.is_file()
+        },
+    }
+
+
+def _own(candidates: Sequence[Effect]) -> list[Path]:
+    """Return the files of the causes that do not come with the package."""
+    modules = {sys.modules.get(type(effect).__module__) for effect in candidates}
+    files = [Path(module.__file__).resolve() for module in modules if module is not None and module.__file__]
+    return sorted(file for file in files if not file.is_relative_to(_PACKAGE))
+
+
+def _commit() -> str | None:
+    """Return the git commit of the package's sources, None outside a checkout."""
+    git = shutil.which("git")
+    root = _PACKAGE.parent
+    if git is None or not (root / ".git").exists():
+        return None
+    done = subprocess.run(  # noqa: S603 - fixed arguments
+        [git, "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+    )
+    return done.stdout.strip() or None

@@ -1,0 +1,211 @@
+"""The result of a diagnosis, and its form as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from mjfish.arrays import FloatArray
+from mjfish.data import Dataset, Trial
+from mjfish.diagnosis.description import Description
+from mjfish.diagnosis.fingerprint import Measured
+from mjfish.diagnosis.force import MissingForce
+from mjfish.diagnosis.heldout import Gain
+from mjfish.diagnosis.locate import Where
+from mjfish.files import write_json
+from mjfish.inspection import Checks
+from mjfish.model import Model
+
+Verdict = Literal["named", "nothing_wrong", "cannot_tell", "unexplained"]
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An estimate with its 95 % interval."""
+
+    estimate: float
+    low: float
+    high: float
+    unit: str
+    at_bound: bool = False
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A named cause: its effect's name and the estimates of its parameters by short name."""
+
+    name: str
+    summary: str
+    parameters: Mapping[str, Estimate]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """How one candidate fared.
+
+    Attributes:
+        name: of the effect.
+        applicable: whether this dataset can show it at all; `remark` says why not.
+        score: T of the score test at the baseline fit.
+        statistic: LR, the fall of the sum of squares when it is fitted together with the coefficients.
+        freedom: parameters it adds.
+        p_value: of the statistic, were the nominal model true.
+        rival_p: p value of the margin by which the best candidate beats it; it is in the set of rivals from 0.05 on.
+            None where nothing was refitted.
+        fit_p: p value of what is left once it is in the model; below `mjfish.diagnosis.select.GOODNESS` it is no
+            explanation. None where it was not computed: only those that the data cannot tell from the best are asked.
+        held_out_gain: log-likelihood gained on the held-out trials; None where it was not computed.
+        error, held_out_error: nRMSE over all channels of the fitted and of the held-out trials with this cause in the
+            model; None where it was not refitted, or nothing is held out.
+        absorbed: share of its signature that a refit of the coefficients hides.
+        smallest_visible: size of each amplitude that would have shown; None where no score says, of what is not smooth
+            at its null, and of what the coefficients hide.
+        parameters: estimates by short name.
+        remark: in words.
+    """
+
+    name: str
+    applicable: bool
+    score: float = 0.0
+    statistic: float = 0.0
+    freedom: int = 0
+    p_value: float = 1.0
+    rival_p: float | None = None
+    fit_p: float | None = None
+    held_out_gain: float | None = None
+    error: float | None = None
+    held_out_error: float | None = None
+    absorbed: float = 0.0
+    smallest_visible: Mapping[str, float] | None = None
+    parameters: Mapping[str, Estimate] | None = None
+    remark: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One trial as measured and as both models predict it, for pictures.
+
+    Attributes:
+        trial: the measured trial.
+        held_out: whether it was kept out of the fits.
+        nominal: (n, 3) prediction of the nominal model.
+        extended: (n, 3) prediction of the extended model (the best candidate's, even where it was not named).
+    """
+
+    trial: Trial
+    held_out: bool
+    nominal: FloatArray
+    extended: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What is wrong with the simulation of a dataset, why, and what knowing it gains.
+
+    Attributes:
+        dataset: that was diagnosed.
+        verdict: ``named``, ``nothing_wrong``, ``cannot_tell`` or ``unexplained``.
+        message: the verdict in one sentence.
+        status: ``ok``, or what went wrong on the way (``fit_not_converged``).
+        remarks: what a reader should know: noise, bounds, what was left out.
+        checks: what is to be known of the data before physics is blamed.
+        causes: named ones, together.
+        rivals: groups of names that the data cannot tell apart.
+        alternatives: every set of causes that stays: the named one, or those that the data cannot tell apart.
+        certain: the causes that all of these have: the named ones, or what several sets share.
+        candidates: every cause scored, best first.
+        blind: causes that these data cannot show, with the reason.
+        best: names of the causes that the extended model has: the named ones, else the best candidate; empty where
+            nothing is wrong.
+        where: where the discrepancy sits.
+        force: the missing generalised force of every fitted trial, with its band; empty where nothing is wrong.
+        fingerprint: how the discrepancy of the best scales and which symmetry it breaks; None where nothing is wrong.
+        description: forces that describe what no cause explains; only where it is ``unexplained``.
+        p_wrong: p value of the nominal model.
+        gain: on held-out trials; None where there are none or nothing is wrong.
+        nominal: coefficients of the nominal model by name.
+        extended: coefficients and effect parameters of the extended model by full name.
+        nominal_model, extended_model: ready to predict.
+        overlays: every trial, measured and predicted.
+        provenance: versions, seed, hashes of the inputs.
+    """
+
+    dataset: Dataset
+    verdict: Verdict
+    message: str
+    status: str
+    remarks: tuple[str, ...]
+    checks: Checks
+    causes: tuple[Cause, ...]
+    rivals: tuple[tuple[str, ...], ...]
+    alternatives: tuple[tuple[str, ...], ...]
+    certain: tuple[str, ...]
+    candidates: tuple[Candidate, ...]
+    blind: Mapping[str, str]
+    best: tuple[str, ...]
+    where: Where | None
+    force: tuple[MissingForce, ...]
+    fingerprint: Measured | None
+    description: Description | None
+    p_wrong: float
+    gain: Gain | None
+    nominal: Mapping[str, Estimate]
+    extended: Mapping[str, Estimate]
+    nominal_model: Model
+    extended_model: Model
+    overlays: tuple[Overlay, ...]
+    provenance: Mapping[str, Any]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the diagnosis as plain data, in the layout of ``diagnosis.json``."""
+        return {
+            "schema": SCHEMA,
+            "dataset": self.dataset.name,
+            "verdict": self.verdict,
+            "message": self.message,
+            "status": self.status,
+            "remarks": list(self.remarks),
+            "causes": [
+                {"name": c.name, "summary": c.summary, "parameters": _estimates(c.parameters)} for c in self.causes
+            ],
+            "rivals": [list(group) for group in self.rivals],
+            "alternatives": [list(names) for names in self.alternatives],
+            "certain": list(self.certain),
+            "candidates": [_candidate(candidate) for candidate in self.candidates],
+            "blind": dict(self.blind),
+            "checks": self.checks.to_dict(),
+            "missing_force": [one.summary() for one in self.force],
+            "fingerprint": asdict(self.fingerprint) if self.fingerprint else None,
+            "description": asdict(self.description) if self.description else None,
+            "p_wrong": self.p_wrong,
+            "where": self.where.to_dict() if self.where else None,
+            "gain": _gain(self.gain) if self.gain else None,
+            "coefficients": {"nominal": _estimates(self.nominal), "extended": _estimates(self.extended)},
+            "provenance": dict(self.provenance),
+        }
+
+    def save(self, path: Path) -> None:
+        """Write ``diagnosis.json`` whole or not at all."""
+        write_json(path, self.to_dict())
+
+
+def _estimates(table: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {name: vars(estimate) for name, estimate in table.items()}
+
+
+def _candidate(candidate: Candidate) -> dict[str, Any]:
+    entry = dict(vars(candidate))
+    entry["parameters"] = _estimates(candidate.parameters) if candidate.parameters else None
+    entry["smallest_visible"] = dict(candidate.smallest_visible) if candidate.smallest_visible else None
+    return entry
+
+
+def _gain(gain: Gain) -> dict[str, Any]:
+    return {
+        "held_out": {"nominal": dict(gain.nominal), "extended": dict(gain.extended)},
+        "relative_reduction": {"estimate": gain.relative_reduction, "low": gain.low, "high": gain.high},
+        "mean_speed_error": {"nominal": gain.mean_speed_error[0], "extended": gain.mean_speed_error[1], "unit": "m/s"},
+    }

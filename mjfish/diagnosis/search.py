@@ -1,0 +1,202 @@
+"""The search: fit the nominal model, test its residual, refit it with every candidate, under a noise that holds.
+
+[Rosenthal1983] R. Rosenthal and D. Rubin, Psychological Bulletin 94: Bonferroni's bound with unequal shares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.diagnosis.evidence import Evidence, gather, signatures, under
+from mjfish.diagnosis.progress import Progress, part
+from mjfish.diagnosis.refit import Refit, abrupt, refined, refits, settled
+from mjfish.diagnosis.resolution import resolved
+from mjfish.diagnosis.verdict import ALARM
+from mjfish.effects import Effect
+from mjfish.estimation import Fit, Noise, Problem, fit
+from mjfish.estimation.smoothing import Differentiator
+from mjfish.noise.choice import noise_of
+from mjfish.noise.differentiated import Differentiated
+from mjfish.noise.drifting import Drifting
+from mjfish.noise.edges import noisy_ends
+from mjfish.noise.forces import Pushed
+from mjfish.noise.misread import Misread
+from mjfish.noise.saturated import saturated
+from mjfish.noise.smoothed import smoothing_of
+from mjfish.noise.stepwise import Stepwise
+
+#: A change of sigma by less than this share leaves the weights as they are; of other numbers of a noise by four times.
+_SAME = 0.05
+#: Shares of the alarm's rate that the tests may use up [Rosenthal1983]: that of the candidates' scores, of the omnibus
+#: basis, of the refits of what is not smooth. The first sees most; what the others find is seldom close.
+_DIRECTED, _OMNIBUS, _ABRUPT = 0.625, 0.125, 0.25
+#: P value below which a noise that is known roughly is no way out.
+_BEYOND = 1e-12
+_OTHER = Misread | Stepwise | Pushed | Drifting | Differentiated
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What the search found.
+
+    Attributes:
+        evidence: at the fit of the nominal model.
+        refits: every candidate fitted together with the coefficients, by name; none where nothing is wrong.
+        p_wrong: p value of the nominal model.
+        directed: whether the candidates' own signatures show in the residual, and not the omnibus basis alone.
+    """
+
+    evidence: Evidence
+    refits: Mapping[str, Refit]
+    p_wrong: float
+    directed: bool
+
+
+def search(
+    problem: Problem,
+    candidates: tuple[Effect, ...],
+    stated: FloatArray | None,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> tuple[Findings, str]:
+    """Fit, find the noise, test and refit; again where the noise looks otherwise with the best cause in the model."""
+    progress("fitting the nominal model", 0.02)
+    problem, start = resolved(problem)
+    baseline = fit(problem, start, tolerance=1e-6)
+    made = signatures(problem, baseline.values, candidates)
+    ends = noisy_ends(saturated(problem, baseline, made).residuals)
+    if ends:
+        problem = replace(problem, ends=ends)
+        baseline = fit(problem, baseline.x, tolerance=1e-6)
+        made = signatures(problem, baseline.values, candidates)
+    results: dict[Differentiator | None, tuple[Findings, str]] = {}
+    smoothing = problem.smoothing
+    while smoothing not in results:
+        if smoothing != problem.smoothing:
+            problem = replace(problem, smoothing=smoothing)
+            baseline = fit(problem, baseline.x, tolerance=1e-6)
+            made = signatures(problem, baseline.values, candidates)
+        found, told, smoothing = _searched(problem, baseline, made, candidates, stated, rng, progress)
+        results[problem.smoothing] = found, told
+    findings, remark = results[smoothing]
+    if ends:
+        remark += "; " if remark else ""
+        remark += f"the last samples of the runs are noisier than the rest: {ends} at either end are left out"
+    if smoothing is not None:
+        remark += f"; the motion was smoothed with it, and predictions are, too: {smoothing.words}"
+    return findings, remark
+
+
+def _searched(
+    problem: Problem,
+    baseline: Fit,
+    made: Sequence[FloatArray],
+    candidates: tuple[Effect, ...],
+    stated: FloatArray | None,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> tuple[Findings, str, Differentiator | None]:
+    """Search with the filter that the problem has; return findings, the noise in words, and the filter they suggest."""
+    noise, remark = noise_of(problem, baseline, made, stated, patterns=False)
+    look = _Look(candidates, made, rng, progress)
+    seen = look.at(problem, baseline, noise)
+    if seen.p_wrong >= ALARM:  # what is wrong may pass for a noise that takes the patterns of the runs for its own
+        noise, remark = noise_of(problem, baseline, made, stated)
+        seen = look.again(seen, noise)
+    refitted: dict[str, Refit] = {}
+    if seen.p_wrong < ALARM:
+        refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), made=seen.refits)
+    if not refitted:
+        smoothing = smoothing_of(problem, baseline, noise, candidates, made)
+    else:
+        leader = max(refitted, key=lambda name: refitted[name].gain)
+        refitted[leader] = best = refined(refitted[leader], refitted[leader].fit.sse)
+        others = tuple(effect for effect in candidates if effect.name not in best.names)
+        beside = signatures(best.problem, best.fit.values, others)
+        noise, remark = noise_of(best.problem, best.fit, beside, stated)
+        smoothing = smoothing_of(best.problem, best.fit, noise, others, beside)
+        before, seen = seen, look.again(seen, noise)
+        if seen.p_wrong >= ALARM:
+            refitted = {}
+        elif seen is not before:
+            refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted)
+    if refitted:
+        refitted = settled(refitted, part(progress, 0.6, 0.1))
+    return Findings(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark, smoothing
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """The nominal model under a noise: its evidence, p values (of the directed test, too), refits that they took."""
+
+    evidence: Evidence
+    directed: float
+    p_wrong: float
+    refits: Mapping[str, Refit]
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """Fits and tests the nominal model under a noise."""
+
+    candidates: tuple[Effect, ...]
+    made: Sequence[FloatArray]
+    rng: np.random.Generator
+    progress: Progress
+
+    def at(self, problem: Problem, baseline: Fit, noise: Noise) -> _Seen:
+        """Return what is seen under the noise, where the fit under that of the problem is the baseline."""
+        made = self.made
+        if not _same(noise, problem.noise):
+            self.progress("fitting the nominal model", 0.08)
+            problem = replace(problem, noise=noise)
+            baseline = fit(problem, baseline.x, tolerance=1e-6)
+            made = signatures(problem, baseline.values, self.candidates)  # of another fit a gauge would seem to show
+        evidence = gather(problem, baseline, self.candidates, made)
+        self.progress("testing the residual", 0.15)
+        directed, p_wrong = self._chance(evidence)
+        found: dict[str, Refit] = {}
+        if p_wrong >= ALARM:
+            p_abrupt, found = abrupt(evidence, self.candidates)
+            p_wrong = min(p_wrong, p_abrupt / _ABRUPT)
+        elif isinstance(noise, Drifting) and p_wrong > _BEYOND:
+            p_wrong = max(
+                p_wrong, float(np.mean([self._chance(one)[1] for one in under(evidence, noise.likely, made)]))
+            )
+        return _Seen(evidence, directed, p_wrong, found)
+
+    def _chance(self, evidence: Evidence) -> tuple[float, float]:
+        """Return the p values of the directed test and of it and the omnibus basis."""
+        directed = evidence.directed_p(self.rng)
+        return directed, min(1.0, directed / _DIRECTED, evidence.omnibus_p() / _OMNIBUS)
+
+    def again(self, seen: _Seen, noise: Noise) -> _Seen:
+        """Return what is seen under another noise; the same where it is not another."""
+        problem, baseline = seen.evidence.problem, seen.evidence.fit
+        return seen if _same(noise, problem.noise) else self.at(problem, baseline, noise)
+
+
+def _same(new: Noise, old: Noise) -> bool:
+    """Return whether two noise models have the same spectrum, nearly."""
+    if isinstance(new, Misread) and isinstance(old, Misread):
+        return _same(new.base, old.base)
+    if isinstance(new, Stepwise) and isinstance(old, Stepwise):
+        return new.models.keys() == old.models.keys() and all(_same(new.models[k], old.models[k]) for k in new.models)
+    if isinstance(new, Differentiated) and isinstance(old, Differentiated):
+        filters = (new.window, new.degree) == (old.window, old.degree)
+        return filters and bool(np.allclose(new.numbers(), old.numbers(), rtol=4.0 * _SAME))
+    if isinstance(new, Pushed | Drifting) and isinstance(old, type(new)):
+        return bool(np.allclose(new.numbers(), old.numbers(), rtol=4.0 * _SAME))
+    if isinstance(new, _OTHER) or isinstance(old, _OTHER):
+        return False
+    ratio = np.log(_spectrum(new) / _spectrum(old))
+    return bool(np.max(np.abs(ratio)) < 2.0 * _SAME)
+
+
+def _spectrum(noise: Noise) -> FloatArray:
+    waves = np.exp(-1j * np.outer(np.linspace(0.0, np.pi, 64), 1.0 + np.arange(noise.order)))
+    return np.asarray((noise.sigma / np.abs(1.0 - waves @ noise.phi.T)) ** 2)

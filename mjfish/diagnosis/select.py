@@ -1,0 +1,119 @@
+"""Which causes: the confidence set by test inversion, and the goodness of fit of its members.
+
+A set l of causes stays as long as, were l the truth, the best rival would beat it by the observed margin more often
+than in 5 % of cases; or as long as the likelihood of the best is less than ten times its own: where two causes that can
+be told apart are as likely as each other, the data are odd under both, and name neither. With whitened predictions
+eta_k at the refits and d_k = eta_k - eta_l,
+
+    LR_k - LR_l = 2 d_k' eps - |d_k|^2,    eps ~ N(0, 1),    were l true,
+
+jointly over all rivals k ([Cox1961] for separate families, here with the fitted curves themselves, so that causes which
+are not linear in their amplitudes, or not smooth, need no linearisation). Held-out trials take part with the likelihood
+that they have, given the fitted ones (docs/notes/018): often they were swum otherwise, and rivals differ most there.
+
+[Cox1961] D. R. Cox, Tests of separate families of hypotheses, Proc. 4th Berkeley Symposium.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from mjfish.diagnosis.evidence import gather
+from mjfish.diagnosis.heldout import HeldOut
+from mjfish.diagnosis.refit import Refit
+from mjfish.effects.effect import Effect
+
+Key = TypeVar("Key", bound=Hashable)
+#: A cause is kept in the confidence set above this p value.
+KEEP = 0.05
+#: Or within this fall of the sum of squares, 2 ln 10, of the best.
+CLOSE = 2.0 * float(np.log(10.0))
+#: A cause that fits worse than this in either of two tests is no explanation. A true one is lost by chance twice in ten
+#: thousand; more often because its form differs a little from the catalogue's, which should not make it a riddle.
+GOODNESS = 1e-4
+#: What is left may be this share of all there was to explain: a cause's form is a model, too.
+LEFT = 0.1
+#: And up to this share, it is like the truth, if nothing else is.
+RESEMBLES = 1.0 / 3.0
+DRAWS = 4000
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a refit stands against the others.
+
+    Attributes:
+        rival_p: p value of the margin by which the best rival beats it.
+        behind: that margin, a fall of the sum of squares over all trials, adjusted for parameters.
+        saturated_p: of the joint score of all other candidates at its refit.
+        omnibus_p: of the omnibus basis at its refit.
+        excess: what is left at its refit beyond chance, of the sum of squares.
+        left: the same as a share of all there was to explain.
+    """
+
+    rival_p: float
+    behind: float
+    saturated_p: float = 0.0
+    omnibus_p: float = 0.0
+    excess: float = np.inf
+    left: float = 1.0
+
+    @property
+    def in_set(self) -> bool:
+        """Whether the data cannot tell it from the best."""
+        return self.rival_p >= KEEP or self.behind < CLOSE
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing systematic is left once it is in the model."""
+        return min(self.saturated_p, self.omnibus_p) >= GOODNESS
+
+    @property
+    def fits(self) -> bool:
+        """Whether nothing systematic is left that matters."""
+        return self.clean or self.left < LEFT
+
+    @property
+    def resembles(self) -> bool:
+        """Whether it explains the most of what there was to explain."""
+        return self.left < RESEMBLES
+
+
+def _rivalry(refits: Mapping[Key, Refit], held_out: HeldOut, rng: np.random.Generator) -> dict[Key, Standing]:
+    """Return, per refit, the margin by which the best rival beats it and its p value; goodness of fit is not tested."""
+    names, beyond = list(refits), held_out.of_rivals(refits)
+    residuals = np.stack([np.concatenate([refits[name].fit.residual, beyond[name]]) for name in names])
+    gains = np.array([refits[name].adjusted - float(beyond[name] @ beyond[name]) for name in names])
+    result = {}
+    for index, name in enumerate(names):
+        apart = residuals[index] - residuals  # eta_k - eta_l
+        inner = apart @ apart.T
+        values, vectors = np.linalg.eigh(inner)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        margin = 2.0 * rng.standard_normal((DRAWS, len(names))) @ root.T - np.diag(inner)
+        observed = gains.max() - gains[index]
+        chance_ = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
+        result[name] = Standing(chance_, float(observed))
+    return result
+
+
+def standings(
+    refits: Mapping[Key, Refit], candidates: Sequence[Effect], held_out: HeldOut, rng: np.random.Generator
+) -> dict[Key, Standing]:
+    """Return the standing of every refit; the goodness of fit only of those in the confidence set."""
+    return {
+        name: _tested(refits[name], candidates, one) if one.in_set else one
+        for name, one in _rivalry(refits, held_out, rng).items()
+    }
+
+
+def _tested(one: Refit, candidates: Sequence[Effect], known: Standing) -> Standing:
+    """Return the standing of a refit with its goodness of fit."""
+    after = gather(one.problem, one.fit, candidates)
+    excess = max(after.saturated_excess(), after.omnibus_excess(), 0.0)
+    left = excess / max(one.gain + excess, 1e-9)
+    return replace(known, saturated_p=after.saturated_p(), omnibus_p=after.omnibus_p(), excess=excess, left=left)

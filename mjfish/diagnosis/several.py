@@ -1,0 +1,205 @@
+"""Several causes at once: forward addition with a new linearisation at every step, then dropping and swapping.
+
+A set of causes is refitted, everything else is scored at that fit, the best few are added one by one and refitted. A
+member stays where the set without it explains less by a margin; sets of the same size that the data cannot tell apart
+are all kept (the lower boundary of [Ferrari2015]).
+
+[Ferrari2015] D. Ferrari, Y. Yang, Confidence sets for model selection by F-testing, Statistica Sinica 25.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mjfish.diagnosis.evidence import Evidence, gather
+from mjfish.diagnosis.heldout import HeldOut
+from mjfish.diagnosis.progress import Progress
+from mjfish.diagnosis.refit import Refit, refined, refit
+from mjfish.diagnosis.select import GOODNESS, Standing, standings
+from mjfish.effects.effect import Effect
+
+#: Most causes that are claimed together.
+LARGEST = 3
+#: Refits that are extended, and additions that are refitted for each.
+_BASES, _ADDED = 2, 3
+#: An addition must be seen at this family-wise level,
+_SEEN = 0.01
+#: and the set must explain this much beyond every smaller one, also as a share of what it explains.
+MEMBER, SHARE = 20.0, 0.01
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Sets:
+    """Sets of causes of one size.
+
+    Attributes:
+        refits: of the sets, by sorted names.
+        standings: of those.
+        parts: best refit with one member less, by names of the set; None of a single cause.
+    """
+
+    refits: Mapping[Names, Refit]
+    standings: Mapping[Names, Standing]
+    parts: Mapping[Names, Refit | None]
+
+    @property
+    def suffice(self) -> list[Names]:
+        """Sets that the data cannot tell from the best, and that leave nothing systematic."""
+        return [names for names, one in self.standings.items() if one.in_set and one.clean]
+
+
+def several(
+    singles: Mapping[str, Refit],
+    candidates: Sequence[Effect],
+    held_out: HeldOut,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> Sets | None:
+    """Return the smallest sets of two or three causes that are told from all smaller ones and explain the misfit.
+
+    Args:
+        singles: refits of single causes.
+        candidates: every cause.
+        held_out: what refits predict of the held-out trials.
+        rng: of the confidence set.
+        progress: told what is being done.
+
+    Returns:
+        The sets with their standings; None where no second cause is to be seen, or no set has earned all its members.
+    """
+    known: dict[Names, Refit] = {(name,): one for name, one in singles.items()}
+    bases = sorted(known.values(), key=lambda one: -one.gain)[:_BASES]
+    best: Sets | None = None
+    for size in range(2, LARGEST + 1):
+        progress(f"looking for {size} causes at once", 0.0)
+        earned: dict[Names, Refit] = {}
+        for grown in (_grown, _abruptly_grown):
+            known.update(found := grown(bases, candidates, known, rng))
+            earned.update({names: one for names, one in found.items() if earns_its_place(one, known)})
+            if earned:
+                best = _standing(earned, candidates, known, held_out, rng)
+                if best.suffice:
+                    known.update(parts := _parts(best, known))
+                    if all(earns_its_place(earned[names], known) for names in best.suffice):
+                        return best
+                    return _standing({**_of_size(size - 1, known), **parts}, candidates, known, held_out, rng)
+        if not earned:
+            return best
+        bases = sorted(earned.values(), key=lambda one: -one.gain)[:_BASES]
+    return best
+
+
+def _grown(
+    bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
+) -> dict[Names, Refit]:
+    """Add what is seen best to the bases; then, to the best result less one member, what is seen best there."""
+    found = _extended(bases, candidates, known, rng, _visible)
+    if not found:
+        return {}
+    leader, known = max(found.values(), key=lambda one: one.gain), {**known, **found}
+    return {**found, **_extended(_without(leader, known), candidates, known, rng, _visible)}
+
+
+def _abruptly_grown(
+    bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
+) -> dict[Names, Refit]:
+    """Add causes of which a score says little to the best base."""
+    return _extended(bases[:1], candidates, known, rng, _abrupt)
+
+
+def _extended(
+    bases: Sequence[Refit],
+    candidates: Sequence[Effect],
+    known: Mapping[Names, Refit],
+    rng: np.random.Generator,
+    shortlist: Callable[[Evidence, np.random.Generator], list[Effect]],
+) -> dict[Names, Refit]:
+    """Refit the bases with the best few additions to each; those near the best to the optimum."""
+    found: dict[Names, Refit] = {}
+    for base in bases:
+        after = gather(base.problem, base.fit, candidates)
+        for effect in shortlist(after, rng):
+            names = tuple(sorted((*base.names, effect.name)))
+            if names not in known:
+                one = refit(after, effect, gained=base.gain)
+                if names not in found or one.gain > found[names].gain:
+                    found[names] = one
+    if found:
+        top = max(one.gain for one in found.values())
+        floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
+        least = min(one.fit.sse for one in found.values())
+        found = {names: refined(one, least) if one.gain >= floor else one for names, one in found.items()}
+    return found
+
+
+def _visible(after: Evidence, rng: np.random.Generator) -> list[Effect]:
+    """Return the additions with the best scores, if any is seen."""
+    shown = [effect for effect in after.candidates if not after.hidden(effect.name)]
+    if not shown or after.directed_p(rng) > _SEEN:
+        return []
+    return sorted(shown, key=lambda effect: -after.statistic(effect.name))[:_ADDED]
+
+
+def _abrupt(after: Evidence, rng: np.random.Generator) -> list[Effect]:
+    """Return additions of which a score says little, if anything is left to explain."""
+    del rng
+    if min(after.saturated_p(), after.omnibus_p()) >= GOODNESS:
+        return []
+    return [effect for effect in after.candidates if not effect.smooth]
+
+
+def _without(one: Refit, known: Mapping[Names, Refit]) -> list[Refit]:
+    """Return the known refits of the set less one member."""
+    parts = [_less(one, out) for out in one.names]
+    return [known[part] for part in parts if part in known]
+
+
+def _less(one: Refit, out: str) -> Names:
+    """Return the names of the set without one of them, sorted."""
+    return tuple(sorted(name for name in one.names if name != out))
+
+
+def _parts(sets: Sets, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
+    """Refit, from where the sets are that suffice, what they are less one member, where nobody came by it.
+
+    A member may have stood in for another that was added after it, and is superfluous now.
+    """
+    found: dict[Names, Refit] = {}
+    for whole in (sets.refits[names] for names in sets.suffice):
+        for out in whole.effects:
+            names = _less(whole, out.name)
+            if names not in known and names not in found:
+                found[names] = whole.less(out)
+    return found
+
+
+def _of_size(size: int, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
+    """Return the sets of this size that have earned all their members."""
+    return {
+        names: one for names, one in known.items() if len(names) == size and (size == 1 or earns_its_place(one, known))
+    }
+
+
+def earns_its_place(one: Refit, known: Mapping[Names, Refit]) -> bool:
+    """Return whether the set explains more than its share beyond every smaller set, of its members or of others.
+
+    Less two for every parameter more: a cause of four parameters explains some noise.
+    """
+    worth = one.adjusted - max(other.adjusted for names, other in known.items() if len(names) < len(one.names))
+    return worth >= max(MEMBER, SHARE * one.gain)
+
+
+def _standing(
+    sets: Mapping[Names, Refit],
+    candidates: Sequence[Effect],
+    known: Mapping[Names, Refit],
+    held_out: HeldOut,
+    rng: np.random.Generator,
+) -> Sets:
+    parts = {names: max(_without(one, known), key=lambda part: part.gain, default=None) for names, one in sets.items()}
+    return Sets(sets, standings(sets, candidates, held_out, rng), parts)

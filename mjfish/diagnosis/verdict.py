@@ -1,0 +1,199 @@
+"""The verdict: one rule, and its sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from mjfish.diagnosis.heldout import Confirmation
+from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.result import Verdict
+from mjfish.diagnosis.select import LEFT, RESEMBLES, Standing
+from mjfish.estimation.algebra import chance
+from mjfish.inspection import Finding
+
+#: Something is wrong where the nominal model's p value is below this: 1.2 false alarms in a hundred.
+ALARM = 0.012
+#: What is named must explain more than chance would, with this p value; that something is wrong may rest on all else.
+_OWN = 0.05
+#: Most causes that something unexplained may be like.
+_FEW = 3
+
+_OTHERWISE = "its form is another than the model's, or it is not alone, or something unknown is like it"
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Ruling:
+    """A verdict with the sets of causes it rests on: the one that is named, or those that stay."""
+
+    verdict: Verdict
+    sets: tuple[Names, ...]
+    message: str
+
+    @property
+    def certain(self) -> Names:
+        """The causes that are at work whichever set is the truth: the named ones, or what several sets share."""
+        return shared(self.sets) if self.verdict == "named" or len(self.sets) > 1 else ()
+
+
+def shared(sets: Sequence[Names]) -> Names:
+    """Return the members that all sets have, in the order of the first."""
+    return tuple(name for name in sets[0] if all(name in names for names in sets)) if sets else ()
+
+
+@dataclass(frozen=True, eq=False)
+class Hearing:
+    """Sets of causes of one size, and what speaks for them.
+
+    Attributes:
+        refits: of the sets.
+        standings: of the sets.
+        held_out: on held-out trials, against the best set with one member less; None where there are none.
+    """
+
+    refits: Mapping[Names, Refit]
+    standings: Mapping[Names, Standing]
+    held_out: Mapping[Names, Confirmation | None]
+
+    def staying(self, *, clean: bool) -> tuple[Names, ...]:
+        """Return the sets not told from the best that fit and do not fail on held-out trials, best first."""
+        kept = [
+            names
+            for names, one in self.standings.items()
+            if one.in_set and (one.clean if clean else one.fits) and not _failed(self.held_out.get(names))
+        ]
+        return tuple(sorted(kept, key=lambda names: self.standings[names].behind))
+
+    def alike(self, names: Names, share: float) -> tuple[Names, ...]:
+        """Return a set that leaves something, and behind it those that leave no more than this share.
+
+        What is left says that the set's form is not the truth's. Where that is put up with, it is with rivals, too.
+        """
+        one, excess = self.refits[names], self.standings[names].excess
+        most = share * (one.gain + excess) - excess
+        near = [n for n in self.refits if n != names and one.adjusted - self.refits[n].adjusted < most]
+        near = [n for n in near if not _failed(self.held_out.get(n))]
+        return (names, *sorted(near, key=lambda n: -self.refits[n].adjusted))
+
+    def joined(self, others: Hearing | None) -> Hearing:
+        """Return this hearing with what others found of the sets that stay there."""
+        if others is None:
+            return self
+        staying = {names: one for names, one in others.standings.items() if one.in_set}
+        return Hearing(self.refits, {**self.standings, **staying}, {**self.held_out, **others.held_out})
+
+    def failed(self) -> tuple[Names, ...]:
+        """Return the sets in the confidence set that leave nothing, yet fail on the held-out trials."""
+        return tuple(
+            n for n, one in self.standings.items() if one.in_set and one.clean and _failed(self.held_out.get(n))
+        )
+
+
+def rule(
+    p_wrong: float,
+    single: Hearing,
+    several: Hearing | None,
+    blocks: Sequence[Finding] = (),
+    others: Hearing | None = None,
+) -> Ruling:
+    """Decide.
+
+    - something about the data makes any verdict worthless: ``cannot_tell``;
+    - the nominal model is not contradicted: ``nothing_wrong``;
+    - single causes stay that leave nothing: one is ``named`` if it explains more than chance would, several are
+      ``cannot_tell``;
+    - else sets of several causes, and last single causes that leave little, in the same way; of these,
+      all that leave little stay;
+    - a single cause fits best and fails on held-out trials, where others would do: ``cannot_tell``;
+    - nothing stays, but one explains the most by far, in another form than the truth's perhaps: ``cannot_tell``;
+    - else: ``unexplained``.
+
+    Args:
+        p_wrong: p value of the nominal model.
+        single: every candidate that was refitted, alone.
+        several: sets of two or three; None where none was to be seen.
+        blocks: findings about the data with which no verdict is worth its words.
+        others: single causes without those that failed on held-out trials, where any did.
+    """
+    if blocks:
+        return Ruling("cannot_tell", (), f"These data cannot tell: {blocks[0].message}.")
+    if p_wrong >= ALARM:
+        return Ruling(
+            "nothing_wrong", (), f"Nothing wrong was found: the nominal model fits to within noise (p = {p_wrong:.2g})."
+        )
+    for hearing, clean in ((single, True), (several, False), (single, False)):
+        staying = hearing.staying(clean=clean) if hearing is not None else ()
+        if hearing is single and len(staying) == 1 and not single.standings[staying[0]].clean:
+            staying = single.alike(staying[0], LEFT)
+        if hearing is not None and len(staying) == 1:
+            return _alone(staying[0], hearing.refits[staying[0]], hearing.standings[staying[0]])
+        if staying:
+            return Ruling("cannot_tell", staying, _tied(staying))
+    best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
+    if others is not None and (staying := others.staying(clean=True)):
+        failed = single.failed()
+        told = f"{_listed(failed)} fits best and fails on the held-out trials; {_listed(staying)} would do"
+        return Ruling(
+            "cannot_tell", (*staying, *failed), f"Something is wrong, but these data cannot tell what: {told}."
+        )
+    if best is not None and (nearly := _nearly(best, single)) is not None:
+        return nearly
+    closest = f"; the closest, {best[0]}, {_why(best, single)}" if best else ""
+    return Ruling("unexplained", (), f"Something is wrong that no known cause explains{closest}.")
+
+
+def _nearly(best: Names, hearing: Hearing) -> Ruling | None:
+    """Rule where no single cause leaves little: if the best explains most, and few come near; None else."""
+    standing = hearing.standings.get(best)
+    if standing is None or not standing.resembles or _failed(hearing.held_out.get(best)):
+        return None
+    alike = hearing.alike(best, RESEMBLES)
+    if len(alike) > _FEW:
+        return None
+    told = f"{_listed(alike)} explains {1.0 - standing.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
+    return Ruling("cannot_tell", alike, f"Something is wrong, but these data cannot tell what: {told}.")
+
+
+def _alone(names: Names, one: Refit, standing: Standing) -> Ruling:
+    """Rule on the only set that stays."""
+    p = chance(one.gain, one.freedom)
+    if p < _OWN:
+        left = "" if standing.clean else f" It leaves {standing.left:.1%} of what there was to explain: {_OTHERWISE}."
+        return Ruling("named", (names,), _named(one) + left)
+    told = f"{_listed([names])} would do, and explains no more than chance might (p = {p:.2g})"
+    return Ruling("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {told}.")
+
+
+def _tied(sets: Sequence[Names]) -> str:
+    """Say between which sets the data cannot tell, and what they share."""
+    if common := shared(sets):
+        rest = [tuple(name for name in names if name not in common) for names in sets]
+        are = "is" if len(common) == 1 else "are"
+        return f"{' and '.join(common)} {are} at work, but these data cannot tell whether with {_listed(rest)}."
+    return f"Something is wrong, but these data cannot tell {_listed(sets)} apart."
+
+
+def _listed(sets: Sequence[Names]) -> str:
+    return " or ".join(" with ".join(names) for names in sets)
+
+
+def _named(one: Refit) -> str:
+    if len(one.effects) == 1:
+        return f"The cause is {one.names[0]}: {one.effects[0].summary}."
+    listed = " and ".join(f"{effect.name} ({effect.summary})" for effect in one.effects)
+    return f"{len(one.effects)} causes together: {listed}."
+
+
+def _failed(one: Confirmation | None) -> bool:
+    return one is not None and one.failed
+
+
+def _why(best: Names, hearing: Hearing) -> str:
+    standing = hearing.standings.get(best)
+    if standing is not None and not standing.fits:
+        return f"leaves {standing.left:.0%} of what there was to explain, and that is systematic"
+    if _failed(hearing.held_out.get(best)):
+        return "does not hold on the held-out trials"
+    return "does not hold"

@@ -1,0 +1,169 @@
+"""How well a model agrees with measured velocities: simulated, and predicted some samples ahead.
+
+    RMSE  = sqrt(mean (y - yhat)^2)
+    nRMSE = RMSE / (max y - min y)                              [Yu2016], below Table IV
+    fit   = 100 (1 - |y - yhat| / |y - mean y|)                 percent, as MATLAB's ``compare`` prints it
+
+A simulation knows the drive alone. A prediction k samples ahead is also told every measurement up to k samples before:
+
+    yhat_{t+k|t} = simulation_{t+k} + v_{t+k|t}
+
+with v the residual of the simulation, taken for autoregressive noise ([Ljung1999], ch. 3.2, the Box-Jenkins structure
+with C = 1). Of the two forms that nlgreyest's users know it is the exact one here: the fit is an output-error fit, the
+disturbance is added to the velocity, and nothing has to be linearised or tuned, as in a Kalman filter on the swimming
+state. It errs on the side of the simulation: with white residuals it is the simulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from mjfish.arrays import BoolArray, FloatArray
+from mjfish.data import Role, Trial
+from mjfish.data.types import seen_of
+from mjfish.estimation.forecast import forecast
+from mjfish.estimation.noise import Noise, estimate
+from mjfish.estimation.residuals.residual import Residual
+from mjfish.frames import CHANNELS, UNITS
+
+Part = Literal["whole", "start_up", "change", "steady"]
+#: Samples ahead that are scored by default: the next one, a part of a beat, and more than one (at 50 Hz).
+HORIZONS = (1, 5, 25)
+#: Beats from a step of the drive until the fish swims steadily: its speed is within 6 % of its last one then. In beats,
+#: because the model is the same in time units of the beat (docs/theory.md).
+SETTLING = 10.0
+#: Intervals between samples that differ by less than this share are the same.
+_SAME_RATE = 0.01
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """One number set: of one trial, channel, part of the trial and predictor.
+
+    Attributes:
+        trial: its name.
+        role: ``fit`` or ``held_out``.
+        channel: ``surge``, ``sway`` or ``yaw_rate``.
+        part: ``whole``; ``start_up`` from rest, ``change`` after a later step of the drive, ``steady`` otherwise.
+        horizon: samples ahead; None: simulated.
+        samples: scored.
+        rmse: in `unit`.
+        range: of the measurement, over the whole trial, in `unit`.
+        nrmse: rmse / range.
+        fit: percent; the mean is that of the scored samples. NaN where they do not vary.
+        unit: of the channel.
+    """
+
+    trial: str
+    role: Role
+    channel: str
+    part: Part
+    horizon: int | None
+    samples: int
+    rmse: float
+    range: float
+    nrmse: float
+    fit: float
+    unit: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return asdict(self)
+
+
+def agreement(
+    residuals: Sequence[Residual],
+    *,
+    horizons: Sequence[int] = HORIZONS,
+    noise: Noise | None = None,
+    settling: float = SETTLING,
+) -> tuple[Agreement, ...]:
+    """Score simulation and prediction of every trial and channel, whole and in parts.
+
+    Args:
+        residuals: of the trials, fitted or held out.
+        horizons: samples ahead of the predictions.
+        noise: that forecasts the residuals, in physical units; None: estimated from the residuals of the trials that
+            were fitted (from all, if none was), order by BIC, one for every sampling rate. Held-out trials have no say.
+        settling: beats from a step of the drive until the fish swims steadily.
+
+    Returns:
+        Rows by trial, channel, part, horizon; parts only where the drive tells them. NaN for a rollout that diverged.
+    """
+    rows = []
+    for residual in residuals:
+        own = noise
+        if own is None and horizons and not residual.diverged:
+            own = noise_at(residuals, residual.trial.step)
+        where = parts(residual.trial, settling)
+        left: dict[int | None, FloatArray] = {None: residual.values}
+        for k in horizons:
+            left[k] = residual.values - _known(residual, own, k)
+        for channel in range(len(CHANNELS)):
+            for part, inside in where.items():
+                rows += [_row(residual, channel, part, inside, k, values) for k, values in left.items()]
+    return tuple(rows)
+
+
+def parts(trial: Trial, settling: float = SETTLING) -> dict[Part, BoolArray]:
+    """Return which samples (n,) belong to which part of a trial; where joints were measured, all that is known is all.
+
+    A part without samples is left out.
+    """
+    found: dict[Part, BoolArray] = {"whole": np.ones(len(trial.time), dtype=np.bool_)}
+    if not trial.drive:
+        return found
+    starts = np.array([segment.start for segment in trial.drive])
+    period = 2.0 * np.pi / np.array([segment.omega for segment in trial.drive])
+    index = np.clip(np.searchsorted(starts, trial.time, side="right") - 1, 0, None)
+    unsettled = trial.time - starts[index] < settling * period[index]
+    split: dict[Part, BoolArray] = {
+        "start_up": unsettled & (index == 0),
+        "change": unsettled & (index > 0),
+        "steady": ~unsettled,
+    }
+    return found | {part: inside for part, inside in split.items() if np.any(inside)}
+
+
+def noise_at(residuals: Sequence[Residual], step: float) -> Noise:
+    """Estimate the noise of the residuals that are sampled at `step` [s], of fitted trials where there are any."""
+    alike = [r for r in residuals if abs(r.trial.step / step - 1.0) < _SAME_RATE and not r.diverged]
+    chosen = [r for r in alike if r.role == "fit"] or alike
+    there = [np.all(np.isfinite(r.values), axis=1) for r in chosen]
+    kept = [(r.values[inside], r.rows[inside]) for r, inside in zip(chosen, there, strict=True) if np.any(inside)]
+    return estimate([block for block, _ in kept], seen=[seen_of(rows - rows[0]) for _, rows in kept])
+
+
+def _known(residual: Residual, noise: Noise | None, steps: int) -> FloatArray:
+    """Return the forecast (n, 3) of the residual at the trial's samples."""
+    if noise is None:
+        return np.full_like(residual.values, np.nan)
+    return forecast(noise, residual.on_grid(residual.values), steps)[residual.rows]
+
+
+def _row(
+    residual: Residual, channel: int, part: Part, inside: BoolArray, horizon: int | None, left: FloatArray
+) -> Agreement:
+    measured = residual.trial.velocity[:, channel]
+    scored = residual.scored & inside & np.isfinite(measured)
+    y, error = measured[scored], left[scored, channel]
+    rmse = float(np.sqrt(np.mean(error**2))) if len(y) else np.nan
+    span = float(np.ptp(measured[np.isfinite(measured)]))
+    deviation = float(np.linalg.norm(y - y.mean())) if len(y) else 0.0
+    return Agreement(
+        trial=residual.trial.name,
+        role=residual.role,
+        channel=CHANNELS[channel],
+        part=part,
+        horizon=horizon,
+        samples=len(y),
+        rmse=rmse,
+        range=span,
+        nrmse=rmse / span if span > 0.0 else np.nan,
+        fit=100.0 * (1.0 - float(np.linalg.norm(error)) / deviation) if deviation > 0.0 else np.nan,
+        unit=UNITS[CHANNELS[channel]],
+    )

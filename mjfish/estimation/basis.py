@@ -1,0 +1,63 @@
+"""The omnibus basis: what a misfit of any cause would look like, slowly changing and locked to the beat.
+
+Per trial and channel: four hats over time (start-up, early, middle, late) times 1, cos and sin of the beat's phase and
+of twice the phase. It knows no cause, and so sees those that are not on the list.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import signal
+
+from mjfish.arrays import FloatArray
+from mjfish.data import Trial
+from mjfish.fish import Cpg
+from mjfish.model import asked_motion
+from mjfish.ode.rollout import STEP
+
+HATS = 4
+HARMONICS = 2
+
+
+def beat_phase(cpg: Cpg | None, trial: Trial) -> FloatArray:
+    """Return the phase of the beat [rad] (n,) at the trial's samples: of the analytic signal of the last joint."""
+    if trial.joint_angle is not None:
+        angle = trial.joint_angle[:, -1]
+        return np.asarray(np.unwrap(np.angle(signal.hilbert(angle - angle.mean()))))
+    motion = asked_motion(cpg, trial, STEP)
+    time = np.arange(0.0, motion.time[-1], 0.01)
+    angle = motion.angle_at(time)[:, -1]
+    slow = signal.sosfiltfilt(signal.butter(2, 0.5, fs=100.0, output="sos"), angle)  # a turn's bias comes as a step
+    phase = np.unwrap(np.angle(signal.hilbert(angle - slow)))
+    return np.asarray(np.interp(trial.time, time, phase))
+
+
+def hats(time: FloatArray, count: int = HATS) -> FloatArray:
+    """Return piecewise linear hats (n, count) that sum to one over the trial."""
+    centres = np.linspace(time[0], time[-1], count)
+    return np.stack([np.interp(time, centres, row) for row in np.eye(count)], axis=1)
+
+
+def functions(cpg: Cpg | None, trial: Trial) -> FloatArray:
+    """Return the basis functions of one channel of a trial (n, HATS (1 + 2 HARMONICS))."""
+    phase = beat_phase(cpg, trial)
+    waves = [np.ones_like(phase)]
+    for harmonic in range(1, HARMONICS + 1):
+        waves += [np.cos(harmonic * phase), np.sin(harmonic * phase)]
+    return np.asarray(np.einsum("nh,nw->nhw", hats(trial.time), np.stack(waves, axis=1)).reshape(len(phase), -1))
+
+
+def omnibus(cpg: Cpg | None, trials: Sequence[Trial]) -> list[list[FloatArray]]:
+    """Return, per trial, the blocks (n_r, 3, columns) of its three channels."""
+    result = []
+    for trial in trials:
+        waves = functions(cpg, trial)
+        blocks = []
+        for channel in range(3):
+            block = np.zeros((len(trial.time), 3, waves.shape[1]))
+            block[:, channel] = waves
+            blocks.append(block)
+        result.append(blocks)
+    return result

@@ -1,0 +1,88 @@
+"""Waves whose clock is not that of the record: frequency and phase as nuisance parameters of their trial.
+
+The phase is that in the middle of the record, where it does not trade with the frequency.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from mjfish.data import Dataset, Trial
+from mjfish.frames import CHANNELS
+from mjfish.model import Model
+from mjfish.parameter import Parameter
+
+FREQUENCY, PHASE = "wave.frequency", "wave.phase"
+#: How far a frequency may be off [1], and how far a phase after `aligned` [rad]; scale of a phase [rad].
+_OFF, _TURN, _PHASE_SCALE = 0.05, 1.0, 0.05
+#: Phases tried by `aligned`.
+_TRIED = 16
+
+
+def parameters(trial: Trial) -> tuple[Parameter, ...]:
+    """Return frequency [Hz] and phase [rad] of a trial driven by a wave with a clock of its own, else nothing.
+
+    The frequency is bounded by one turn over the record, so that no beat is lost or won.
+    """
+    if trial.wave is None or not trial.wave.free:
+        return ()
+    known, length = trial.wave.frequency, float(trial.time[-1] - trial.time[0])
+    reach = min(_OFF * known, 1.0 / length)
+    scale = _PHASE_SCALE / (np.pi * length)
+    return (
+        Parameter(
+            f"{trial.name}:{FREQUENCY}", "Hz", known, known - reach, known + reach, known, scale, about="of the wave"
+        ),
+        Parameter(
+            f"{trial.name}:{PHASE}", "rad", 0.0, -_TURN, _TURN, 0.0, _PHASE_SCALE, about="of the wave, mid-record"
+        ),
+    )
+
+
+def clocked(trial: Trial, values: Mapping[str, float]) -> Trial:
+    """Return the trial with the frequency and phase that `values` have for it."""
+    if trial.wave is None or not trial.wave.free:
+        return trial
+    known = trial.wave.frequency
+    frequency = values.get(f"{trial.name}:{FREQUENCY}", known) - known
+    return _clocked(trial, frequency, values.get(f"{trial.name}:{PHASE}", 0.0))
+
+
+@functools.lru_cache(maxsize=64)
+def _clocked(trial: Trial, frequency: float, phase: float) -> Trial:
+    return trial if frequency == phase == 0.0 else trial.waved(frequency, phase)
+
+
+def aligned(dataset: Dataset) -> Dataset:
+    """Return the dataset with the phases of all waves with clocks of their own set to about the right turn.
+
+    Of 16 phases the one at which the nominal model correlates best with the measured sway and yaw rate, which swing
+    with the beat whatever the coefficients are; the fit does the rest.
+    """
+    if not any(trial.wave is not None and trial.wave.free for trial in dataset.trials):
+        return dataset
+    model = Model(dataset.fish)
+    return replace(dataset, trials=tuple(_aligned(model, trial) for trial in dataset.trials))
+
+
+def _aligned(model: Model, trial: Trial) -> Trial:
+    if trial.wave is None or not trial.wave.free:
+        return trial
+    swinging = [CHANNELS.index("sway"), CHANNELS.index("yaw_rate")]
+    start = None if trial.starts_at_rest else trial.velocity[0]
+    measured = trial.velocity[:, swinging] - trial.velocity[:, swinging].mean(axis=0)
+    best, found = -np.inf, trial
+    for phase in np.arange(_TRIED) * 2.0 * np.pi / _TRIED:
+        turned = trial.waved(0.0, float(phase))
+        predicted = model.predict(turned, model.values(), velocity=start)
+        if predicted.status != "ok":
+            continue
+        swing = predicted.velocity[:, swinging] - predicted.velocity[:, swinging].mean(axis=0)
+        alike = (swing * measured).sum(axis=0) / np.sqrt((swing**2).sum(axis=0) * (measured**2).sum(axis=0) + 1e-300)
+        if alike.sum() > best:
+            best, found = float(alike.sum()), turned
+    return found

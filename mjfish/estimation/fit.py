@@ -1,0 +1,180 @@
+"""Bounded trust-region least squares ([Yu2016] eq. (21)) and what it says about its estimates."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import optimize
+from threadpoolctl import threadpool_limits
+
+from mjfish.arrays import BoolArray, FloatArray
+from mjfish.estimation.problem import LOST, Problem
+from mjfish.estimation.settings import Loss
+from mjfish.parameter import Parameter, bounds
+
+#: 97.5 % point of the standard normal distribution.
+Z95 = 1.959963984540054
+#: An estimate this close to a bound, as a share of the range, rests on it.
+_AT_BOUND = 1e-4
+_MAX_EVALUATIONS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Result of a fit.
+
+    Attributes:
+        parameters: the free parameters (p,).
+        x: their estimates (p,).
+        sse: sum of squared whitened residuals.
+        residual: (n,) whitened.
+        jacobian: (n, p) of the whitened prediction.
+        covariance: (p, p); rows and columns of parameters at a bound are zero.
+        reach: (p,) standard errors were no parameter held by its bound: how far one that is might lie from it.
+        at_bound: (p,) whether the estimate rests on a bound.
+        status: ``converged`` or ``stopped`` (too many evaluations) or ``diverged``.
+        message: of the optimiser; which trial diverged, when and with which parameters, where one did.
+        evaluations: of the residual.
+        cost: what was minimised: `sse`, or its robust form.
+    """
+
+    parameters: tuple[Parameter, ...]
+    x: FloatArray
+    sse: float
+    residual: FloatArray
+    jacobian: FloatArray
+    covariance: FloatArray
+    reach: FloatArray
+    at_bound: BoolArray
+    status: Literal["converged", "stopped", "diverged"]
+    message: str
+    evaluations: int
+    cost: float = math.nan
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by name."""
+        return {p.name: float(v) for p, v in zip(self.parameters, self.x, strict=True)}
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard errors by name; 0 where the estimate rests on a bound."""
+        errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return {p.name: float(v) for p, v in zip(self.parameters, errors, strict=True)}
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlation of the estimates (p, p); 0 where one rests on a bound."""
+        errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        safe = np.where(errors > 0.0, errors, 1.0)
+        return np.asarray(self.covariance / np.outer(safe, safe))
+
+    def interval(self, name: str, z: float = Z95) -> tuple[float, float]:
+        """Return the interval of one estimate, cut at its bounds; of one at a bound, one-sided from there."""
+        index = [p.name for p in self.parameters].index(name)
+        p, half = self.parameters[index], z * float(self.reach[index] if self.at_bound[index] else self.sigma[name])
+        at = float(self.x[index])
+        return max(at - half, p.low), min(at + half, p.high)
+
+
+def fit(
+    problem: Problem,
+    start: FloatArray | None = None,
+    *,
+    tolerance: float = 1e-8,
+    evaluations: int = _MAX_EVALUATIONS,
+    loss: Loss = "linear",
+    loss_scale: float = 1.0,
+) -> Fit:
+    """Minimise the sum of squared whitened residuals within the bounds, by `scipy.optimize.least_squares` (trf).
+
+    Args:
+        problem: the residuals.
+        start: (p,) where to start; None: the declared starts.
+        tolerance: relative change of the cost at which it stops.
+        evaluations: of the residual, at most.
+        loss, loss_scale: robust loss of each whitened residual; what the result says of the data (`residual`,
+            `jacobian`, covariances) is then weighted as the loss weighs it at the optimum.
+    """
+    parameters = problem.parameters
+    scale = np.array([p.scale for p in parameters])
+    low, high = bounds(parameters)
+    inside = 1e-6 * (high - low)
+    x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
+
+    def residual_of(y: FloatArray) -> FloatArray:
+        return problem.residual(y * scale)
+
+    def jacobian_of(y: FloatArray) -> FloatArray:
+        return np.asarray(-problem.jacobian(y * scale) * scale)
+
+    with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
+        solution = optimize.least_squares(
+            residual_of,
+            x0 / scale,
+            jac=jacobian_of,
+            bounds=(low / scale, high / scale),
+            method="trf",
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=1e-8,
+            gtol=1e-10,
+            max_nfev=evaluations,
+            loss=loss,
+            f_scale=loss_scale,
+        )
+    x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
+    if loss == "linear":  # known already; putting an estimate onto its bound is a move too small for a Jacobian
+        residual = problem.residual(x) if at_bound.any() else np.asarray(solution.fun)
+        jacobian = np.asarray(-solution.jac / scale)
+    else:
+        residual, jacobian = problem.residual(x), problem.jacobian(x)
+    divergence = problem.divergence(x) if np.abs(residual).max(initial=0.0) >= LOST else ""
+    weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
+    residual, jacobian = residual * weight, jacobian * weight[:, None]
+    return Fit(
+        parameters=parameters,
+        x=x,
+        sse=float(residual @ residual),
+        residual=residual,
+        jacobian=jacobian,
+        covariance=covariance(jacobian, at_bound),
+        reach=np.sqrt(np.diag(covariance(jacobian, np.zeros_like(at_bound)))),
+        at_bound=at_bound,
+        status="diverged" if divergence else ("converged" if solution.status > 0 else "stopped"),
+        message=divergence or str(solution.message),
+        evaluations=int(solution.nfev),
+        cost=2.0 * float(solution.cost),
+    )
+
+
+def slope(loss: Loss, z: FloatArray) -> FloatArray:
+    """Return rho'(z) of a loss rho of z = (r / scale)^2, as `scipy.optimize.least_squares` has them."""
+    if loss == "soft_l1":
+        return np.asarray(1.0 / np.sqrt(1.0 + z))
+    if loss == "huber":
+        return np.asarray(np.where(z > 1.0, 1.0 / np.sqrt(np.maximum(z, 1.0)), 1.0))
+    if loss == "cauchy":
+        return np.asarray(1.0 / (1.0 + z))
+    return np.asarray(1.0 / (1.0 + z**2) if loss == "arctan" else np.ones_like(z))
+
+
+def _settle(x: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Put estimates that the fit pushes against a bound onto it (trf itself stays strictly inside)."""
+    near = _AT_BOUND * (high - low)
+    at_low = (x - low < near) & (gradient > 0.0)
+    at_high = (high - x < near) & (gradient < 0.0)
+    return np.where(at_low, low, np.where(at_high, high, x)), at_low | at_high
+
+
+def covariance(jacobian: FloatArray, at_bound: BoolArray) -> FloatArray:
+    """Return (J' J)^+ of the parameters off their bounds; directions that the data do not move get a huge variance."""
+    free = np.flatnonzero(~at_bound)
+    result = np.zeros((len(at_bound), len(at_bound)))
+    _, singular, right = np.linalg.svd(jacobian[:, free], full_matrices=False)
+    floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-100))
+    result[np.ix_(free, free)] = (right.T / floor**2) @ right
+    return result

@@ -1,0 +1,214 @@
+"""``identify`` as one call: dataset in, fitted coefficients with what the data say about them out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mjfish.arrays import FloatArray, robust_sigma
+from mjfish.data import Dataset, Trial
+from mjfish.errors import InputError
+from mjfish.estimation.assessment import Assessment, assess
+from mjfish.estimation.clocks import aligned
+from mjfish.estimation.fit import Fit, fit
+from mjfish.estimation.multistart import multistart
+from mjfish.estimation.noise import Noise, floor
+from mjfish.estimation.problem import Problem
+from mjfish.estimation.residuals import residual as left
+from mjfish.estimation.residuals.residual import Residual
+from mjfish.estimation.settings import Settings
+from mjfish.frames import CHANNELS
+from mjfish.model import Model
+
+
+@dataclass(frozen=True)
+class TrialScore:
+    """nRMSE of one trial, (surge, sway, yaw_rate)."""
+
+    trial: str
+    role: str
+    nrmse: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Fitted coefficients.
+
+    Attributes:
+        dataset: that was fitted.
+        fit: estimates, standard errors, bounds, status.
+        noise: sigma (3,) of the measured velocities that the weights are made of.
+        scores: of every trial; held-out ones without what their own nuisance parameters were fitted on.
+        remarks: what a reader should know.
+        starts: fits from a Latin hypercube.
+        reached: share of them that reached the best optimum.
+        problem: that was fitted, with its final weights.
+        assessment: what the data say about the fit; None where it diverged.
+    """
+
+    dataset: Dataset
+    fit: Fit
+    noise: FloatArray
+    scores: tuple[TrialScore, ...]
+    remarks: tuple[str, ...]
+    starts: int = 1
+    reached: float = 1.0
+    problem: Problem | None = None
+    assessment: Assessment | None = None
+
+    def strong_correlations(self, limit: float) -> list[tuple[str, str, float]]:
+        """Return pairs of estimates that are correlated beyond `limit`, strongest first."""
+        names, matrix = [p.name for p in self.fit.parameters], self.fit.correlation
+        pairs = [(names[i], names[j], float(matrix[i, j])) for i in range(len(names)) for j in range(i)]
+        return sorted((pair for pair in pairs if abs(pair[2]) > limit), key=lambda pair: -abs(pair[2]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the identification as plain data."""
+        one = self.fit
+        return {
+            "schema": 1,
+            "dataset": self.dataset.name,
+            "status": one.status,
+            "message": one.message,
+            "evaluations": one.evaluations,
+            "cost": one.sse,
+            "starts": self.starts,
+            "reached": self.reached,
+            "samples": len(one.residual),
+            "noise": self.noise.tolist(),
+            "parameters": {
+                p.name: {
+                    "estimate": one.values[p.name],
+                    "standard_error": one.sigma[p.name],
+                    "low": one.interval(p.name)[0],
+                    "high": one.interval(p.name)[1],
+                    "unit": p.unit,
+                    "at_bound": bool(at_bound),
+                }
+                for p, at_bound in zip(one.parameters, one.at_bound, strict=True)
+            },
+            "correlation": {"names": [p.name for p in one.parameters], "matrix": one.correlation.tolist()},
+            "scores": [vars(score) for score in self.scores],  # NaN after a divergence
+            "remarks": list(self.remarks),
+            "assessment": None if self.assessment is None else self.assessment.to_dict(),
+        }
+
+
+def pose(dataset: Dataset, settings: Settings | None = None, *, jobs: int | None = None) -> Problem:
+    """Return the least-squares problem of a dataset's fit trials, weighted by the stated noise or a first guess of it.
+
+    Raises:
+        UnknownNameError, ParameterError: see `Settings.choose`.
+        InputError: fewer data than parameters, or see `Settings.choose`.
+    """
+    dataset = aligned(dataset)
+    settings = settings or Settings()
+    fitted, _ = dataset.split()
+    model = Model(dataset.fish)
+    noise = dataset.noise if dataset.noise is not None else first_sigma(fitted)
+    problem = Problem(
+        model,
+        fitted,
+        Noise.white(settings.sigma(noise)),
+        free_clock=dataset.clock == "free",
+        jobs=jobs or os.cpu_count() or 1,
+    )
+    fixed, declared = settings.choose(problem.parameters)
+    problem = replace(problem, fixed=fixed, declared=declared)
+    check_enough(problem, dataset.name)
+    return problem
+
+
+def check_enough(problem: Problem, name: str) -> None:
+    """Refuse a problem of the dataset `name` where a trial has nothing to fit, or all have too little.
+
+    Raises:
+        InputError: no sample of a trial counts, or there are no more numbers than free parameters.
+    """
+    counted = [int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))]
+    for trial, count in zip(problem.trials, counted, strict=True):
+        if count == 0:
+            raise InputError(
+                f"{name}: no sample of trial '{trial.name}' counts: it ends within what is left out at the ends of a "
+                "recording and beside steps of the drive; record longer, or leave the trial out"
+            )
+    samples, free = 3 * sum(counted), len(problem.parameters)
+    if samples <= free:
+        raise InputError(f"{name}: {samples} numbers for {free} free parameters; give more data, or fix parameters")
+
+
+def identify(
+    dataset: Dataset,
+    settings: Settings | None = None,
+    *,
+    jobs: int | None = None,
+    tell: Callable[[float], None] | None = None,
+) -> Identification:
+    """Fit the nine coefficients to all fit trials at once ([Yu2016] eq. (21)).
+
+    Weights come from the noise: the stated one, or else the RMS of the residual, with which it is fitted twice more.
+
+    Args:
+        dataset: its fit trials are fitted, the others scored.
+        settings: of the fit; None: everything free, 16 starts.
+        jobs: threads; the result does not depend on them.
+        tell: called with the share of the starts that is done.
+
+    Raises:
+        MjfishError: see `pose`.
+    """
+    settings = settings or Settings()
+    dataset = aligned(dataset)
+    fitted, held = dataset.split()
+    stated = dataset.noise
+    problem = pose(dataset, settings, jobs=jobs)
+    robust = {"loss": settings.loss, "loss_scale": settings.loss_scale}
+    many = multistart(problem, settings.starts, seed=settings.seed, tell=tell, **robust)  # type: ignore[arg-type]
+    one = many.best
+    remarks = tuple(_remarks(fitted))
+    for _ in range(2 if stated is None and settings.weights == "noise" else 0):
+        if one.status == "diverged":
+            break
+        residual = np.concatenate(problem.raw(one.x))
+        problem = replace(problem, noise=Noise.white(np.maximum(_spread(residual, settings.loss), floor(fitted))))
+        one = fit(problem, one.x, **robust)  # type: ignore[arg-type]
+    if stated is None and settings.weights == "noise":
+        remarks += ("noise: none stated; the weights are the RMS of the residual",)
+    residuals = (*left.fitted(problem, one.x), *left.held_out(problem, one.values, held))
+    return Identification(
+        dataset, one, np.asarray(problem.noise.sigma), tuple(_score(residual) for residual in residuals), remarks,
+        settings.starts, many.reached, problem, assess(problem, one, residuals),
+    )  # fmt: skip
+
+
+def _spread(residual: FloatArray, loss: str) -> FloatArray:
+    """Return the sigma (3,) of residuals (n, 3): their RMS, or where outliers are expected 1.4826 of their median."""
+    if loss == "linear":
+        return np.asarray(np.sqrt(np.mean(residual**2, axis=0)))
+    return robust_sigma(residual)
+
+
+def _remarks(trials: tuple[Trial, ...]) -> Iterator[str]:
+    for trial in trials:
+        for channel, spread in zip(CHANNELS, np.ptp(trial.velocity, axis=0), strict=True):
+            if spread == 0.0:
+                yield f"{trial.name}: {channel} does not vary; check the recording, or leave the trial out"
+
+
+def first_sigma(trials: tuple[Trial, ...]) -> FloatArray:
+    """Return a first sigma (3,) where none is stated: of the third differences of the measurements.
+
+    For white noise their variance is 20 sigma^2; what is left of a smooth motion in them only makes sigma larger.
+    """
+    differences = np.concatenate([np.diff(trial.velocity, n=3, axis=0) for trial in trials])
+    return np.asarray(np.maximum(np.sqrt(np.mean(differences**2, axis=0) / 20.0), floor(trials)))
+
+
+def _score(residual: Residual) -> TrialScore:
+    error = residual.values[residual.scored]
+    nrmse = np.sqrt(np.mean(error**2, axis=0)) / np.maximum(np.ptp(residual.trial.velocity, axis=0), 1e-12)
+    return TrialScore(residual.trial.name, residual.role, (float(nrmse[0]), float(nrmse[1]), float(nrmse[2])))

@@ -1,0 +1,59 @@
+"""Tables of an identification, row by row, and their files: CSV or Parquet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from mjfish.estimation.agreement import Agreement
+from mjfish.estimation.fit import Fit
+from mjfish.estimation.rows import write_rows
+from mjfish.estimation.uncertainty.intervals import Intervals
+
+
+def coefficient_rows(fit: Fit, intervals: Intervals | None = None) -> list[dict[str, Any]]:
+    """Return a row a free parameter: estimate, 95 % interval, standard error, and how it was declared.
+
+    Args:
+        fit: the estimates; of it are the columns ``plain_..``, which take the residuals for white noise.
+        intervals: that hold for correlated residuals; None: no columns for them.
+    """
+    told = intervals.to_dict()["parameters"] if intervals is not None else {}
+    rows = []
+    for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True):
+        low, high = fit.interval(p.name)
+        plain = {"plain_low": low, "plain_high": high, "plain_standard_error": fit.sigma[p.name]}
+        rows.append(
+            {
+                "parameter": p.name,
+                "unit": p.unit,
+                "estimate": fit.values[p.name],
+                "at_bound": bool(at_bound),
+                **plain,
+                **told.get(p.name, {}),
+                "start": p.start,
+                "lower_bound": p.low,
+                "upper_bound": p.high,
+                "about": p.about,
+            }
+        )
+    return rows
+
+
+def write_coefficients(path: str | Path, fit: Fit, intervals: Intervals | None = None) -> None:
+    """Write the table of coefficients; arguments as in `coefficient_rows`.
+
+    Raises:
+        InputError: the suffix is neither ``.csv`` nor ``.parquet``, or the file cannot be written.
+    """
+    write_rows(path, coefficient_rows(fit, intervals))
+
+
+def write_scores(path: str | Path, scores: Iterable[Agreement]) -> None:
+    """Write a row a trial, channel, part and horizon; a simulation has no horizon, and an empty cell there.
+
+    Raises:
+        InputError: as above.
+    """
+    write_rows(path, [score.to_dict() for score in scores])

@@ -1,0 +1,25 @@
+"""The model that is fitted: a fish and the effects that extend it; a trial in, predicted measurements out."""
+
+from mjfish.model.model import (
+    LEAD,
+    MARGIN,
+    Model,
+    Prediction,
+    Prepared,
+    asked_motion,
+    headed,
+    joint_motion,
+    pose_of,
+)
+
+__all__ = [
+    "LEAD",
+    "MARGIN",
+    "Model",
+    "Prediction",
+    "Prepared",
+    "asked_motion",
+    "headed",
+    "joint_motion",
+    "pose_of",
+]

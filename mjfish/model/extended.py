@@ -1,0 +1,159 @@
+"""A fish extended by effects, with all their numbers: as a file, and as what either engine simulates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from mjfish import fish as fishes
+from mjfish import fish_toml, tomlfile
+from mjfish.data import place
+from mjfish.drive.motion import JointMotion
+from mjfish.effects import catalogue
+from mjfish.effects.effect import Effect, Values
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.hydro.load import Load
+from mjfish.model import Model
+from mjfish.tomlfile import Table
+
+_OWN = "a cause of your own needs its file: --effects FILE"
+
+
+class _Effects(Table):
+    """The table ``effects`` of a fish TOML."""
+
+    effects: dict[str, Annotated[dict[str, float], Field(min_length=1)]]
+
+
+@dataclass(frozen=True)
+class Extended:
+    """A model with a value for every parameter of it.
+
+    Attributes:
+        model: a fish and its effects.
+        values: of all its parameters, by full name.
+    """
+
+    model: Model
+    values: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        """Check names and bounds, and fill in defaults."""
+        object.__setattr__(self, "values", self.model.values(self.values))
+
+    @property
+    def active(self) -> tuple[tuple[Effect, Values], ...]:
+        """The effects off their null values, with their parameters by short names."""
+        own = [(effect, {p.short: self.values[p.name] for p in effect.parameters}) for effect in self.model.effects]
+        return tuple((effect, values) for effect, values in own if not effect.is_null(values))
+
+    @property
+    def fish(self) -> Fish:
+        """The fish as it really is, with its coefficients: through every hook ``body``."""
+        fish = _with_coefficients(self.model.fish, self.values)
+        for effect, own in self.active:
+            fish = effect.body(fish, own)
+        return fish
+
+    @property
+    def loads(self) -> tuple[tuple[Load, tuple[float, ...]], ...]:
+        """The loads of the water, with their parameters."""
+        return tuple((effect.load, tuple(own.values())) for effect, own in self.active if effect.load is not None)
+
+    def drive(self, motion: JointMotion) -> JointMotion:
+        """Return the joint motion that the joints get, from the one that is asked for."""
+        for effect, own in self.active:
+            if effect.family == "drive":
+                motion = effect.drive(motion, own)
+        return motion
+
+    @property
+    def seen(self) -> tuple[str, ...]:
+        """Names of the effects that act on what the camera reads alone: on the clock or on the reading."""
+        reads = [e for e, _ in self.active if _overrides(e, "clock") or _overrides(e, "reading")]
+        return tuple(e.name for e in reads if not _overrides(e, "start"))
+
+    @property
+    def ode_only(self) -> tuple[str, ...]:
+        """Names of the effects that MuJoCo's fish cannot have."""
+        return tuple(effect.name for effect, _ in self.active if not effect.mujoco)
+
+    def told(self) -> Iterator[str]:
+        """Yield lines that say which effects are on, and which of them are of the camera."""
+        for effect, own in self.active:
+            numbers = ", ".join(f"{p.short} = {own[p.short]:g} {p.unit}".removesuffix(" -") for p in effect.parameters)
+            where = "; it changes what the camera reads, not the swimming" if effect.name in self.seen else ""
+            yield f"with {effect.name}: {numbers}{where}"
+
+    def check_mujoco(self) -> None:
+        """Raise `InputError` where an effect has no MuJoCo side."""
+        if self.ode_only:
+            raise InputError(f"{', '.join(self.ode_only)}: exists in the ODE only; use --engine ode, or take it out")
+
+
+def load(name_or_path: str | Path, files: Sequence[Path] = (), given: Mapping[str, float] | None = None) -> Extended:
+    """Load a shipped fish by name, or a fish TOML, which may be extended by effects in tables ``[effects.NAME]``.
+
+    Args:
+        name_or_path: as `mjfish.fish.load` takes it.
+        files: with causes of the user's own.
+        given: coefficients and parameters of its effects by full name, that replace those of the file.
+
+    Raises:
+        UnknownNameError: no such fish, no such effect or parameter; the known ones are listed.
+        InputError: the file breaks the schema, every broken key is named.
+        ParameterError: a value outside its bounds.
+    """
+    fish, tables = fishes.read(name_or_path)
+    if not tables:
+        return Extended(Model(fish), given or {})
+    with place.named(str(name_or_path)):
+        entries = tomlfile.parse({"effects": tables}, _Effects, "").effects
+        known = catalogue(files)
+        for name in entries:
+            if name not in known:
+                raise UnknownNameError("effect", name, known, _OWN)
+        values = {known[name].declaration(short).name: v for name, own in entries.items() for short, v in own.items()}
+        extended = Extended(Model(fish, tuple(known[name] for name in entries)), values)
+    return Extended(extended.model, {**extended.values, **(given or {})})
+
+
+def write(path: str | Path, model: Model, values: Mapping[str, float], comments: Sequence[str] = ()) -> None:
+    """Write a model with its numbers to a fish TOML that `load` reads back, whole or not at all.
+
+    Args:
+        path: with the suffix ``.toml``.
+        model: a fish and its effects, such as `mjfish.diagnosis.Diagnosis.extended_model`.
+        values: by full name; what is absent has its default. A coefficient may lie outside the fish's bounds, which
+            are then widened.
+        comments: lines at the top.
+
+    Raises:
+        InputError: another suffix, or the file cannot be written.
+        UnknownNameError, ParameterError: no parameter of that name, or a parameter of an effect outside its bounds.
+    """
+    fish = _with_coefficients(model.fish, values)
+    own = Extended(
+        replace(model, fish=fish), {name: v for name, v in values.items() if name not in COEFFICIENTS}
+    ).values
+    effects = {effect.name: {p.short: own[p.name] for p in effect.parameters} for effect in model.effects}
+    fish_toml.write(path, fish, comments, effects)
+
+
+def _with_coefficients(fish: Fish, values: Mapping[str, float]) -> Fish:
+    """Return the fish with the coefficients among `values`; bounds give way to them."""
+    changed = {}
+    for p in fish.parameters:
+        if p.name in values and values[p.name] != p.default:
+            value = float(values[p.name])
+            changed[p.name] = replace(p, default=value, low=min(p.low, value), high=max(p.high, value))
+    return fish.with_coefficients(changed)
+
+
+def _overrides(effect: Effect, hook: str) -> bool:
+    return getattr(type(effect), hook) is not getattr(Effect, hook)

@@ -1,0 +1,261 @@
+"""The model that is fitted: a fish and the effects that extend it; a trial in, predicted measurements out."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from mjfish import ode
+from mjfish.arrays import FloatArray
+from mjfish.data import Trial
+from mjfish.drive import cpg as hopf
+from mjfish.drive import measured, wave
+from mjfish.drive.motion import JointMotion
+from mjfish.effects.effect import Effect, Values
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.fish import COEFFICIENTS, Cpg, Fish, Link
+from mjfish.hydro.load import Load
+from mjfish.hydro.outline import outlines
+from mjfish.ode.rollout import STEP, Coriolis, Rollout
+from mjfish.parameter import Parameter
+
+#: At both ends of measured joint angles, where a shifted clock would ask for motion that nobody saw [s].
+MARGIN = 0.1
+#: A CPG goes on this long behind the last sample: a clock may be that far ahead [s].
+LEAD = 0.25
+#: Largest product of step and fastest rate of the flexible tail; Runge-Kutta is stable below 2.8. Of shorter steps than
+#: this [s] it is less in proportion: who asks for a finer step has a finer tail, too.
+_STIFFNESS, _COARSE = 2.0, 0.005
+#: Share of the speed of the tail that is left where the head is free to recoil and the tail gives way.
+_RECOIL = 0.25
+#: Octaves by which the step is shortened for it at most.
+_FINEST = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Predicted measurements of one trial.
+
+    Attributes:
+        velocity: (n, 3) at the trial's times; NaN after a divergence.
+        status: ``ok`` or ``diverged``.
+        message: why, where it is not ok.
+        rollout: the rollout behind it.
+        pose: (n, 3) predicted x, y [m], yaw [rad] at the trial's times; it begins as measured, or at 0.
+    """
+
+    velocity: FloatArray
+    status: Literal["ok", "diverged"]
+    message: str
+    rollout: Rollout
+    pose: FloatArray
+
+
+@dataclass(frozen=True)
+class Model:
+    """A fish, extended by effects.
+
+    Attributes:
+        fish: with its nominal coefficients.
+        effects: the causes that extend it, none for the nominal model.
+        step: longest integration step [s].
+        coriolis: form of the gyroscopic terms.
+    """
+
+    fish: Fish
+    effects: tuple[Effect, ...] = ()
+    step: float = STEP
+    coriolis: Coriolis = "corrected"
+
+    def __post_init__(self) -> None:
+        """Refuse an effect that is there twice: its parameters could not be told apart."""
+        names = [effect.name for effect in self.effects]
+        if len(set(names)) < len(names):
+            raise InputError(f"effects {', '.join(names)}: one is there twice; give each once")
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The nine coefficients, then the parameters of every effect."""
+        return (*self.fish.parameters, *(p for effect in self.effects for p in effect.parameters))
+
+    def extended(self, effect: Effect) -> Model:
+        """Return the model with one more effect."""
+        return replace(self, effects=(*self.effects, effect))
+
+    def values(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
+        """Return a value for every parameter, by default or from `given`, checked against its bounds."""
+        known = {p.name: p for p in self.parameters}
+        for name in given or {}:
+            if name not in known:
+                raise UnknownNameError("parameter", name, known)
+        return {name: p.check((given or {}).get(name, p.default)) for name, p in known.items()}
+
+    def predict(
+        self,
+        trial: Trial,
+        values: Mapping[str, float],
+        *,
+        velocity: FloatArray | None = None,
+        offset: float = 0.0,
+    ) -> Prediction:
+        """Predict the measured velocities of `trial`.
+
+        Args:
+            trial: gives the drive and the times.
+            values: every parameter of the model by name (bounds are not checked: a fit steps over them).
+            velocity: (3,) velocity at the start, in the forward frame; None: at rest.
+            offset: clock offset of this trial, a nuisance [s].
+        """
+        run = self.prepare(trial, values, velocity=velocity, offset=offset)
+        rollout = ode.simulate(
+            run.fish, run.motion, values=run.coefficients, velocity=run.velocity, pose=pose_of(trial),
+            coriolis=self.coriolis, loads=run.loads,
+        )  # fmt: skip
+        state = headed(rollout.at(np.minimum(run.time, run.motion.time[-1])), trial)
+        for effect, own in run.active:
+            state = effect.reading(state, own, trial)
+        message = rollout.message
+        if message and run.active:
+            message += f" (with {', '.join(f'{e.name}.{k} = {v:g}' for e, own in run.active for k, v in own.items())})"
+        return Prediction(state[:, :3], rollout.status, message, rollout, state[:, 3:6])
+
+    def prepare(
+        self,
+        trial: Trial,
+        values: Mapping[str, float],
+        *,
+        velocity: FloatArray | None = None,
+        offset: float = 0.0,
+        keep: Sequence[str] = (),
+    ) -> Prepared:
+        """Return what is simulated for a trial: the fish and its motion, through the hooks of every effect.
+
+        Args:
+            trial, values, velocity, offset: as in `predict`.
+            keep: names of effects that act even at their null values, for derivatives there.
+        """
+        active = [(effect, self._of(effect, values)) for effect in self.effects]
+        active = [(effect, own) for effect, own in active if effect.name in keep or not effect.is_null(own)]
+        fish = self.fish
+        for effect, own in active:
+            fish = effect.body(fish, own)
+        servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.family == "drive")
+        step = _refined(self.step, fish, asked_motion(self.fish.cpg, trial, self.step), values)
+        time, begun = trial.time + offset, np.zeros(3) if velocity is None else velocity
+        for effect, own in active:
+            time, begun = effect.clock(time, own), effect.start(begun, own, trial)
+        return Prepared(
+            active=tuple(active),
+            fish=fish,
+            motion=joint_motion(self.fish.cpg, trial, servos, step),
+            coefficients={name: values[name] for name in COEFFICIENTS},
+            loads=tuple(
+                (effect.load, (*own.values(), *effect.constants(trial)))
+                for effect, own in active
+                if effect.load is not None
+            ),
+            velocity=begun,
+            time=time,
+            step=step,
+        )
+
+    @staticmethod
+    def _of(effect: Effect, values: Mapping[str, float]) -> Values:
+        return {p.short: values[p.name] for p in effect.parameters}
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What is simulated for one trial.
+
+    Attributes:
+        active: the effects that act, with their values by short names.
+        fish: as it really is.
+        motion: of its joints, as it really is.
+        coefficients: the nine, by name.
+        loads: of the active effects that have one, with their parameters.
+        velocity: (3,) through the water at the start, in the forward frame.
+        time: (n,) at which the samples were really taken [s].
+        step: longest step [s].
+    """
+
+    active: tuple[tuple[Effect, Values], ...]
+    fish: Fish
+    motion: JointMotion
+    coefficients: dict[str, float]
+    loads: tuple[tuple[Load, tuple[float, ...]], ...]
+    velocity: FloatArray
+    time: FloatArray
+    step: float
+
+
+def pose_of(trial: Trial) -> FloatArray | None:
+    """Return where the rollout starts: the measured pose (3,) of the first sample."""
+    return None if trial.pose is None else trial.pose[0]
+
+
+def headed(state: FloatArray, trial: Trial) -> FloatArray:
+    """Turn states (n, 8) so that the heading is the measured one at the first sample, where it was measured."""
+    if trial.pose is not None:
+        state[:, 5] += trial.pose[0, 2] - state[0, 5]
+    return state
+
+
+@functools.lru_cache(maxsize=256)
+def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
+    """Return the joint motion a trial asks for: the spline of its measured angles, or the CPG's."""
+    if trial.joint_angle is not None:
+        return measured.joint_motion(trial.time, trial.joint_angle, step)
+    if trial.wave is not None:
+        end = float(trial.time[-1]) + LEAD
+        return wave.joint_motion(trial.wave, 0.0 if trial.starts_at_rest else float(trial.time[0]), end, step)
+    if cpg is None:
+        raise InputError(f"trial '{trial.name}' is driven by a CPG, but the fish has none; add [cpg] to the fish")
+    duration = float(trial.time[-1]) + LEAD
+    return hopf.joint_motion(cpg, trial.drive, duration, step)
+
+
+@functools.lru_cache(maxsize=128)
+def joint_motion(
+    cpg: Cpg | None, trial: Trial, servos: tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...], step: float
+) -> JointMotion:
+    """Return the joint motion that the joints got: the one asked for, through every effect of family ``drive``.
+
+    Measured joint angles are what the joints got; nothing comes in between.
+    """
+    motion = asked_motion(cpg, trial, step)
+    if trial.joint_angle is None:
+        for effect, values in servos:
+            motion = effect.drive(motion, dict(values))
+    return motion
+
+
+def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, float]) -> float:
+    """Shorten the step, by half octaves, until the elastic deflection of the tail, if any, is integrated well.
+
+    Its rates are those of the spring, sqrt(1 / (compliance J)), of its damping, and of the drag linearised about the
+    sideways speed U of the tail, rho c_d U INT h r^2 dr / J; J is the inertia about the joint, half of it because the
+    rest of the fish recoils.
+    """
+    if fish.tail_compliance <= 0.0:
+        return step
+    link, outline = fish.links[-1], outlines(fish)[-1]
+    inertia = link.inertia + link.mass * link.com**2 + max(values["c_m.tail"], 0.0) * float(outline.added[2])
+    inertia *= 0.5
+    second_moment = float(outline.height_moment[-1, 2])
+    drag = fish.density * max(values["c_d.tail"], 0.0) * _RECOIL * _tail_speed(fish.links, asked) * second_moment
+    rate = np.sqrt(1.0 / (fish.tail_compliance * inertia)) + (fish.tail_damping + drag) / inertia
+    octaves = 0.5 * np.ceil(2.0 * np.log2(max(max(step, _COARSE) * rate / _STIFFNESS, 1.0)))
+    return float(step / 2.0 ** min(octaves, _FINEST))
+
+
+@functools.lru_cache(maxsize=256)
+def _tail_speed(links: tuple[Link, ...], motion: JointMotion) -> float:
+    """Return the largest sideways speed [m/s] of the middle of the last link, for a head held and a body straight."""
+    lengths = np.array([link.length for link in links])
+    reach = np.cumsum(lengths[:0:-1])[::-1] - 0.5 * lengths[-1]
+    return float(np.abs(motion.rate[:, 0] @ reach).max())

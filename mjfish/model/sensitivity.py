@@ -1,0 +1,284 @@
+"""Exact sensitivities of a prediction to every parameter: coefficients, effects, start velocities, clocks.
+
+The rollout itself is derived exactly, in all directions at once (`mjfish.ode.tangents`). What comes before and after
+it, the hooks of effects, is cheap Python that may be a user's own: its derivatives are central differences of sixth
+order of the hooks alone.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Trial
+from mjfish.effects.effect import Effect
+from mjfish.fish import Cpg, Fish
+from mjfish.frames import CHANNELS
+from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
+from mjfish.hydro.load import PARAMETERS
+from mjfish.model import Model, Prepared, asked_motion, headed, pose_of
+from mjfish.ode.lanes import Direction
+from mjfish.ode.rollout import tail_of
+from mjfish.ode.tangents import simulate_along
+from mjfish.parameter import Parameter
+
+#: Effects with their values by short name.
+Active = tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...]
+#: Step of a difference, in units of the parameter's scale.
+_STEP = 5e-4
+#: Scale of frequency [Hz] and phase [rad] of a wave.
+_WAVE_SCALE = 0.05
+_SIXTH = ((1, 0.75), (2, -0.15), (3, 1.0 / 60.0))
+
+
+def sensitivities(
+    model: Model,
+    trial: Trial,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    *,
+    velocity: FloatArray | None = None,
+    offset: float = 0.0,
+) -> FloatArray:
+    """Return the derivative of the predicted velocities by parameters.
+
+    Args:
+        model, trial, values, velocity, offset: as in `mjfish.model.Model.predict`.
+        names: parameters of the model; ``start.surge``, ``start.sway``, ``start.yaw_rate`` of the velocity at the start
+            ``clock.offset`` of the clock; ``wave.frequency`` and ``wave.phase`` (mid-record) of a wave. An effect may
+            be at its null value, but where its hooks of drive or body act on one side of it only (`one_sided`) it has
+            no derivative there.
+
+    Returns:
+        (n, 3, k) at the trial's times; NaN after a divergence.
+    """
+    run = model.prepare(trial, values, velocity=velocity, offset=offset)
+    acting = {effect.name for effect, _ in run.active}
+    owners = [owner for owner in model.effects if owner in {_owner(model, name) for name in names}]
+    silent = [owner for owner in owners if owner.name not in acting and owner.load is not None]
+    loaded = [*(effect.name for effect, _ in run.active if effect.load is not None), *(one.name for one in silent)]
+    at = _At(model, trial, values, velocity, offset, run, loaded)
+    directions = [_direction(at, name) for name in names]
+    times = np.minimum(run.time, run.motion.time[-1])
+    moving = [k for k, (direction, _) in enumerate(directions) if direction is not None]
+    rollout, lanes = simulate_along(
+        run.fish, run.motion, [one for one, _ in directions if one is not None], times, values=run.coefficients,
+        velocity=run.velocity, pose=pose_of(trial), coriolis=model.coriolis, loads=run.loads,
+        silent=[
+            (one.load, [*_own(one, values).values(), *one.constants(trial)]) for one in silent if one.load is not None
+        ],
+    )  # fmt: skip
+    along = np.zeros((len(times), lanes.shape[1], len(names)))
+    along[:, :, moving] = lanes
+    ahead = rollout.rate_at(times) * (run.time < run.motion.time[-1])[:, None]
+    for k, (_, rate) in enumerate(directions):
+        if rate is not None:
+            along[:, :, k] += ahead * rate[:, None]
+    if trial.pose is not None:  # the heading at the first sample is the measured one, whatever moves
+        along[:, 5] -= along[0, 5]
+    return _read(at, headed(rollout.at(times), trial), along, names)
+
+
+def one_sided(model: Model, name: str, value: float) -> bool:
+    """Return whether a parameter is at a bound where the model changes its form: a servo without lag, a rigid tail."""
+    effect = _owner(model, name)
+    if effect is None or not (_overrides(effect, "drive") or _overrides(effect, "body")):
+        return False
+    p = effect.declaration(name.partition(".")[2])
+    return not p.shape and p.default == p.low and value <= p.low + 3.0 * _STEP * p.scale
+
+
+@dataclass(frozen=True, eq=False)
+class _At:
+    """Where derivatives are taken: arguments of `sensitivities`, what is simulated, whose loads are in its table."""
+
+    model: Model
+    trial: Trial
+    values: Mapping[str, float]
+    velocity: FloatArray | None
+    offset: float
+    run: Prepared
+    loaded: list[str]
+
+    @property
+    def servos(self) -> Active:
+        """The effects between what the joints are asked for and what they do."""
+        return tuple((e, tuple(own.items())) for e, own in self.run.active if e.family == "drive")
+
+    def kept(self, owner: Effect, shift: tuple[str, float] | None = None) -> Active:
+        """Return the effects that act, and the owner of a parameter even if it does not, with one value replaced."""
+        acting = {effect.name for effect, _ in self.run.active} | {owner.name}
+        values = self.values if shift is None else {**self.values, shift[0]: shift[1]}
+        return tuple((e, tuple(_own(e, values).items())) for e in self.model.effects if e.name in acting)
+
+
+def _own(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
+    return {p.short: values[p.name] for p in effect.parameters}
+
+
+def _owner(model: Model, name: str) -> Effect | None:
+    group = name.partition(".")[0]
+    return next((effect for effect in model.effects if effect.name == group), None)
+
+
+def _overrides(effect: Effect, hook: str) -> bool:
+    return getattr(type(effect), hook) is not getattr(Effect, hook)
+
+
+def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]:
+    """Return what the rollout is derived by and the rates (n,) of the times of reading; None where nothing moves."""
+    kind, _, short = name.partition(".")
+    if kind == "start":
+        return Direction(velocity=np.eye(len(CHANNELS))[CHANNELS.index(short)]), None
+    if name == "clock.offset":
+        return None, np.ones(len(at.trial.time))
+    if kind == "wave":
+        return Direction(motion=_of_wave(Same(at.model.fish.cpg), at.trial, at.servos, short, at.run.step)), None
+    effect = _owner(at.model, name)
+    if effect is None:
+        return _of_coefficient(tuple(link.group for link in at.run.fish.links), kind, short), None
+    p = effect.declaration(short)
+    links: FloatArray | None = None
+    tail: FloatArray | None = None
+    motion: FloatArray | None = None
+    loads: FloatArray | None = None
+    begun: FloatArray | None = None
+    when: FloatArray | None = None
+    if _overrides(effect, "start"):
+        begun = difference(lambda value: _begun(at, at.kept(effect, (name, value))), p, at.values[name])
+    if _overrides(effect, "body"):
+        hooked = tuple(one for one in at.kept(effect) if _overrides(one[0], "body"))
+        rows = _of_body(Same(at.model.fish), hooked, p, at.values[name])
+        links, tail = rows[:, :-3], rows[0, -3:]
+    if _overrides(effect, "drive") and at.trial.joint_angle is None:
+        servos = tuple(one for one in at.kept(effect) if one[0].family == "drive")
+        motion = _of_drive(Same(at.model.fish.cpg), at.trial, servos, p, at.values[name], at.run.step)
+    if effect.load is not None:
+        loads = np.zeros((len(at.loaded), PARAMETERS))
+        loads[at.loaded.index(effect.name), [own.short for own in effect.parameters].index(short)] = 1.0
+    if _overrides(effect, "clock"):
+        when = difference(lambda value: _clock(at, at.kept(effect, (name, value))), p, at.values[name])
+    if all(part is None for part in (links, tail, motion, loads, begun)):
+        return None, when
+    return Direction(links=links, tail=tail, motion=motion, loads=loads, velocity=begun), when
+
+
+@functools.lru_cache(maxsize=64)
+def _of_coefficient(groups: tuple[str, ...], kind: str, group: str) -> Direction:
+    rows = np.zeros((len(groups), NUMBERS))
+    rows[[one == group for one in groups], column(kind)] = 1.0
+    return Direction(links=rows)
+
+
+def _replaced(hooked: Active, p: Parameter, value: float) -> Active:
+    return tuple(
+        (effect, tuple((short, value if effect.name == p.group and short == p.short else old) for short, old in own))
+        for effect, own in hooked
+    )
+
+
+@functools.lru_cache(maxsize=256)
+def _of_body(fish: Same[Fish], hooked: Active, p: Parameter, value: float) -> FloatArray:
+    """Return rates of the link records, and in three more columns, in every row, of the tail; coefficients stay."""
+
+    def rows(one: float) -> FloatArray:
+        made = fish.thing
+        for effect, own in _replaced(hooked, p, one):
+            made = effect.body(made, dict(own))
+        numbers = numbers_of(made, fish.thing.values)
+        return np.concatenate([numbers, np.broadcast_to(tail_of(made), (len(numbers), 3))], axis=1)
+
+    return readonly(difference(rows, p, value))
+
+
+@functools.lru_cache(maxsize=128)
+def _of_drive(
+    cpg: Same[Cpg | None], trial: Trial, servos: Active, p: Parameter, value: float, step: float
+) -> FloatArray:
+    """Return rates of angle, rate and acceleration (3, n, 3, joints)."""
+
+    def moves(one: float) -> FloatArray:
+        motion = asked_motion(cpg.thing, trial, step)
+        for effect, own in _replaced(servos, p, one):
+            motion = effect.drive(motion, dict(own))
+        return np.stack([motion.angle, motion.rate, motion.acceleration])
+
+    return readonly(difference(moves, p, value))
+
+
+@functools.lru_cache(maxsize=64)
+def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Active, short: str, step: float) -> FloatArray:
+    """Return rates of angle, rate and acceleration (3, n, 3, joints) by the frequency or the phase of a wave."""
+
+    def moves(by: float) -> FloatArray:
+        motion = asked_motion(cpg.thing, trial.waved(by, 0.0) if short == "frequency" else trial.waved(0.0, by), step)
+        for effect, own in servos:
+            motion = effect.drive(motion, dict(own))
+        return np.stack([motion.angle, motion.rate, motion.acceleration])
+
+    return readonly(difference(moves, Parameter(f"wave.{short}", "-", 0.0, -1.0, 1.0, 0.0, _WAVE_SCALE), 0.0))
+
+
+def _begun(at: _At, kept: Active) -> FloatArray:
+    velocity = np.zeros(len(CHANNELS)) if at.velocity is None else at.velocity
+    for effect, own in kept:
+        velocity = effect.start(velocity, dict(own), at.trial)
+    return velocity
+
+
+def _clock(at: _At, kept: Active) -> FloatArray:
+    time = at.trial.time + at.offset
+    for effect, own in kept:
+        time = effect.clock(time, dict(own))
+    return time
+
+
+def _read(at: _At, state: FloatArray, along: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Return the derivatives (n, 3, k) of what the camera reads of the states (n, 8) that move along (n, 8, k)."""
+    read = along[:, :3].copy()
+    acting = [effect for effect, _ in at.run.active]
+    for k, name in enumerate(names):
+        owner = _owner(at.model, name)
+        readers = [e for e in at.model.effects if (e in acting or e is owner) and _overrides(e, "reading")]
+        if readers:
+            read[:, :, k] = _seen(at, state, along[:, :, k], name, readers)
+    return read
+
+
+def _seen(at: _At, state: FloatArray, along: FloatArray, name: str, readers: Sequence[Effect]) -> FloatArray:
+    owner, p = _owner(at.model, name), _declared(at.model, name)
+
+    def seen(shift: float) -> FloatArray:
+        moved = state + shift * along
+        for effect in readers:
+            own = _own(effect, at.values)
+            if effect is owner:
+                own[p.short] += shift
+            moved = effect.reading(moved.copy(), own, at.trial)
+        return moved[:, :3]
+
+    return difference(seen, p, 0.0)
+
+
+def _declared(model: Model, name: str) -> Parameter:
+    for p in model.parameters:
+        if p.name == name:
+            return p
+    scale = 0.005 if name == "clock.offset" else 0.01
+    return Parameter(name, "-", 0.0, -1.0, 1.0, 0.0, scale)
+
+
+def difference(function: Callable[[float], FloatArray], p: Parameter, value: float) -> FloatArray:
+    """Return the derivative of `function` at `value` by the central difference of sixth order.
+
+    Its step is a hundredth of the parameter's scale, less where the bound of a null value is nearer.
+    """
+    h = _STEP * p.scale
+    if p.default == p.low and value > p.low:
+        h = min(h, (value - p.low) / 4.0)
+    total = sum(weight * (function(value + k * h) - function(value - k * h)) for k, weight in _SIXTH)
+    return np.asarray(total) / h

@@ -1,0 +1,153 @@
+"""Which coupling is right for which model; what would be silently wrong is refused, with the remedy.
+
+``inertia`` is right under every integrator and with constraints, but needs the room for it in MuJoCo's inertia, which a
+single body that moves about its own centre of mass does not have, and a solver that reads that inertia.
+``xfrc`` is right where MuJoCo's acceleration is M^-1 (forces): implicit damping and constraints multiply by another
+inertia, one that knows no added mass, and the error is large (the thrust may change its sign).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal, get_args
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.mujoco.block_layout import carriers
+
+Coupling = Literal["inertia", "xfrc"]
+
+_IMPLICIT = {
+    mujoco.mjtIntegrator.mjINT_IMPLICIT: "implicit",
+    mujoco.mjtIntegrator.mjINT_IMPLICITFAST: "implicitfast",
+    mujoco.mjtIntegrator.mjINT_DISCRETE: "discrete",
+}
+_Ids = NDArray[np.integer]
+
+
+def choose(model: mujoco.MjModel, bodies: list[int], asked: Coupling | None) -> Coupling:
+    """Return the coupling to use: the one asked for, or ``inertia`` where it is right, else ``xfrc``.
+
+    Raises:
+        UnknownNameError: no such coupling.
+        InputError: what was asked for, or everything, would be wrong; every reason and its remedy.
+    """
+    if asked is not None and asked not in get_args(Coupling):
+        raise UnknownNameError("coupling", asked, get_args(Coupling), "or leave the choice to mjfish")
+    common = list(_common(model, bodies))
+    reasons = {"inertia": list(_not_inertia(model, bodies)), "xfrc": list(_not_xfrc(model))}
+    allowed: tuple[Coupling, ...] = ("inertia", "xfrc") if asked is None else (asked,)
+    for coupling in allowed:
+        if not common and not reasons[coupling]:
+            return coupling
+    told = [*common, *(f"coupling '{coupling}': {reason}" for coupling in allowed for reason in reasons[coupling])]
+    raise InputError("the force of the water would be wrong in this MuJoCo model:\n" + "\n".join(told))
+
+
+def _disabled(model: mujoco.MjModel, bit: mujoco.mjtDisableBit) -> bool:
+    return bool(model.opt.disableflags & bit)
+
+
+def _enabled(model: mujoco.MjModel, bit: mujoco.mjtEnableBit) -> bool:
+    return bool(model.opt.enableflags & bit)
+
+
+def _names(model: mujoco.MjModel, kind: mujoco.mjtObj, ids: _Ids) -> str:
+    return ", ".join(sorted({mujoco.mj_id2name(model, kind, int(i)) or f"#{i}" for i in ids}))
+
+
+def _common(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
+    """What spoils either coupling."""
+    led = [body for body in bodies if model.body_mocapid[model.body_rootid[body]] >= 0]
+    if led:
+        yield (
+            f"{_names(model, mujoco.mjtObj.mjOBJ_BODY, np.array(led))} hangs on a mocap body, whose velocity MuJoCo "
+            "does not know; lead it by joints with servos, or by a weld to the mocap body"
+        )
+    if _disabled(model, mujoco.mjtDisableBit.mjDSBL_ACTUATION):
+        yield 'actuation is disabled, so that MuJoCo never asks for the force; remove <flag actuation="disable"/>'
+    if _enabled(model, mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+        yield 'contact override is enabled, whose o_solimp holds the water; remove <flag override="enable"/>'
+    if _enabled(model, mujoco.mjtEnableBit.mjENBL_SLEEP):
+        yield 'bodies may fall asleep, and the water with them; remove <flag sleep="enable"/>'
+    if model.opt.density > 0.0 or model.opt.viscosity > 0.0:
+        yield "MuJoCo's own fluid would act as well; set density and viscosity of <option> to 0"
+
+
+def _not_inertia(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
+    short = [body for body in bodies if not _has_room(model, body)]
+    if short:
+        names = _names(model, mujoco.mjtObj.mjOBJ_BODY, np.array(short))
+        yield (
+            f"MuJoCo stores the inertia of {names} as a diagonal, for it moves alone about its centre of mass; "
+            "shift that by 1e-6 m in the MJCF (inertial pos), "
+            'or use coupling="xfrc" with an explicit integrator'
+        )
+    possible = list(_constraints(model))
+    if possible and model.opt.solver == mujoco.mjtSolver.mjSOL_PGS:
+        yield f'solver "PGS" does not see the added mass, and there may be {possible[0]}; set solver="Newton" or "CG"'
+    if possible and model.opt.noslip_iterations > 0:
+        yield f"noslip does not see the added mass, and there may be {possible[0]}; set noslip_iterations to 0"
+
+
+def _has_room(model: mujoco.MjModel, body: int) -> bool:
+    """Return whether each dof that moves the body has a whole row, up to the root."""
+    rows, _ = carriers(model, [body])
+    for _, _, first, count in rows.astype(int):
+        for dof in range(first, first + count):
+            depth, above = 1, int(model.dof_parentid[dof])
+            while above >= 0:
+                depth, above = depth + 1, int(model.dof_parentid[above])
+            if model.M_rownnz[dof] != depth:
+                return False
+    return True
+
+
+def _not_xfrc(model: mujoco.MjModel) -> Iterator[str]:
+    integrator = model.opt.integrator
+    remedy = 'use coupling="inertia"'
+    if integrator in _IMPLICIT:
+        yield (
+            f"integrator '{_IMPLICIT[integrator]}' treats damping implicitly, without the added mass; "
+            f'{remedy}, or integrator="RK4"'
+        )
+    elif integrator == mujoco.mjtIntegrator.mjINT_EULER and not _disabled(model, mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
+        damped = np.flatnonzero((model.dof_damping > 0.0) | np.any(model.dof_dampingpoly != 0.0, axis=-1))
+        if damped.size:
+            names = _names(model, mujoco.mjtObj.mjOBJ_JOINT, model.dof_jntid[damped])
+            yield (
+                f"integrator 'Euler' treats the damping of {names} implicitly, without the added mass; "
+                f'{remedy}, set <flag eulerdamp="disable"/> or integrator="RK4"'
+            )
+        if np.any(model.actuator_damping > 0.0) or np.any(model.tendon_damping > 0.0):
+            yield (
+                "integrator 'Euler' treats the damping of actuators and tendons implicitly, without the added mass; "
+                f'{remedy}, set <flag eulerdamp="disable"/> or integrator="RK4"'
+            )
+    for constraint in _constraints(model):
+        yield f"there may be {constraint}, solved without the added mass; {remedy}, or remove them"
+    if np.any(model.tendon_armature > 0.0):
+        yield f"tendons have armature, which couples branches of a tree; {remedy}"
+
+
+def _constraints(model: mujoco.MjModel) -> Iterator[str]:
+    """Name what may become an active constraint."""
+    bits = mujoco.mjtDisableBit
+    if _disabled(model, bits.mjDSBL_CONSTRAINT):
+        return
+    limited = np.flatnonzero(model.jnt_limited)
+    if limited.size and not _disabled(model, bits.mjDSBL_LIMIT):
+        yield f"joint limits of {_names(model, mujoco.mjtObj.mjOBJ_JOINT, limited)}"
+    rubbing = np.flatnonzero(model.dof_frictionloss > 0.0)
+    if rubbing.size and not _disabled(model, bits.mjDSBL_FRICTIONLOSS):
+        yield f"frictionloss of {_names(model, mujoco.mjtObj.mjOBJ_JOINT, model.dof_jntid[rubbing])}"
+    if model.neq and not _disabled(model, bits.mjDSBL_EQUALITY):
+        yield "equality constraints"
+    if np.any(model.tendon_limited) or np.any(model.tendon_frictionloss > 0.0):
+        yield "limits or frictionloss of tendons"
+    touching = np.flatnonzero((model.geom_contype | model.geom_conaffinity) != 0)
+    if (touching.size > 1 or model.npair) and not _disabled(model, bits.mjDSBL_CONTACT):
+        yield "contacts"

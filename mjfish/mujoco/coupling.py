@@ -1,0 +1,232 @@
+"""Two couplings of the same water to MuJoCo's equation of motion, compiled; neither lags.
+
+With M, c, tau MuJoCo's inertia, bias and other forces, J_i the Jacobian of link i, A_i its added mass, f_i its drag,
+gyroscopic, Munk and buoyancy force and b_i = J_i' q' its acceleration at q'' = 0, the acceleration a is that of
+
+    (M + sum_i J_i^T A_i J_i) a = tau - c + sum_i J_i^T (f_i - A_i b_i)
+
+inertia  M + sum J^T A J takes the place of M in mjData, f - A b goes into xfrc_applied: the integrator, the solver of
+         constraints and the derivatives all see the added mass.
+xfrc     a is solved here, and the whole wrench f - A (J a + b) goes into xfrc_applied; MuJoCo finds a again wherever
+         its acceleration is M^-1 (forces), see `mjfish.mujoco.compatible`.
+
+J^T A J couples a body with its ancestors only, as M does; like M it is summed up the tree (composite bodies).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import carray
+
+from mjfish.arrays import FloatArray
+from mjfish.compiled import compiled, inlined
+from mjfish.mujoco.kinematics import FRAME, accelerations, add_wrench, place, to_world
+from mjfish.mujoco.layout import factor_inertia, floats, fwd_actuation, integers, make_inertia
+from mjfish.mujoco.water import added_inertia, inertial, load, other
+
+_NO_RATE = np.zeros(0)
+
+
+@compiled
+def couple(
+    model: Any, data: Any, carriers: FloatArray, trees: FloatArray, water: Any, inertia: bool, hooks: Any,
+    hook_parameters: FloatArray, plane: Any, model_pointer: Any, data_pointer: Any,
+) -> None:  # fmt: skip
+    """Let the water act on one model: write `xfrc_applied` of its bodies, and with `inertia` the inertia.
+
+    `hooks` (k,), `hook_parameters` (k, PARAMETERS) and `plane`, a `LINK` record a link, are of the loads.
+    """
+    c = carriers.shape[0]
+    n = water.shape[0]
+    frame = np.empty((n, FRAME))
+    wrench = np.empty((n, 6))  # f - A b of each link, in its strips' frame
+    pushed = np.zeros((n, 6))  # by loads
+    spatial = np.empty(6)
+    bias = np.empty((c, 6))
+    composite = np.zeros((c, 36))
+    accelerations(data, carriers, _NO_RATE, bias)
+    for i in range(n):
+        place(model, data, water[i], frame[i])
+        carrier = int(water[i].carrier)
+        other(model, data, water[i], frame[i], wrench[i])
+        if hooks.shape[0] > 0:
+            seen = plane[i : i + 1].copy()  # several threads may step copies of one model
+            load(model, data, water[i], frame[i], seen, hooks, hook_parameters, pushed[i])
+            wrench[i] += pushed[i]
+        inertial(model, data, water[i], frame[i], bias[carrier], wrench[i])
+        added_inertia(water[i], frame[i], composite[carrier])
+    for row in range(c - 1, -1, -1):
+        parent = int(carriers[row, 1])
+        if parent >= 0:
+            for k in range(36):
+                composite[parent, k] += composite[row, k]
+    if inertia:
+        make_inertia(model_pointer, data_pointer)
+        _inject(model, data, carriers, composite)
+        factor_inertia(model_pointer, data_pointer)
+    else:
+        fwd_actuation(model_pointer, data_pointer)  # qfrc_actuator is that of the step before
+        rate = np.zeros(model.nv)
+        _pull(model, data, carriers, water, frame, wrench, rate)
+        for t in range(trees.shape[0]):
+            first = int(trees[t, 0])
+            _solve(model, data, first, first + int(trees[t, 1]), carriers, composite, rate)
+        accelerations(data, carriers, rate, bias)
+        for i in range(n):
+            other(model, data, water[i], frame[i], wrench[i])
+            wrench[i] += pushed[i]
+            inertial(model, data, water[i], frame[i], bias[int(water[i].carrier)], wrench[i])
+    for i in range(n):
+        carray(floats(data.xfrc_applied + 48 * int(water[i].body)), 6)[:] = 0.0
+    for i in range(n):
+        body = int(water[i].body)
+        to_world(wrench[i], frame[i], spatial)
+        add_wrench(model, data, body, spatial, carray(floats(data.xfrc_applied + 48 * body), 6))
+
+
+@compiled
+def _inject(model: Any, data: Any, carriers: FloatArray, composite: FloatArray) -> None:
+    """Add sum J^T A J to mjData's inertia: sparse rows, ancestors in rising order, the diagonal last."""
+    above = carray(integers(model.dof_parentid), model.nv)
+    counts = carray(integers(model.M_rownnz), model.nv)
+    starts = carray(integers(model.M_rowadr), model.nv)
+    for row in range(carriers.shape[0]):
+        first = int(carriers[row, 2])
+        for dof in range(first, first + int(carriers[row, 3])):
+            momentum = _momentum(data, dof, composite[row])
+            at = starts[dof] + counts[dof] - 1
+            column = dof
+            while column >= 0:
+                carray(floats(data.M + 8 * at), 1)[0] += _along(data, column, momentum)
+                at -= 1
+                column = above[column]
+
+
+@compiled
+def _momentum(data: Any, dof: int, inertia: FloatArray) -> tuple[float, float, float, float, float, float]:
+    """Return the added momentum of a composite body that moves with one dof."""
+    axis = carray(floats(data.cdof + 48 * dof), 6)
+    a, b, c, d, e, f = axis[0], axis[1], axis[2], axis[3], axis[4], axis[5]
+    return (
+        inertia[0] * a + inertia[1] * b + inertia[2] * c + inertia[3] * d + inertia[4] * e + inertia[5] * f,
+        inertia[6] * a + inertia[7] * b + inertia[8] * c + inertia[9] * d + inertia[10] * e + inertia[11] * f,
+        inertia[12] * a + inertia[13] * b + inertia[14] * c + inertia[15] * d + inertia[16] * e + inertia[17] * f,
+        inertia[18] * a + inertia[19] * b + inertia[20] * c + inertia[21] * d + inertia[22] * e + inertia[23] * f,
+        inertia[24] * a + inertia[25] * b + inertia[26] * c + inertia[27] * d + inertia[28] * e + inertia[29] * f,
+        inertia[30] * a + inertia[31] * b + inertia[32] * c + inertia[33] * d + inertia[34] * e + inertia[35] * f,
+    )
+
+
+@inlined
+def _along(data: Any, dof: int, momentum: tuple[float, float, float, float, float, float]) -> float:
+    """Return what of a spatial momentum is along one dof: an entry of J^T A J."""
+    axis = carray(floats(data.cdof + 48 * dof), 6)
+    return (  # type: ignore[no-any-return]
+        momentum[0] * axis[0] + momentum[1] * axis[1] + momentum[2] * axis[2]
+        + momentum[3] * axis[3] + momentum[4] * axis[4] + momentum[5] * axis[5]
+    )  # fmt: skip
+
+
+@compiled
+def _pull(
+    model: Any, data: Any, carriers: FloatArray, water: Any, frame: FloatArray, wrench: FloatArray, force: FloatArray
+) -> None:
+    """Fill the generalised force of everything but the added mass, on the dofs of the carriers."""
+    passive = carray(floats(data.qfrc_passive), model.nv)
+    actuator = carray(floats(data.qfrc_actuator), model.nv)
+    applied = carray(floats(data.qfrc_applied), model.nv)
+    bias = carray(floats(data.qfrc_bias), model.nv)
+    c = carriers.shape[0]
+    total = np.zeros((c, 6))
+    spatial = np.empty(6)
+    wet = np.zeros(c, dtype=np.bool_)
+    for i in range(water.shape[0]):
+        to_world(wrench[i], frame[i], spatial)
+        carrier = int(water[i].carrier)
+        wet[carrier] = True
+        for k in range(6):
+            total[carrier, k] += spatial[k]
+    for row in range(c - 1, -1, -1):
+        body = int(carriers[row, 0])
+        if not wet[row]:
+            _add_applied(model, data, body, total[row])
+        first = int(carriers[row, 2])
+        for dof in range(first, first + int(carriers[row, 3])):
+            axis = carray(floats(data.cdof + 48 * dof), 6)
+            force[dof] = passive[dof] + actuator[dof] + applied[dof] - bias[dof]
+            for k in range(6):
+                force[dof] += axis[k] * total[row, k]
+        parent = int(carriers[row, 1])
+        if parent >= 0:
+            for k in range(6):
+                total[parent, k] += total[row, k]
+
+
+@compiled
+def _add_applied(model: Any, data: Any, body: int, spatial: FloatArray) -> None:
+    """Add what a user applies to a body without water, as a spatial wrench about the tree's point."""
+    root = carray(integers(model.body_rootid), body + 1)[body]
+    point = carray(floats(data.subtree_com + 24 * root), 3)
+    com = carray(floats(data.xipos + 24 * body), 3)
+    applied = carray(floats(data.xfrc_applied + 48 * body), 6)
+    x = com[0] - point[0]
+    y = com[1] - point[1]
+    z = com[2] - point[2]
+    spatial[0] += applied[3] + y * applied[2] - z * applied[1]
+    spatial[1] += applied[4] + z * applied[0] - x * applied[2]
+    spatial[2] += applied[5] + x * applied[1] - y * applied[0]
+    for k in range(3):
+        spatial[3 + k] += applied[k]
+
+
+@compiled
+def _solve(
+    model: Any, data: Any, first: int, end: int, carriers: FloatArray, composite: FloatArray, force: FloatArray
+) -> None:
+    """Solve (M + sum J^T A J) a = force in place for the dofs of one tree, by L^T D L along its branches.
+
+    See R. Featherstone, Rigid Body Dynamics Algorithms (2008), sec. 6.5.
+    """
+    n = end - first
+    above = carray(integers(model.dof_parentid), model.nv)
+    counts = carray(integers(model.M_rownnz), model.nv)
+    starts = carray(integers(model.M_rowadr), model.nv)
+    matrix = np.zeros((n, n))
+    for dof in range(first, end):
+        columns = carray(integers(model.M_colind + 4 * starts[dof]), counts[dof])
+        entries = carray(floats(data.M + 8 * starts[dof]), counts[dof])
+        for k in range(counts[dof]):
+            matrix[dof - first, columns[k] - first] = entries[k]
+    for row in range(carriers.shape[0]):
+        lowest = int(carriers[row, 2])
+        if lowest < first or lowest >= end:
+            continue
+        for dof in range(lowest, lowest + int(carriers[row, 3])):
+            momentum = _momentum(data, dof, composite[row])
+            column = dof
+            while column >= 0:
+                matrix[dof - first, column - first] += _along(data, column, momentum)
+                column = above[column]
+    for k in range(end - 1, first - 1, -1):
+        i = above[k]
+        while i >= 0:
+            factor = matrix[k - first, i - first] / matrix[k - first, k - first]
+            j = i
+            while j >= 0:
+                matrix[i - first, j - first] -= factor * matrix[k - first, j - first]
+                j = above[j]
+            matrix[k - first, i - first] = factor
+            i = above[i]
+    for i in range(end - 1, first - 1, -1):
+        j = above[i]
+        while j >= 0:
+            force[j] -= matrix[i - first, j - first] * force[i]
+            j = above[j]
+    for i in range(first, end):
+        force[i] /= matrix[i - first, i - first]
+        j = above[i]
+        while j >= 0:
+            force[i] -= matrix[i - first, j - first] * force[j]
+            j = above[j]

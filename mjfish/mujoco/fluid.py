@@ -1,0 +1,215 @@
+"""The plug-in: strips of water on bodies of any MuJoCo model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from numbers import Real
+from pathlib import Path
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+
+from mjfish.arrays import FloatArray, readonly
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.hydro.load import PARAMETERS, Load
+from mjfish.mujoco import blocks, callback, custom, strip_link
+from mjfish.mujoco.block_layout import pack
+from mjfish.mujoco.blocks import MAGIC, Block
+from mjfish.mujoco.compatible import Coupling, choose
+from mjfish.mujoco.strip_link import StripLink
+from mjfish.mujoco.wrenches import PARTS, wrenches
+
+
+@dataclass(frozen=True)
+class State:
+    """Whether the state of a run is one that can be gone on from.
+
+    Attributes:
+        status: ``ok`` or ``diverged``.
+        message: what is wrong and what to do, else empty.
+    """
+
+    status: Literal["ok", "diverged"]
+    message: str
+
+
+class StripFluid:
+    """Water on bodies of a MuJoCo model, exact at any added mass: see `mjfish.hydro.spatial_force` for the force.
+
+        fluid = StripFluid(model, [{"body": "plate", "length": 0.3, "height": 0.2, "width": 0.004, "c_d": 1.9}])
+        with fluid.installed():
+            mujoco.mj_step(model, data)
+
+    The water owns `xfrc_applied` of its bodies: push these by `qfrc_applied`. A current is MuJoCo's `opt.wind`; gravity
+    and its flag are MuJoCo's too, and buoyancy follows them. The water is part of the model from now on: of its copies,
+    in `mujoco.rollout`, `mujoco.batch` and the viewer, in every thread. A second `StripFluid` on a model replaces the
+    first; other coefficients on a copy of a model leave the original alone.
+
+    A model compiled anew, by `MjSpec.compile` or `recompile`, has none: put it there again.
+
+    Two things in the model change: `opt.o_solimp`, which is unused, leads to the water, and autoreset is disabled, so
+    that a run which diverges is seen (`state`) and not silently started again.
+
+    With coupling ``inertia`` mjData's inertia `M` (and what is computed from it, such as `mj_fullM`) has the added mass
+    in it after a step, and force sensors lack the inertial force of the water; with ``xfrc`` both are as without water.
+
+    Attributes:
+        model: the model.
+        links: `StripLink` by link, in the order of every array about links.
+        density: of the water [kg/m3].
+        coupling: ``inertia`` or ``xfrc``, see `mjfish.mujoco.coupling`.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        links: Sequence[StripLink | Mapping[str, Any]] | None = None,
+        *,
+        density: float | None = None,
+        coupling: Coupling | None = None,
+        commanded: bool = False,
+        loads: Sequence[tuple[Load, Sequence[float]]] = (),
+    ) -> None:
+        """Put water on bodies of `model`.
+
+        Args:
+            model: any model.
+            links: bodies with their sections and coefficients; None: as the model's custom numerics say
+                (``strip_fluid/BODY/KEY``). Two links may share a body.
+            density: of the water [kg/m3]; 1000 where nobody says.
+            coupling: None: the one that is right for this model, ``inertia`` where both are.
+            commanded: userdata holds the servo commands of each step, see `mjfish.mujoco.rollout`.
+            loads: extra forces on every link (`mjfish.hydro.load`), with their parameters; they see the motion of a
+                link in the plane of its strips' x and y, and push in it. The last of the links is their last.
+
+        Raises:
+            InputError: a link is not described well, or the force would be wrong in this model.
+            UnknownNameError: no body of that name.
+        """
+        _check_compiled(model)
+        if links is None:
+            water = custom.read(model)
+            links, density = water.links, water.density if density is None else density
+        self.model = model
+        self.links = _made(links)
+        density = 1000.0 if density is None else density
+        if not (isinstance(density, Real) and np.isfinite(density) and density > 0.0):
+            raise InputError(f"density is {density!r} kg/m3; expected a positive number")
+        self.density = float(density)
+        if commanded and model.nuserdata != 1 + 3 * model.nu:
+            raise InputError(f"userdata has {model.nuserdata} numbers, expected {1 + 3 * model.nu} for the commands")
+        _check_loads(loads)
+        self.coupling: Coupling = choose(model, _bodies(model, self.links), coupling)
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        inertia = self.coupling == "inertia"
+        numbers = pack(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
+        self._block: Block = Block(numbers, kept=tuple(load for load, _ in loads))
+        self._block.tag(model)
+
+    @classmethod
+    def from_toml(cls, model: mujoco.MjModel, path: str | Path, *, coupling: Coupling | None = None) -> StripFluid:
+        """Put the water that a TOML file describes on bodies of `model`: `density`, and a `[[links]]` a body.
+
+        Raises:
+            InputError, UnknownNameError: as above, and where the file is none.
+        """
+        _check_compiled(model)
+        water = strip_link.read(path)
+        _bodies(model, water.links, f"body in {path}")
+        return cls(model, water.links, density=water.density, coupling=coupling)
+
+    @contextmanager
+    def installed(self) -> Iterator[None]:
+        """Let the water act while the block runs, on this model, its copies, and all others with water.
+
+        Blocks may be nested and overlap. A control callback of your own that was installed before is called first;
+        afterwards all is as it was. Do not install one inside the block: it would replace the water.
+
+        Raises:
+            InputError: the model was changed so that the force would now be wrong, or given other water.
+        """
+        self._still_there()
+        choose(self.model, _bodies(self.model, self.links), self.coupling)
+        with callback.installed():
+            yield
+
+    def _still_there(self) -> None:
+        if self.model.opt.o_solimp[0] != MAGIC:
+            raise InputError("opt.o_solimp of the model was overwritten, where its water is noted; leave it alone")
+        if blocks.numbers(self.model) is not self._block.numbers:
+            raise InputError(
+                "another StripFluid has taken the place of this one on its model; use that one, with the links of both"
+            )
+
+    def wrenches(self, data: mujoco.MjData) -> dict[str, FloatArray]:
+        """Return the force of the water on each link by part, at the state and acceleration that `data` is in.
+
+        Call it after `mj_forward`: behind a step of RK4 mjData still speaks of the last stage.
+
+        Returns:
+            ``drag``, ``added_mass`` (inertial and gyroscopic), ``munk``, ``buoyancy``, ``loads``, ``total``: (links, 6)
+            each, force [N] and moment about the body's centre of mass [N m] in the world's axes, as in `xfrc_applied`.
+
+        Raises:
+            InputError: another StripFluid has taken the place of this one.
+        """
+        self._still_there()
+        parts = wrenches(self.model, data, self._block.numbers)
+        named = {name: readonly(part) for name, part in zip(PARTS, parts, strict=True)}
+        return {**named, "total": readonly(parts.sum(axis=0))}
+
+    def state(self, data: mujoco.MjData) -> State:
+        """Return whether a run has diverged: no numbers or huge ones in the state or its rate."""
+        warned = [
+            data.warning[kind].number
+            for kind in (
+                mujoco.mjtWarning.mjWARN_BADQPOS,
+                mujoco.mjtWarning.mjWARN_BADQVEL,
+                mujoco.mjtWarning.mjWARN_BADQACC,
+            )
+        ]
+        if not any(warned) and all(np.all(np.isfinite(part)) for part in (data.qpos, data.qvel, data.qacc)):
+            return State("ok", "")
+        return State(
+            "diverged",
+            f"the state is no longer one of numbers at {data.time:.4f} s; take a shorter step, softer actuators, or "
+            "check the coefficients; if it never was, the StripFluid of a copied model is gone (keep it, or make a new "
+            'one), or coupling "xfrc" met a constraint or an implicit integrator (use coupling="inertia")',
+        )
+
+
+def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]]) -> None:
+    for load, parameters in loads:
+        if not isinstance(load, Load):
+            raise InputError(f"loads: expected a compiled Load, found {load!r}; write @mjfish.hydro.load.load above it")
+        if len(parameters) > PARAMETERS or not np.all(np.isfinite(np.asarray(parameters, dtype=np.float64))):
+            raise InputError(f"loads: parameters {tuple(parameters)}; expected {PARAMETERS} finite numbers at most")
+
+
+def _check_compiled(model: object) -> None:
+    if not isinstance(model, mujoco.MjModel):
+        raise InputError(f"expected a compiled mujoco.MjModel, found {type(model).__name__}; compile it first")
+
+
+def _bodies(model: mujoco.MjModel, links: Iterable[StripLink], kind: str = "body") -> list[int]:
+    """Return the ids of the bodies; `kind` says of an unknown one what it is."""
+    ids = {model.body(index).name: index for index in range(1, model.nbody)}
+    for one in links:
+        if one.body not in ids:
+            raise UnknownNameError(kind, one.body, filter(None, ids), "name a body of this model")
+    return [ids[one.body] for one in links]
+
+
+def _made(links: Sequence[StripLink | Mapping[str, Any]]) -> tuple[StripLink, ...]:
+    if isinstance(links, (str, Mapping, StripLink)) or not isinstance(links, Iterable):
+        raise InputError(f"links: expected a list of StripLink or of tables, found a {type(links).__name__}")
+    links = tuple(links)
+    if not links:
+        raise InputError("no links; name at least one body that the water acts on")
+    for number, one in enumerate(links, start=1):
+        if not isinstance(one, (StripLink, Mapping)):
+            raise InputError(f"links.{number}: expected a StripLink or a table of its keys, found {one!r}; correct it")
+    return tuple(one if isinstance(one, StripLink) else StripLink(**one) for one in links)

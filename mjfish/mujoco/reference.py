@@ -1,0 +1,134 @@
+"""The force of the water once more, in plain NumPy and MuJoCo's own functions: slow, but to be read.
+
+Install `control` by ``mujoco.set_mjcb_control``; its coupling is ``xfrc``. The compiled one is
+`mjfish.mujoco.coupling`; a test holds both together.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from mjfish.arrays import FloatArray, RecordArray
+from mjfish.hydro.load import apply_loads
+from mjfish.hydro.spatial_force import spatial_drag, spatial_gyroscopic, spatial_munk
+from mjfish.mujoco import blocks
+from mjfish.mujoco.block_layout import loads_in, unpack
+
+
+def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Write each link's wrench into ``xfrc_applied``; the commands in ``ctrl`` are the caller's."""
+    water = unpack(blocks.numbers(model))
+    wet = np.unique(water["body"]).astype(int)
+    data.xfrc_applied[wet] = 0.0
+    acceleration = solve(model, data)
+    for index, link in enumerate(water):
+        J, b, A = jacobian_of(model, data, link), bias_of(model, data, link), inertia_of(link)
+        wrench = force_of(model, data, link) + load_of(model, data, index) - A @ (J @ acceleration + b)
+        data.xfrc_applied[int(link["body"])] += _applied(data, link, wrench)
+
+
+def solve(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+    """Return q'' (nv,) of (M + sum J^T A J) q'' = tau - c + sum J^T (f - A b), dense."""
+    mujoco.mj_fwdActuation(model, data)  # qfrc_actuator is that of the step before
+    force = data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied - data.qfrc_bias
+    for index, link in enumerate(unpack(blocks.numbers(model))):
+        J, b, A = jacobian_of(model, data, link), bias_of(model, data, link), inertia_of(link)
+        force += J.T @ (force_of(model, data, link) + load_of(model, data, index) - A @ b)
+    return np.linalg.solve(inertia(model, data), force)
+
+
+def inertia(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+    """Return M + sum J^T A J (nv, nv), where mjData's own inertia is without water (`mj_makeM`)."""
+    total = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, total)
+    for link in unpack(blocks.numbers(model)):
+        J = jacobian_of(model, data, link)
+        total += J.T @ inertia_of(link) @ J
+    return total
+
+
+def axes_of(data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return the axes (3, 3) of the link's strips in the world, as columns."""
+    axes: FloatArray = data.xmat[int(link["body"])].reshape(3, 3) @ link["turn"].reshape(3, 3).T
+    return axes
+
+
+def origin_of(data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return the origin (3,) of the link's strips in the world."""
+    body = int(link["body"])
+    origin: FloatArray = data.xpos[body] + data.xmat[body].reshape(3, 3) @ link["origin"]
+    return origin
+
+
+def jacobian_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return J (6, nv): velocity of the strips' origin, then angular velocity, in the strips' frame."""
+    linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, linear, angular, origin_of(data, link), int(link["body"]))
+    axes = axes_of(data, link)
+    return np.vstack([axes.T @ linear, axes.T @ angular])
+
+
+def bias_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return b (6,) with J q'' + b the rate of the velocity relative to the water, in the turning strips' frame.
+
+    There, the rate of v - c is the acceleration in the world less w x (v - c), the current c being steady.
+    """
+    linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    body, origin, axes = int(link["body"]), origin_of(data, link), axes_of(data, link)
+    mujoco.mj_jac(model, data, linear, angular, origin, body)
+    velocity, omega = linear @ data.qvel, angular @ data.qvel
+    mujoco.mj_jacDot(model, data, linear, angular, origin, body)
+    turning = np.cross(omega, velocity - model.opt.wind)
+    return np.concatenate([axes.T @ (linear @ data.qvel - turning), axes.T @ (angular @ data.qvel)])
+
+
+def inertia_of(link: RecordArray) -> FloatArray:
+    """Return the added mass (6, 6) of a link about the origin of its strips; none along them."""
+    (y0, y1, y2), (z0, z1, z2) = link["c_m"] * link["added"], link["c_m"] * link["added_width"]
+    A = np.zeros((6, 6))
+    A[1, 1], A[1, 5], A[5, 1], A[5, 5] = y0, y1, y1, y2
+    A[2, 2], A[2, 4], A[4, 2], A[4, 4] = z0, -z1, -z1, z2
+    A[3, 3] = link["c_m"] * link["added_roll"]
+    return A
+
+
+def velocity_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return velocity relative to the water and angular velocity (6,) of the strips' origin, in their frame."""
+    current = np.append(axes_of(data, link).T @ model.opt.wind, np.zeros(3))
+    return np.asarray(jacobian_of(model, data, link) @ data.qvel - current)
+
+
+def load_of(model: mujoco.MjModel, data: mujoco.MjData, index: int) -> FloatArray:
+    """Return the force (6,) of all loads on a link, in the strips' frame."""
+    numbers = blocks.numbers(model)
+    addresses, parameters, plane = loads_in(numbers)
+    force = np.zeros(6)
+    if len(addresses):
+        seen = plane[index : index + 1].copy()
+        vx, vy, _, _, _, wz = velocity_of(model, data, unpack(numbers)[index])
+        seen["u"], seen["v"], seen["w"] = vx, vy, wz
+        force[[0, 1, 5]] = apply_loads(seen, 0, addresses, parameters, np.zeros(3))
+    return force
+
+
+def force_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> FloatArray:
+    """Return drag, gyroscopic, Munk and buoyancy force (6,) in the strips' frame, about their origin."""
+    axes = axes_of(data, link)
+    vx, vy, vz, wx, wy, wz = velocity_of(model, data, link)
+    force = np.add(spatial_drag(link, vx, vy, vz, wx, wy, wz), spatial_gyroscopic(link, vy, vz, wx, wy, wz))
+    force[3:] += spatial_munk(link, vx, vy, vz, wy, wz)
+    if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:
+        body = int(link["body"])
+        lift = -link["density"] * link["volume"] * model.opt.gravity
+        arm = data.xmat[body].reshape(3, 3) @ (link["center"] - link["origin"])
+        force += np.concatenate([axes.T @ lift, axes.T @ np.cross(arm, lift)])
+    return force
+
+
+def _applied(data: mujoco.MjData, link: RecordArray, wrench: FloatArray) -> FloatArray:
+    """Return a wrench in the strips' frame as MuJoCo takes it: at the body's centre of mass, in the world's axes."""
+    axes = axes_of(data, link)
+    force = axes @ wrench[:3]
+    arm = origin_of(data, link) - data.xipos[int(link["body"])]
+    return np.concatenate([force, axes @ wrench[3:] + np.cross(arm, force)])

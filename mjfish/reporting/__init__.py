@@ -1,0 +1,1 @@
+"""How results are shown: HTML pages, rerun logs, text."""

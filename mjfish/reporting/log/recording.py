@@ -1,0 +1,152 @@
+"""Writing a recording: columns of whole runs, to a file that is there whole or not at all."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+from mjfish.arrays import FloatArray
+from mjfish.errors import InputError
+from mjfish.frames import CHANNELS
+from mjfish.ode.forces import LinkForces
+from mjfish.reporting.log.blueprint import ATTITUDE, blueprint
+from mjfish.reporting.log.body import link_mesh, link_poses
+from mjfish.reporting.log.camera import camera_path, floor_lines
+from mjfish.reporting.log.scene import Run, Swim
+from mjfish.reporting.log.style import COLOURS, FLOOR, FORCES, arrow_scale
+
+APPLICATION = "mjfish"
+#: Every run has its own time, from its own start, on this line.
+TIMELINE = "sim_time"
+
+
+def write_log(path: Path, runs: Sequence[Run], *, name: str = "", about: str = "") -> None:
+    """Write runs to an .rrd file, with a blueprint that shows them one a tab, the first in front.
+
+    Per run: ``/RUN/world/SWIMMER/link_K`` the body with a transform over time, ``/RUN/world/SWIMMER/path``,
+    ``/RUN/world/SWIMMER/force/drag`` and ``.../added_mass``, ``/RUN/velocity/CHANNEL/SWIMMER`` and
+    ``/RUN/residual/CHANNEL/SWIMMER``, of a fish in space ``/RUN/attitude/roll/SWIMMER`` and so on, all on the duration
+    timeline ``sim_time``.
+
+    Args:
+        path: of the file; one that is there is replaced.
+        runs: at least one.
+        name: of the recording; else that of its first run.
+        about: Markdown shown beside the swimming.
+
+    Raises:
+        InputError: no runs, two of one name, or the file cannot be written.
+    """
+    names = [run.name for run in runs]
+    if not names or len(set(names)) < len(names):
+        raise InputError(f"{path}: a log needs runs with names of their own, found {names}")
+    try:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.", suffix=".partial") as folder:
+            partial = Path(folder) / "log.rrd"
+            _record(partial, runs, name or runs[0].name, about)
+            partial.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}; choose a file that you can write to") from None
+
+
+def _record(path: Path, runs: Sequence[Run], name: str, about: str) -> None:
+    scale = arrow_scale(runs)
+    recording = rr.RecordingStream(APPLICATION)
+    recording.save(path, default_blueprint=blueprint(runs))
+    recording.send_recording_name(name)
+    legend = f"\n\nArrows: 1 N is {scale:g} m." if _has_forces(runs) else ""
+    recording.log("about", rr.TextDocument(about + legend, media_type=rr.MediaType.MARKDOWN), static=True)
+    for run in runs:
+        root = "/" + rr.escape_entity_path_part(run.name)
+        _water(recording, f"{root}/world", run)
+        for swim in run.swims:
+            _swim(recording, f"{root}/world/{swim.swimmer}", run, swim, scale)
+            _series(recording, f"{root}/velocity", swim.swimmer, swim.time, swim.velocity)
+            if swim.attitude is not None:
+                _series(recording, f"{root}/attitude", swim.swimmer, swim.time, swim.attitude, tuple(ATTITUDE))
+        for swimmer, (time, residual) in run.residuals().items():
+            _series(recording, f"{root}/residual", swimmer, time, residual)
+    recording.flush()
+    recording.disconnect()
+
+
+def _has_forces(runs: Sequence[Run]) -> bool:
+    return any(swim.forces is not None for run in runs for swim in run.swims)
+
+
+def _water(recording: rr.RecordingStream, root: str, run: Run) -> None:
+    """Log the floor of the tank and the point that the camera looks at."""
+    recording.log(root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    floor = rr.LineStrips3D(floor_lines(run), colors=[FLOOR], radii=rr.Radius.ui_points(0.6))
+    recording.log(f"{root}/floor", floor, static=True)
+    swim = run.followed()
+    at = [rr.TimeColumn(TIMELINE, duration=swim.time)]
+    recording.send_columns(f"{root}/camera", at, rr.Transform3D.columns(translation=camera_path(swim, run.fish)))
+
+
+def _swim(recording: rr.RecordingStream, root: str, run: Run, swim: Swim, scale: float) -> None:
+    """Log the body (or the nose alone), the path of the nose and the arrows of the forces."""
+    colour = COLOURS[swim.swimmer]
+    path = swim.nose
+    recording.log(f"{root}/path", rr.LineStrips3D([path], colors=[colour], radii=rr.Radius.ui_points(1.2)), static=True)
+    at = [rr.TimeColumn(TIMELINE, duration=swim.time)]
+    if swim.joint_angle is None:
+        radius = 0.02 * run.fish.length
+        recording.log(f"{root}/nose", rr.Points3D.from_fields(colors=[colour], radii=[radius]), static=True)
+        recording.send_columns(f"{root}/nose", at, rr.Points3D.columns(positions=path))
+        return
+    place, turn = link_poses(run.fish, swim.pose, swim.joint_angle, swim.attitude)
+    for k in range(len(run.fish.links)):
+        vertices, triangles, normals = link_mesh(run.fish, k)
+        body = rr.Mesh3D(
+            vertex_positions=vertices, triangle_indices=triangles, vertex_normals=normals, albedo_factor=colour
+        )
+        recording.log(f"{root}/link_{k}", body, static=True)
+        recording.send_columns(
+            f"{root}/link_{k}", at, rr.Transform3D.columns(translation=place[:, k], quaternion=turn[:, k])
+        )
+    if swim.forces is not None:
+        _arrows(recording, f"{root}/force", swim.time, swim.forces, scale)
+
+
+def _arrows(recording: rr.RecordingStream, root: str, time: FloatArray, forces: LinkForces, scale: float) -> None:
+    for kind, colour in FORCES.items():
+        wrench: FloatArray = getattr(forces, kind)
+        if not np.any(wrench):
+            continue
+        count, links = wrench.shape[:2]
+        flat = np.zeros((count, links, 3))
+        origins, vectors = flat.copy(), flat
+        origins[..., :2] = forces.point(wrench)
+        vectors[..., :2] = scale * wrench[..., :2]
+        style = rr.Arrows3D.from_fields(colors=[colour], radii=rr.Radius.ui_points(2.5))
+        recording.log(f"{root}/{kind}", style, static=True)
+        recording.send_columns(
+            f"{root}/{kind}",
+            [rr.TimeColumn(TIMELINE, duration=time)],
+            rr.Arrows3D.columns(origins=origins.reshape(-1, 3), vectors=vectors.reshape(-1, 3)).partition(
+                [links] * count
+            ),
+        )
+
+
+def _series(
+    recording: rr.RecordingStream,
+    root: str,
+    swimmer: str,
+    time: FloatArray,
+    values: FloatArray,
+    channels: Sequence[str] = CHANNELS,
+) -> None:
+    """Log one curve a channel."""
+    for k, channel in enumerate(channels):
+        entity = f"{root}/{channel}/{swimmer}"
+        style = rr.SeriesLines(names=swimmer, colors=COLOURS[swimmer], widths=1.6)  # type: ignore[index]
+        recording.log(entity, style, static=True)
+        recording.send_columns(
+            entity, [rr.TimeColumn(TIMELINE, duration=time)], rr.Scalars.columns(scalars=values[:, k])
+        )

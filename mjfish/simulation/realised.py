@@ -1,0 +1,181 @@
+"""Cross-check of the two engines: the ODE, fed the joint motion that MuJoCo realised, must swim as MuJoCo did.
+
+The engines share the force on a strip and nothing else: MuJoCo has its own rigid-body dynamics and moves its joints by
+servos. Where both are right, their velocities differ by the error of their steps, which falls as the step is halved; a
+missing or wrong term stays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from mjfish import mujoco as sim
+from mjfish import ode
+from mjfish.arrays import FloatArray
+from mjfish.drive import cpg, modes
+from mjfish.drive.motion import JointMotion
+from mjfish.errors import InputError
+from mjfish.fish import Cpg, Fish
+from mjfish.frames import CHANNELS
+from mjfish.hydro.load import Load
+from mjfish.ode.rollout import Coriolis
+
+#: From the joint motion that is asked for to the one that the joints are given.
+Drive = Callable[[JointMotion], JointMotion]
+#: Largest difference at the first step, relative to the range of the channel.
+BOUND = 1e-3
+#: Smallest order at which the difference must fall; engines of second order show it within rounding.
+ORDER = 1.9
+#: A difference this small is rounding, and has no order.
+_ROUNDING = 1e-10
+
+
+@dataclass(frozen=True)
+class Level:
+    """Differences at one step.
+
+    Attributes:
+        step: [s].
+        difference: largest difference of each channel over the run, by name, in its unit.
+        ratio: the same relative to the channel's range in MuJoCo.
+    """
+
+    step: float
+    difference: dict[str, float]
+    ratio: dict[str, float]
+
+    @property
+    def worst(self) -> float:
+        """The largest ratio."""
+        return max(self.ratio.values())
+
+
+@dataclass(frozen=True)
+class CrossCheck:
+    """What the cross-check found.
+
+    Attributes:
+        fish: its name.
+        drive: name of the mode.
+        coriolis: form of the gyroscopic terms in the ODE.
+        range: of each channel in MuJoCo over the run, by name.
+        levels: one a step, longest first.
+        orders: observed order of the worst ratio from each level to the next.
+        bound: that the worst ratio of the first level must not reach.
+        status: ``agrees``, ``disagrees``, or ``diverged`` where a run did.
+        message: one sentence.
+    """
+
+    fish: str
+    drive: str
+    coriolis: Coriolis
+    range: dict[str, float]
+    levels: tuple[Level, ...]
+    orders: tuple[float, ...]
+    bound: float
+    status: Literal["agrees", "disagrees", "diverged"]
+    message: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the engines agree."""
+        return self.status == "agrees"
+
+
+def check(
+    fish: Fish,
+    mode: str = "v1",
+    *,
+    values: Mapping[str, float] | None = None,
+    coriolis: Coriolis = "corrected",
+    duration: float = modes.DURATION,
+    step: float = 0.001,
+    halvings: int = 2,
+    bound: float = BOUND,
+    loads: Sequence[tuple[Load, Sequence[float]]] = (),
+    drive: Drive | None = None,
+) -> CrossCheck:
+    """Run both engines on the same joint motion and compare the velocities of the nose.
+
+    Args:
+        fish: the fish; it needs a CPG.
+        mode: of Table IV.
+        values: coefficients by name that replace the fish's.
+        coriolis: ``printed`` shows that the paper's printed form disagrees with MuJoCo.
+        duration: [s].
+        step: longest step [s].
+        halvings: how often the step is halved to observe the order.
+        bound: on the largest difference relative to the channel's range, at the longest step.
+        loads: extra forces on every link in both engines, with their parameters.
+        drive: what comes between the CPG and the servos of MuJoCo.
+    """
+    law = cpg_of(fish)
+    segments = modes.drive(mode)
+    levels: list[Level] = []
+    span = dict.fromkeys(CHANNELS, math.nan)
+    message = ""
+    for halving in range(halvings + 1):
+        command = cpg.joint_motion(law, segments, duration, step / 2**halving)
+        run = sim.simulate(fish, command if drive is None else drive(command), values=values, loads=loads)
+        same = ode.simulate(fish, run.motion(), values=values, coriolis=coriolis, loads=loads)
+        message = run.message or same.message
+        if message:
+            break
+        difference = np.abs(_boundaries(same) - run.velocity).max(axis=0)
+        reach = np.ptp(run.velocity, axis=0)
+        span = _by_channel(reach)
+        levels.append(Level(step / 2**halving, _by_channel(difference), _by_channel(difference / reach)))
+    orders = tuple(_order(a.worst, b.worst) for a, b in pairwise(levels))
+    status = "diverged" if message else _status(levels, orders, bound)
+    return CrossCheck(
+        fish=fish.name,
+        drive=mode,
+        coriolis=coriolis,
+        range=span,
+        levels=tuple(levels),
+        orders=orders,
+        bound=bound,
+        status=status,
+        message=message or _message(levels, orders, bound),
+    )
+
+
+def _boundaries(rollout: ode.Rollout) -> FloatArray:
+    """Return the velocity (n + 1, 3) at the boundaries of the steps."""
+    return np.concatenate([rollout.state[:, 0], rollout.state[-1:, 1]])[:, : len(CHANNELS)]
+
+
+def _by_channel(numbers: FloatArray) -> dict[str, float]:
+    return dict(zip(CHANNELS, numbers.tolist(), strict=True))
+
+
+def _order(coarse: float, fine: float) -> float:
+    """Return the observed order; infinite where the finer difference is rounding."""
+    return math.log2(coarse / fine) if fine > _ROUNDING else math.inf
+
+
+def _status(levels: list[Level], orders: tuple[float, ...], bound: float) -> Literal["agrees", "disagrees"]:
+    return "agrees" if levels[0].worst < bound and all(order > ORDER for order in orders) else "disagrees"
+
+
+def _message(levels: list[Level], orders: tuple[float, ...], bound: float) -> str:
+    worst = max(levels[0].ratio, key=lambda channel: levels[0].ratio[channel])
+    verb = "falls" if all(order > ORDER for order in orders) else "does not fall as it must,"
+    shrinks = f"; as the step is halved it {verb} at order {min(orders):.1f}" if orders else ""
+    return (
+        f"largest difference {levels[0].worst:.1e} of the range, in {worst} "
+        f"({levels[0].worst / bound:.2g} of the bound {bound:g}){shrinks}"
+    )
+
+
+def cpg_of(fish: Fish) -> Cpg:
+    """Return the CPG of a fish, or raise `InputError` where it has none."""
+    if fish.cpg is None:
+        raise InputError(f"fish '{fish.name}' has no CPG to drive it; add [cpg] to its TOML")
+    return fish.cpg

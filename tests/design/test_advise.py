@@ -1,0 +1,136 @@
+"""The plan: calibrations first, runs by the gain of the hardest pair; a folder that is a dataset once measured."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rivals_apart import DURATION, planted, swum
+
+from mjfish.data import Dataset, load, read_table, save, write_table
+from mjfish.design import Menu, Plan, Question, advise, generate
+from mjfish.design.fitted import baseline
+from mjfish.design.sums import Sums
+from mjfish.design.visibility import Visibility
+from mjfish.diagnosis.evidence import gather
+from mjfish.effects import find
+from mjfish.errors import InputError
+from mjfish.estimation import fit
+
+TRUTH = {"ambient_current.y": 0.004}
+NAMES = ("ambient_current", "frame_misalignment", "time_offset")
+
+
+@pytest.fixture(scope="module")
+def dataset() -> Dataset:
+    return planted(NAMES[0], TRUTH)
+
+
+@pytest.fixture(scope="module")
+def plan(dataset: Dataset) -> Plan:
+    return advise(dataset, Question("separate", NAMES), menu=Menu(DURATION), jobs=1)
+
+
+def test_calibrations_come_first_and_runs_by_their_hardest_pair(plan: Plan) -> None:
+    """Ranked by the best pair instead of the worst, a run that leaves one pair apart would lead."""
+    kinds = [option.kind for option in plan.options]
+    assert kinds == sorted(kinds)
+    assert plan.status == "ok"
+    assert plan.options[0].name == "sync-flash" or plan.options[0].name == "scale-bar"
+    assert all(any(pair.settled for pair in option.pairs) for option in plan.options if option.kind == "calibration")
+    for option in plan.runs:
+        assert len(option.pairs) == 3
+        assert option.seconds == pytest.approx(DURATION + 30.0)
+        assert option.worth == pytest.approx(min(p.after - p.now for p in option.pairs) / option.seconds)
+        assert all(p.after >= p.now - 1e-6 for p in option.pairs)
+    worths = [option.worth for option in plan.runs]
+    assert worths == sorted(worths, reverse=True)
+
+
+def test_a_repeat_is_never_the_advice(plan: Plan) -> None:
+    """Shown by its own lambda: it adds no more than its trial had, and other runs of the menu do."""
+    repeats = [option.worth for option in plan.runs if option.run is not None and option.run.repeat]
+    assert len(repeats) == 2
+    assert plan.runs[0].worth > 1.5 * max(repeats)
+
+
+def test_smallest_visible_sizes_are_those_of_the_score_tests_and_shrink() -> None:
+    """A repeat of the one fitted trial shrinks them by sqrt(2), whatever the cause; the best run by more."""
+    causes = ("time_offset", "frame_misalignment")
+    dataset = planted(NAMES[0], TRUTH, ("v1",))
+    found = advise(dataset, Question("see", causes), menu=Menu(DURATION), jobs=1)
+    problem = baseline(dataset, 1)
+    evidence = gather(problem, fit(problem, tolerance=1e-6), [find(name) for name in causes])
+    for pair, name in zip(found.runs[0].pairs, causes, strict=True):
+        visible = evidence.smallest_visible(name)
+        assert pair.now == pytest.approx(visible[pair.first], rel=0.02)
+        assert pair.after < pair.now
+    again = next(option for option in found.runs if option.run is not None and option.run.repeat)
+    for pair in again.pairs:
+        assert pair.after == pytest.approx(pair.now / np.sqrt(2.0), rel=1e-6)
+    assert found.runs[0].worth >= again.worth
+
+
+def test_a_signature_that_a_refit_hides_whole_has_no_visible_size() -> None:
+    """A gauge: rounding alone would give it a huge, meaningless one."""
+    rng = np.random.default_rng(5)
+    columns = rng.standard_normal((50, 2))
+    signatures = np.hstack([columns @ [[1.0], [2.0]], rng.standard_normal((50, 1))])
+    gram = np.hstack([columns, signatures]).T @ np.hstack([columns, signatures])
+    hidden, seen = (find(name).parameters[0] for name in ("mass_error", "time_offset"))
+    sums = Sums(("c_d.head", "c_d.tail", hidden.name, seen.name), gram, np.zeros(4), 0.0)
+    found = Visibility({"mass_error": (hidden,), "time_offset": (seen,)}, sums, ())
+    assert found.sizes("mass_error") == {hidden.name: np.inf}
+    left = signatures[:, 1] - columns @ np.linalg.lstsq(columns, signatures[:, 1], rcond=None)[0]
+    assert found.sizes("time_offset")[seen.name] == pytest.approx(np.sqrt(18.0 / (left @ left)) * seen.scale)
+
+
+def test_the_folder_is_a_dataset_once_its_run_is_measured(dataset: Dataset, plan: Plan, tmp_path: Path) -> None:
+    """Old trials where they are, roles as they were; the new one with its drive, to be fitted."""
+    noted = load(save(dataset, tmp_path / "old").parent)
+    file = generate(noted, plan, tmp_path / "deep" / "next")
+    best = plan.runs[0].run
+    assert best is not None
+    with pytest.raises(InputError, match="no such file"):
+        load(file)
+    new = swum(best.trial, NAMES[0], TRUTH)
+    columns = dict(zip(("surge [m/s]", "sway [m/s]", "yaw_rate [rad/s]"), new.velocity.T, strict=True))
+    write_table(file.parent / f"{best.name}.csv", {"time [s]": new.time, **columns})
+    whole = load(file)
+    assert [trial.name for trial in whole.trials] == ["v1", "v3", best.name]
+    assert [trial.role for trial in whole.trials] == ["fit", "fit", "fit"]
+    assert whole.trials[2].drive == best.trial.drive
+    np.testing.assert_array_equal(whole.trials[0].velocity, dataset.trials[0].velocity)
+    command = read_table(file.parent / f"{best.name}.command.csv")
+    assert command["time"][-1] == pytest.approx(DURATION)
+    told = (file.parent / "RECORD.md").read_text()
+    assert "surge [m/s]" in told
+    assert "sync-flash" in told
+    with pytest.raises(InputError, match="is not empty"):
+        generate(noted, plan, file.parent)
+    assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_a_dataset_without_files_has_nothing_to_add_to(dataset: Dataset, plan: Plan, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="save it first"):
+        generate(dataset, plan, tmp_path / "next")
+
+
+def test_a_plan_is_plain_data(plan: Plan, tmp_path: Path) -> None:
+    plan.save(tmp_path / "plan.json")
+    raw = json.loads((tmp_path / "plan.json").read_text())
+    assert raw["question"]["names"] == list(NAMES)
+    assert len(raw["options"]) == len(plan.options)
+    assert raw["options"][0]["pairs"][0].keys() >= {"first", "second", "now", "after"}
+    assert raw["options"][-1]["drive"][0]["omega"] > 0.0
+
+
+def test_a_cause_that_the_data_cannot_show_is_refused(dataset: Dataset) -> None:
+    free = replace(dataset, clock="free")
+    with pytest.raises(InputError, match="time_offset: cannot be asked"):
+        advise(free, Question("separate", ("time_offset", "servo_lag")), jobs=1)
+    with pytest.raises(InputError, match="pause"):
+        advise(dataset, Question("separate", ("time_offset", "servo_lag")), pause=-1.0, jobs=1)

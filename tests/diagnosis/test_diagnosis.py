@@ -1,0 +1,245 @@
+"""The result of a diagnosis: its layout, its repeatability, and its other verdicts."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from planted_cases import coefficients, draw
+
+from mjfish.arrays import readonly
+from mjfish.data import load, save
+from mjfish.diagnosis import Diagnosis, diagnose
+from mjfish.diagnosis.locate import FIFTHS, fifths
+from mjfish.diagnosis.provenance import provenance
+from mjfish.drive.motion import JointMotion
+from mjfish.effects import Effect, catalogue, find
+from mjfish.effects.effect import Family, Values
+from mjfish.errors import InputError
+from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.frames import CHANNELS
+from mjfish.parameter import Parameter
+from mjfish.simulation.generate import plant
+
+OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
+QUICK = {name: find(name) for name in ("time_offset", "servo_lag", "ambient_current")}
+
+
+@pytest.fixture(scope="module")
+def named() -> Diagnosis:
+    return diagnose(draw("time_offset", "middling", trials=4).dataset, effects=QUICK, jobs=1, seed=3)
+
+
+class FadingBattery(Effect):
+    """Amplitude lost in time: an effect that no list has."""
+
+    name: ClassVar[str] = "fading_battery"
+    family: ClassVar[Family] = "drive"
+    summary: ClassVar[str] = "the amplitude of the joints falls with time"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("fading_battery.loss", "1/s", 0.0, 0.0, 0.1, 0.0, 0.01, about="relative loss of amplitude a second"),
+    )
+    source: ClassVar[str] = "made for this test"
+    signature: ClassVar[str] = "everything gets smaller with time"
+    confirm: ClassVar[str] = "charge the battery"
+
+    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        """Scale the angles by 1 - loss t."""
+        middle = 0.5 * (motion.time[:-1] + motion.time[1:])
+        time = np.stack([motion.time[:-1], middle, motion.time[1:]], axis=1)[:, :, None]
+        kept, lost = 1.0 - values["loss"] * time, values["loss"]
+        return JointMotion(
+            time=motion.time,
+            angle=motion.angle * kept,
+            rate=motion.rate * kept - lost * motion.angle,
+            acceleration=motion.acceleration * kept - 2.0 * lost * motion.rate,
+        )
+
+
+def _fading(pike: Fish) -> Any:
+    truth = coefficients(np.random.default_rng(5)) | {"fading_battery.loss": 0.05}
+    modes = ["v1", "v3-t2", "v5-v1", "v7"]
+    return plant(
+        pike,
+        modes,
+        values=truth,
+        effects=[FadingBattery()],
+        noise=np.array([0.01, 0.01, 0.05]),
+        held_out=["v7"],
+        seed=1,
+    )
+
+
+@pytest.mark.slow
+def test_an_effect_off_the_list_is_unexplained(pike: Fish) -> None:
+    result = diagnose(_fading(pike), jobs=1)
+    assert result.verdict == "unexplained"
+    assert result.causes == ()
+    assert result.best
+    assert result.gain is not None
+
+
+def test_the_same_effect_on_the_list_is_named(pike: Fish) -> None:
+    result = diagnose(_fading(pike), effects={**QUICK, "fading_battery": FadingBattery()}, jobs=1)
+    assert [cause.name for cause in result.causes] == ["fading_battery"]
+    value = result.causes[0].parameters["loss"]
+    assert value.estimate == pytest.approx(0.05, rel=0.1)
+
+
+class Twin(type(find("time_offset"))):  # type: ignore[misc]
+    """The clock offset under another name: no data can tell the two apart."""
+
+    name: ClassVar[str] = "twin"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("twin.offset", "s", 0.0, -0.25, 0.25, 0.0, 0.005, about="the same offset"),
+    )
+
+
+def test_causes_that_the_data_cannot_tell_apart_are_rivals(named: Diagnosis) -> None:
+    result = diagnose(named.dataset, effects={**QUICK, "twin": Twin()}, jobs=1)
+    assert result.verdict == "cannot_tell"
+    assert set(result.rivals[0]) == {"twin", "time_offset"}
+    assert result.causes == ()
+
+
+def test_the_same_seed_gives_the_same_answer_for_any_number_of_jobs(named: Diagnosis) -> None:
+    again = diagnose(named.dataset, effects=QUICK, jobs=2, seed=3)
+    assert json.dumps(again.to_dict()) == json.dumps(named.to_dict())
+
+
+def test_the_json_keeps_its_contract(named: Diagnosis, tmp_path: Path) -> None:
+    named.save(tmp_path / "diagnosis.json")
+    told = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert told["schema"] == 1
+    assert told["verdict"] == "named"
+    cause = told["causes"][0]
+    assert cause["name"] == "time_offset"
+    offset = cause["parameters"]["offset"]
+    assert offset["low"] < offset["estimate"] < offset["high"]
+    assert offset["unit"] == "s"
+    assert next(c["name"] for c in told["candidates"]) == "time_offset"
+    assert {c["name"] for c in told["candidates"]} == set(QUICK)
+    assert all({"statistic", "p_value", "held_out_gain"} <= set(c) for c in told["candidates"])
+    assert {"channel", "trial", "part"} <= set(told["where"])
+    held = told["gain"]["held_out"]
+    assert set(held["nominal"]) == set(held["extended"]) == {*CHANNELS, "pooled"}
+    reduction = told["gain"]["relative_reduction"]
+    assert reduction["low"] < reduction["estimate"] < reduction["high"]
+    for model in ("nominal", "extended"):
+        assert set(COEFFICIENTS) <= set(told["coefficients"][model])
+    assert told["rivals"] == []
+    assert told["status"] == "ok"
+    assert {"versions", "seed", "inputs"} <= set(told["provenance"])
+
+
+def test_shares_of_the_misfit_add_up(named: Diagnosis) -> None:
+    where = named.where
+    assert where is not None
+    for shares in (where.channels, where.trials, where.parts, where.phases, where.speeds, where.turns):
+        assert sum(shares.values()) == pytest.approx(1.0)
+
+
+def test_fifths_are_equal_parts_from_the_lowest_to_the_highest() -> None:
+    values = np.random.default_rng(0).permutation(100.0 + np.arange(100.0))
+    labels = fifths(values)
+    for k, name in enumerate(FIFTHS):
+        assert sorted(values[labels == name]) == list(100.0 + 20.0 * k + np.arange(20.0))
+
+
+def test_a_misfit_that_no_candidate_could_show_is_still_unexplained(named: Diagnosis) -> None:
+    """The coefficients hide a wrong mass wholly: with it as the only candidate there is nothing to refit."""
+    result = diagnose(named.dataset, effects={"mass_error": find("mass_error")}, jobs=1)
+    assert result.verdict == "unexplained"
+    assert result.causes == ()
+
+
+def test_provenance_has_the_hash_of_every_input(named: Diagnosis, tmp_path: Path) -> None:
+    save(named.dataset, tmp_path / "data")
+    read = load(tmp_path / "data")
+    inputs = provenance(read, (), 0)["inputs"]
+    assert set(inputs) == {"dataset.toml", *(f"{trial.name}.csv" for trial in read.trials)}
+    before = dict(inputs)
+    path = tmp_path / "data" / f"{read.trials[0].name}.csv"
+    path.write_text(path.read_text().replace("0.02,", "0.020,", 1))
+    assert provenance(read, (), 0)["inputs"] != before
+
+
+def test_provenance_tells_files_of_one_name_in_two_folders_apart(named: Diagnosis, tmp_path: Path) -> None:
+    save(named.dataset, tmp_path)
+    read = load(tmp_path)
+    (tmp_path / "more").mkdir()
+    moved = tmp_path / "more" / f"{read.trials[0].name}.csv"
+    moved.write_text("t\n")
+    trials = (read.trials[0], replace(read.trials[1], source=moved), *read.trials[2:])
+    inputs = provenance(replace(read, trials=trials), (), 0)["inputs"]
+    assert inputs[moved.name] != inputs[f"more/{moved.name}"]
+
+
+def test_provenance_knows_the_fish_and_the_causes_of_ones_own(named: Diagnosis) -> None:
+    alone = provenance(named.dataset, tuple(catalogue().values()), 0)
+    told = provenance(named.dataset, tuple(catalogue([OWN]).values()), 0)
+    assert set(told["inputs"]) - set(alone["inputs"]) == {OWN.name}
+    heavier = replace(named.dataset, fish=named.dataset.fish.model_copy(update={"name": "another"}))
+    assert provenance(heavier, (), 0)["fish"] != told["fish"]
+
+
+def test_noise_is_estimated_where_none_is_stated(named: Diagnosis) -> None:
+    assert named.dataset.noise is not None
+    result = diagnose(replace(named.dataset, noise=None), effects=QUICK, jobs=1)
+    assert [cause.name for cause in result.causes] == ["time_offset"]
+    assert any("noise: estimated" in remark for remark in result.remarks)
+
+
+def test_noise_that_is_not_white_raises_no_alarm(pike: Fish) -> None:
+    """A slow drift of the camera's velocity estimate is noise, though the dataset states it as white."""
+    dataset = plant(pike, ["v1", "v3", "v5", "v1-v5"], values=coefficients(np.random.default_rng(2)), seed=1)
+    rng = np.random.default_rng(11)
+    sigma = np.array([0.01, 0.01, 0.05])
+
+    def drifting(n: int) -> np.ndarray[Any, Any]:
+        noise = np.zeros((n, 3))
+        for k in range(1, n):
+            noise[k] = 0.8 * noise[k - 1] + rng.standard_normal(3) * sigma * 0.6
+        return noise
+
+    trials = [replace(t, velocity=readonly(t.velocity + drifting(len(t.time)))) for t in dataset.trials]
+    result = diagnose(replace(dataset, trials=tuple(trials), noise=readonly(sigma)), effects=QUICK, jobs=1)
+    assert result.verdict == "nothing_wrong", (result.message, result.remarks)
+    assert any("autoregressive" in remark for remark in result.remarks)
+
+
+def test_held_out_trials_do_not_touch_the_fit_and_rubbish_in_them_is_found(named: Diagnosis) -> None:
+    """Leakage: held-out measurements replaced by rubbish may change no fit and no score; the checks see them."""
+    rng = np.random.default_rng(0)
+    spoilt = [
+        replace(t, velocity=readonly(rng.standard_normal(t.velocity.shape))) if t.role == "held_out" else t
+        for t in named.dataset.trials
+    ]
+    result = diagnose(replace(named.dataset, trials=tuple(spoilt)), effects=QUICK, jobs=1, seed=3)
+    assert result.nominal == named.nominal
+    assert [c.statistic for c in result.candidates] == [c.statistic for c in named.candidates]
+    assert (result.verdict, result.causes, result.rivals) == ("cannot_tell", (), ())
+    assert result.message.startswith("These data cannot tell: trial ")
+
+
+def test_no_candidate_left_is_refused(named: Diagnosis) -> None:
+    free = replace(named.dataset, clock="free")
+    with pytest.raises(InputError, match="none of the 1 effects applies"):
+        diagnose(free, effects={"time_offset": find("time_offset")})
+
+
+@pytest.mark.parametrize("effect", [None, "munk_moment"])
+def test_data_without_noise_are_judged_by_the_effect_not_by_rounding(pike: Fish, effect: str | None) -> None:
+    hidden = [] if effect is None else [find(effect)]
+    truth = coefficients(np.random.default_rng(3)) | ({} if effect is None else {"munk_moment.kappa": 0.5})
+    dataset = plant(pike, ["v1", "v3", "v1-t2"], values=truth, effects=hidden, duration=7.0, held_out=["v3"])
+    result = diagnose(dataset, effects={**QUICK, "munk_moment": find("munk_moment")}, jobs=1)
+    if effect is None:
+        assert result.verdict == "nothing_wrong", result.message
+    else:
+        assert [cause.name for cause in result.causes] == [effect], result.message
+        assert result.causes[0].parameters["kappa"].estimate == pytest.approx(0.5, abs=0.02)

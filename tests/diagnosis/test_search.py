@@ -1,0 +1,144 @@
+"""The search: its integration step, and where refits start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from mjfish import fish as fishes
+from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset
+from mjfish.diagnosis.evidence import Evidence, gather
+from mjfish.diagnosis.progress import silent
+from mjfish.diagnosis.refit import refit, refits
+from mjfish.diagnosis.search import search
+from mjfish.diagnosis.starts import off_null, other_valleys, to_the_edge
+from mjfish.effects import find
+from mjfish.estimation import Noise, Problem, fit
+from mjfish.fish import Fish
+from mjfish.model import Model, asked_motion
+from mjfish.simulation.generate import plant
+
+SIGMA = np.array([0.006, 0.006, 0.05])
+LIMIT = find("servo_rate_limit")
+
+
+@pytest.fixture(scope="module")
+def pike() -> Fish:
+    return fishes.load("pike")
+
+
+def _problem(dataset: Dataset) -> Problem:
+    return Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
+
+
+def _limited(pike: Fish, sigma: FloatArray) -> tuple[Evidence, float]:
+    """Return what speaks against the nominal model where the quickest joint is cut off at 98.5 %, and its slowness."""
+    still = plant(pike, ["v5"], duration=2.0)
+    slowness = 1.0 / (0.985 * float(np.abs(asked_motion(pike.cpg, still.trials[0], 0.005).rate).max()))
+    values = {"servo_rate_limit.slowness": slowness}
+    dataset = plant(pike, ["v1", "v3", "v5"], values=values, effects=[LIMIT], noise=sigma, duration=10.4, seed=2)
+    problem = replace(_problem(dataset), noise=Noise.white(sigma))
+    return gather(problem, fit(problem), [LIMIT]), slowness
+
+
+@pytest.mark.parametrize("share", [0.3, 0.02], ids=["noise", "hardly any noise"])
+def test_a_limit_that_is_hardly_met_is_found_in_its_narrow_valley(pike: Fish, share: float) -> None:
+    """From sizes that do not feel it there is no way down. Catches starts that step over the valley.
+
+    With hardly any noise an idle limit differs from none by rounding, and is not felt for it.
+    """
+    evidence, slowness = _limited(pike, share * SIGMA)
+    found = refit(evidence, LIMIT)
+    assert found.gain > 50.0
+    (size,) = found.parameter_values().values()
+    assert size == pytest.approx(slowness, rel=0.004)
+
+
+@dataclass
+class _Tried:
+    """Starts of one amplitude, whose sum of squares `felt` gives."""
+
+    felt: Callable[[float], float]
+    starts: list[FloatArray]
+    promised: list[float]
+
+    def add(self, start: FloatArray) -> float:
+        self.starts.append(start)
+        self.promised.append(self.felt(float(start[0])))
+        return self.promised[-1]
+
+
+@pytest.mark.parametrize(
+    ("felt", "edge"), [(lambda size: max(size - 0.3, 0.0), 0.3), (lambda size: size, None)], ids=["edge", "none"]
+)
+def test_sizes_just_above_an_edge_are_tried_where_there_is_one(
+    felt: Callable[[float], float], edge: float | None
+) -> None:
+    """A joint feels no limit that is above its speed; it feels any lag, the smaller the less."""
+    tried = _Tried(lambda size: 1e4 * felt(size), [], [])
+    for size in (1e-3, 1e-3, 0.1, 0.2, 0.5, 1.0):
+        tried.add(np.array([size]))
+    before = len(tried.starts)
+    to_the_edge(tried, 0)  # type: ignore[arg-type]
+    new = np.array(tried.starts[before:])[:, 0]
+    if edge is None:
+        assert len(new) == 1
+    else:
+        assert np.count_nonzero((new > edge) & (new < 1.06 * edge)) >= 5
+
+
+@pytest.mark.parametrize("off", [0.0, 1.5], ids=["as planted", "runs off by a level"])
+def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None:
+    """No candidate explains that two runs are off by a constant each; a wandering camera would, but for patterns."""
+    planted = plant(pike, ["v1", "v3"], noise=SIGMA, duration=5.2, seed=6)
+    moved = [
+        replace(trial, velocity=readonly(trial.velocity + off * sign * SIGMA))
+        for trial, sign in zip(planted.trials, (1.0, -1.0), strict=True)
+    ]
+    problem = replace(_problem(planted), trials=tuple(moved))
+    findings, _ = search(problem, (find("inertia_error"),), None, np.random.default_rng(0), silent)
+    assert (findings.p_wrong < 1e-6) is (off > 0.0)
+
+
+def test_a_tail_at_half_its_compliance_is_told_of_the_other_valley(pike: Fish) -> None:
+    tail = find("tail_compliance")
+    values = {"tail_compliance.compliance": 0.02, "tail_compliance.damping": 0.1}
+    dataset = plant(pike, ["v3", "v5"], values=values, effects=[tail], noise=SIGMA, duration=4.0, seed=3)
+    free = replace(_problem(dataset), model=Model(pike, (tail,)))
+    size = tail.parameters[0]
+    held = replace(free, declared={size.name: size.rebound(low=0.0099, high=0.0101, start=0.01)})
+    half = fit(held, tolerance=1e-5)
+    (better,) = other_valleys(half, free)
+    assert better[[p.name for p in free.parameters].index(size.name)] == pytest.approx(0.02, rel=0.02)
+    assert np.sum(free.residual(better) ** 2) < half.sse
+    assert other_valleys(fit(free, better, tolerance=1e-5), free) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "short", "size"), [("servo_lag", "time_constant", 0.1), ("servo_backlash", "play", 0.3)]
+)
+def test_no_refit_under_another_noise_is_worse_than_none(pike: Fish, name: str, short: str, size: float) -> None:
+    """Where an earlier refit ended may be far off under the noise that is found later."""
+    problem, effect = _problem(plant(pike, ["v1", "v3"], noise=SIGMA, duration=4.0, seed=5)), find(name)
+    evidence = gather(problem, fit(problem), [effect])
+    one = refit(evidence, effect)
+    far = one.fit.x.copy()
+    far[[p.name for p in one.problem.parameters].index(f"{name}.{short}")] = size
+    found = refits(evidence, [effect], before={name: replace(one, fit=replace(one.fit, x=far))})[name]
+    assert -0.5 < found.gain < 10.0
+    assert found.gain == pytest.approx(evidence.fit.sse - found.fit.sse)
+
+
+def test_no_size_that_would_show_is_cut_off() -> None:
+    """Near zero, drag by the Reynolds number shows at less than a hundredth of its scale in good data."""
+    drag, tail = find("reynolds_drag"), find("tail_compliance")
+    visible = {"reynolds_drag.friction": 1e-3, "reynolds_drag.pressure": 1e9}
+    lifted = off_null(drag, visible)
+    friction, pressure = (lifted[f"reynolds_drag.{short}"] for short in ("friction", "pressure"))
+    assert 0.0 < friction.low <= 1e-4
+    assert pressure.low == pytest.approx(drag.least * pressure.scale)
+    assert off_null(tail)["tail_compliance.compliance"].low == pytest.approx(0.02 * 0.05)

@@ -1,0 +1,112 @@
+"""Several causes at once: what a further one must earn, and what it may stand in for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mjfish import fish as fishes
+from mjfish.diagnosis import several as module
+from mjfish.diagnosis.evidence import gather
+from mjfish.diagnosis.heldout import HeldOut
+from mjfish.diagnosis.progress import silent
+from mjfish.diagnosis.refit import refit
+from mjfish.diagnosis.select import Standing
+from mjfish.diagnosis.several import earns_its_place, several
+from mjfish.effects import find
+from mjfish.estimation import Noise, Problem, fit
+from mjfish.model import Model
+from mjfish.simulation.generate import plant
+
+Names = tuple[str, ...]
+SIGMA = np.array([0.006, 0.006, 0.05])
+
+
+@dataclass(frozen=True)
+class _Set:
+    """A set of causes and what it explains, of a table."""
+
+    names: Names
+    gain: float = 0.0
+    freedom: int = 1
+    gains: Any = None
+
+    @property
+    def effects(self) -> list[Any]:
+        return [SimpleNamespace(name=name) for name in self.names]
+
+    @property
+    def adjusted(self) -> float:
+        return self.gain - 2.0 * (self.freedom - 1)
+
+    def less(self, out: Any) -> _Set:
+        names = tuple(name for name in self.names if name != out.name)
+        return replace(self, names=names, gain=self.gains[names])
+
+
+@pytest.mark.parametrize(("gain", "freedom", "stays"), [(124.0, 2, True), (124.0, 5, False), (133.0, 5, True)])
+def test_a_further_cause_of_many_parameters_must_explain_more(gain: float, freedom: int, stays: bool) -> None:
+    """The cause alone explains 100."""
+    known = {("lag",): _Set(("lag",), 100.0, 1)}
+    assert earns_its_place(_Set(("lag", "other"), gain, freedom), known) is stays  # type: ignore[arg-type]
+
+
+#: Drag stands in for the wake until the wake is added; alone, the stiffness shows little and is not refitted.
+GAINS = {
+    ("drag",): 425.0,
+    ("wake",): 381.0,
+    ("drag", "stiff"): 489.0,
+    ("drag", "wake"): 456.0,
+    ("stiff", "wake"): 593.0,
+    ("drag", "stiff", "wake"): 594.0,
+}
+
+
+@pytest.mark.parametrize(("pair", "named"), [(593.0, ("stiff", "wake")), (540.0, ("drag", "stiff", "wake"))])
+def test_a_member_that_stood_in_for_a_later_one_is_dropped(
+    monkeypatch: pytest.MonkeyPatch, pair: float, named: Names
+) -> None:
+    """Catches a set that keeps a superfluous member since nobody came by the set without it."""
+    gains = {**GAINS, ("stiff", "wake"): pair}
+    came_by = {2: [("drag", "stiff")], 3: [("drag", "stiff", "wake")]}
+
+    def extended(bases: Any, _candidates: Any, _known: Any, _rng: Any, shortlist: Any) -> dict[Names, _Set]:
+        size = len(bases[0].names) + 1
+        found = came_by[size] if shortlist is module._visible else []
+        return {names: _Set(names, gains[names], gains=gains) for names in found}
+
+    def standings(sets: dict[Names, _Set], *_: Any) -> dict[Names, Standing]:
+        top = max(one.gain for one in sets.values())
+        return {
+            names: Standing(float(one.gain == top), top - one.gain, float(one.gain > 530.0), 1.0)
+            for names, one in sets.items()
+        }
+
+    monkeypatch.setattr(module, "_extended", extended)
+    monkeypatch.setattr(module, "standings", standings)
+    singles: Any = {name: _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
+    found = several(singles, (), HeldOut(None, ()), np.random.default_rng(0), silent)  # type: ignore[arg-type]
+    assert found is not None
+    assert found.suffice == [named]
+
+
+def test_a_set_less_a_member_is_fitted_as_if_the_member_had_never_been() -> None:
+    lag, scale = find("servo_lag"), find("velocity_scale")
+    pike = fishes.load("pike")
+    values = {"servo_lag.time_constant": 0.03, "velocity_scale.error": 0.1}
+    dataset = plant(pike, ["v1", "v5"], values=values, effects=[lag, scale], noise=SIGMA, duration=4.0, seed=3)
+    problem = Problem(Model(pike), dataset.trials, Noise.white(SIGMA), jobs=1)
+    nominal = gather(problem, fit(problem), [lag, scale])
+    alone = refit(nominal, lag)
+    both = refit(gather(alone.problem, alone.fit, [scale]), scale, gained=alone.gain)
+    for out, left in ((scale, "servo_lag"), (lag, "velocity_scale")):
+        less = both.less(out)
+        assert less.names == (left,)
+        direct = fit(replace(problem, model=Model(pike, less.effects)), tolerance=1e-7)
+        assert less.fit.sse == pytest.approx(direct.sse, rel=1e-4)
+        assert less.gain == pytest.approx(nominal.fit.sse - less.fit.sse)
+        assert less.freedom == 1

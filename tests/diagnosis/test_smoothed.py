@@ -1,0 +1,63 @@
+"""Whether the motion was smoothed is found from its noise and tried on predictions; what else is wrong is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import interpolate
+
+from mjfish import fish as fishes
+from mjfish.arrays import readonly
+from mjfish.data import Trial
+from mjfish.diagnosis.progress import silent
+from mjfish.diagnosis.search import search
+from mjfish.diagnosis.verdict import ALARM
+from mjfish.effects import find
+from mjfish.estimation import Noise, Problem
+from mjfish.estimation.smoothing import Differentiator
+from mjfish.model import Model
+from mjfish.simulation.generate import plant
+
+SIGMA = np.array([0.006, 0.006, 0.04])
+LAG = find("servo_lag")
+
+
+def _differentiated(trial: Trial, rng: np.random.Generator, *, motion: bool) -> Trial:
+    """Return a trial with the noise of central differences of positions, its motion smoothed by them or not."""
+    path = interpolate.CubicSpline(trial.time, trial.velocity).antiderivative()(trial.time)
+    noise = np.gradient(rng.standard_normal((len(path) + 2, 3)), axis=0)[1:-1]  # its ends are noisier
+    true = np.gradient(path, trial.step, axis=0) if motion else trial.velocity
+    return replace(trial, velocity=readonly(true + SIGMA * noise / noise.std()))
+
+
+def _problem(lag: float, *, motion: bool) -> Problem:
+    fish, rng = fishes.load("pike"), np.random.default_rng(11)
+    effects, values = ([LAG], {"servo_lag.time_constant": lag}) if lag else ([], {})
+    planted = plant(fish, ["v1", "v3"], values=values, effects=effects, duration=8.0, seed=7)
+    trials = tuple(_differentiated(trial, rng, motion=motion) for trial in planted.trials)
+    return Problem(Model(fish), trials, Noise.white(SIGMA), jobs=1)
+
+
+def test_a_run_shorter_than_a_filter_is_no_trouble() -> None:
+    problem = _problem(0.0, motion=True)
+    short = problem.trials[0]
+    cut = replace(short, name="short", time=readonly(short.time[:15]), velocity=readonly(short.velocity[:15]))
+    findings, _ = search(
+        replace(problem, trials=(*problem.trials, cut)), (LAG,), None, np.random.default_rng(0), silent
+    )
+    assert findings.p_wrong >= ALARM
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.01])
+@pytest.mark.parametrize("motion", [True, False], ids=["motion and noise", "noise alone"])
+def test_only_a_motion_that_was_smoothed_is_smoothed(lag: float, motion: bool) -> None:
+    """Central differences at 50 Hz take a tenth of the second harmonic: far more than the noise hides."""
+    findings, told = search(_problem(lag, motion=motion), (LAG,), None, np.random.default_rng(0), silent)
+    found = findings.evidence.problem.smoothing
+    assert found == (Differentiator(3, 2) if motion else None)
+    assert ("differentiated over 3 samples, degree 2" in told) is motion
+    assert (findings.p_wrong < ALARM) is (lag > 0.0)
+    if lag:
+        assert findings.refits["servo_lag"].fit.values["servo_lag.time_constant"] == pytest.approx(lag, rel=0.03)

@@ -1,0 +1,221 @@
+"""The rule that turns numbers into a verdict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mjfish.diagnosis import assemble
+from mjfish.diagnosis.heldout import Confirmation, confirmation
+from mjfish.diagnosis.select import Standing
+from mjfish.diagnosis.verdict import Hearing, Ruling, rule
+from mjfish.estimation.score import Score
+
+GOOD = Standing(rival_p=1.0, behind=0.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
+RIVAL = Standing(rival_p=0.3, behind=7.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
+BEATEN = Standing(rival_p=0.001, behind=30.0)
+LITTLE = Standing(rival_p=1.0, behind=0.0, saturated_p=1e-5, omnibus_p=0.5, excess=2.0, left=0.02)
+MISFIT = Standing(rival_p=1.0, behind=0.0, saturated_p=1e-5, omnibus_p=0.5, excess=60.0, left=0.4)
+LIKE = replace(MISFIT, excess=25.0, left=0.2)
+
+
+def test_a_cause_as_likely_as_the_best_stays_however_odd_that_is() -> None:
+    """Two causes that the data could have told apart, and that fit alike: neither is named."""
+    tied = Standing(rival_p=0.03, behind=0.1, saturated_p=0.5, omnibus_p=0.5, left=0.0)
+    assert tied.in_set
+    assert not replace(tied, behind=6.0).in_set
+    assert replace(tied, rival_p=0.06, behind=6.0).in_set
+
+
+def _refit(names: str, gain: float) -> Any:
+    """Return a refit whose last member was added first: sets go by their sorted names, not by this order."""
+    effects = tuple(SimpleNamespace(name=name, summary=f"{name} acts") for name in reversed(names))
+    return SimpleNamespace(effects=effects, names=tuple(reversed(names)), gain=gain, adjusted=gain, freedom=len(names))
+
+
+def _hearing(
+    standings: dict[str, Standing], held: dict[str, float | None] | None = None, chance: float = 1e-4
+) -> Hearing:
+    """Return a hearing of sets named by one letter a member."""
+    return Hearing(
+        {tuple(names): _refit(names, 100.0 - k) for k, names in enumerate(standings)},
+        {tuple(names): one for names, one in standings.items()},
+        {
+            tuple(names): None if gained is None else Confirmation(gained, chance)
+            for names, gained in (held or dict.fromkeys(standings, 5.0)).items()
+        },
+    )
+
+
+def _rule(
+    standings: dict[str, Standing],
+    held: dict[str, float | None] | None = None,
+    p: float = 1e-6,
+    several: dict[str, Standing] | None = None,
+) -> Ruling:
+    return rule(p, _hearing(standings, held), None if several is None else _hearing(several))
+
+
+def test_a_model_that_is_not_contradicted_has_nothing_wrong() -> None:
+    assert _rule({"a": GOOD}, p=0.012).verdict == "nothing_wrong"
+    assert _rule({"a": GOOD}, p=0.0119).verdict == "named"
+
+
+def test_one_cause_that_stays_is_named() -> None:
+    ruling = _rule({"a": GOOD, "b": BEATEN})
+    assert (ruling.verdict, ruling.sets) == ("named", (("a",),))
+
+
+def test_a_cause_that_explains_no_more_than_chance_is_not_named() -> None:
+    """An alarm of the whole residual may find nobody behind it: 3.8 is what one parameter gains in 5 % of cases."""
+    verdicts = []
+    for gain in (3.7, 4.0):
+        ruling = rule(1e-6, Hearing({("a",): _refit("a", gain)}, {("a",): GOOD}, {("a",): None}), None)
+        assert ruling.sets == (("a",),)
+        assert ruling.certain == ((), ("a",))[ruling.verdict == "named"]
+        assert assemble.rivals(ruling) == ()
+        verdicts.append(ruling.verdict)
+    assert verdicts == ["cannot_tell", "named"]
+
+
+def test_several_that_stay_are_rivals() -> None:
+    ruling = _rule({"a": GOOD, "b": RIVAL, "c": BEATEN})
+    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("a",), ("b",)))
+
+
+def test_a_best_cause_that_leaves_a_residual_is_no_explanation() -> None:
+    assert _rule({"a": MISFIT, "b": BEATEN}).verdict == "unexplained"
+
+
+def test_a_rival_that_fits_stands_in_for_a_best_that_does_not() -> None:
+    assert _rule({"a": MISFIT, "b": RIVAL}).sets == (("b",),)
+
+
+@pytest.mark.parametrize(("held", "verdict"), [(-0.1, "unexplained"), (0.1, "named"), (None, "named")])
+def test_a_cause_must_not_lose_on_held_out_trials(held: float | None, verdict: str) -> None:
+    assert _rule({"a": GOOD}, {"a": held}).verdict == verdict
+
+
+def test_a_loss_on_held_out_trials_that_noise_explains_is_no_failure() -> None:
+    """A weak cause gains nothing there every other time."""
+    hearing = _hearing({"a": GOOD}, {"a": -0.1}, chance=0.2)
+    assert rule(1e-6, hearing, None).verdict == "named"
+
+
+def test_where_the_best_fails_on_held_out_trials_the_others_are_heard_but_none_is_named() -> None:
+    """The best may owe its lead to noise: what would do without it is told, and told as uncertain."""
+    first, others = _hearing({"a": GOOD, "b": BEATEN}, {"a": -5.0}), _hearing({"b": GOOD})
+    ruling = rule(1e-6, first, None, (), others)
+    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("b",), ("a",)))
+    assert assemble.rivals(ruling) == (("b", "a"),)
+    joined = first.joined(others)
+    assert joined.standings[("b",)] is GOOD
+    assert joined.held_out[("b",)] is not None
+    assert rule(1e-6, first, None, (), _hearing({"b": MISFIT})).verdict == "unexplained"
+
+
+def test_a_prediction_that_is_hardly_known_makes_a_loss_likelier() -> None:
+    """|d|^2 = 16 and a fall of -16 are four sigma of noise; a size known to a quarter doubles the variance."""
+    base = np.zeros(16)
+    apart = np.ones(16)
+    scores = Score((), (), (base,)), Score((), (), (base + apart,))
+    sure, unsure = confirmation(*scores), confirmation(*scores, (apart[:, None], apart[:, None]))
+    assert sure.gained == unsure.gained == pytest.approx(-8.0)
+    assert sure.chance == pytest.approx(stats.norm.cdf(-4.0))
+    assert unsure.chance == pytest.approx(stats.norm.cdf(-4.0 / np.sqrt(17.0)))
+
+
+def test_the_chance_of_a_gain_allows_for_what_the_fit_could_not_tell() -> None:
+    """Linear models with one and with five parameters, fitted to few samples, hold out more: a true one seldom fails.
+
+    Catches a chance that takes the extended prediction for known, or its size for all that is not.
+    """
+    rng = np.random.default_rng(7)
+    fitted, held = rng.standard_normal((40, 5)), 1.5 * rng.standard_normal((60, 5))
+    truth = np.array([1.0, 0.1, 0.0, 0.05, 0.0])
+    doubts = tuple(held[:, :k] @ np.linalg.cholesky(np.linalg.inv(fitted[:, :k].T @ fitted[:, :k])) for k in (1, 5))
+    chances, known = [], []
+    for _ in range(600):
+        here, there = (block @ truth + rng.standard_normal(len(block)) for block in (fitted, held))
+        sizes = [np.linalg.lstsq(fitted[:, :k], here, rcond=None)[0] for k in (1, 5)]
+        scores = [Score((), (), (there - held[:, : len(size)] @ size,)) for size in sizes]
+        chances.append(confirmation(scores[0], scores[1], (doubts[0], doubts[1])).chance)
+        known.append(confirmation(scores[0], scores[1]).chance)
+    assert np.mean(np.array(chances) < 0.01) < 0.03
+    assert np.mean(np.array(known) < 0.01) > 0.1
+    assert np.mean(chances) == pytest.approx(0.5, abs=0.12)
+
+
+@pytest.mark.parametrize(("size", "sign"), [(0.5, 1.0), (0.5, -1.0), (3.0, 1.0)])
+def test_the_chance_of_a_gain_is_that_of_the_extended_model(size: float, sign: float) -> None:
+    """Drawn from the extended model (sign 1) the chances are uniform; from its mirror image they are none."""
+    rng = np.random.default_rng(5)
+    apart = size * rng.standard_normal(300) / np.sqrt(300.0) * 5.0
+    chances = []
+    for _ in range(400):
+        noise = rng.standard_normal(300)
+        scores = [Score((), (), (noise + sign * apart - base,)) for base in (0.0 * apart, apart)]
+        chances.append(confirmation(scores[0], scores[1]).chance)
+    mean = float(np.mean(chances))
+    assert (abs(mean - 0.5) < 0.05) if sign > 0.0 else mean < 0.05
+
+
+def test_several_causes_are_named_only_where_no_single_one_leaves_nothing() -> None:
+    """Catches a rule that prefers the larger set because it always explains more."""
+    assert _rule({"a": GOOD}, several={"ab": GOOD}).sets == (("a",),)
+    assert _rule({"a": MISFIT}, several={"ab": GOOD}).sets == (("a", "b"),)
+    assert _rule({"a": LITTLE}, several={"ab": GOOD}).sets == (("a", "b"),)
+
+
+def test_a_single_cause_that_leaves_little_is_named_where_no_set_does_better() -> None:
+    assert _rule({"a": LITTLE}).sets == (("a",),)
+    assert _rule({"a": LITTLE}, several={"ab": MISFIT}).sets == (("a",),)
+    assert _rule({"a": MISFIT}, several={"ab": MISFIT}).verdict == "unexplained"
+
+
+def test_where_a_form_that_is_not_quite_right_is_put_up_with_it_is_with_rivals_too() -> None:
+    """The best, 100, leaves 2; who is 1 behind leaves 3 % of 102, who is 20 behind leaves a fifth."""
+    hearing = _hearing({"a": LITTLE, "b": BEATEN, "c": BEATEN})
+    refits = {**hearing.refits, ("c",): _refit("c", 80.0)}
+    ruling = rule(1e-6, replace(hearing, refits=refits), None)
+    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("a",), ("b",)))
+    clean = replace(hearing, standings={**hearing.standings, ("a",): GOOD}, refits=refits)
+    assert rule(1e-6, clean, None).sets == (("a",),)
+    failed = replace(hearing, held_out={**hearing.held_out, ("b",): Confirmation(-5.0, 1e-4)}, refits=refits)
+    assert rule(1e-6, failed, None).sets == (("a",),)
+
+
+def test_what_a_named_cause_leaves_is_said() -> None:
+    assert "It leaves 2.0% of what there was to explain" in _rule({"a": LITTLE}).message
+    assert "leaves" not in _rule({"a": GOOD}).message
+
+
+def test_what_explains_most_in_another_form_is_told_and_not_named() -> None:
+    hearing = _hearing({"a": LIKE, "b": BEATEN})
+    far = replace(hearing, refits={**hearing.refits, ("b",): _refit("b", 70.0)})
+    ruling = rule(1e-6, far, None)
+    assert (ruling.verdict, ruling.sets, ruling.certain) == ("cannot_tell", (("a",),), ())
+    assert "a explains 80% of it and leaves something systematic" in ruling.message
+    assert rule(1e-6, hearing, None).sets == (("a",), ("b",))
+    many = _hearing({"a": LIKE, "b": BEATEN, "c": BEATEN, "d": BEATEN})
+    assert rule(1e-6, many, None).verdict == "unexplained"
+    lost = replace(far, held_out={("a",): Confirmation(-5.0, 1e-4)})
+    assert rule(1e-6, lost, None).verdict == "unexplained"
+
+
+def test_sets_that_cannot_be_told_apart_are_all_listed() -> None:
+    ruling = _rule({"a": MISFIT}, several={"ab": GOOD, "ac": RIVAL})
+    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("a", "b"), ("a", "c")))
+    assert ruling.certain == ("a",)
+    assert assemble.rivals(ruling) == (("b", "c"),)
+    assert ruling.message == "a is at work, but these data cannot tell whether with b or c."
+    both = _rule({"a": MISFIT}, several={"abc": GOOD, "abd": RIVAL})
+    assert both.message == "a and b are at work, but these data cannot tell whether with c or d."
+    apart = _rule({"a": MISFIT}, several={"ab": GOOD, "cd": RIVAL})
+    assert apart.certain == ()
+    assert "a with b or c with d" in apart.message

@@ -1,0 +1,75 @@
+"""Residuals under the null: noise of a known kind, less what a fit of the coefficients takes out of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from planted_swimming import SIGMA, TRUTH, problem, swimming
+from scipy import signal
+
+from mjfish.arrays import FloatArray
+from mjfish.estimation import Fit, Problem
+from mjfish.estimation.fit import covariance
+from mjfish.estimation.residuals.absorbed import Absorbed, absorbed
+from mjfish.estimation.residuals.residual import Residual
+from mjfish.fish import Fish
+
+
+def coloured(rng: np.random.Generator, samples: int, phi: float) -> FloatArray:
+    """Draw first-order autoregressive noise (samples, 3) with innovations of SIGMA."""
+    white = rng.standard_normal((samples + 200, 3)) * SIGMA
+    return np.asarray(signal.lfilter([1.0], [1.0, -phi], white, axis=0)[200:])
+
+
+def at(planted: Problem, x: FloatArray) -> Fit:
+    """Return a fit that ended at `x`, whatever the data say."""
+    jacobian, free = planted.jacobian(x), np.zeros(len(x), dtype=np.bool_)
+    spread = covariance(jacobian, free)
+    whitened = planted.residual(x)
+    return Fit(
+        planted.parameters, x, float(whitened @ whitened), whitened, jacobian, spread, np.sqrt(np.diag(spread)), free,
+        "converged", "", 1,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """A linearised fit of noise-free trials, drawn from again and again."""
+
+    problem: Problem
+    predicted: list[FloatArray]
+    span: FloatArray
+    absorbed: Absorbed
+
+    def residuals(
+        self, rng: np.random.Generator, phi: float, hidden: dict[int, FloatArray] | None = None
+    ) -> list[Residual]:
+        """Draw noise, fit it (to first order, as the weights of the problem say), and return what is left.
+
+        Args:
+            rng: to draw from.
+            phi: of the noise.
+            hidden: what is added to the noise of some trials, (n, 3) by their index.
+        """
+        noises = [coloured(rng, len(trial.time), phi) for trial in self.problem.trials]
+        for index, more in (hidden or {}).items():
+            noises[index] = noises[index] + more
+        masks = [self.problem.mask(i) for i in range(len(noises))]
+        white = np.concatenate([(e[mask] / SIGMA).ravel() for e, mask in zip(noises, masks, strict=True)])
+        white -= self.span @ (self.span.T @ white)
+        result, first = [], 0
+        for trial, predicted, mask, noise in zip(self.problem.trials, self.predicted, masks, noises, strict=True):
+            last = first + 3 * int(mask.sum())
+            noise[mask] = white[first:last].reshape(-1, 3) * SIGMA
+            result.append(Residual(replace(trial, velocity=predicted + noise), "fit", predicted, mask, mask))
+            first = last
+        return result
+
+
+def draws(fish: Fish, modes: tuple[str, ...] = ("v1", "v5", "v3-t2"), duration: float = 6.4) -> Draws:
+    planted = problem(swimming(fish, modes, noise=None, duration=duration))
+    x = planted.start(TRUTH)
+    one = at(planted, x)
+    span = np.linalg.svd(one.jacobian, full_matrices=False)[0]
+    return Draws(planted, planted.predictions(x), span, absorbed(planted, one))

@@ -1,0 +1,112 @@
+"""``identify`` as one call, and what it reports."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from planted_swimming import SIGMA, TRUTH, off_truth, swimming
+
+from mjfish.arrays import readonly
+from mjfish.data import Dataset, Trial
+from mjfish.estimation import Identification, identify
+from mjfish.estimation.report import first_sigma
+from mjfish.estimation.settings import Settings
+from mjfish.files import write_json
+from mjfish.fish import COEFFICIENTS, Fish
+
+
+@pytest.fixture(scope="module")
+def planted(pike: Fish) -> Dataset:
+    return swimming(pike, ("v1", "v3", "v5"), held_out=["v3"])
+
+
+@pytest.fixture(scope="module")
+def found(planted: Dataset) -> Identification:
+    return identify(planted, Settings(starts=1), jobs=1)
+
+
+def test_it_fits_the_fit_trials_and_scores_all(found: Identification) -> None:
+    assert found.fit.status == "converged"
+    assert np.max(np.abs(off_truth(found.fit.values, found.fit.sigma))) < 4.0
+    assert len(found.fit.residual) == 2 * 3 * 151
+    assert [(score.trial, score.role) for score in found.scores] == [("v1", "fit"), ("v5", "fit"), ("v3", "held_out")]
+    np.testing.assert_array_equal(found.noise, SIGMA)
+    assert found.remarks == ()
+
+
+def test_nrmse_is_the_rms_of_the_residual_over_the_range_of_the_measurement(
+    planted: Dataset, found: Identification
+) -> None:
+    """At the right coefficients that is the noise over the range."""
+    for score in found.scores:
+        velocity = next(trial.velocity for trial in planted.trials if trial.name == score.trial)
+        np.testing.assert_allclose(score.nrmse, SIGMA / np.ptp(velocity, axis=0), rtol=0.25)
+
+
+def test_noise_that_is_not_stated_is_estimated(planted: Dataset) -> None:
+    found = identify(replace(planted, noise=None), Settings(starts=1), jobs=1)
+    np.testing.assert_allclose(found.noise, SIGMA, rtol=0.2)
+    assert "none stated" in found.remarks[0]
+    assert np.max(np.abs(off_truth(found.fit.values, found.fit.sigma))) < 4.5
+
+
+def test_a_first_sigma_comes_from_third_differences() -> None:
+    """White noise comes out as it is, a smooth motion adds little."""
+    rng = np.random.default_rng(1)
+    time = np.arange(1000) / 50.0
+    smooth = 0.3 * np.sin(6.0 * time[:, None] + np.arange(3))
+    velocity = smooth + rng.standard_normal((1000, 3)) * SIGMA
+    trial = Trial("smooth", None, readonly(time), readonly(velocity))
+    np.testing.assert_allclose(first_sigma((trial,)), SIGMA, rtol=0.1)
+
+
+def test_the_report_is_plain_data_with_every_estimate(found: Identification) -> None:
+    told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert told["schema"] == 1
+    assert told["status"] == "converged"
+    assert list(told["parameters"]) == list(COEFFICIENTS) == told["correlation"]["names"]
+    for name, entry in told["parameters"].items():
+        assert entry["low"] < entry["estimate"] < entry["high"]
+        assert abs(entry["estimate"] - TRUTH[name]) < 4.0 * entry["standard_error"]
+        assert entry["standard_error"] == found.fit.sigma[name]
+        assert entry["unit"] == "-"
+        assert entry["at_bound"] is False
+    assert np.shape(told["correlation"]["matrix"]) == (9, 9)
+    assert told["samples"] == 906
+    assert told["cost"] == pytest.approx(found.fit.sse)
+    assert {score["trial"] for score in told["scores"]} == {"v1", "v3", "v5"}
+
+
+def test_strong_correlations_come_strongest_first_and_once(found: Identification) -> None:
+    pairs = found.strong_correlations(0.5)
+    sizes = [abs(value) for _, _, value in pairs]
+    assert sizes == sorted(sizes, reverse=True)
+    assert len({frozenset(pair[:2]) for pair in pairs}) == len(pairs) > 0
+    names = list(COEFFICIENTS)
+    first, second, value = pairs[0]
+    assert value == found.fit.correlation[names.index(first), names.index(second)]
+    assert found.strong_correlations(1.0) == []
+
+
+def test_a_start_that_diverges_is_reported_not_raised(pike: Fish, planted: Dataset, tmp_path: Path) -> None:
+    """With stated noise and without: no weights are made of a run that did not end."""
+    wild = pike.with_coefficients(
+        {p.name: p.rebound(low=1e7, high=1e9, start=1e8) for p in pike.parameters if p.name == "c_d.tail"}
+    )
+    for noise in (planted.noise, None):
+        lost = identify(replace(planted, fish=wild, noise=noise), Settings(starts=1), jobs=1)
+        assert lost.fit.status == "diverged"
+        assert "c_d.tail = 1e+08" in lost.fit.message
+        assert all(np.all(np.isnan(score.nrmse)) for score in lost.scores)
+        write_json(tmp_path / "lost.json", lost.to_dict())
+        assert json.loads((tmp_path / "lost.json").read_text())["scores"][0]["nrmse"] == [None] * 3
+
+
+def test_threads_do_not_change_the_answer(planted: Dataset, found: Identification) -> None:
+    threaded = identify(planted, Settings(starts=1), jobs=2)
+    assert threaded.fit.x.tobytes() == found.fit.x.tobytes()
+    assert threaded.scores == found.scores

@@ -1,0 +1,129 @@
+"""What leaves an identification: the fish as TOML and MJCF, tables as CSV and Parquet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+from planted_swimming import problem, swimming
+
+import mjfish
+from mjfish import fish as fishes
+from mjfish import fish_toml
+from mjfish.data import Dataset
+from mjfish.errors import InputError
+from mjfish.estimation import Fit, fit
+from mjfish.estimation.agreement import agreement
+from mjfish.estimation.identified import identified_fish, origin
+from mjfish.estimation.residuals.residual import fitted
+from mjfish.estimation.tables import coefficient_rows, write_coefficients, write_scores
+from mjfish.estimation.uncertainty.intervals import intervals
+from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.mujoco import export
+
+FIXED = {"c_m.head": 0.5}
+
+
+@pytest.fixture(scope="module")
+def planted(pike: Fish) -> Dataset:
+    """Bounds and starts are not the fish's own, one bound is in the way."""
+    bounded = {p.name: p.rebound(high=1.3, start=1.1) for p in pike.parameters if p.name == "c_d.head"}
+    return replace(swimming(pike, ("v1", "v5"), duration=3.0), fish=pike.with_coefficients(bounded))
+
+
+@pytest.fixture(scope="module")
+def found(planted: Dataset) -> Fit:
+    declared = {p.name: p.rebound(low=0.4, start=0.9) for p in planted.fish.parameters if p.name == "c_d.tail"}
+    one = fit(problem(planted, fixed=FIXED, declared=declared))
+    assert one.status == "converged"
+    assert one.at_bound[[p.name for p in one.parameters].index("c_d.head")]
+    return one
+
+
+def test_the_identified_fish_has_values_starts_and_bounds_of_the_fit(planted: Dataset, found: Fit) -> None:
+    fish = identified_fish(planted.fish, found, FIXED)
+    assert fish.values == {**found.values, **FIXED}
+    declared = {p.name: p for p in fish.parameters}
+    assert (declared["c_d.tail"].low, declared["c_d.tail"].start) == (0.4, 0.9)
+    assert (declared["c_d.head"].high, declared["c_d.head"].default) == (1.3, 1.3)
+    for old, new in zip(planted.fish.parameters, fish.parameters, strict=True):
+        if new.name != "c_d.tail":
+            assert (new.start, new.low, new.high) == (old.start, old.low, old.high)
+    untouched = fish.model_copy(update={"coefficients": planted.fish.coefficients})
+    assert untouched == planted.fish
+
+
+def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(planted: Dataset, found: Fit, tmp_path: Path) -> None:
+    """The way that a user goes: identify, write, load in MuJoCo."""
+    fish = identified_fish(planted.fish, found, FIXED)
+    told = origin("pool --\n", found, FIXED)
+    fish_toml.write(tmp_path / "fish.toml", fish, told)
+    assert fishes.load(tmp_path / "fish.toml") == fish
+    export.write(tmp_path / "fish.xml", fish, comments=told)
+    fluid = mjfish.StripFluid(mujoco.MjModel.from_xml_path(str(tmp_path / "fish.xml")))
+    assert [link.c_d for link in fluid.links] == [fish.values[f"c_d.{link.group}"] for link in fish.links]
+    for name in ("fish.toml", "fish.xml"):
+        top = (tmp_path / name).read_text(encoding="utf-8")[:1000]
+        assert f"by mjfish {version('mjfish')}: converged," in top
+        assert "c_m.head held fixed" in top
+        assert "c_d.head = 1.3 at its bound" in top
+        assert f"c_d.tail = {found.values['c_d.tail']:.6g} +- {found.sigma['c_d.tail']:.2g}" in top
+
+
+def test_a_fit_that_stopped_early_says_so_on_top(planted: Dataset) -> None:
+    stopped = fit(problem(planted), evaluations=1)
+    assert "The fit stopped: The maximum number of function evaluations is exceeded." in origin("pool", stopped)
+
+
+def _csv(path: Path) -> list[dict[str, Any]]:
+    return pa.csv.read_csv(path).to_pylist()
+
+
+def _parquet(path: Path) -> list[dict[str, Any]]:
+    with pa.parquet.ParquetFile(path) as file:
+        return file.read().to_pylist()
+
+
+@pytest.mark.parametrize(("suffix", "read"), [(".csv", _csv), (".parquet", _parquet)])
+def test_tables_are_read_back_to_the_last_bit(
+    planted: Dataset, found: Fit, tmp_path: Path, suffix: str, read: Callable[[Path], list[dict[str, Any]]]
+) -> None:
+    """Words, numbers, truth values; a simulation's horizon is an empty cell."""
+    posed = problem(planted, fixed=FIXED)
+    own = intervals(posed, found)
+    write_coefficients(tmp_path / f"coefficients{suffix}", found, own)
+    table = read(tmp_path / f"coefficients{suffix}")
+    assert table == coefficient_rows(found, own)
+    assert [row["parameter"] for row in table] == list(COEFFICIENTS[1:])
+    assert {row["parameter"]: row["estimate"] for row in table} == found.values
+    assert [row["parameter"] for row in table if row["at_bound"]] == ["c_d.head"]
+    for row in table:
+        assert row["low"] <= row["estimate"] <= row["high"]
+        assert (row["plain_low"], row["plain_high"]) == pytest.approx(found.interval(row["parameter"]), rel=1e-12)
+    scores = agreement(fitted(posed, found.x), horizons=[1])
+    write_scores(tmp_path / f"scores{suffix}", scores)
+    table = read(tmp_path / f"scores{suffix}")
+    assert table == [score.to_dict() for score in scores]
+    assert {row["horizon"] for row in table} == {None, 1}
+    assert all(np.isfinite(row["nrmse"]) for row in table)
+
+
+def test_without_intervals_there_are_the_plain_ones(found: Fit, tmp_path: Path) -> None:
+    write_coefficients(tmp_path / "coefficients.csv", found)
+    header = (tmp_path / "coefficients.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert '"plain_low"' in header
+    assert '"low"' not in header
+
+
+def test_a_table_of_another_suffix_is_refused(found: Fit, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"coefficients\.xlsx: the name ends in '\.xlsx', expected \.csv or \.parquet"):
+        write_coefficients(tmp_path / "coefficients.xlsx", found)

@@ -1,0 +1,116 @@
+"""Whiteness: p values that are uniform under the null, and residuals that fail."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from planted_swimming import SIGMA
+from residual_draws import coloured
+from scipy import signal, stats
+
+from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Trial
+from mjfish.errors import InputError
+from mjfish.estimation import Noise
+from mjfish.estimation.residuals.residual import Residual
+from mjfish.estimation.residuals.whiteness import Autocorrelation, whiteness
+
+WHITE = Noise.white(readonly(SIGMA))
+
+
+def _residual(error: FloatArray, name: str = "v1", interval: float = 0.02) -> Residual:
+    time = np.arange(len(error)) * interval
+    every = np.ones(len(error), dtype=np.bool_)
+    return Residual(Trial(name, None, readonly(time), readonly(error)), "fit", np.zeros_like(error), every, every)
+
+
+def _white(rng: np.random.Generator, samples: int = 300) -> list[Residual]:
+    return [_residual(coloured(rng, n, 0.0), f"v{n}") for n in (samples, samples + 100)]
+
+
+def _pooled(tests: tuple[Autocorrelation, ...], channel: str = "surge") -> Autocorrelation:
+    return next(t for t in tests if (t.trial, t.channel) == ("all", channel))
+
+
+def test_p_values_are_uniform_and_bands_hold_where_the_residual_is_white() -> None:
+    """400 draws, two trials. Catches a wrong count of pairs or of freedom, a band of another level."""
+    rng = np.random.default_rng(11)
+    tests = [whiteness(_white(rng), WHITE) for _ in range(400)]
+    for trial in ("v300", "all"):
+        p = np.array([t.p_value for one in tests for t in one if t.trial == trial])
+        assert stats.kstest(p, "uniform").pvalue > 1e-3
+        assert 0.03 < np.mean(p < 0.05) < 0.07
+    outside = np.mean([np.abs(t.value) > t.band for one in tests for t in one])
+    assert outside == pytest.approx(0.01, abs=0.002)
+
+
+def test_gaps_are_allowed_for() -> None:
+    """A third of the samples missing: still uniform. Catches pairs counted across a gap as if it was none."""
+    rng = np.random.default_rng(12)
+    p = []
+    for _ in range(300):
+        one = coloured(rng, 500, 0.0)
+        one[rng.random(500) < 0.33] = np.nan
+        p += [t.p_value for t in whiteness([_residual(one)], WHITE) if t.trial == "all"]
+    assert stats.kstest(p, "uniform").pvalue > 1e-3
+
+
+def test_every_second_sample_of_a_pair_correlated_series_is_white() -> None:
+    """Moving-average noise of lag 1; lost rows leave lag 2 and more. Catches a grid that closes gaps."""
+    white = np.random.default_rng(13).standard_normal((2001, 3)) * SIGMA
+    pair = white[1:] + 0.9 * white[:-1]
+    seen = _residual(pair)
+    late = pair.copy()
+    late[1::2] = np.nan
+    assert _pooled(whiteness([seen], WHITE)).p_value < 1e-12
+    assert _pooled(whiteness([_residual(late)], WHITE)).p_value > 0.01
+
+
+@pytest.mark.parametrize("phi", [0.3, 0.8, -0.3])
+def test_coloured_noise_fails_and_its_innovations_pass(phi: float) -> None:
+    rng = np.random.default_rng(14)
+    residuals = [_residual(coloured(rng, 500, phi), f"v{k}") for k in range(3)]
+    assert max(t.p_value for t in whiteness(residuals, WHITE)) < 1e-3
+    known = Noise(readonly(SIGMA), readonly(np.full((3, 1), phi)))
+    assert min(t.p_value for t in whiteness(residuals, known, spent=0) if t.trial == "all") > 0.003
+
+
+def test_an_offset_is_no_white_noise() -> None:
+    """Catches a mean that is taken out before the test."""
+    rng = np.random.default_rng(15)
+    residuals = [_residual(one.values + 0.4 * SIGMA) for one in _white(rng)]
+    assert _pooled(whiteness(residuals, WHITE), "sway").p_value < 1e-6
+
+
+def test_a_loud_trial_does_not_drown_the_others() -> None:
+    """Three coloured trials beside one that is white and thirty times louder. Catches pooling by energy."""
+    rng = np.random.default_rng(16)
+    residuals = [_residual(coloured(rng, 400, 0.4), f"v{k}") for k in range(3)]
+    residuals.append(_residual(30.0 * coloured(rng, 400, 0.0), "loud"))
+    assert _pooled(whiteness(residuals, WHITE)).p_value < 1e-9
+
+
+def test_the_autocorrelation_is_that_of_theory() -> None:
+    rng = np.random.default_rng(17)
+    found = _pooled(whiteness([_residual(coloured(rng, 40_000, 0.8))], WHITE))
+    np.testing.assert_allclose(found.value[:10], 0.8 ** np.arange(1, 11), atol=0.04)
+    assert found.lag[0] == 1.0
+
+
+def test_the_beat_is_seen() -> None:
+    """A line a fifth of the noise's variance."""
+    rng = np.random.default_rng(18)
+    time = np.arange(521) / 50.0
+    line = 0.63 * SIGMA * np.sin(18.0 * time)[:, None]
+    assert _pooled(whiteness([_residual(coloured(rng, 521, 0.0) + line)], WHITE), "yaw_rate").p_value < 1e-4
+
+
+def test_short_trials_have_fewer_lags_and_too_short_ones_are_refused() -> None:
+    rng = np.random.default_rng(19)
+    assert len(_pooled(whiteness([_residual(coloured(rng, 40, 0.0))], WHITE)).lag) == 10
+    with pytest.raises(InputError, match="record longer"):
+        whiteness([_residual(coloured(rng, 3, 0.0))], WHITE)
+    phi = np.zeros((3, 20))
+    phi[:, 0] = 0.5
+    with pytest.raises(InputError, match="took 20"):
+        whiteness([_residual(signal.detrend(coloured(rng, 60, 0.0), axis=0))], Noise(readonly(SIGMA), readonly(phi)))

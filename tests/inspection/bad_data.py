@@ -1,0 +1,80 @@
+"""A good dataset, and ways to spoil it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+from planted_truth import TRUTH
+
+from mjfish import fish as fishes
+from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset, Trial
+from mjfish.inspection import Checks, Finding
+from mjfish.model import Model
+from mjfish.simulation.generate import plant
+
+MODES = ("v1", "v3", "v5", "v1-t1", "v3-t2", "v1")
+SIGMA = np.array([0.006, 0.006, 0.04])
+
+
+@cache
+def good(modes: tuple[str, ...] = MODES, seed: int = 5, duration: float = 7.2) -> Dataset:
+    """Plant swimming of several drives, one of them twice; v3 and v3-t2 are held out where they are there."""
+    held = [mode for mode in ("v3", "v3-t2") if mode in modes]
+    return plant(
+        fishes.load("pike"), modes, values=TRUTH, noise=SIGMA, duration=duration, seed=seed, held_out=held, name="good"
+    )
+
+
+def spoiled(change: Callable[[Trial], Trial], *names: str, dataset: Dataset | None = None) -> Dataset:
+    """Return the good dataset with some of its trials changed; without names, all."""
+    base = good() if dataset is None else dataset
+    return replace(base, trials=tuple(change(t) if not names or t.name in names else t for t in base.trials))
+
+
+def velocity(change: Callable[[FloatArray], FloatArray]) -> Callable[[Trial], Trial]:
+    """Return a change of trials from one of their velocities (n, 3)."""
+    return lambda trial: replace(trial, velocity=readonly(change(trial.velocity.copy())))
+
+
+def rows(keep: Callable[[Trial], Any]) -> Callable[[Trial], Trial]:
+    """Return a change of trials that keeps some of their rows, with the times they were measured at."""
+
+    def change(trial: Trial) -> Trial:
+        kept = keep(trial)
+        return replace(trial, time=readonly(trial.time[kept]), velocity=readonly(trial.velocity[kept]))
+
+    return change
+
+
+def with_pose(dataset: Dataset, noise: tuple[float, float, float] = (0.001, 0.001, 0.003), seed: int = 1) -> Dataset:
+    """Return the dataset with the pose of the same swimming, from a camera with noise of its own."""
+    rng = np.random.default_rng(seed)
+    model = Model(dataset.fish)
+
+    def posed(trial: Trial) -> Trial:
+        state = model.predict(trial, model.values(TRUTH)).rollout.at(trial.time)
+        return replace(trial, pose=readonly(state[:, 3:6] + rng.standard_normal((len(state), 3)) * noise))
+
+    return replace(dataset, trials=tuple(map(posed, dataset.trials)))
+
+
+def wrong(found: Checks) -> list[Finding]:
+    """Return what is more than a remark."""
+    return [one for one in found.findings if one.severity != "remark"]
+
+
+def only(found: Checks, check: str) -> Finding:
+    """Return the one finding that is more than a remark, which must be of `check`."""
+    one = wrong(found)
+    assert [finding.check for finding in one] == [check], [finding.message for finding in one]
+    return one[0]
+
+
+def remarked(found: Checks, check: str) -> list[Finding]:
+    """Return the remarks of a check."""
+    return [one for one in found.findings if one.severity == "remark" and one.check == check]

@@ -1,0 +1,131 @@
+"""What the nominal fit shows of the data: lost frames, a drifting clock, fine label swaps, an odd run, filters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bad_data import SIGMA, good, only, remarked, spoiled, velocity, wrong
+from planted_truth import TRUTH
+from scipy import signal
+
+from mjfish import inspection as checks
+from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset, Trial
+from mjfish.estimation import Noise, Problem, fit
+from mjfish.inspection import Checks
+from mjfish.inspection.making import making
+from mjfish.model import Model
+
+
+def _after(dataset: Dataset) -> Checks:
+    """Fit from the truth, a few steps: what a fit would find."""
+    fitted, held = dataset.split()
+    posed = Problem(Model(dataset.fish), fitted, Noise.white(readonly(SIGMA)), jobs=1)
+    return checks.after(posed, fit(posed, posed.start(TRUTH), evaluations=4), held)
+
+
+def test_good_data_are_not_complained_of_after_the_fit() -> None:
+    """Catches a check that sees ghosts."""
+    assert wrong(_after(good())) == []
+
+
+@pytest.mark.parametrize("count", [2, 5])
+def test_lost_frames_are_counted_and_placed(count: int) -> None:
+    """The rows are gone and the times closed up. Catches the opposite sense, and a clock offset in their place."""
+
+    def lose(trial: Trial) -> Trial:
+        kept = np.delete(trial.velocity, np.s_[180 : 180 + count], axis=0)
+        return replace(trial, time=readonly(trial.time[: len(kept)]), velocity=readonly(kept))
+
+    found = only(_after(spoiled(lose, "v3")), "clock")
+    assert found.severity == "blocks"
+    assert found.trials == ("v3",)
+    assert f"about {count} frames were lost" in found.found
+    assert float(found.place.split()[-2]) == pytest.approx(3.6, abs=0.1)
+
+
+def test_a_clock_that_drifts_is_named_with_its_rate() -> None:
+    """A frame rate that is 1.5 % off. Catches a drift that is called a jump."""
+    found = only(_after(spoiled(lambda t: replace(t, time=readonly(t.time / 1.015)), "v5")), "clock")
+    assert found.trials == ("v5",)
+    assert "+1." in found.found
+
+
+def test_a_swap_that_only_turns_show_is_found() -> None:
+    """v1 and v1-t1 beat alike. Catches a comparison by the power of the beat."""
+    drives = {"v1": "v1-t1", "v1-t1": "v1"}
+    by_name = {trial.name: trial.drive for trial in good().trials}
+    swapped = spoiled(lambda t: replace(t, drive=by_name[drives[t.name]]), *drives)
+    found = only(_after(swapped), "labels")
+    assert set(found.trials) == set(drives)
+
+
+def test_a_run_that_does_not_go_with_its_repeat_is_suspect() -> None:
+    """v1.2 is scaled by 1.15. Catches a run whose own weight in the fit hides it, and its twin named."""
+    found = only(_after(spoiled(velocity(lambda v: 1.15 * v), "v1.2")), "odd_run")
+    assert found.trials == ("v1.2",)
+    assert "'v1'" in found.found or "'v1-t1'" in found.found
+
+
+def test_a_run_that_nothing_can_be_compared_with_is_a_remark() -> None:
+    """v5 is scaled, alone at its drive: a cause that grows with frequency would do the same. Catches a verdict."""
+    found = _after(spoiled(velocity(lambda v: 1.2 * v), "v5"))
+    assert wrong(found) == []
+    assert [one.trials for one in remarked(found, "odd_run")] == [("v5",)]
+
+
+def test_an_odd_run_is_looked_for_where_every_coefficient_rests_on_a_bound() -> None:
+    """Nothing is free, and nothing moves when a run is left out."""
+    fitted, held = good().split()
+    posed = Problem(Model(good().fish), fitted, Noise.white(readonly(SIGMA)), jobs=1)
+    found = fit(posed, posed.start(TRUTH), evaluations=1)
+    pinned = replace(found, at_bound=np.ones_like(found.at_bound))
+    assert wrong(checks.after(posed, pinned, held)) == []
+
+
+Draw = Callable[[np.random.Generator, int], FloatArray]
+
+
+def _white(rng: np.random.Generator, n: int) -> FloatArray:
+    return rng.standard_normal((n, 3))
+
+
+def _drift(rng: np.random.Generator, n: int) -> FloatArray:
+    return np.asarray(signal.lfilter([1.0], [1.0, -0.95], rng.standard_normal((n, 3)), axis=0))
+
+
+@pytest.mark.parametrize(("draw", "kind"), [(_white, "white"), (_drift, "drifting")])
+def test_noise_that_was_measured_is_not_called_differentiated(draw: Draw, kind: str) -> None:
+    """10 draws of three channels. Catches a filter family so rich that it fits anything."""
+    rng = np.random.default_rng(1)
+    found = [one for _ in range(10) for one in making([draw(rng, 400) for _ in range(4)], [0.02] * 4, [[3.0]] * 4)]
+    kinds = [one.kind for one in found]
+    assert "differentiated" not in kinds
+    assert kinds.count(kind) >= 0.9 * len(kinds)
+
+
+@pytest.mark.parametrize("window", [5, 9, 15])
+def test_the_window_of_a_differentiator_is_read_from_the_spectrum(window: int) -> None:
+    """Catches zeros at the wrong frequencies, an order that trades with the window."""
+    rng = np.random.default_rng(2)
+    residuals = [
+        signal.savgol_filter(rng.standard_normal((430, 3)), window, 2, deriv=1, axis=0)[15:-15] for _ in range(4)
+    ]
+    found = making(residuals, [0.02] * 4, [[3.0]] * 4)
+    assert [(one.kind, one.window) for one in found] == [("differentiated", window)] * 3
+
+
+def test_differentiated_data_are_said_so() -> None:
+    """Catches a residual that is taken with its gaps, and the remark that is not made."""
+    rng = np.random.default_rng(3)
+
+    def filtered(values: FloatArray) -> FloatArray:
+        noise = signal.savgol_filter(rng.standard_normal((len(values) + 30, 3)), 9, 2, deriv=1, axis=0)[15:-15]
+        return values + 3.0 * SIGMA * noise / noise.std(axis=0)
+
+    # The planted white noise stays below a tenth of it.
+    found = remarked(_after(spoiled(velocity(filtered))), "making")
+    assert [("9 samples" in one.found, "time_offset" in one.cannot_tell) for one in found] == [(True, True)]

@@ -1,0 +1,63 @@
+"""What a dataset can never show is said in remarks, with the causes concerned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from bad_data import good, wrong
+
+from mjfish import inspection as checks
+from mjfish.data import Dataset
+from mjfish.effects import catalogue
+from mjfish.inspection import EVERYTHING, Finding
+
+
+def _said(dataset: Dataset) -> dict[str, Finding]:
+    found = checks.run(dataset)
+    assert wrong(found) == []
+    return {one.found: one for one in found.findings if one.check == "design"}
+
+
+def _of(*names: str) -> Dataset:
+    base = good()
+    return replace(base, trials=tuple(replace(t, role=None) for t in base.trials if t.name in names))
+
+
+def test_a_rich_dataset_has_nothing_missing() -> None:
+    """Catches remarks that are always made."""
+    assert _said(good()) == {}
+
+
+def test_one_run_shows_no_cause() -> None:
+    """Catches a verdict that needs another run."""
+    said = _said(_of("v1"))
+    assert said["the dataset has one run"].cannot_tell == (EVERYTHING,)
+
+
+def test_one_frequency_hides_what_goes_with_frequency() -> None:
+    """v1, v1.2 and v1-t1 beat alike. Catches a count of drives in place of frequencies."""
+    said = next(one for text, one in _said(_of("v1", "v1.2", "v1-t1")).items() if "one frequency (2.86 Hz)" in text)
+    assert {"reynolds_drag", "servo_lag", "time_offset", "ambient_current"} <= set(said.cannot_tell)
+    steady = {name for name, one in catalogue().items() if one.fingerprint.exponent == 0.0}
+    assert not steady & set(said.cannot_tell)
+
+
+def test_no_turn_is_said() -> None:
+    """Catches a bias that is looked for in held-out runs, or in the first segment alone."""
+    said = _said(_of("v1", "v3", "v5"))
+    assert "ambient_current" in said["no fitted run turns"].cannot_tell
+    assert "no fitted run turns" not in _said(_of("v1", "v3", "v1-t1"))
+
+
+def test_no_held_out_run_is_said() -> None:
+    """Catches the split by default taken for one that was given."""
+    base = good()
+    fitted = replace(base, trials=tuple(replace(t, role="fit") for t in base.trials))
+    assert "no run is held out" in _said(fitted)
+
+
+def test_short_runs_are_said() -> None:
+    """1.2 s are 3 to 5 beats. Catches seconds in place of beats."""
+    base = good()
+    short = replace(base, trials=tuple(replace(t, time=t.time[:60], velocity=t.velocity[:60]) for t in base.trials))
+    assert any("shorter than 5 beats" in text for text in _said(short))

@@ -1,0 +1,70 @@
+"""A flexible tail in MuJoCo: a passive hinge behind the driven joint, and the same swimming as in the ODE."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from mjfish import mujoco as sim
+from mjfish import simulation as crosscheck
+from mjfish.drive import cpg, modes
+from mjfish.fish import Fish
+from mjfish.mujoco import export, planar
+from mjfish.simulation import engines
+
+_SOFT = {"tail_compliance": 0.3, "tail_damping": 0.03}
+
+
+@pytest.fixture
+def soft(pike: Fish) -> Fish:
+    """A pike whose tail gives way."""
+    return pike.model_copy(update=_SOFT)
+
+
+def test_the_hinge_has_the_stiffness_and_the_damping(soft: Fish, pike: Fish) -> None:
+    model, rigid = planar.swimmer(soft).model, planar.swimmer(pike).model
+    hinge = model.joint("deflection")
+    assert model.nv == rigid.nv + 1
+    assert hinge.dofadr[0] == model.nv - 1
+    assert model.dof_bodyid[-1] == model.body("tail").id
+    np.testing.assert_allclose(np.ravel(hinge.stiffness)[0], 1.0 / 0.3)
+    np.testing.assert_allclose(np.ravel(hinge.damping)[0], 0.03)
+
+
+def test_both_engines_swim_alike_with_it(soft: Fish, pike: Fish) -> None:
+    """Servos move the joints, the tail bends behind them; a turn with its step of the drive."""
+    found = crosscheck.check(soft, "v3-t2", duration=6.2, halvings=1)
+    assert found.passed, found.message
+    assert found.orders[0] > 3.5
+    motion = cpg.joint_motion(pike.cpg, modes.drive("v3"), 3.0, 0.001)
+    rigid, bent = (sim.simulate(fish, motion).velocity for fish in (pike, soft))
+    assert np.abs(rigid - bent).max() > 0.1
+
+
+def test_both_engines_swim_alike_with_it_on_prescribed_joints(soft: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over the jump of the joints' rate. Catches a tail that does not take up its share of the impulse."""
+    monkeypatch.setattr(engines, "ENGINES", engines.ENGINES[:3])
+    rows = list(crosscheck.check_all(soft, cases=(crosscheck.CASES[2],), duration=5.6))
+    assert [row.status for row in rows] == ["agrees"] * 3
+    assert max(row.to_ode for row in rows) < 1e-5
+
+
+def test_an_exported_fish_has_it_too(soft: Fish) -> None:
+    """To the last bit, and in the free fish as well."""
+    for free in (None, sim.Trim()):
+        read = mujoco.MjModel.from_xml_string(export.text(soft, free=free))
+        made = (planar.swimmer(soft) if free is None else sim.free.swimmer(soft)).model
+        for field in ("jnt_stiffness", "dof_damping", "dof_armature", "body_mass", "body_inertia"):
+            np.testing.assert_array_equal(getattr(read, field), getattr(made, field), err_msg=field)
+        assert made.jnt_stiffness.max() == 1.0 / 0.3
+
+
+def test_a_free_fish_with_a_flexible_tail_swims(soft: Fish) -> None:
+    """Catches joints read from where the deflection is."""
+    motion = cpg.joint_motion(soft.cpg, modes.drive("v1"), 1.0, 0.001)
+    run = sim.simulate(soft, motion, free=sim.Trim())
+    assert run.status == "ok"
+    planar_run = sim.simulate(soft, motion)
+    np.testing.assert_allclose(run.joint_angle, planar_run.joint_angle, atol=0.05)
+    assert np.abs(planar_run.joint_angle - motion.angle_at(planar_run.time)).max() < 0.15

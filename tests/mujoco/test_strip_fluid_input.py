@@ -1,0 +1,115 @@
+"""Water that is described badly as a whole: files, custom numerics, bodies, density, models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from wet_models import PLATE, PLATE_LINK, TREE, compiled, with_custom
+
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.mujoco import StripFluid, StripLink
+
+_TAIL = """
+[[links]]
+body = "tail"
+length = 0.2
+height = [0.05, 0.12]
+width = 0.004
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("density = -1.0", r"water.toml: density: must be above 0; correct it \(found -1.0\)"),
+        ("density = 1.0", "water.toml: links: this key is missing; add it"),
+        ("links = []", "water.toml: links: expected at least 1 entries, found 0"),
+        ("density = ", "water.toml: not valid TOML"),
+        ("schema = 2", "water.toml: schema: expected 1"),
+        (
+            "[[links]]\nbody = 'plate'\nlength = -0.3\nheight = 0.1\nwidth = 0.1",
+            "water.toml: links.1: link 'plate': len",
+        ),
+        ("densty = 1.0", "water.toml: densty: unknown key; remove it or correct its spelling"),
+    ],
+)
+def test_bad_toml_is_refused_by_file_and_key(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "water.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        StripFluid.from_toml(compiled(PLATE), path)
+    with pytest.raises(InputError, match=r"absent\.toml: no such file"):
+        StripFluid.from_toml(compiled(PLATE), tmp_path / "absent.toml")
+
+
+def test_unknown_body_lists_those_there_are_and_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "water.toml"
+    path.write_text(_TAIL, encoding="utf-8")
+    for body in ("trnk", "world"):
+        with pytest.raises(
+            UnknownNameError, match=f"unknown body '{body}'; known: tail, trunk, weight; name a body of"
+        ):
+            StripFluid(compiled(TREE), [{**PLATE_LINK, "body": body}])
+    with pytest.raises(UnknownNameError, match=r"unknown body in .*water\.toml 'tail'; known: plate; name"):
+        StripFluid.from_toml(compiled(PLATE), path)
+    with pytest.raises(UnknownNameError, match="unknown body 'fin'; known: tail, trunk"):
+        StripFluid(with_custom({f"strip_fluid/fin/{key}": PLATE_LINK[key] for key in ("length", "height", "width")}))
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        ({}, "has no custom numeric 'strip_fluid/BODY/KEY'; describe its bodies there, or give the links"),
+        ({"strip_fluid/density": 1000.0}, "has no custom numeric 'strip_fluid/BODY/KEY'"),
+        (
+            {"strip_fluid/densty": 1.0},
+            "unknown custom numeric 'strip_fluid/densty'; known: strip_fluid/BODY/KEY, strip_f",
+        ),
+        ({"strip_fluid/links": 1.0}, "unknown custom numeric 'strip_fluid/links'"),
+        ({"strip_fluid/tail/c_dd": 1.0}, "custom numeric strip_fluid: links.1: link 'tail': .*c_dd: unknown key"),
+        ({"strip_fluid/tail/length": [0.3, 0.4]}, "link 'tail': length: expected a number"),
+    ],
+)
+def test_bad_custom_numeric_is_refused_by_name(entries: dict[str, Any], message: str) -> None:
+    with pytest.raises((InputError, UnknownNameError), match=f"(?s){message}"):
+        StripFluid(with_custom(entries))
+
+
+@pytest.mark.parametrize("density", [0.0, -1.0, np.nan, np.inf, "1000"])
+def test_density_must_be_positive(density: Any) -> None:
+    with pytest.raises(InputError, match=r"density is .* kg/m3; expected a positive number"):
+        StripFluid(compiled(PLATE), [PLATE_LINK], density=density)
+
+
+@pytest.mark.parametrize(
+    ("links", "message"),
+    [
+        ([], "no links; name at least one body that the water acts on"),
+        ([5], "links.1: expected a StripLink or a table of its keys, found 5; correct it"),
+        (PLATE_LINK, "links: expected a list of StripLink or of tables, found a dict"),
+        ("plate", "links: expected a list of StripLink or of tables, found a str"),
+        (StripLink(**PLATE_LINK), "links: expected a list of StripLink or of tables, found a StripLink"),
+        (7, "links: expected a list of StripLink or of tables, found a int"),
+    ],
+)
+def test_links_must_be_a_list_of_links(links: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        StripFluid(compiled(PLATE), links)
+
+
+@pytest.mark.parametrize("kind", [mujoco.MjSpec.from_string, str])
+def test_model_must_be_compiled(kind: Any, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"expected a compiled mujoco\.MjModel, found (MjSpec|str); compile it first"):
+        StripFluid(kind(PLATE), [PLATE_LINK])
+    with pytest.raises(InputError, match=r"expected a compiled mujoco\.MjModel"):
+        StripFluid.from_toml(kind(PLATE), tmp_path)
+
+
+def test_commands_need_room_in_userdata() -> None:
+    """Catches reading beyond the end of userdata."""
+    with pytest.raises(InputError, match="userdata has 0 numbers, expected 7 for the commands"):
+        StripFluid(compiled(TREE), [{**PLATE_LINK, "body": "tail"}], commanded=True)

@@ -1,0 +1,97 @@
+"""What is said of every candidate in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from diagnosed import diagnosis
+
+from mjfish.diagnosis import Diagnosis
+from mjfish.diagnosis.result import Verdict
+from mjfish.reporting.html.candidates import candidate_views
+
+
+def _said(one: Diagnosis) -> dict[str, str]:
+    return {view.name: view.remark for view in candidate_views(one)}
+
+
+def _remarks(verdict: Verdict) -> dict[str, str]:
+    return _said(diagnosis(verdict))
+
+
+def test_every_candidate_is_judged_in_words() -> None:
+    named = _remarks("named")
+    assert named["servo_lag"] == "The cause: with it in the model nothing systematic is left."
+    assert named["time_offset"].startswith("Ruled out: servo_lag explains")
+    assert "hides 97" in named["time_offset"]
+    assert named["tail_compliance"].endswith("On its bound: damping.")
+    assert named["ambient_current"] == "Not tried: the heading was not recorded."
+    assert _remarks("cannot_tell")["time_offset"].startswith("Possible: the data cannot tell it")
+    assert "something systematic is left" in _remarks("unexplained")["servo_lag"]
+    assert _remarks("nothing_wrong")["servo_lag"].startswith("No sign of it.")
+
+
+def test_a_candidate_that_fits_but_gains_nothing_is_said_to_do_so() -> None:
+    one = diagnosis("unexplained")
+    best = replace(one.candidates[0], fit_p=0.5, held_out_gain=-3.0)
+    views = candidate_views(replace(one, candidates=(best, *one.candidates[1:])))
+    assert views[0].remark == "Fits, but makes the held-out trials no better."
+
+
+def test_what_was_not_refitted_is_said_to_be_so_and_not_to_be_absent() -> None:
+    """Catches a cause with a trace, or one that is hidden, of which no sign is said to be."""
+    one = diagnosis()
+    best, second, *_ = one.candidates
+    screened = replace(second, name="munk_moment", p_value=1e-9, rival_p=None, absorbed=0.2, parameters=None)
+    absent = replace(screened, name="fin_lift", p_value=0.3, smallest_visible={"fin_lift.slope": 0.8})
+    hidden = replace(screened, name="mass_error", p_value=1.0, absorbed=0.93)
+    said = _said(replace(one, candidates=(best, screened, absent, hidden)))
+    assert said["munk_moment"] == "Not refitted: others have better scores."
+    assert said["fin_lift"] == "No sign of it. It would have shown from slope 0.80 on."
+    assert said["mass_error"] == "Could not be seen: a refit of the coefficients hides all of it."
+
+
+def test_each_of_several_causes_is_said_to_be_one_whether_or_not_it_was_refitted_alone() -> None:
+    one = diagnosis()
+    best, second, third, _ = one.candidates
+    pair = ("servo_lag", "munk_moment")
+    beside = replace(second, name="munk_moment", rival_p=None, fit_p=None, absorbed=0.2, parameters=None)
+    cause = replace(one.causes[0], name="munk_moment")
+    named = replace(
+        one,
+        candidates=(replace(best, fit_p=1e-9), beside, third),
+        causes=(*one.causes, cause),
+        best=pair,
+        certain=pair,
+        alternatives=(pair,),
+    )
+    views = {view.name: view for view in candidate_views(named)}
+    assert views["servo_lag"].remark == "One of the causes, beside munk_moment."
+    assert views["munk_moment"].remark == "One of the causes, beside servo_lag."
+    assert views["munk_moment"].chosen
+    assert views["tail_compliance"].remark.startswith("Ruled out as the only cause: servo_lag explains the misfit")
+    sets = (pair, ("servo_lag", "tail_compliance"))
+    split = replace(
+        named, verdict="cannot_tell", causes=(), certain=("servo_lag",), alternatives=sets,
+        rivals=(("munk_moment", "tail_compliance"),),
+    )  # fmt: skip
+    views = {view.name: view for view in candidate_views(split)}
+    assert views["servo_lag"].remark == "At work, whichever of the others is."
+    assert views["servo_lag"].chosen
+    for name in ("munk_moment", "tail_compliance"):
+        assert views[name].remark.startswith("Possible: the data cannot tell it from its rivals."), name
+
+
+def test_what_leaves_something_is_not_said_to_leave_nothing() -> None:
+    """A cause of another form than the model's is named, or possible, and what it leaves is said."""
+    one = diagnosis()
+    best, *rest = one.candidates
+    assert _said(replace(one, candidates=(replace(best, fit_p=1e-9), *rest)))["servo_lag"] == (
+        "The cause: with it in the model something systematic is left."
+    )
+    one = diagnosis("cannot_tell")
+    best, second, *rest = (replace(c, fit_p=1e-9) if c.fit_p is not None else c for c in one.candidates)
+    tied = _said(replace(one, candidates=(best, second, *rest)))
+    assert "from its rivals, and with it something systematic is left." in tied["time_offset"]
+    alone = replace(one, candidates=(best, *rest), rivals=(), alternatives=(("servo_lag",),))
+    assert _said(alone)["servo_lag"] == "Possible, and the closest: with it something systematic is left."

@@ -1,0 +1,190 @@
+"""The report as a reader gets it: one file, all verdicts, nothing from outside, nothing unescaped."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnosed import LAG, diagnosis
+
+from mjfish.diagnosis import Candidate, Diagnosis
+from mjfish.diagnosis.result import Verdict
+from mjfish.errors import InputError
+from mjfish.reporting.html import render, write_report
+
+VERDICTS: tuple[Verdict, ...] = ("named", "nothing_wrong", "cannot_tell", "unexplained")
+
+
+class _Page(HTMLParser):
+    """Tags with their attributes, the text outside scripts and styles, and the scripts."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.scripts: list[tuple[dict[str, str | None], str]] = []
+        self._words: list[str] = []
+        self.feed(html)
+        self.text = " ".join(" ".join(self._words).split())
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data: str) -> None:
+        tag, attributes = self.tags[-1] if self.tags else ("", {})
+        if self.cdata_elem == "script":
+            self.scripts.append((attributes, data))
+        elif self.cdata_elem is None or tag not in ("script", "style"):
+            self._words.append(data)
+
+    def figures(self) -> list[dict]:
+        return [json.loads(text) for attributes, text in self.scripts if attributes.get("type") == "application/json"]
+
+
+def _page(one: Diagnosis) -> _Page:
+    return _Page(render(one))
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_every_verdict_is_told_first_and_with_its_colour(verdict: Verdict) -> None:
+    page = _page(diagnosis(verdict))
+    badge = {"named": "Cause named", "nothing_wrong": "Nothing wrong"}.get(verdict, verdict.replace("_", " "))
+    assert badge.lower() in page.text[:250].lower()
+    assert f"Something to say about {verdict}." in page.text[:400]
+    assert ("header", {"class": verdict}) in page.tags
+
+
+def test_the_file_asks_for_nothing_from_outside() -> None:
+    html = render(diagnosis())
+    page = _Page(html)
+    assert not [attributes for _, attributes in page.tags if {"src", "href", "srcset", "data"} & set(attributes)]
+    styles = html[html.index("<style>") : html.index("</style>")]
+    assert "url(" not in styles
+    assert "@import" not in styles
+    policy = next(a["content"] for tag, a in page.tags if tag == "meta" and "http-equiv" in a)
+    assert policy is not None
+    assert policy.startswith("default-src 'none'")
+    assert "http" not in policy
+    assert html.count("* plotly.js v") == 1
+
+
+def test_a_named_cause_comes_with_its_parameter_interval_and_unit() -> None:
+    text = _page(diagnosis()).text
+    assert "servo_lag.time_constant 0.02010 s 95 %: 0.01950 to 0.02070 s" in text
+    assert "log the joint angles on the bench while the command steps" in text  # the experiment
+
+
+def test_the_gain_is_told_per_channel_and_pooled_with_its_interval() -> None:
+    text = _page(diagnosis()).text.replace("\N{NO-BREAK SPACE}", " ")
+    for name, before, after, less in (
+        ("surge", "3.10 %", "1.10 %", "65 %"),
+        ("yaw rate", "4.23 %", "1.30 %", "69 %"),
+        ("all channels", "3.14 %", "1.20 %", "62 % (57 % to 66 %)"),
+        ("mean speed", "0.0123 m/s", "0.00210 m/s", "83 %"),
+    ):
+        assert f"{name} {before} {after} {less}" in text
+
+
+def test_a_gain_that_may_be_none_is_said_to_be_uncertain() -> None:
+    one = diagnosis()
+    assert one.gain is not None
+    assert "no gain is certain" not in _page(one).text
+    assert "no gain is certain" in _page(replace(one, gain=replace(one.gain, low=-0.01))).text
+
+
+def test_without_a_held_out_trial_the_page_says_what_to_record() -> None:
+    page = _page(diagnosis(held_out=False))
+    assert "No trial was held out" in page.text
+    assert "held_out" in page.text
+    assert len(page.figures()) == 4  # two trials, the beat and the missing force
+
+
+def test_when_nothing_is_wrong_only_the_nominal_model_is_shown() -> None:
+    page = _page(diagnosis("nothing_wrong"))
+    for figure in page.figures():
+        assert {trace.get("name") for trace in figure["data"]} <= {"measured", "nominal", None}
+    assert "extended model" not in page.text
+    assert "It would have shown from time_constant 5.8 × 10⁻⁵ s on." in page.text
+
+
+def test_rivals_are_listed_each_with_the_experiment_that_tells_them_apart() -> None:
+    text = _page(diagnosis("cannot_tell")).text
+    told = text[text.index("What would tell them apart") :]
+    assert "flash a light in the camera" in told
+    assert "log the joint angles on the bench" in told
+
+
+def test_an_unexplained_misfit_sends_the_reader_to_a_cause_of_their_own() -> None:
+    assert "mjfish diagnose DATASET --effects my_effects.py" in _page(diagnosis("unexplained")).text
+
+
+def test_a_fit_that_did_not_converge_is_told_at_the_top() -> None:
+    page = _page(replace(diagnosis(), status="fit_not_converged"))
+    assert "fit not converged" in page.text[:600]
+
+
+def test_what_users_wrote_is_text_and_never_markup() -> None:
+    """Names of datasets, trials, files, remarks and causes come from files of other people."""
+    evil = "</script><img src=x onerror=alert(1)>"
+    one = diagnosis(names=(evil, "{{ 7 * 7 }}"))
+    one = replace(
+        one,
+        dataset=replace(one.dataset, name=evil),
+        message=evil,
+        remarks=(evil,),
+        candidates=(*one.candidates, Candidate(evil, False, remark=evil)),
+        provenance={**one.provenance, "inputs": {evil: evil}},
+    )
+    page = _page(one)
+    plain = _page(diagnosis())
+    assert [tag for tag, _ in page.tags if tag == "img"] == []
+    assert len(page.scripts) == len(plain.scripts)
+    assert page.text.count(evil) >= 6
+    assert "{{ 7 * 7 }}" in page.text
+
+
+def test_figures_show_the_measured_and_simulated_velocities_held_out_first() -> None:
+    one = diagnosis()
+    page = _page(one)
+    assert page.text.index("fast held out") < page.text.index("slow 2.0 s")
+    held = one.overlays[1]
+    data = page.figures()[0]["data"]
+    by_panel = {(trace["name"], trace["yaxis"]): trace for trace in data}
+    np.testing.assert_allclose(by_panel["measured", "y3"]["y"], held.trial.velocity[:, 2], rtol=1e-4, atol=1e-9)
+    scored = np.abs(held.trial.time - 1.2) > 0.03  # a step of the drive at 1.2 s: nothing is scored beside it
+    left = held.trial.velocity[:, 1] - held.nominal[:, 1]
+    for key, values in ((("extended", "y"), held.extended[:, 0]), (("nominal", "y5"), left)):
+        drawn = np.array(by_panel[key]["y"], dtype=float)  # None becomes NaN
+        np.testing.assert_array_equal(np.isfinite(drawn), scored)
+        np.testing.assert_allclose(drawn[scored], values[scored], rtol=1e-4, atol=1e-9)
+    assert by_panel["nominal", "y5"]["x"] == pytest.approx(held.trial.time, abs=1e-9)
+
+
+def test_a_rollout_that_diverged_leaves_a_gap_in_the_curve() -> None:
+    one = diagnosis()
+    broken = one.overlays[1].nominal.copy()
+    broken[70:] = np.nan
+    page = _page(replace(one, overlays=(one.overlays[0], replace(one.overlays[1], nominal=broken))))
+    curve = next(trace["y"] for trace in page.figures()[0]["data"] if trace["name"] == "nominal")
+    assert curve[69] is not None
+    assert curve[70:] == [None] * (len(broken) - 70)
+
+
+def test_the_report_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    write_report(diagnosis(), path)
+    assert path.read_text(encoding="utf-8").rstrip().endswith("</html>")
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+    with pytest.raises(InputError, match=r"absent/report\.html"):
+        write_report(diagnosis(), tmp_path / "absent" / "report.html")
+
+
+def test_estimates_of_the_extended_model_stand_beside_the_nominal_ones() -> None:
+    text = _page(diagnosis()).text
+    told = text[text.index("Coefficients name") :]
+    assert "servo_lag.time_constant" in told
+    assert f"– {LAG.estimate:.5f}" in told  # the nominal model has no such parameter
+    assert "bound" in told[told.index("c_f.head") : told.index("c_f.body")]

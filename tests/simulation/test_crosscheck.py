@@ -1,0 +1,66 @@
+"""The two engines agree, at the order of their integrators; and the check sees an error where there is one."""
+
+from __future__ import annotations
+
+import pytest
+
+from mjfish import simulation as crosscheck
+from mjfish.errors import InputError
+from mjfish.fish import Fish
+
+
+@pytest.mark.parametrize("mode", ["v1", "v5-v1", "v3-t2"])
+def test_engines_agree_and_converge(pike: Fish, mode: str) -> None:
+    """Catches any term that one engine has and the other has not; a lagged force shows as order one."""
+    found = crosscheck.check(pike, mode)
+    assert found.passed, found.message
+    assert found.status == "agrees"
+    assert [level.step for level in found.levels] == [1e-3, 5e-4, 2.5e-4]
+    assert found.levels[0].worst < 1e-3
+    assert found.levels[0].worst < 2e-5, "measured: 7.4e-6 at most"
+    assert min(found.orders) > 3.8
+    assert found.range["yaw_rate"] > 1.0
+
+
+def test_printed_form_fails_by_a_factor_of_twenty(pike: Fish) -> None:
+    """The paper's gamma without U x p; every channel shows it, and no shorter step helps."""
+    for mode in ("v1", "v5-v1", "v3-t2"):
+        found = crosscheck.check(pike, mode, coriolis="printed", halvings=1, duration=6.0)
+        assert found.status == "disagrees"
+        assert not found.passed
+        assert min(found.levels[0].ratio.values()) > 20.0 * found.bound
+        assert found.orders[0] < 0.1
+        assert "does not fall" in found.message
+
+
+def test_other_coefficients_agree_too(pike: Fish) -> None:
+    """Heavy water and Kirchhoff's moment: where a lagged added mass would diverge."""
+    heavy = pike.model_copy(update={"munk_moment": 1.0})
+    values = {"c_m.head": 3.0, "c_m.body": 3.0, "c_m.tail": 3.0, "c_d.tail": 0.1}
+    found = crosscheck.check(heavy, "v3", values=values, duration=2.0, halvings=1)
+    assert found.passed, found.message
+
+
+def test_disagreement_in_the_water_is_seen(pike: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mutation: MuJoCo in water one per cent denser than the ODE's."""
+    simulate = crosscheck.realised.sim.simulate
+
+    def denser(fish: Fish, *args: object, **options: object) -> object:
+        return simulate(fish.model_copy(update={"density": 1010.0}), *args, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(crosscheck.realised.sim, "simulate", denser)
+    found = crosscheck.check(pike, "v1", duration=2.0, halvings=1)
+    assert found.status == "disagrees"
+    assert found.orders[0] < 0.5
+
+
+def test_run_that_diverges_is_a_status(pike: Fish) -> None:
+    found = crosscheck.check(pike, "v1", duration=0.5, step=0.02)
+    assert found.status == "diverged"
+    assert "diverged at" in found.message
+    assert "c_d.head = 4" in found.message
+
+
+def test_fish_without_cpg_is_refused(pike: Fish) -> None:
+    with pytest.raises(InputError, match="has no CPG"):
+        crosscheck.check(pike.model_copy(update={"cpg": None}), "v1")
