@@ -1,34 +1,94 @@
 """mjfish: what a swimming-fish simulation gets wrong, why, and what knowing it gains.
 
-A fish swims (drive -> body -> water -> camera), a measured fish swims too, and the package explains the difference:
+A fish swims (drive -> body -> water -> camera), a measured fish swims too, and the package explains the difference.
+The names below are imported when they are first used:
 
-- `mjfish.fish`, `mjfish.drive`, `mjfish.hydro`: the fish, its joint motion, the force of the water;
-- `mjfish.ode`, `mjfish.mujoco`, `mjfish.simulation`: the head-frame equations, MuJoCo, one against the other;
-- `mjfish.data`, `mjfish.data.importers`, `mjfish.simulation.generate`: measured, imported and planted datasets;
-- `mjfish.effects`, `mjfish.model`, `mjfish.estimation`, `mjfish.diagnosis`: causes, the extended model, its fit,
-  the verdict;
-- `mjfish.comparison`: anyone's rollouts against measurements;
-- `mjfish.reporting.html`, `mjfish.reporting.log`, `mjfish.cli`: how it is shown.
-
-The water is there for any MuJoCo model, too: `mjfish.StripFluid`, described in `mjfish.mujoco`.
+- the fish, the data and the model: `Fish`, `load_fish`, `Dataset`, `Trial`, `load_dataset`, `Model`, `Effect`,
+  `Parameter`;
+- what can be done with them: `simulate`, `generate`, `check`, `inspect`, `identify`, `diagnose`, `plan`, `compare`;
+- the water for any MuJoCo model: `StripFluid`, `StripLink`;
+- `MjfishError`, the base of every error that a wrong input raises.
 """
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mjfish.mujoco import StripFluid, StripLink
+    from importlib.metadata import version
 
-__all__ = ["StripFluid", "StripLink"]
+    from mjfish.comparison import compare
+    from mjfish.data import Dataset, Trial, load_dataset
+    from mjfish.design import plan
+    from mjfish.diagnosis import diagnose
+    from mjfish.effects import Effect
+    from mjfish.errors import MjfishError
+    from mjfish.estimation import identify
+    from mjfish.fish import Fish, load_fish
+    from mjfish.inspection import inspect
+    from mjfish.model import Model
+    from mjfish.mujoco import StripFluid, StripLink
+    from mjfish.parameter import Parameter
+    from mjfish.simulation import check, generate
+
+    __version__ = version("mjfish")
+
+#: Where each public name is defined.
+_HOME = {
+    "Fish": "fish",
+    "load_fish": "fish",
+    "Dataset": "data",
+    "Trial": "data",
+    "load_dataset": "data",
+    "Model": "model",
+    "Effect": "effects",
+    "Parameter": "parameter",
+    "StripFluid": "mujoco",
+    "StripLink": "mujoco",
+    "generate": "simulation",
+    "check": "simulation",
+    "inspect": "inspection",
+    "identify": "estimation",
+    "diagnose": "diagnosis",
+    "plan": "design",
+    "compare": "comparison",
+    "MjfishError": "errors",
+}
+
+__all__ = [
+    "Dataset",
+    "Effect",
+    "Fish",
+    "MjfishError",
+    "Model",
+    "Parameter",
+    "StripFluid",
+    "StripLink",
+    "Trial",
+    "__version__",
+    "check",
+    "compare",
+    "diagnose",
+    "generate",
+    "identify",
+    "inspect",
+    "load_dataset",
+    "load_fish",
+    "plan",
+]
 
 
 def __getattr__(name: str) -> Any:
-    """Import MuJoCo and the compiler only for those who ask for the water."""
-    if name not in __all__:
-        raise AttributeError(f"module 'mjfish' has no attribute '{name}'")
-    from mjfish import mujoco as sim
+    """Import a public name when it is first used: most of them need the compiler or MuJoCo."""
+    if name == "__version__":
+        from importlib.metadata import version
 
-    return getattr(sim, name)
+        return version("mjfish")
+    if name not in _HOME:
+        raise AttributeError(f"module 'mjfish' has no attribute '{name}'")
+    value = getattr(importlib.import_module(f"mjfish.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted(__all__)

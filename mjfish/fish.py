@@ -269,7 +269,7 @@ def _read(path: Path, _stamp: int) -> tuple[Fish, object]:
     return tomlfile.parse(table, Fish, str(path)), effects
 
 
-def load(name_or_path: str | Path, relative_to: Path | None = None) -> Fish:
+def load_fish(name_or_path: str | Path, relative_to: Path | None = None) -> Fish:
     """Load a shipped fish by name, or a fish TOML by path.
 
     Args:

@@ -1,4 +1,4 @@
-"""A fish as a TOML file that `mjfish.fish.load` reads back as the same fish, to the last bit."""
+"""A fish as a TOML file that `mjfish.fish.load_fish` reads back as the same fish, to the last bit."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def write(
     """Write the fish to the TOML file `path`, whole or not at all.
 
     Args:
-        path: with the suffix ``.toml``, by which `mjfish.fish.load` knows a file from a name.
+        path: with the suffix ``.toml``, by which `mjfish.fish.load_fish` knows a file from a name.
         fish: the fish.
         comments: lines at the top.
         effects: that extend it, as in `text`.

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mjfish import fish as fishes
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 
 _ROOT = Path(__file__).parents[1]
 
@@ -39,4 +38,4 @@ def fishsim() -> Path:
 @pytest.fixture(scope="session")
 def pike() -> Fish:
     """The nominal fish."""
-    return fishes.load("pike")
+    return load_fish("pike")

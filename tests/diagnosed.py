@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish import fish as fishes
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis import Candidate, Cause, Diagnosis, Estimate, Overlay
 from mjfish.diagnosis.description import Description, Term
@@ -18,6 +17,7 @@ from mjfish.diagnosis.locate import Where
 from mjfish.diagnosis.result import Verdict
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import find
+from mjfish.fish import load_fish
 from mjfish.inspection import Checks
 from mjfish.model import Model
 
@@ -38,7 +38,7 @@ def _trial(
     name: str, omega: float, cause: str, values: Mapping[str, float], seed: int
 ) -> tuple[Trial, np.ndarray, np.ndarray]:
     """Return a measured trial with the predictions of both models."""
-    fish = fishes.load("pike")
+    fish = load_fish("pike")
     time = np.arange(0.0, 2.001, 0.02)
     turn = DriveSegment(1.2, omega, (0.0, 0.2, 0.3, 0.4))
     empty = Trial(name, None, time, np.zeros((len(time), 3)), (DriveSegment(0.0, omega, (0.0,) * 4), turn))
@@ -59,7 +59,7 @@ def diagnosis(
     parameters: Mapping[str, Estimate] | None = None,
 ) -> Diagnosis:
     """Return a diagnosis of two trials, the second held out (or both fitted), with this verdict and best cause."""
-    fish = fishes.load("pike")
+    fish = load_fish("pike")
     own = {"time_constant": LAG} if parameters is None else parameters
     of_cause = {f"{cause}.{short}": estimate for short, estimate in own.items()}
     values = {name: estimate.estimate for name, estimate in of_cause.items()}

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish import fish as fishes
 from mjfish.data import Dataset
 from mjfish.drive.modes import MODES
 from mjfish.effects import find
-from mjfish.fish import COEFFICIENTS
-from mjfish.simulation.generate import plant
+from mjfish.fish import COEFFICIENTS, load_fish
+from mjfish.simulation.synthetic import generate
 
 SEED = int(os.environ.get("MJFISH_SEED", "20261121"))
 #: Long enough for a change of the mode at 5.2 s to show.
@@ -107,8 +106,8 @@ def draw(effect: str | None, strength: str, number: int = 0, trials: int = 5, *,
         for short, value in SHAPES.get(effect, lambda _: {})(rng).items():
             truth[f"{effect}.{short}"] = float(value)
     modes = list(rng.choice(MODES, size=trials, replace=False))
-    dataset = plant(
-        fishes.load("pike"),
+    dataset = generate(
+        load_fish("pike"),
         modes,
         values={name: value for name, value in truth.items() if hide or name in COEFFICIENTS},
         effects=[find(effect)] if effect is not None and hide else [],

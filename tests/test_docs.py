@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from doc_blocks import ROOT, blocks
 
-from mjfish.data import load
+from mjfish.data import load_dataset
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
@@ -70,7 +70,7 @@ def test_the_dataset_that_is_described_can_be_read(tmp_path: Path) -> None:
         table = np.column_stack([*columns.values()])
         rows = np.delete(table, [50, 51], axis=0) if name == "straight" else table
         np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=",".join(columns), comments="")
-    dataset = load(tmp_path)
+    dataset = load_dataset(tmp_path)
     straight, wave, angles = dataset.trials
     assert straight.gaps
     assert len(straight.time) == len(time) - 2

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mjfish import fish as fishes
+import mjfish
 from mjfish import ode
 from mjfish.drive import cpg, modes
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.fish import COEFFICIENTS, Fish, load, shipped
+from mjfish.fish import COEFFICIENTS, Fish, load_fish, shipped
 from mjfish.parameter import Parameter
 
 PIKE = shipped()["pike"].read_text(encoding="utf-8")
@@ -55,7 +55,7 @@ def test_the_nine_coefficients_are_table_three_in_its_order(pike: Fish) -> None:
 
 @pytest.mark.parametrize("name", shipped())
 def test_every_shipped_fish_is_found_by_its_file_name_and_carries_it(name: str) -> None:
-    fish = load(name)
+    fish = load_fish(name)
     assert fish.name == name
     assert fish.about
     assert [fish.values[p.name] for p in fish.parameters] == [p.default for p in fish.parameters]
@@ -64,9 +64,9 @@ def test_every_shipped_fish_is_found_by_its_file_name_and_carries_it(name: str) 
 def test_a_users_own_file_works_the_same(tmp_path: Path, pike: Fish) -> None:
     """By absolute path, relative to a folder, and as input of the engine, to the last bit."""
     path = _write(tmp_path)
-    mine = load(path)
+    mine = load_fish(path)
     assert mine == pike
-    assert load("mine.toml", relative_to=tmp_path) == pike
+    assert load_fish("mine.toml", relative_to=tmp_path) == pike
     motion = cpg.joint_motion(mine.cpg, modes.drive("v1"), 0.5, 0.005)
     assert np.array_equal(ode.simulate(mine, motion).state, ode.simulate(pike, motion).state)
 
@@ -88,10 +88,10 @@ def test_a_fish_of_other_size_swims_too(tmp_path: Path) -> None:
 def test_a_changed_file_is_read_anew(tmp_path: Path) -> None:
     """What was read is kept, but never longer than the file."""
     path = _write(tmp_path)
-    assert load(path) is load(path)
-    assert load(path).density == 1000.0
+    assert load_fish(path) is load_fish(path)
+    assert load_fish(path).density == 1000.0
     _write(tmp_path, ("density = 1000.0", "density = 1025.0"))
-    assert load(path).density == 1025.0
+    assert load_fish(path).density == 1025.0
 
 
 def test_a_fish_written_out_and_read_back_is_the_same(pike: Fish) -> None:
@@ -168,7 +168,7 @@ def test_refuses_by_file_key_and_remedy(case: str, tmp_path: Path) -> None:
     changes, complaint = BROKEN[case]
     path = _write(tmp_path, *changes)
     with pytest.raises(InputError) as caught:
-        load(path)
+        load_fish(path)
     message = str(caught.value)
     assert str(path) in message
     assert complaint in message
@@ -180,19 +180,19 @@ def test_a_fish_of_one_link_is_refused(tmp_path: Path) -> None:
     head = PIKE[: PIKE.index("[[links]]", PIKE.index("[[links]]") + 1)]
     path.write_text(head + PIKE[PIKE.index("# Outline") :], encoding="utf-8")
     with pytest.raises(InputError, match="links: expected at least 2 entries, found 1"):
-        load(path)
+        load_fish(path)
 
 
 def test_an_unknown_fish_is_refused_with_the_shipped_ones_and_the_way_to_give_a_file() -> None:
     with pytest.raises(UnknownNameError, match=r"'salmon'; known: .*pike.*; or give the path of a fish TOML"):
-        load("salmon")
+        load_fish("salmon")
 
 
 def test_a_missing_file_is_refused_by_its_path(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"salmon\.toml: no such fish file; shipped fish: .*pike"):
-        load(tmp_path / "salmon.toml")
+        load_fish(tmp_path / "salmon.toml")
     with pytest.raises(InputError, match="no such fish file"):
-        load(tmp_path)
+        load_fish(tmp_path)
 
 
 def test_values_change_by_name_within_their_bounds(pike: Fish) -> None:
@@ -227,5 +227,5 @@ def test_bounds_of_a_dataset_replace_those_of_the_fish(pike: Fish) -> None:
 def test_the_shipped_files_are_found_without_listing_anything_else() -> None:
     for name, path in shipped().items():
         assert path.name == f"{name}.toml"
-        assert path.parent == Path(fishes.__file__).parent / "fishes"
+        assert path.parent == Path(mjfish.__file__).parent / "fishes"
     assert "pike" in shipped()

@@ -12,7 +12,7 @@ import pytest
 from mjfish import fish as fishes
 from mjfish import fish_toml
 from mjfish.errors import InputError
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import COEFFICIENTS, Fish, load_fish
 
 
 def _odd(fish: Fish, seed: int = 5) -> Fish:
@@ -28,11 +28,11 @@ def _odd(fish: Fish, seed: int = 5) -> Fish:
 @pytest.mark.parametrize("name", sorted(fishes.shipped()))
 def test_a_written_fish_is_read_back_to_the_last_bit(name: str, tmp_path: Path) -> None:
     """Catches a rounded number, a lost start or bound, a missing [cpg] written as something."""
-    fish = _odd(fishes.load(name)).model_copy(update={"munk_moment": 0.1 + 0.2, "about": 'a "b"\n\\ c # Ä'})
+    fish = _odd(load_fish(name)).model_copy(update={"munk_moment": 0.1 + 0.2, "about": 'a "b"\n\\ c # Ä'})
     fish_toml.write(tmp_path / "mine.toml", fish)
-    back = fishes.load(tmp_path / "mine.toml")
+    back = load_fish(tmp_path / "mine.toml")
     assert back == fish
-    assert back.values == fish.values != fishes.load(name).values
+    assert back.values == fish.values != load_fish(name).values
     assert [(p.start, p.low, p.high) for p in back.parameters] == [(p.start, p.low, p.high) for p in fish.parameters]
     assert list(tmp_path.iterdir()) == [tmp_path / "mine.toml"]
 
@@ -42,7 +42,7 @@ def test_comments_stand_at_the_top_and_change_nothing(pike: Fish, tmp_path: Path
     fish_toml.write(tmp_path / "mine.toml", pike, ["from 'pool'\nname = 7", "bell \a and \x7f", ""])
     text = (tmp_path / "mine.toml").read_text(encoding="utf-8")
     assert text.splitlines()[:5] == ["# from 'pool'", "# name = 7", "# bell   and", "schema = 1", 'name = "pike"']
-    assert fishes.load(tmp_path / "mine.toml") == pike
+    assert load_fish(tmp_path / "mine.toml") == pike
     assert tomllib.loads(text)["name"] == "pike"
 
 

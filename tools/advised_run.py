@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from mjfish import fish as fishes
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.design import Menu, Run
@@ -25,7 +24,7 @@ from mjfish.design.separation import distances
 from mjfish.drive import modes
 from mjfish.effects import Effect, find
 from mjfish.estimation import fit
-from mjfish.fish import COEFFICIENTS
+from mjfish.fish import COEFFICIENTS, load_fish
 from mjfish.model import Model
 
 #: Pairs of rivals and a size of each that is neither small nor large.
@@ -78,7 +77,7 @@ def case(seed: int) -> Outcome | None:
     names = list(PAIRS)[seed % len(PAIRS)]
     which = int(rng.integers(2))
     truth_name, rival_name = names[which], names[1 - which]
-    fish = fishes.load("pike")
+    fish = load_fish("pike")
     model = Model(fish, (find(truth_name),), step=0.005)
     drawn = {name: float(np.exp(rng.uniform(*np.log(_RANGES[name[:3]])))) for name in COEFFICIENTS}
     truth = model.values({**drawn, **PAIRS[names][which]})

@@ -27,10 +27,10 @@ from judged.answers import Task, judged, run  # noqa: E402
 from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
 
-from mjfish import fish  # noqa: E402
 from mjfish.diagnosis import diagnose  # noqa: E402
 from mjfish.effects import find  # noqa: E402
-from mjfish.simulation.generate import plant  # noqa: E402
+from mjfish.fish import load_fish  # noqa: E402
+from mjfish.simulation.synthetic import generate  # noqa: E402
 
 OUT = Path("out/battery")
 app = typer.Typer(add_completion=False, no_args_is_help=True)
@@ -102,8 +102,8 @@ def page(
 def cost() -> None:
     """Time a diagnosis of eight trials of 10.4 s with a hidden lag, once compiled, on as many threads as cores."""
     lag = find("servo_lag")
-    planted = plant(
-        fish.load("pike"),
+    planted = generate(
+        load_fish("pike"),
         ["v1", "v3", "v5", "v7", "v1-v5", "v5-v1", "v1-t1", "v3-t2"],
         values={"servo_lag.time_constant": 0.03},
         effects=[lag],

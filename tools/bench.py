@@ -23,14 +23,14 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from mjfish import fish as fishes
 from mjfish import ode
 from mjfish.drive import cpg, modes
+from mjfish.fish import load_fish
 
 
 def ode_vs_solve_ivp() -> Comparison:
     """10.4 s of mode v1: compiled, step 5 ms, CPG included, against plain NumPy in scipy; same trajectories."""
-    fish = fishes.load("pike")
+    fish = load_fish("pike")
     segments = modes.drive("v1")
     at = np.linspace(0.0, modes.DURATION, 521)
     plain = PlainModel(fish, segments[0].omega)

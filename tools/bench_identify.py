@@ -18,20 +18,19 @@ from numpy.typing import NDArray
 from plain_model import PlainModel
 from scipy import optimize
 
-from mjfish import fish as fishes
 from mjfish import frames
 from mjfish.data import Trial
 from mjfish.drive import cpg, modes
 from mjfish.estimation import Noise, Problem, fit
-from mjfish.fish import COEFFICIENTS
+from mjfish.fish import COEFFICIENTS, load_fish
 from mjfish.model import Model
 from mjfish.mujoco import StripFluid, planar, prescribed
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 FloatArray = NDArray[np.float64]
 TimeSeries = sysid.TimeSeries
 
-_PIKE = fishes.load("pike")
+_PIKE = load_fish("pike")
 _SIGMA = np.array([0.01, 0.01, 0.05])
 #: Inside the bounds of Table III, away from its start values: c_m, c_d, c_f of head, body, tail.
 _TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012), strict=True))
@@ -48,7 +47,7 @@ _RTOL = 1e-5
 
 def posed(names: Sequence[str], duration: float) -> Problem:
     """Return the fit of planted trials, one a mode, on one thread."""
-    planted = plant(_PIKE, names, values=_TRUTH, noise=_SIGMA, rate=_RATE, duration=duration, seed=1)
+    planted = generate(_PIKE, names, values=_TRUTH, noise=_SIGMA, rate=_RATE, duration=duration, seed=1)
     return Problem(Model(_PIKE), planted.trials, Noise.white(_SIGMA), jobs=1)
 
 

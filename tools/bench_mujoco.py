@@ -14,11 +14,11 @@ import mujoco.rollout
 import numpy as np
 from comparison import Comparison, Side
 
-from mjfish import fish as fishes
 from mjfish.drive import cpg, modes
+from mjfish.fish import load_fish
 from mjfish.mujoco import StripFluid, planar, reference
 
-_PIKE = fishes.load("pike")
+_PIKE = load_fish("pike")
 _COMMAND = cpg.joint_motion(_PIKE.cpg, modes.drive("v1"), 10.0, 0.01).angle[:, 0]
 
 

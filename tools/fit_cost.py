@@ -20,12 +20,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mjfish import fish as fishes
 from mjfish.drive import modes
 from mjfish.estimation import Noise, Problem, fit
-from mjfish.fish import COEFFICIENTS
+from mjfish.fish import COEFFICIENTS, load_fish
 from mjfish.model import Model, Prediction, Prepared
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 _SIGMA = np.array([0.01, 0.01, 0.05])
 #: Inside the bounds of Table III, away from its start values: c_m, c_d, c_f of head, body, tail.
@@ -80,8 +79,8 @@ class CountedModel(Model):
 def fitted(trials: int, free: int, duration: float = modes.DURATION) -> Cost:
     """Fit `free` coefficients to `trials` planted trials, the modes in turn, in this process."""
     names = [modes.MODES[k % len(modes.MODES)] for k in range(trials)]
-    fish = fishes.load("pike")
-    planted = plant(fish, names, values=_TRUTH, noise=_SIGMA, duration=duration, seed=1)
+    fish = load_fish("pike")
+    planted = generate(fish, names, values=_TRUTH, noise=_SIGMA, duration=duration, seed=1)
     fixed = {name: _TRUTH[name] for name in _ORDER[free:]}
     problem = Problem(CountedModel(fish), planted.trials, Noise.white(_SIGMA), fixed=fixed, jobs=1)
     problem.residual(problem.start())  # compiles, as does the next

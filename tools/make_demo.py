@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish import fish
 from mjfish.arrays import readonly
 from mjfish.data import save
 from mjfish.effects import find
-from mjfish.simulation.generate import plant
+from mjfish.fish import load_fish
+from mjfish.simulation.synthetic import generate
 
 FOLDER = Path(__file__).parents[1] / "mjfish" / "demo"
 TRUTH = {
@@ -34,8 +34,8 @@ TRUTH = {
 
 def main() -> None:
     """Plant the demo."""
-    dataset = plant(
-        fish.load("pike"),
+    dataset = generate(
+        load_fish("pike"),
         ["v1", "v5", "v1-v5", "v3-t1", "v7", "v1-t2"],
         values=TRUTH,
         effects=[find("tail_compliance")],

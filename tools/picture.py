@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.data import load
+from mjfish.data import load_dataset
 from mjfish.diagnosis import Diagnosis, Overlay, diagnose
 from mjfish.files import write_text
 from mjfish.frames import CHANNELS, UNITS
@@ -193,7 +193,7 @@ def main() -> None:
     parser.add_argument("dataset", type=Path, help="folder with dataset.toml")
     parser.add_argument("--out", type=Path, default=Path("docs/images/before-after.svg"), help="file to write")
     given = parser.parse_args()
-    write_text(given.out, picture(diagnose(load(given.dataset))))
+    write_text(given.out, picture(diagnose(load_dataset(given.dataset))))
 
 
 if __name__ == "__main__":

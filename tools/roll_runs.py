@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish import fish as fishes
 from mjfish import mujoco as sim
 from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion, grid
+from mjfish.fish import load_fish
 from mjfish.frames import CHANNELS
 
-PIKE = fishes.load("pike")
+PIKE = load_fish("pike")
 STEP = 0.001
 OMEGAS = (18.0, 22.0, 26.0, 30.0)
 BIASES = {"straight": modes.drive("v1")[0].bias, "t1": modes.drive("v1-t1")[1].bias, "t2": modes.drive("v1-t2")[1].bias}

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from mjfish.cli import console, paper
 from mjfish.comparison import Comparison, Shift, TrialComparison, compare
-from mjfish.data import load
+from mjfish.data import load_dataset
 from mjfish.data.table import check_suffix
 from mjfish.errors import InputError
 from mjfish.estimation.agreement import Agreement
@@ -74,7 +74,7 @@ def compare_(
     if dataset is None or not against:
         missing = "argument 'DATASET'" if dataset is None else "option '--against'"
         raise InputError(f"Missing {missing}; give it, or --paper to compare with the paper's Table IV")
-    result = compare(load(dataset), against, bound=bound)
+    result = compare(load_dataset(dataset), against, bound=bound)
     _show(result)
     if json_ is not None:
         write_json(json_, result.to_dict())

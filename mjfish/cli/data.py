@@ -10,14 +10,14 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from mjfish import fish as fishes
 from mjfish.cli import console
 from mjfish.data import check_folder, save
 from mjfish.data.importers import HEADERS, IMPORTERS, import_files
 from mjfish.drive import modes as table_iv
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError
-from mjfish.simulation.generate import plant
+from mjfish.fish import load_fish
+from mjfish.simulation import synthetic
 
 
 def register(app: typer.Typer) -> None:
@@ -44,8 +44,8 @@ def generate(
     """Plant a dataset: simulated swimming with known coefficients, noise, and effects hidden in it."""
     hidden, values = _hidden(effect or [], catalogue(tuple(effects or ())))
     check_folder(out)
-    dataset = plant(
-        fishes.load(fish),
+    dataset = synthetic.generate(
+        load_fish(fish),
         [mode.strip() for mode in modes.split(",")],
         values={**console.assignments(set_ or [], "--set"), **values},
         effects=hidden,

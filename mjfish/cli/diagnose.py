@@ -11,7 +11,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from mjfish.cli import console, narrate
-from mjfish.data import Dataset, load
+from mjfish.data import Dataset, load_dataset
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
@@ -48,7 +48,7 @@ def diagnose_(
             check_file(file)
     if extended_ is not None and extended_.suffix != ".toml":
         raise InputError(f"--extended: {extended_} ends in '{extended_.suffix}', expected .toml; rename it")
-    result = _run(load(dataset), known, seed, jobs)
+    result = _run(load_dataset(dataset), known, seed, jobs)
     _write(result, json_, report, rrd, extended_)
     narrate.diagnosis(result, known)
     _leave(result)
@@ -61,7 +61,7 @@ def demo(
 ) -> None:
     """Run the main job on a shipped dataset with a hidden effect."""
     check_folder(out)
-    result = _run(load(DEMO), catalogue(), 0, None)
+    result = _run(load_dataset(DEMO), catalogue(), 0, None)
     make_folder(out)
     _write(result, *(out / name for name in ("diagnosis.json", "report.html", "fish.rrd", "extended.toml")))
     narrate.diagnosis(result, catalogue())

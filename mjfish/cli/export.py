@@ -9,10 +9,10 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from mjfish import fish as fishes
 from mjfish import fish_toml
 from mjfish.cli import console
 from mjfish.errors import InputError
+from mjfish.fish import load_fish
 
 
 def register(app: typer.Typer) -> None:
@@ -27,7 +27,7 @@ def export(
     free: Annotated[bool, typer.Option("--free", help="Free to roll, pitch and sink; .xml only.")] = False,
 ) -> None:
     """Write a fish as an MJCF with its water, which MuJoCo loads (mjfish.StripFluid lets it act), or as a TOML."""
-    body = fishes.load(fish).with_values(console.assignments(set_ or [], "--set"))
+    body = load_fish(fish).with_values(console.assignments(set_ or [], "--set"))
     comments = [f"The fish {body.name}, written by mjfish {version('mjfish')}.", body.about]
     if out.suffix == ".toml":
         if free:

@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from mjfish import fish_toml
 from mjfish.cli import console, identified
-from mjfish.data import load
+from mjfish.data import load_dataset
 from mjfish.data.table import check_suffix
 from mjfish.diagnosis.progress import Progress
 from mjfish.errors import InputError, UnknownNameError
@@ -66,7 +66,7 @@ def identify_(
         starts=starts,
         seed=seed,
     )
-    measured = load(dataset)
+    measured = load_dataset(dataset)
     known = [p.name for p in pose(measured, settings).parameters]
     for name in profiled or []:
         if name not in known:

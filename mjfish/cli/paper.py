@@ -9,7 +9,6 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from mjfish import fish as fishes
 from mjfish.cli import console
 from mjfish.comparison.paper import PaperComparison, compare_paper
 from mjfish.comparison.paper.misfit import Fitted
@@ -18,6 +17,7 @@ from mjfish.comparison.paper.reasons import Reason
 from mjfish.comparison.paper.words import removed, sentences
 from mjfish.estimation.rows import write_rows
 from mjfish.files import write_json
+from mjfish.fish import load_fish
 from mjfish.frames import CHANNELS, UNITS
 
 _NONE = "–"
@@ -27,7 +27,7 @@ def run(fish: str, *, fit: bool, seed: int, jobs: int | None, json: Path | None,
     """Compare, show and write."""
     with console.progress_bar() as tell:
         found = compare_paper(
-            fishes.load(fish), fit=fit, seed=seed, jobs=jobs, tell=lambda done: tell("fitting ranges", done)
+            load_fish(fish), fit=fit, seed=seed, jobs=jobs, tell=lambda done: tell("fitting ranges", done)
         )
     console.out.print(_ranges(found))
     units = ", ".join(f"{UNITS[channel]} ({channel})" for channel in CHANNELS)

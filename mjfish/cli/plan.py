@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from mjfish.cli import console
-from mjfish.data import load
+from mjfish.data import load_dataset
 from mjfish.design import Menu, Option, Plan, Question, advise, generate, skeleton
 from mjfish.design import plan as planned
 from mjfish.design.question import of_file
@@ -52,7 +52,7 @@ def plan(
         check_file(json_)
     if generate_ is not None:
         skeleton.check_folder(generate_)
-    measured = load(dataset)
+    measured = load_dataset(dataset)
     question = _question(diagnosis, rivals, causes, measured.name)
     with console.progress_bar() as tell:
         if question is None:

@@ -1,8 +1,19 @@
 """Measured swimming: trials, datasets of them, and the files they live in."""
 
-from mjfish.data.read import load
+from mjfish.data.read import load_dataset
 from mjfish.data.table import read_table, write_table
 from mjfish.data.types import Clock, Dataset, Role, Tank, Trial
 from mjfish.data.write import check_folder, save
 
-__all__ = ["Clock", "Dataset", "Role", "Tank", "Trial", "check_folder", "load", "read_table", "save", "write_table"]
+__all__ = [
+    "Clock",
+    "Dataset",
+    "Role",
+    "Tank",
+    "Trial",
+    "check_folder",
+    "load_dataset",
+    "read_table",
+    "save",
+    "write_table",
+]

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish import fish as fishes
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import check, columns, errors, place, schema
@@ -18,11 +17,11 @@ from mjfish.data.types import Dataset, Tank, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.frames import CHANNELS
 
 
-def load(path: str | Path) -> Dataset:
+def load_dataset(path: str | Path) -> Dataset:
     """Read a dataset and validate every number of it.
 
     Args:
@@ -168,7 +167,7 @@ def _check_one_drive(driven: bool, joints: FloatArray | None, fish: Fish, source
 def _fish(name: str, file: Path) -> Fish:
     with place.named(f"{file}: fish"):
         try:
-            return fishes.load(name, relative_to=file.parent)
+            return load_fish(name, relative_to=file.parent)
         except OSError as error:
             raise InputError(f"'{name}' cannot be read: {error}; correct the path") from None
 

@@ -18,7 +18,7 @@ from mjfish.data.schema import Bounds, DatasetTable
 from mjfish.data.table import check_finite, write_table
 from mjfish.data.types import Dataset, Trial
 from mjfish.errors import InputError, MjfishError
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.frames import CHANNELS
 
 #: First line of every dataset.toml written here: a folder with it may be overwritten, one made by hand may not.
@@ -126,7 +126,7 @@ def _wave(trial: Trial) -> dict[str, Any]:
 def _fish_entry(fish: Fish) -> tuple[str, dict[str, dict[str, float]]]:
     """Return a shipped fish's name and what ``[start]`` must say to make it this one, or the name of a fish file."""
     if fish.name in fishes.shipped():
-        shipped = fishes.load(fish.name)
+        shipped = load_fish(fish.name)
         start = {}
         for old, new in zip(shipped.parameters, fish.parameters, strict=True):
             bounds = {

@@ -21,6 +21,7 @@ from mjfish.design.result import Plan
 from mjfish.drive import cpg as hopf
 from mjfish.errors import InputError
 from mjfish.files import check_folder as check_place
+from mjfish.fish import load_fish
 from mjfish.frames import CHANNELS
 from mjfish.ode.rollout import STEP
 
@@ -106,7 +107,7 @@ def _unbound(dataset: Dataset) -> fishes.Fish:
     """Return the fish as its own file has it, without the dataset's ``[start]``."""
     assert dataset.source is not None  # noqa: S101 - checked by the caller
     raw = tomllib.loads(dataset.source.read_text(encoding="utf-8"))
-    return fishes.load(raw["fish"], relative_to=dataset.source.parent)
+    return load_fish(raw["fish"], relative_to=dataset.source.parent)
 
 
 def _command(dataset: Dataset, run: Run) -> dict[str, Any]:

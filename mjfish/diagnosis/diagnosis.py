@@ -77,7 +77,7 @@ def _diagnosed(
         jobs=jobs or os.cpu_count() or 1,
     )
     check_enough(problem, dataset.name)
-    checked = checks.run(dataset, {effect.name: effect for effect in candidates})
+    checked = checks.inspect(dataset, {effect.name: effect for effect in candidates})
     findings, noise_remark = search(problem, applicable, stated, rng, progress)
     evidence, refitted = findings.evidence, findings.refits
     checked = checked.joined(checks.after(evidence.problem, evidence.fit, held))

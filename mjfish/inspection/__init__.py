@@ -1,10 +1,10 @@
-"""Checks of the data, before physics is blamed: `run` before any fit, `after` with the nominal fit.
+"""Checks of the data, before physics is blamed: `inspect` before any fit, `after` with the nominal fit.
 
 What they find is a `Finding`: its place, what was expected, a remedy, and the causes that such data cannot tell.
-Nothing here raises for bad data that `mjfish.data.load` accepts.
+Nothing here raises for bad data that `mjfish.data.load_dataset` accepts.
 """
 
-from mjfish.inspection.before import run
+from mjfish.inspection.before import inspect
 from mjfish.inspection.compatibility import Compatibility, Estimated, compatibility
 from mjfish.inspection.finding import EVERYTHING, Checks, Finding, Severity
 from mjfish.inspection.later import after
@@ -20,6 +20,6 @@ __all__ = [
     "Severity",
     "after",
     "compatibility",
+    "inspect",
     "noise_from_repeats",
-    "run",
 ]

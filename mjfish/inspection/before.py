@@ -24,11 +24,11 @@ from mjfish.inspection.stuck import stuck
 from mjfish.model import Model
 
 
-def run(dataset: Dataset, effects: Mapping[str, Effect] | None = None) -> Checks:
+def inspect(dataset: Dataset, effects: Mapping[str, Effect] | None = None) -> Checks:
     """Check a dataset before anything is fitted to it.
 
     Args:
-        dataset: any that `mjfish.data.load` accepts.
+        dataset: any that `mjfish.data.load_dataset` accepts.
         effects: causes that may be asked for, by name; None: the shipped catalogue. What the design of the dataset
             cannot tell apart is read from their fingerprints.
     """

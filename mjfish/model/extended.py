@@ -100,7 +100,7 @@ def load(name_or_path: str | Path, files: Sequence[Path] = (), given: Mapping[st
     """Load a shipped fish by name, or a fish TOML, which may be extended by effects in tables ``[effects.NAME]``.
 
     Args:
-        name_or_path: as `mjfish.fish.load` takes it.
+        name_or_path: as `mjfish.fish.load_fish` takes it.
         files: with causes of the user's own.
         given: coefficients and parameters of its effects by full name, that replace those of the file.
 

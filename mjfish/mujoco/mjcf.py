@@ -13,7 +13,7 @@ import numpy as np
 
 from mjfish import fish as fishes
 from mjfish.errors import UnknownNameError
-from mjfish.fish import COEFFICIENTS, KINDS, Fish, Link, Servo
+from mjfish.fish import COEFFICIENTS, KINDS, Fish, Link, Servo, load_fish
 from mjfish.hydro.outline import LinkOutline, outlines
 from mjfish.mujoco.strip_link import StripLink
 
@@ -52,7 +52,7 @@ def written(fish: Fish, kind: Literal["planar", "free"]) -> mujoco.MjSpec | None
 
 def hand_written(fish: Fish, kind: Literal["planar", "free"]) -> str | None:
     """Return the text of that MJCF, else None."""
-    if fish.tail_compliance > 0.0 or fish.name not in fishes.shipped() or _body(fish) != _body(fishes.load(fish.name)):
+    if fish.tail_compliance > 0.0 or fish.name not in fishes.shipped() or _body(fish) != _body(load_fish(fish.name)):
         return None
     try:
         return xml(f"{fish.name}_{kind}.xml").read_text(encoding="utf-8")

@@ -2,5 +2,18 @@
 
 from mjfish.simulation.engines import CASES, ENGINES, Case, Row, check_all
 from mjfish.simulation.realised import BOUND, CrossCheck, Level, check, cpg_of
+from mjfish.simulation.synthetic import generate
 
-__all__ = ["BOUND", "CASES", "ENGINES", "Case", "CrossCheck", "Level", "Row", "check", "check_all", "cpg_of"]
+__all__ = [
+    "BOUND",
+    "CASES",
+    "ENGINES",
+    "Case",
+    "CrossCheck",
+    "Level",
+    "Row",
+    "check",
+    "check_all",
+    "cpg_of",
+    "generate",
+]

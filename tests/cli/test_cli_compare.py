@@ -11,17 +11,17 @@ import pyarrow.csv
 import pytest
 from command_line import Run
 
-from mjfish import fish as fishes
 from mjfish.cli import compare as comparing
 from mjfish.data import save
-from mjfish.simulation.generate import plant
+from mjfish.fish import load_fish
+from mjfish.simulation.synthetic import generate
 
 
 @pytest.fixture
 def pool(tmp_path: Path) -> Path:
     """A small dataset in the working folder."""
     noise = np.array([0.01, 0.01, 0.05])
-    save(plant(fishes.load("pike"), ["v1", "v3"], noise=noise, duration=4.2, name="pool [/]"), tmp_path / "pool")
+    save(generate(load_fish("pike"), ["v1", "v3"], noise=noise, duration=4.2, name="pool [/]"), tmp_path / "pool")
     return tmp_path / "pool"
 
 

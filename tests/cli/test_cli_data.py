@@ -10,9 +10,9 @@ import pytest
 from command_line import Run
 
 from mjfish.cli import data
-from mjfish.data import load
+from mjfish.data import load_dataset
 from mjfish.drive import modes
-from mjfish.simulation import generate as planting
+from mjfish.simulation import synthetic as planting
 
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
 SHORT = "generate --modes v1,v3 --duration 1"
@@ -23,7 +23,7 @@ def test_a_planted_dataset_can_be_read_back(run: Run, tmp_path: Path) -> None:
         "generate --modes v1,v3,v1 --duration 1.5 --rate 40 --noise 0.01,0.02,0.03 --seed 7 --out sets/a"
     ).stdout
     assert "dataset.toml with 3 trials" in shown
-    dataset = load(tmp_path / "sets" / "a")
+    dataset = load_dataset(tmp_path / "sets" / "a")
     assert (dataset.name, dataset.fish.name) == ("a", "pike")
     assert [trial.name for trial in dataset.trials] == ["v1", "v3", "v1.2"]
     assert dataset.trials[1].drive == modes.drive("v3")
@@ -33,13 +33,13 @@ def test_a_planted_dataset_can_be_read_back(run: Run, tmp_path: Path) -> None:
 
 def test_the_modes_by_default_are_four_whole_runs(run: Run, tmp_path: Path) -> None:
     run("generate --seed 1 --out a")
-    trials = load(tmp_path / "a").trials
+    trials = load_dataset(tmp_path / "a").trials
     assert [trial.name for trial in trials] == ["v1", "v3", "v5-v1", "v1-t2"]
     assert trials[0].time[-1] == pytest.approx(10.4)
 
 
 def _surge(folder: Path) -> np.ndarray:
-    return load(folder).trials[0].velocity[:, 0]
+    return load_dataset(folder).trials[0].velocity[:, 0]
 
 
 def test_the_seed_is_that_of_the_noise(run: Run, tmp_path: Path) -> None:
@@ -68,13 +68,13 @@ def test_effects_and_coefficients_are_hidden_in_it_and_not_said(run: Run, tmp_pa
 
 def test_held_out_trials_are_marked(run: Run, tmp_path: Path) -> None:
     run(f"{SHORT} --held-out v3 --out a")
-    assert [trial.role for trial in load(tmp_path / "a").trials] == ["fit", "held_out"]
+    assert [trial.role for trial in load_dataset(tmp_path / "a").trials] == ["fit", "held_out"]
 
 
 def test_an_older_planted_dataset_is_replaced(run: Run, tmp_path: Path) -> None:
     run(f"{SHORT} --out a")
     run("generate --modes v5 --duration 1 --out a")
-    assert [trial.name for trial in load(tmp_path / "a").trials] == ["v5"]
+    assert [trial.name for trial in load_dataset(tmp_path / "a").trials] == ["v5"]
     assert sorted(file.name for file in (tmp_path / "a").iterdir()) == ["dataset.toml", "v5.csv"]
 
 
@@ -159,7 +159,7 @@ def _named(fishsim: Path, part: str) -> Path:
 @pytest.mark.real
 def test_measured_markers_become_a_dataset_and_what_was_kept_is_said(run: Run, fishsim: Path, tmp_path: Path) -> None:
     shown = run(f"import fishsim {_named(fishsim, 'f1_00')} --out a").stdout
-    dataset = load(tmp_path / "a")
+    dataset = load_dataset(tmp_path / "a")
     assert dataset.fish.joints == 5
     assert all(trial.joint_angle is not None for trial in dataset.trials)
     assert "what was kept" in shown

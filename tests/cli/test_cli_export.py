@@ -10,7 +10,7 @@ import pytest
 from command_line import Run
 
 import mjfish
-from mjfish import fish as fishes
+from mjfish.fish import load_fish
 
 
 @pytest.mark.parametrize(("option", "dofs"), [("", 7), ("--free", 10)])
@@ -27,9 +27,9 @@ def test_an_exported_fish_is_loaded_by_mujoco_with_its_water(run: Run, tmp_path:
 
 def test_a_fish_goes_through_toml_and_back(run: Run, tmp_path: Path) -> None:
     run("export pike mine.toml --set c_d.tail=1.25")
-    assert fishes.load(tmp_path / "mine.toml") == fishes.load("pike").with_values({"c_d.tail": 1.25})
+    assert load_fish(tmp_path / "mine.toml") == load_fish("pike").with_values({"c_d.tail": 1.25})
     run("export mine.toml again.toml")
-    assert fishes.load(tmp_path / "again.toml") == fishes.load(tmp_path / "mine.toml")
+    assert load_fish(tmp_path / "again.toml") == load_fish(tmp_path / "mine.toml")
 
 
 def test_misuse_is_refused_and_nothing_written(refuse: Callable[[str], str]) -> None:

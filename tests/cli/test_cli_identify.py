@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from command_line import Run
 
-from mjfish import fish as fishes
 from mjfish.cli import diagnose as diagnosing
 from mjfish.cli import identify as identifying
 from mjfish.data import save
-from mjfish.fish import COEFFICIENTS
-from mjfish.simulation.generate import plant
+from mjfish.fish import COEFFICIENTS, load_fish
+from mjfish.simulation.synthetic import generate
 
 TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012), strict=True))
 
@@ -24,8 +23,8 @@ TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012
 def pool(tmp_path: Path) -> Path:
     """A small dataset in the working folder."""
     sigma = np.array([0.01, 0.01, 0.05])
-    dataset = plant(
-        fishes.load("pike"), ["v1", "v5", "v3"], values=TRUTH, noise=sigma, duration=2.0, seed=3, held_out=["v3"],
+    dataset = generate(
+        load_fish("pike"), ["v1", "v5", "v3"], values=TRUTH, noise=sigma, duration=2.0, seed=3, held_out=["v3"],
         name="pool [/]",
     )  # fmt: skip
     save(dataset, tmp_path / "pool")
@@ -69,7 +68,7 @@ def test_everything_that_can_be_written_is(run: Run, pool: Path, tmp_path: Path)
     assert {path.name for path in (tmp_path / "figures").iterdir()} == {
         "simulated.html", "autocorrelation.html", "cross_correlation.html", "profiles.html",
     }  # fmt: skip
-    mine = fishes.load(tmp_path / "mine.toml")
+    mine = load_fish(tmp_path / "mine.toml")
     assert mine.values["c_d.tail"] == told["parameters"]["c_d.tail"]["estimate"]
     assert mine.values["c_m.head"] == 0.4
     assert (tmp_path / "out.parquet").stat().st_size > 0

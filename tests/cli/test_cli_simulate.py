@@ -13,6 +13,7 @@ from mjfish import fish as fishes
 from mjfish import ode
 from mjfish.data import read_table
 from mjfish.drive import cpg, modes
+from mjfish.fish import load_fish
 
 COLUMNS = ["time", "surge", "sway", "yaw_rate", "x", "y", "yaw", "joint_1", "joint_2", "joint_3", "joint_4"]
 
@@ -32,7 +33,7 @@ def test_a_run_of_the_ode_is_written_as_table_and_log(run: Run, tmp_path: Path) 
     table = read_table(tmp_path / "runs" / "a" / "rollout.csv")
     assert list(table) == COLUMNS
     np.testing.assert_allclose(table["time"], np.arange(101) / 100)
-    pike = fishes.load("pike")
+    pike = load_fish("pike")
     motion = cpg.joint_motion(pike.cpg, modes.drive("v3"), 1.0, 0.001)
     state = ode.simulate(pike, motion).at(table["time"])
     np.testing.assert_allclose(np.column_stack([table[name] for name in COLUMNS[1:7]]), state[:, :6], atol=1e-12)

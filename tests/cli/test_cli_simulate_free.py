@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 from command_line import Run
 
-from mjfish import fish as fishes
 from mjfish import mujoco as sim
 from mjfish.data import read_table
 from mjfish.drive import cpg, modes
+from mjfish.fish import load_fish
 
 
 def test_a_free_run_has_roll_pitch_and_heave(run: Run, tmp_path: Path) -> None:
     """Catches columns under each other's names."""
     run("simulate --engine mujoco --free --duration 1 --out a")
     table = read_table(tmp_path / "a" / "rollout.csv")
-    pike = fishes.load("pike")
+    pike = load_fish("pike")
     there = sim.simulate(pike, cpg.joint_motion(pike.cpg, modes.drive("v1"), 1.0, 0.001), free=sim.Trim())
     for name, series in (("roll", there.roll), ("pitch", there.pitch), ("heave", there.heave)):
         np.testing.assert_allclose(table[name], np.interp(table["time"], there.time, series), rtol=0, atol=1e-9)

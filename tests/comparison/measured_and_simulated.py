@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish import fish as fishes
 from mjfish.arrays import FloatArray, readonly
-from mjfish.data import Dataset, columns, load, save, write_table
+from mjfish.data import Dataset, columns, load_dataset, save, write_table
+from mjfish.fish import load_fish
 from mjfish.frames import CHANNELS
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.01, 0.01, 0.05])
 
@@ -19,13 +19,13 @@ SIGMA = np.array([0.01, 0.01, 0.05])
 def measured(folder: Path, **changes: object) -> Dataset:
     """Plant two trials of four seconds, save them to a folder and load them from there."""
     arguments = {"noise": SIGMA, "duration": 4.2, "seed": 3, "name": "pool", **changes}
-    save(plant(fishes.load("pike"), ["v1", "v3"], **arguments), folder)  # type: ignore[arg-type]
-    return load(folder)
+    save(generate(load_fish("pike"), ["v1", "v3"], **arguments), folder)  # type: ignore[arg-type]
+    return load_dataset(folder)
 
 
 def clean(rate: float, duration: float = 4.2, lead: float = 0.0) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return times (n,) and velocities (n, 3) of the same trials without noise; `lead` is added to the times."""
-    truth = plant(fishes.load("pike"), ["v1", "v3"], rate=rate, duration=duration)
+    truth = generate(load_fish("pike"), ["v1", "v3"], rate=rate, duration=duration)
     return {trial.name: (trial.time + lead, np.array(trial.velocity)) for trial in truth.trials}
 
 

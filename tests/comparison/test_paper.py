@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pytest
 
-from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
 from mjfish.comparison.paper import compare_paper, study, words
 from mjfish.comparison.paper.causes import FinHeight, HeadInertia, PsiUnit, SoftStart
@@ -19,7 +18,7 @@ from mjfish.drive import modes
 from mjfish.drive.cpg import joint_motion
 from mjfish.effects import catalogue
 from mjfish.errors import InputError
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import COEFFICIENTS, Fish, load_fish
 from mjfish.model import Model
 
 #: Off the bounds of every coefficient.
@@ -188,7 +187,7 @@ def test_without_fits_the_table_stands_alone(pike: Fish) -> None:
 
 def test_a_fish_that_these_modes_cannot_drive_is_refused() -> None:
     with pytest.raises(InputError, match=r"a \[cpg\] of four joints"):
-        compare_paper(fishes.load("eth_tendon"), fit=False)
+        compare_paper(load_fish("eth_tendon"), fit=False)
 
 
 def test_a_fish_whose_own_numbers_diverge_is_refused_before_any_fit(

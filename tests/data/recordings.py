@@ -147,5 +147,5 @@ def same(a: Dataset, b: Dataset) -> bool:
 def refusal(folder: Path) -> str:
     """Return why a dataset is refused."""
     with pytest.raises(InputError) as caught:
-        trial.load(folder)
+        trial.load_dataset(folder)
     return str(caught.value)

@@ -27,7 +27,7 @@ def _dataset(fish: Fish, modes: int = 4) -> Dataset:
 def test_modes_come_back_from_files_to_the_last_bit(pike: Fish, tmp_path: Path) -> None:
     dataset = _dataset(pike)
     trials.save(dataset, tmp_path / "data")
-    again = trials.load(tmp_path / "data").trials[0].errors
+    again = trials.load_dataset(tmp_path / "data").trials[0].errors
     assert again is not None
     np.testing.assert_array_equal(again, dataset.trials[0].errors)
 
@@ -65,7 +65,7 @@ def test_a_table_of_other_modes_is_refused(pike: Fish, tmp_path: Path, change, s
     table = change(trials.read_table(path))
     trials.write_table(path, {trials.columns.header(name): column for name, column in table.items()})
     with pytest.raises(InputError, match=said):
-        trials.load(tmp_path / "data")
+        trials.load_dataset(tmp_path / "data")
 
 
 def test_principal_modes_have_the_covariance_of_the_errors() -> None:

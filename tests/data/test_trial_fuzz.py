@@ -67,7 +67,7 @@ def outcome(folder: Path) -> str:
     """Load the dataset; anything but a dataset and an error of mjfish that names the folder fails the test."""
     message = ""
     try:
-        for read in trial.load(folder).trials:
+        for read in trial.load_dataset(folder).trials:
             assert np.isfinite(read.velocity).all()
             assert (np.diff(read.time) > 0.0).all()
     except MjfishError as error:

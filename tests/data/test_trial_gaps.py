@@ -19,7 +19,7 @@ def _broken(text: str) -> str:
 
 
 def test_missing_rows_and_velocities_are_left_out_where_they_are_declared(tmp_path: Path) -> None:
-    one = trial.load(write_folder(tmp_path, toml=_GAPS, cpg=_broken(cpg_csv()))).trials[0]
+    one = trial.load_dataset(write_folder(tmp_path, toml=_GAPS, cpg=_broken(cpg_csv()))).trials[0]
     lost = {10, 11, 12, 19, 29}
     np.testing.assert_allclose(one.time, [k * STEP for k in range(ROWS) if k not in lost], atol=1e-12)
     assert one.gaps
@@ -27,9 +27,9 @@ def test_missing_rows_and_velocities_are_left_out_where_they_are_declared(tmp_pa
 
 
 def test_a_dataset_with_gaps_is_saved_and_read_again(tmp_path: Path) -> None:
-    first = trial.load(write_folder(tmp_path / "a", toml=_GAPS, cpg=_broken(cpg_csv())))
+    first = trial.load_dataset(write_folder(tmp_path / "a", toml=_GAPS, cpg=_broken(cpg_csv())))
     trial.save(first, tmp_path / "b")
-    again = trial.load(tmp_path / "b")
+    again = trial.load_dataset(tmp_path / "b")
     assert [one.gaps for one in again.trials] == [True, False]
     np.testing.assert_array_equal(again.trials[0].time, first.trials[0].time)
 

@@ -164,23 +164,23 @@ def test_refuses_in_the_table_of_a_measured_trial(case: str, tmp_path: Path) -> 
 def test_refuses_in_dataset_toml(case: str, tmp_path: Path) -> None:
     edit, expected = TOML_FILE[case]
     with pytest.raises(MjfishError) as caught:
-        trial.load(write_folder(tmp_path, toml=edit(TOML)))
+        trial.load_dataset(write_folder(tmp_path, toml=edit(TOML)))
     message = str(caught.value)
     assert [part for part in ("dataset.toml", *expected) if part not in message] == [], message
 
 
 def test_refuses_names_that_nothing_bears_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match=r"dataset\.toml: fish: unknown fish 'trout'; known: .*pike"):
-        trial.load(write_folder(tmp_path, toml=swap('"pike"', '"trout"')(TOML)))
+        trial.load_dataset(write_folder(tmp_path, toml=swap('"pike"', '"trout"')(TOML)))
     with pytest.raises(
         UnknownNameError, match=r"dataset\.toml: start: unknown coefficient 'c_x\.head'; known: c_d\.bo"
     ):
-        trial.load(write_folder(tmp_path, toml=swap("c_d.head", '"c_x.head"')(TOML)))
+        trial.load_dataset(write_folder(tmp_path, toml=swap("c_d.head", '"c_x.head"')(TOML)))
 
 
 def test_refuses_a_start_outside_its_bounds_as_a_parameter_error(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=r"dataset\.toml: start: c_d\.head: start 9 - is outside its bounds"):
-        trial.load(write_folder(tmp_path, toml=swap("c_d.head = 1.5", "c_d.head = 9")(TOML)))
+        trial.load_dataset(write_folder(tmp_path, toml=swap("c_d.head = 1.5", "c_d.head = 9")(TOML)))
 
 
 def test_refuses_a_folder_without_dataset_and_a_path_that_is_not_there(tmp_path: Path) -> None:

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from recordings import same
 
 from mjfish import data as trial
-from mjfish import fish as fishes
 from mjfish.data import Dataset, Trial
 from mjfish.drive.cpg import DriveSegment
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 biases = st.tuples(*[st.floats(-3.0, 3.0)] * 4)
@@ -51,7 +50,7 @@ def trials(draw: st.DrawFn, name: str) -> Trial:
 
 @st.composite
 def fish_of_datasets(draw: st.DrawFn) -> Fish:
-    fish = fishes.load("pike")
+    fish = load_fish("pike")
     if draw(st.booleans()):
         moved = {}
         for parameter in draw(st.lists(st.sampled_from(fish.parameters), max_size=3, unique_by=lambda p: p.name)):
@@ -93,7 +92,7 @@ def test_loading_what_was_saved_gives_back_every_bit(
 ) -> None:
     folder = tmp_path_factory.mktemp("saved") / "deep" / "dataset"
     file = trial.save(dataset, folder, suffix=suffix)
-    read = trial.load(folder)
+    read = trial.load_dataset(folder)
     assert same(read, dataset)
     assert read.source == file
     assert [entry.name for entry in folder.parent.iterdir()] == ["dataset"]

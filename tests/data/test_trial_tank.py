@@ -12,19 +12,19 @@ from mjfish import data as trials
 from mjfish.data import Dataset, Tank
 from mjfish.errors import InputError
 from mjfish.fish import Fish
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 TANK = Tank((-2.0, 30.0), (-3.0, 4.0))
 
 
 @pytest.fixture
 def swum(pike: Fish) -> Dataset:
-    return plant(pike, ["v1", "v3"], duration=0.5, tank=TANK, places=[(0.0, 0.0, 0.1), (1.0, -1.0, 0.0)])
+    return generate(pike, ["v1", "v3"], duration=0.5, tank=TANK, places=[(0.0, 0.0, 0.1), (1.0, -1.0, 0.0)])
 
 
 def test_a_tank_is_read_as_written(swum: Dataset, tmp_path: Path) -> None:
     file = trials.save(swum, tmp_path / "data")
-    read = trials.load(file)
+    read = trials.load_dataset(file)
     assert [trial.tank for trial in read.trials] == [TANK, TANK]
     for found, given in zip(read.trials, swum.trials, strict=True):
         assert found.pose is not None
@@ -62,7 +62,7 @@ def test_a_wrong_tank_is_refused(swum: Dataset, tmp_path: Path, tank: str, messa
     head, _, rest = body.partition("\n")
     file.write_text(f"{head}\n{tank}\n{rest}")
     with pytest.raises(InputError, match=message):
-        trials.load(file)
+        trials.load_dataset(file)
 
 
 def test_trials_of_two_tanks_are_not_one_dataset(swum: Dataset, tmp_path: Path) -> None:
@@ -74,6 +74,6 @@ def test_trials_of_two_tanks_are_not_one_dataset(swum: Dataset, tmp_path: Path) 
 
 def test_a_fish_cannot_be_planted_through_a_wall(pike: Fish) -> None:
     with pytest.raises(InputError, match="through a wall"):
-        plant(pike, ["v1"], duration=4.0, tank=Tank((-1.0, 0.2), (-1.0, 1.0)))
+        generate(pike, ["v1"], duration=4.0, tank=Tank((-1.0, 0.2), (-1.0, 1.0)))
     with pytest.raises(InputError, match="1 places for 2 trials"):
-        plant(pike, ["v1", "v3"], duration=1.0, places=[(0.0, 0.0, 0.0)])
+        generate(pike, ["v1", "v3"], duration=1.0, places=[(0.0, 0.0, 0.0)])

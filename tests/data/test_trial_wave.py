@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from mjfish import data as trial
-from mjfish import fish as fishes
 from mjfish import model
 from mjfish.data import Dataset, Trial
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
+from mjfish.fish import load_fish
 
 WAVE = Wave(0.9, (0.24, 0.21, 0.16, 0.10, 0.18), (0.0, -0.4, -0.8, -1.2, -1.6), (0.03,) * 5, ramp=0.5, free=True)
 
@@ -20,13 +20,13 @@ WAVE = Wave(0.9, (0.24, 0.21, 0.16, 0.10, 0.18), (0.0, -0.4, -0.8, -1.2, -1.6), 
 def _dataset(wave: Wave) -> Dataset:
     time = np.arange(101) / 50
     run = Trial("run", None, time, np.zeros((101, 3)), wave=wave)
-    return Dataset("waves", fishes.load("eth_tendon"), (run,))
+    return Dataset("waves", load_fish("eth_tendon"), (run,))
 
 
 def test_a_wave_reads_back(tmp_path: Path) -> None:
     file = trial.save(_dataset(WAVE), tmp_path / "out")
     assert "wave" in file.read_text()
-    assert trial.load(tmp_path / "out").trials[0].wave == WAVE
+    assert trial.load_dataset(tmp_path / "out").trials[0].wave == WAVE
 
 
 def test_a_table_written_by_hand_is_a_wave(tmp_path: Path) -> None:
@@ -36,7 +36,7 @@ def test_a_table_written_by_hand_is_a_wave(tmp_path: Path) -> None:
         head + '[[trials]]\nname = "run"\nfile = "run.csv"\n\n[trials.drive]\nkind = "wave"\nfrequency = 0.9\n'
         "amplitude = [0.24, 0.21, 0.16, 0.1, 0.18]\nphase = [0.0, -0.4, -0.8, -1.2, -1.6]\n"
     )
-    wave = trial.load(file).trials[0].wave
+    wave = trial.load_dataset(file).trials[0].wave
     assert wave == Wave(0.9, WAVE.amplitude, WAVE.phase, (0.0,) * 5)
 
 

@@ -20,7 +20,7 @@ from mjfish.fish import COEFFICIENTS
 @pytest.fixture
 def dataset(tmp_path: Path) -> Dataset:
     """The small dataset, read from a folder of its own."""
-    return trial.load(write_folder(tmp_path / "origin"))
+    return trial.load_dataset(write_folder(tmp_path / "origin"))
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -59,7 +59,7 @@ def test_a_changed_fish_goes_along(name: str, dataset: Dataset, tmp_path: Path) 
     changed = replace(dataset, fish=dataset.fish.with_values({name: 0.5 * (entry.low + entry.high)}))
     trial.save(changed, tmp_path / "out")
     assert sorted(content(tmp_path / "out")) == ["cpg.csv", "dataset.toml", "fish.toml", "measured.csv"]
-    assert same(trial.load(tmp_path / "out"), changed)
+    assert same(trial.load_dataset(tmp_path / "out"), changed)
 
 
 def test_saving_again_replaces_the_dataset_and_leaves_other_files_alone(dataset: Dataset, tmp_path: Path) -> None:
@@ -69,13 +69,13 @@ def test_saving_again_replaces_the_dataset_and_leaves_other_files_alone(dataset:
     smaller = replace(dataset, trials=dataset.trials[:1])
     trial.save(smaller, folder, suffix=".parquet")
     assert sorted(content(folder)) == ["cpg.parquet", "dataset.toml", "notes.txt"]
-    assert same(trial.load(folder), smaller)
+    assert same(trial.load_dataset(folder), smaller)
 
 
 def test_an_empty_folder_is_filled(dataset: Dataset, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     trial.save(dataset, tmp_path / "out")
-    assert same(trial.load(tmp_path / "out"), dataset)
+    assert same(trial.load_dataset(tmp_path / "out"), dataset)
 
 
 def _foreign(folder: Path) -> None:

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish import fish as fishes
 from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive import modes
 from mjfish.effects import find
+from mjfish.fish import load_fish
 from mjfish.model import Model
 
 DURATION = 4.0
@@ -20,7 +20,7 @@ SIGMA = (0.02, 0.02, 0.1)
 
 def swum(like: Trial, cause: str, sizes: dict[str, float]) -> Trial:
     """Swim a trial with a cause of given sizes."""
-    model = Model(fishes.load("pike"), (find(cause),))
+    model = Model(load_fish("pike"), (find(cause),))
     return replace(like, velocity=readonly(model.predict(like, model.values(sizes)).velocity))
 
 
@@ -30,4 +30,4 @@ def planted(cause: str, sizes: dict[str, float], mode_names: Sequence[str] = ("v
     still = readonly(np.zeros((len(time), 3)))
     blanks = [Trial(mode, "fit", time, still, modes.drive(mode)) for mode in mode_names]
     trials = tuple(swum(blank, cause, sizes) for blank in blanks)
-    return Dataset("planted", fishes.load("pike"), trials, noise=readonly(SIGMA))
+    return Dataset("planted", load_fish("pike"), trials, noise=readonly(SIGMA))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rivals_apart import DURATION, planted, swum
 
-from mjfish.data import Dataset, load, read_table, save, write_table
+from mjfish.data import Dataset, load_dataset, read_table, save, write_table
 from mjfish.design import Menu, Plan, Question, advise, generate
 from mjfish.design.fitted import baseline
 from mjfish.design.sums import Sums
@@ -90,16 +90,16 @@ def test_a_signature_that_a_refit_hides_whole_has_no_visible_size() -> None:
 
 def test_the_folder_is_a_dataset_once_its_run_is_measured(dataset: Dataset, plan: Plan, tmp_path: Path) -> None:
     """Old trials where they are, roles as they were; the new one with its drive, to be fitted."""
-    noted = load(save(dataset, tmp_path / "old").parent)
+    noted = load_dataset(save(dataset, tmp_path / "old").parent)
     file = generate(noted, plan, tmp_path / "deep" / "next")
     best = plan.runs[0].run
     assert best is not None
     with pytest.raises(InputError, match="no such file"):
-        load(file)
+        load_dataset(file)
     new = swum(best.trial, NAMES[0], TRUTH)
     columns = dict(zip(("surge [m/s]", "sway [m/s]", "yaw_rate [rad/s]"), new.velocity.T, strict=True))
     write_table(file.parent / f"{best.name}.csv", {"time [s]": new.time, **columns})
-    whole = load(file)
+    whole = load_dataset(file)
     assert [trial.name for trial in whole.trials] == ["v1", "v3", best.name]
     assert [trial.role for trial in whole.trials] == ["fit", "fit", "fit"]
     assert whole.trials[2].drive == best.trial.drive

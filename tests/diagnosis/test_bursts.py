@@ -12,7 +12,7 @@ from mjfish.data import Dataset
 from mjfish.diagnosis import diagnose
 from mjfish.diagnosis.bursts import burstiness, coincidence, stand_out
 from mjfish.fish import Fish
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 WIDTH = 10
 SIGMA = np.array([0.006, 0.006, 0.04])
@@ -47,7 +47,7 @@ def test_bursts_are_told_from_tails_and_from_channels_that_go_together(seed: int
 
 
 def _swum(pike: Fish, size: float) -> Dataset:
-    dataset = plant(pike, ["v1", "v3", "v5"], noise=SIGMA, duration=10.4, seed=11, held_out=[])
+    dataset = generate(pike, ["v1", "v3", "v5"], noise=SIGMA, duration=10.4, seed=11, held_out=[])
     trials = [
         replace(one, velocity=readonly(_jerked(one.velocity / SIGMA, range(40, 500, 77), size) * SIGMA))
         for one in dataset.trials

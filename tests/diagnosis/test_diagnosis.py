@@ -12,7 +12,7 @@ import pytest
 from planted_cases import coefficients, draw
 
 from mjfish.arrays import readonly
-from mjfish.data import load, save
+from mjfish.data import load_dataset, save
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.locate import FIFTHS, fifths
 from mjfish.diagnosis.provenance import provenance
@@ -23,7 +23,7 @@ from mjfish.errors import InputError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
 QUICK = {name: find(name) for name in ("time_offset", "servo_lag", "ambient_current")}
@@ -63,7 +63,7 @@ class FadingBattery(Effect):
 def _fading(pike: Fish) -> Any:
     truth = coefficients(np.random.default_rng(5)) | {"fading_battery.loss": 0.05}
     modes = ["v1", "v3-t2", "v5-v1", "v7"]
-    return plant(
+    return generate(
         pike,
         modes,
         values=truth,
@@ -159,7 +159,7 @@ def test_a_misfit_that_no_candidate_could_show_is_still_unexplained(named: Diagn
 
 def test_provenance_has_the_hash_of_every_input(named: Diagnosis, tmp_path: Path) -> None:
     save(named.dataset, tmp_path / "data")
-    read = load(tmp_path / "data")
+    read = load_dataset(tmp_path / "data")
     inputs = provenance(read, (), 0)["inputs"]
     assert set(inputs) == {"dataset.toml", *(f"{trial.name}.csv" for trial in read.trials)}
     before = dict(inputs)
@@ -170,7 +170,7 @@ def test_provenance_has_the_hash_of_every_input(named: Diagnosis, tmp_path: Path
 
 def test_provenance_tells_files_of_one_name_in_two_folders_apart(named: Diagnosis, tmp_path: Path) -> None:
     save(named.dataset, tmp_path)
-    read = load(tmp_path)
+    read = load_dataset(tmp_path)
     (tmp_path / "more").mkdir()
     moved = tmp_path / "more" / f"{read.trials[0].name}.csv"
     moved.write_text("t\n")
@@ -196,7 +196,7 @@ def test_noise_is_estimated_where_none_is_stated(named: Diagnosis) -> None:
 
 def test_noise_that_is_not_white_raises_no_alarm(pike: Fish) -> None:
     """A slow drift of the camera's velocity estimate is noise, though the dataset states it as white."""
-    dataset = plant(pike, ["v1", "v3", "v5", "v1-v5"], values=coefficients(np.random.default_rng(2)), seed=1)
+    dataset = generate(pike, ["v1", "v3", "v5", "v1-v5"], values=coefficients(np.random.default_rng(2)), seed=1)
     rng = np.random.default_rng(11)
     sigma = np.array([0.01, 0.01, 0.05])
 
@@ -236,7 +236,7 @@ def test_no_candidate_left_is_refused(named: Diagnosis) -> None:
 def test_data_without_noise_are_judged_by_the_effect_not_by_rounding(pike: Fish, effect: str | None) -> None:
     hidden = [] if effect is None else [find(effect)]
     truth = coefficients(np.random.default_rng(3)) | ({} if effect is None else {"munk_moment.kappa": 0.5})
-    dataset = plant(pike, ["v1", "v3", "v1-t2"], values=truth, effects=hidden, duration=7.0, held_out=["v3"])
+    dataset = generate(pike, ["v1", "v3", "v1-t2"], values=truth, effects=hidden, duration=7.0, held_out=["v3"])
     result = diagnose(dataset, effects={**QUICK, "munk_moment": find("munk_moment")}, jobs=1)
     if effect is None:
         assert result.verdict == "nothing_wrong", result.message

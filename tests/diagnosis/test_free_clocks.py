@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish import fish as fishes
 from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis import diagnose
 from mjfish.drive.wave import Wave
 from mjfish.effects import find
+from mjfish.fish import load_fish
 from mjfish.model import Model
 
-FISH = fishes.load("eth_tendon")
+FISH = load_fish("eth_tendon")
 SIGMA = np.array([0.002, 0.004, 0.03])
 START = np.array([0.08, 0.02, -0.3])
 HIDDEN = {"velocity_scale.error": 0.2}

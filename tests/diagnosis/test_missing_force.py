@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish import fish as fishes
 from mjfish.arrays import readonly
 from mjfish.diagnosis.force import missing_force, stretched
 from mjfish.estimation import Noise, Problem, fit
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 from mjfish.ode.linearised import growth
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.006, 0.006, 0.04])
 
@@ -22,7 +21,7 @@ SIGMA = np.array([0.006, 0.006, 0.04])
 @pytest.fixture(scope="module")
 def pike() -> Fish:
     """The shipped fish."""
-    return fishes.load("pike")
+    return load_fish("pike")
 
 
 def test_the_stretched_fish_has_its_mass_along_and_the_waters_too_across(pike: Fish) -> None:
@@ -40,7 +39,7 @@ def test_the_stretched_fish_has_its_mass_along_and_the_waters_too_across(pike: F
 def test_a_steady_push_across_comes_back_with_its_size_inside_its_band(pike: Fish) -> None:
     """A push of 0.2 m/s2 sideways from 3 s to 5 s: the deviation obeys the linearised equation."""
     rng = np.random.default_rng(4)
-    dataset = plant(pike, ["v1", "v5"], noise=np.full(3, 1e-9), duration=7.0, seed=2, held_out=[])
+    dataset = generate(pike, ["v1", "v5"], noise=np.full(3, 1e-9), duration=7.0, seed=2, held_out=[])
     problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
     one = fit(problem, tolerance=1e-6)
     pushed = []
@@ -66,7 +65,7 @@ def test_a_steady_push_across_comes_back_with_its_size_inside_its_band(pike: Fis
 
 def test_what_moves_the_fish_is_its_inertia_times_its_acceleration(pike: Fish) -> None:
     """Against differences of the simulated velocities. Catches measured, noisy ones that are differentiated."""
-    dataset = plant(pike, ["v1", "v5"], noise=SIGMA, duration=6.0, seed=2, held_out=[])
+    dataset = generate(pike, ["v1", "v5"], noise=SIGMA, duration=6.0, seed=2, held_out=[])
     problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
     one = fit(problem, tolerance=1e-6)
     inertia = stretched(pike, one.values)

@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from mjfish import fish as fishes
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnosis.evidence import signatures
 from mjfish.effects import find
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation import fit as fitted
 from mjfish.estimation.noise import estimate
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 from mjfish.noise.choice import noise_of
 from mjfish.noise.coloured import Coloured, grid
@@ -28,7 +27,7 @@ from mjfish.noise.edges import noisy_ends
 from mjfish.noise.forces import Pushed, pushed
 from mjfish.noise.saturated import Saturated, kept, likelihood, shapes, without
 from mjfish.noise.stepwise import Stepwise
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 SIGMA = readonly([0.01, 0.02, 0.05])
 STEP = 0.02
@@ -131,7 +130,7 @@ def test_the_log_determinant_is_that_of_the_filter(noise: Any) -> None:
 @pytest.fixture(scope="module")
 def swum(pike: Fish) -> tuple[Problem, Fit]:
     """A fit of two planted trials without noise, to hang noise on."""
-    dataset = plant(pike, ["v1", "v5"], noise=np.full(3, 1e-6), duration=6.0, seed=1, held_out=[])
+    dataset = generate(pike, ["v1", "v5"], noise=np.full(3, 1e-6), duration=6.0, seed=1, held_out=[])
     problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
     return problem, fitted(problem, tolerance=1e-4)
 
@@ -139,7 +138,7 @@ def swum(pike: Fish) -> tuple[Problem, Fit]:
 @pytest.fixture(scope="module")
 def pike() -> Fish:
     """The shipped fish."""
-    return fishes.load("pike")
+    return load_fish("pike")
 
 
 def test_drift_is_found_and_is_likelier_than_an_autoregression(swum: tuple[Problem, Fit]) -> None:
@@ -289,7 +288,7 @@ def test_trials_at_two_steps_have_a_noise_each(pike: Fish) -> None:
 
     Catches one autoregression, whose numbers count in samples, for both.
     """
-    dataset = plant(pike, ["v1", "v5"], noise=np.full(3, 1e-6), duration=8.0, seed=1, held_out=[])
+    dataset = generate(pike, ["v1", "v5"], noise=np.full(3, 1e-6), duration=8.0, seed=1, held_out=[])
     rng = np.random.default_rng(9)
     whole, thin = (
         replace(trial, velocity=readonly(trial.velocity + _coloured(rng, len(trial.time)))) for trial in dataset.trials

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish import fish
 from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.diagnosis.assemble import estimates
@@ -16,15 +15,16 @@ from mjfish.diagnosis.refit import refit
 from mjfish.drive import cpg
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
+from mjfish.fish import load_fish
 from mjfish.model import Model
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 SIGMA = readonly(np.array([0.006, 0.006, 0.04]))
 
 
 def _measured(trial: Trial) -> Trial:
     """Return the trial with its joint angles in place of its drive: it need not begin at rest."""
-    pike = fish.load("pike")
+    pike = load_fish("pike")
     motion = cpg.joint_motion(pike.cpg, trial.drive, float(trial.time[-1]) + 0.01, 0.005)
     return replace(trial, drive=(), joint_angle=readonly(motion.angle_at(trial.time)))
 
@@ -32,9 +32,9 @@ def _measured(trial: Trial) -> Trial:
 @pytest.mark.parametrize(("measured", "freedom"), [(False, 3), (True, 2)])
 def test_a_shape_that_the_data_do_not_feel_is_no_parameter(measured: bool, freedom: int) -> None:
     """Whether a fish was held in the current shows where it began at rest, and nowhere else."""
-    pike, current = fish.load("pike"), find("ambient_current")
+    pike, current = load_fish("pike"), find("ambient_current")
     values = {"ambient_current.x": 0.03, "ambient_current.y": -0.02, "ambient_current.held": 1.0}
-    dataset = plant(pike, ["v1-t2"], values=values, effects=[current], noise=SIGMA, duration=7.0, seed=3)
+    dataset = generate(pike, ["v1-t2"], values=values, effects=[current], noise=SIGMA, duration=7.0, seed=3)
     trials = tuple(map(_measured, dataset.trials)) if measured else dataset.trials
     problem = Problem(Model(pike), trials, Noise.white(SIGMA), jobs=1)
     one = refit(gather(problem, fit(problem), [current]), current)
@@ -43,9 +43,9 @@ def test_a_shape_that_the_data_do_not_feel_is_no_parameter(measured: bool, freed
 
 
 def test_a_shape_that_the_data_do_not_feel_has_its_default() -> None:
-    pike, current = fish.load("pike"), find("ambient_current")
+    pike, current = load_fish("pike"), find("ambient_current")
     values = {"ambient_current.x": 0.03, "ambient_current.y": -0.02}
-    dataset = plant(pike, ["v1-t2"], values=values, effects=[current], noise=SIGMA, duration=7.0, seed=3)
+    dataset = generate(pike, ["v1-t2"], values=values, effects=[current], noise=SIGMA, duration=7.0, seed=3)
     problem = Problem(Model(pike), tuple(map(_measured, dataset.trials)), Noise.white(SIGMA), jobs=1)
     one = refit(gather(problem, fit(problem), [current]), current)
     told = estimates(one.fit, one.problem.model)["ambient_current.held"]

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish import fish as fishes
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import gather
@@ -16,9 +15,9 @@ from mjfish.diagnosis.resolution import finer, resolved
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.006, 0.006, 0.05])
 TAIL = find("tail_compliance")
@@ -28,7 +27,7 @@ LONGEST = 0.005
 
 @pytest.fixture(scope="module")
 def pike() -> Fish:
-    return fishes.load("pike")
+    return load_fish("pike")
 
 
 def _problem(dataset: Dataset) -> Problem:
@@ -38,7 +37,7 @@ def _problem(dataset: Dataset) -> Problem:
 @pytest.mark.parametrize("modes", [["v1"], ["v5", "v7"]])
 def test_the_step_is_as_long_as_its_error_is_unseen(pike: Fish, modes: list[str]) -> None:
     """Slow swimming takes the longest step; of quick swimming the error is near what may be, not far below it."""
-    problem = _problem(plant(pike, modes, noise=SIGMA, duration=4.0, seed=1))
+    problem = _problem(generate(pike, modes, noise=SIGMA, duration=4.0, seed=1))
     chosen, x = resolved(problem)
     fine = replace(problem, model=replace(problem.model, step=0.001))
     error = float(np.sum((chosen.residual(x) - fine.residual(x)) ** 2))
@@ -49,7 +48,7 @@ def test_the_step_is_as_long_as_its_error_is_unseen(pike: Fish, modes: list[str]
 
 def test_slopes_by_a_rougher_step_lead_to_the_same_fit(pike: Fish) -> None:
     """Residuals decide where a fit ends; slopes that were wrong, or of another model, would stop it elsewhere."""
-    dataset = plant(pike, ["v3", "v5"], noise=SIGMA, duration=5.2, seed=4)
+    dataset = generate(pike, ["v3", "v5"], noise=SIGMA, duration=5.2, seed=4)
     rough, x = resolved(_problem(dataset))
     assert rough.slope_step == 2.0 * rough.model.step
     one, other = fit(rough, x), fit(replace(rough, slope_step=None), x)
@@ -62,7 +61,7 @@ def _jolted(pike: Fish, values: dict[str, float], sigma: FloatArray) -> Problem:
     """Return the nominal problem of a fish with an elastic tail that turns hard from side to side."""
     bias = np.array([0.0, -0.57, -1.13, -1.70])
     drive = tuple(DriveSegment(1.25 * k, 26.0, tuple((-1) ** k * bias)) for k in range(4))
-    jolts, straight = plant(pike, ["v1", "v3"], duration=5.2).trials
+    jolts, straight = generate(pike, ["v1", "v3"], duration=5.2).trials
     model, trials = Model(pike, (TAIL,), step=0.0005), []
     for k, trial in enumerate((replace(jolts, name="jolts", drive=drive), straight)):
         velocity = model.predict(trial, values).velocity

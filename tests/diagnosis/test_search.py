@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from mjfish import fish as fishes
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import Evidence, gather
@@ -18,9 +17,9 @@ from mjfish.diagnosis.search import search
 from mjfish.diagnosis.starts import off_null, other_valleys, to_the_edge
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.model import Model, asked_motion
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.006, 0.006, 0.05])
 LIMIT = find("servo_rate_limit")
@@ -28,7 +27,7 @@ LIMIT = find("servo_rate_limit")
 
 @pytest.fixture(scope="module")
 def pike() -> Fish:
-    return fishes.load("pike")
+    return load_fish("pike")
 
 
 def _problem(dataset: Dataset) -> Problem:
@@ -37,10 +36,10 @@ def _problem(dataset: Dataset) -> Problem:
 
 def _limited(pike: Fish, sigma: FloatArray) -> tuple[Evidence, float]:
     """Return what speaks against the nominal model where the quickest joint is cut off at 98.5 %, and its slowness."""
-    still = plant(pike, ["v5"], duration=2.0)
+    still = generate(pike, ["v5"], duration=2.0)
     slowness = 1.0 / (0.985 * float(np.abs(asked_motion(pike.cpg, still.trials[0], 0.005).rate).max()))
     values = {"servo_rate_limit.slowness": slowness}
-    dataset = plant(pike, ["v1", "v3", "v5"], values=values, effects=[LIMIT], noise=sigma, duration=10.4, seed=2)
+    dataset = generate(pike, ["v1", "v3", "v5"], values=values, effects=[LIMIT], noise=sigma, duration=10.4, seed=2)
     problem = replace(_problem(dataset), noise=Noise.white(sigma))
     return gather(problem, fit(problem), [LIMIT]), slowness
 
@@ -94,7 +93,7 @@ def test_sizes_just_above_an_edge_are_tried_where_there_is_one(
 @pytest.mark.parametrize("off", [0.0, 1.5], ids=["as planted", "runs off by a level"])
 def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None:
     """No candidate explains that two runs are off by a constant each; a wandering camera would, but for patterns."""
-    planted = plant(pike, ["v1", "v3"], noise=SIGMA, duration=5.2, seed=6)
+    planted = generate(pike, ["v1", "v3"], noise=SIGMA, duration=5.2, seed=6)
     moved = [
         replace(trial, velocity=readonly(trial.velocity + off * sign * SIGMA))
         for trial, sign in zip(planted.trials, (1.0, -1.0), strict=True)
@@ -107,7 +106,7 @@ def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None
 def test_a_tail_at_half_its_compliance_is_told_of_the_other_valley(pike: Fish) -> None:
     tail = find("tail_compliance")
     values = {"tail_compliance.compliance": 0.02, "tail_compliance.damping": 0.1}
-    dataset = plant(pike, ["v3", "v5"], values=values, effects=[tail], noise=SIGMA, duration=4.0, seed=3)
+    dataset = generate(pike, ["v3", "v5"], values=values, effects=[tail], noise=SIGMA, duration=4.0, seed=3)
     free = replace(_problem(dataset), model=Model(pike, (tail,)))
     size = tail.parameters[0]
     held = replace(free, declared={size.name: size.rebound(low=0.0099, high=0.0101, start=0.01)})
@@ -123,7 +122,7 @@ def test_a_tail_at_half_its_compliance_is_told_of_the_other_valley(pike: Fish) -
 )
 def test_no_refit_under_another_noise_is_worse_than_none(pike: Fish, name: str, short: str, size: float) -> None:
     """Where an earlier refit ended may be far off under the noise that is found later."""
-    problem, effect = _problem(plant(pike, ["v1", "v3"], noise=SIGMA, duration=4.0, seed=5)), find(name)
+    problem, effect = _problem(generate(pike, ["v1", "v3"], noise=SIGMA, duration=4.0, seed=5)), find(name)
     evidence = gather(problem, fit(problem), [effect])
     one = refit(evidence, effect)
     far = one.fit.x.copy()

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mjfish import fish as fishes
 from mjfish.diagnosis import several as module
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.heldout import HeldOut
@@ -19,8 +18,9 @@ from mjfish.diagnosis.select import Standing
 from mjfish.diagnosis.several import earns_its_place, several
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
+from mjfish.fish import load_fish
 from mjfish.model import Model
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 Names = tuple[str, ...]
 SIGMA = np.array([0.006, 0.006, 0.05])
@@ -96,9 +96,9 @@ def test_a_member_that_stood_in_for_a_later_one_is_dropped(
 
 def test_a_set_less_a_member_is_fitted_as_if_the_member_had_never_been() -> None:
     lag, scale = find("servo_lag"), find("velocity_scale")
-    pike = fishes.load("pike")
+    pike = load_fish("pike")
     values = {"servo_lag.time_constant": 0.03, "velocity_scale.error": 0.1}
-    dataset = plant(pike, ["v1", "v5"], values=values, effects=[lag, scale], noise=SIGMA, duration=4.0, seed=3)
+    dataset = generate(pike, ["v1", "v5"], values=values, effects=[lag, scale], noise=SIGMA, duration=4.0, seed=3)
     problem = Problem(Model(pike), dataset.trials, Noise.white(SIGMA), jobs=1)
     nominal = gather(problem, fit(problem), [lag, scale])
     alone = refit(nominal, lag)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy import interpolate
 
-from mjfish import fish as fishes
 from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.diagnosis.progress import silent
@@ -17,8 +16,9 @@ from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.smoothing import Differentiator
+from mjfish.fish import load_fish
 from mjfish.model import Model
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.006, 0.006, 0.04])
 LAG = find("servo_lag")
@@ -33,9 +33,9 @@ def _differentiated(trial: Trial, rng: np.random.Generator, *, motion: bool) -> 
 
 
 def _problem(lag: float, *, motion: bool) -> Problem:
-    fish, rng = fishes.load("pike"), np.random.default_rng(11)
+    fish, rng = load_fish("pike"), np.random.default_rng(11)
     effects, values = ([LAG], {"servo_lag.time_constant": lag}) if lag else ([], {})
-    planted = plant(fish, ["v1", "v3"], values=values, effects=effects, duration=8.0, seed=7)
+    planted = generate(fish, ["v1", "v3"], values=values, effects=effects, duration=8.0, seed=7)
     trials = tuple(_differentiated(trial, rng, motion=motion) for trial in planted.trials)
     return Problem(Model(fish), trials, Noise.white(SIGMA), jobs=1)
 

@@ -11,7 +11,7 @@ from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 #: Of surge, sway [m/s] and yaw rate [rad/s].
 NOISE = np.array([0.006, 0.006, 0.04])
@@ -24,7 +24,7 @@ _EIGHTH = ((1, 0.8), (2, -0.2), (3, 4.0 / 105.0), (4, -1.0 / 280.0))
 def planted(fish: Fish, effect: Effect, sizes: dict[str, float], *, seed: int = 3) -> Dataset:
     """Return three trials of 3 s of a fish with the cause; `sizes` by short names."""
     values = TRUTH | {f"{effect.name}.{short}": size for short, size in sizes.items()}
-    return plant(
+    return generate(
         fish, ["v1", "v3", "v7"], values=values, effects=[effect], noise=NOISE, duration=3.0, seed=seed
     )  # fmt: skip
 
@@ -44,7 +44,7 @@ def deviations(found: Fit, effect: Effect, sizes: dict[str, float]) -> dict[str,
 def strength(fish: Fish, effect: Effect, sizes: dict[str, float]) -> float:
     """Return the largest change of a channel that the cause makes, in units of the noise, without a refit."""
     clean, with_it = (
-        plant(fish, ["v1", "v3"], values=values, effects=[effect], duration=3.0)
+        generate(fish, ["v1", "v3"], values=values, effects=[effect], duration=3.0)
         for values in (TRUTH, TRUTH | {f"{effect.name}.{short}": size for short, size in sizes.items()})
     )
     change = [a.velocity - b.velocity for a, b in zip(with_it.trials, clean.trials, strict=True)]

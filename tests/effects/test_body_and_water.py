@@ -13,7 +13,7 @@ from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model import Model
 from mjfish.model.sensitivity import one_sided, sensitivities
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 #: Off every bound.
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.014, 0.01, 0.012), strict=True))
@@ -82,7 +82,7 @@ def test_sensitivities_are_differences_of_whole_predictions(pike: Fish, name: st
 def test_a_fit_finds_the_planted_size(pike: Fish, name: str) -> None:
     """Within four standard errors, and four from none. Catches a prediction and a plant that differ in a sign."""
     truth, effect = {**VALUES, **_full(name)}, find(name)
-    dataset = plant(
+    dataset = generate(
         pike, ["v1", "v7", "v3-t2"], values=truth, effects=[effect], noise=SIGMA, duration=6.0, seed=20261121
     )
     known = {key: VALUES[key] for key in KNOWN.get(name, ())}

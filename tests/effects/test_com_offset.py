@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish import fish as fishes
 from mjfish.data import Dataset, Trial
 from mjfish.effects import find
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.hydro.link import link_records
 
 COM = find("com_offset")
@@ -26,7 +25,7 @@ def test_only_the_heads_centre_of_mass_moves_towards_the_tail(pike: Fish) -> Non
 
 def test_every_shipped_fish_keeps_its_centre_of_mass_inside_the_head_and_a_short_head_is_refused() -> None:
     trial = Trial("run", None, np.linspace(0.0, 1.0, 51), np.zeros((51, 3)), joint_angle=np.zeros((51, 4)))
-    pike = fishes.load("pike")
+    pike = load_fish("pike")
     dataset = Dataset("d", pike, (trial,))
     assert COM.not_applicable(dataset) == ""
     for high in (COM.parameters[0].low, COM.parameters[0].high):

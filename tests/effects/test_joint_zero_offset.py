@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from recovery import derivative_error, deviations, planted, refitted, strength
 
-from mjfish import fish as fishes
 from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.effects import find
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 
 ZERO = find("joint_zero_offset")
@@ -39,7 +38,7 @@ def test_a_fish_bent_to_one_side_turns_and_bent_to_the_other_turns_the_other_way
 
 
 def test_a_fish_with_another_number_of_joints_is_told_why_it_is_no_candidate(pike: Fish, straight: Trial) -> None:
-    tendon = fishes.load("eth_tendon")
+    tendon = load_fish("eth_tendon")
     assert tendon.joints != pike.joints
     said = ZERO.not_applicable(Dataset("d", tendon, (straight,)))
     assert said == f"it is declared for 4 joints, {tendon.name} has {tendon.joints}"

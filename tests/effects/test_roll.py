@@ -16,7 +16,7 @@ from mjfish.effects import find
 from mjfish.effects.roll import GRAVITY
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 ROLL = find("roll")
 SHAPES = {"frequency": 9.0, "damping": 0.15}
@@ -115,7 +115,7 @@ def test_a_planted_roll_is_found_again_with_its_pendulum(pike: Fish) -> None:
 def test_with_a_measured_roll_the_height_of_the_marker_is_found(pike: Fish) -> None:
     """The roll is anything, here no answer of a pendulum at all, and has noise of its own."""
     rng = np.random.default_rng(5)
-    clean = plant(pike, ["v1", "v3", "v7"], values=TRUTH, noise=NOISE, duration=3.0, seed=4)
+    clean = generate(pike, ["v1", "v3", "v7"], values=TRUTH, noise=NOISE, duration=3.0, seed=4)
     trials = []
     for trial in clean.trials:
         t = trial.time

@@ -15,7 +15,7 @@ from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, load_rows, loads_on
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 ON = {"wall_effect.size": 1.5, "wall_effect.reach": 0.2}
@@ -55,7 +55,9 @@ def test_a_planted_run_along_a_wall_is_another_than_one_in_the_middle(pike: Fish
     """The start in the tank reaches the load, and the poses are those of the run."""
     places = [(0.0, 9.0, 0.2), (0.0, -0.1, 0.2)]
     wide = Tank((-5.0, 40.0), (-0.35, 20.0))
-    data = plant(pike, ["v3", "v3"], values=VALUES | ON, effects=[WallEffect()], duration=4.0, tank=wide, places=places)
+    data = generate(
+        pike, ["v3", "v3"], values=VALUES | ON, effects=[WallEffect()], duration=4.0, tank=wide, places=places
+    )
     middle, wall = data.trials
     assert middle.pose is not None
     assert wall.pose is not None

@@ -13,7 +13,7 @@ from mjfish.data import Dataset, Trial
 from mjfish.estimation import Noise, Problem
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model import Model
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.01, 0.01, 0.05])
 TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012), strict=True))
@@ -22,7 +22,7 @@ TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012
 def swimming(fish: Fish, modes: Sequence[str] = ("v1", "v3", "v5"), **changes: Any) -> Dataset:
     """Plant `TRUTH` in short trials."""
     arguments: dict[str, Any] = {"values": TRUTH, "noise": SIGMA, "duration": 3.0, "seed": 3, **changes}
-    return plant(fish, modes, **arguments)
+    return generate(fish, modes, **arguments)
 
 
 def problem(dataset: Dataset, **changes: Any) -> Problem:

@@ -17,7 +17,6 @@ import pytest
 from planted_swimming import problem, swimming
 
 import mjfish
-from mjfish import fish as fishes
 from mjfish import fish_toml
 from mjfish.data import Dataset
 from mjfish.errors import InputError
@@ -27,7 +26,7 @@ from mjfish.estimation.identified import identified_fish, origin
 from mjfish.estimation.residuals.residual import fitted
 from mjfish.estimation.tables import coefficient_rows, write_coefficients, write_scores
 from mjfish.estimation.uncertainty.intervals import intervals
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import COEFFICIENTS, Fish, load_fish
 from mjfish.mujoco import export
 
 FIXED = {"c_m.head": 0.5}
@@ -67,7 +66,7 @@ def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(planted: Dataset, 
     fish = identified_fish(planted.fish, found, FIXED)
     told = origin("pool --\n", found, FIXED)
     fish_toml.write(tmp_path / "fish.toml", fish, told)
-    assert fishes.load(tmp_path / "fish.toml") == fish
+    assert load_fish(tmp_path / "fish.toml") == fish
     export.write(tmp_path / "fish.xml", fish, comments=told)
     fluid = mjfish.StripFluid(mujoco.MjModel.from_xml_path(str(tmp_path / "fish.xml")))
     assert [link.c_d for link in fluid.links] == [fish.values[f"c_d.{link.group}"] for link in fish.links]

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish import fish as fishes
 from mjfish.data import Dataset, Trial
 from mjfish.drive.wave import Wave
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
+from mjfish.fish import load_fish
 from mjfish.model import Model
 
-FISH = fishes.load("eth_tendon")
+FISH = load_fish("eth_tendon")
 TRUE = Wave(0.92, (0.24, 0.21, 0.16, 0.10, 0.18), (0.3, -0.1, -0.5, -0.9, -1.3), (0.03,) * 5, free=True)
 START = np.array([0.08, 0.02, -0.3])
 SIGMA = np.array([0.002, 0.004, 0.03])

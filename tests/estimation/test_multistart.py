@@ -20,9 +20,9 @@ from mjfish.fish import COEFFICIENTS, Fish
 
 @pytest.fixture(scope="module")
 def planted() -> Dataset:
-    from mjfish import fish as fishes
+    from mjfish.fish import load_fish
 
-    return swimming(fishes.load("pike"), ("v1", "v5"))
+    return swimming(load_fish("pike"), ("v1", "v5"))
 
 
 def _few(planted: Dataset, **changes: object) -> Settings:

@@ -19,7 +19,7 @@ from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.fit import Z95
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model import Model
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 #: Coefficients in the order of `COEFFICIENTS`: c_m, c_d, c_f of head, body, tail.
 OPTIMA = {
@@ -33,7 +33,7 @@ _REACH = 4.0
 def _fitted(fish: Fish, optimum: str, names: Sequence[str], duration: float) -> tuple[Fit, Problem, np.ndarray]:
     """Plant an optimum; fit all nine coefficients from the start values of Table III."""
     values = dict(zip(COEFFICIENTS, OPTIMA[optimum], strict=True))
-    dataset = plant(fish, names, values=values, noise=SIGMA, duration=duration, seed=0)
+    dataset = generate(fish, names, values=values, noise=SIGMA, duration=duration, seed=0)
     problem = Problem(Model(fish), dataset.trials, Noise.white(readonly(SIGMA)), jobs=1)
     assert problem.start().tolist() == [0.5] * 3 + [2.0] * 3 + [0.01] * 3
     return fit(problem), problem, np.array([values[p.name] for p in problem.parameters])

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from scipy import signal
 
-from mjfish import fish as fishes
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.smoothing import Differentiator
+from mjfish.fish import load_fish
 from mjfish.model import Model
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 #: Frames of a path between two samples, fine enough to be the truth.
 FINER = 40
@@ -70,8 +70,8 @@ def test_positions_along_the_axes_of_the_tank_lose_more() -> None:
 
 
 def test_derivatives_and_samples_that_count_go_with_the_filter() -> None:
-    fish = fishes.load("pike")
-    trials = plant(fish, ["v3-t2"], noise=SIGMA, duration=6.0, seed=1).trials
+    fish = load_fish("pike")
+    trials = generate(fish, ["v3-t2"], noise=SIGMA, duration=6.0, seed=1).trials
     plain = Problem(Model(fish), trials, Noise.white(SIGMA), jobs=1)
     smoothed = replace(plain, smoothing=Differentiator(9, 2))
     x, step = smoothed.start(), 1e-4

@@ -11,15 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate
 
-from mjfish import fish as fishes
 from mjfish.arrays import FloatArray, RecordArray
 from mjfish.errors import UnknownNameError
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.hydro.force import added_mass, drag, gyroscopic, partial_moments
 from mjfish.hydro.link import link_records
 from mjfish.hydro.outline import section_at
 
-PIKE = fishes.load("pike")
+PIKE = load_fish("pike")
 STARTS = np.concatenate([[0.0], np.cumsum([link.length for link in PIKE.links])])
 EDGES = np.array([0.1746, 0.53865])
 

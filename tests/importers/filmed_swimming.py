@@ -13,17 +13,17 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import lfilter
 
-from mjfish import fish as fishes
 from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.drive.wave import Wave, joint_motion
+from mjfish.fish import load_fish
 
 RATE = 60.0
 #: Stations of the nine markers of fishsim [m], the links they sit on, and their heights [m].
 STATIONS = 0.08 + np.array([-0.077, 0.065, 0.28, 0.2995, 0.3295, 0.3615, 0.3905, 0.4115, 0.474])
 LINKS = (0, 0, 0, 1, 2, 3, 4, 5, 5)
 HEIGHTS = np.array([0.1, 0.1, 0.1, 0.04, 0.04, 0.04, 0.04, 0.04, 0.07])
-FISH = fishes.load("eth_tendon")
+FISH = load_fish("eth_tendon")
 _WARM = 4.0
 
 

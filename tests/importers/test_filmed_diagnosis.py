@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from filmed_swimming import FISH, HEIGHTS, Swim
 
-from mjfish.data import Dataset, importers, load, save
+from mjfish.data import Dataset, importers, load_dataset, save
 from mjfish.diagnosis import diagnose
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit, predict_held_out
@@ -100,7 +100,7 @@ def test_nothing_is_wrong_with_film_that_has_nothing_wrong(tmp_path: Path, seed:
     """The errors of filmed joint angles, 0.02 rad, are not taken for something wrong; nor by way of files."""
     dataset = _filmed(tmp_path, 0.0, seed)
     save(dataset, tmp_path / "dataset")
-    result = diagnose(load(tmp_path / "dataset"))
+    result = diagnose(load_dataset(tmp_path / "dataset"))
     assert result.verdict == "nothing_wrong", result.message
     for group in ("head", "body", "tail"):
         planted = FISH.values[f"c_m.{group}"]

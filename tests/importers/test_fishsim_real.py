@@ -136,7 +136,7 @@ def test_noise_is_a_few_per_cent_of_the_motion(imported: tuple[Dataset, ImportRe
 def test_the_dataset_is_saved_and_drives_the_model(imported: tuple[Dataset, ImportReport], tmp_path: Path) -> None:
     """Unfitted textbook coefficients already swim the right way, at about the right speed and turn in step."""
     trial.save(imported[0], tmp_path / "out")
-    dataset = trial.load(tmp_path / "out")
+    dataset = trial.load_dataset(tmp_path / "out")
     nominal = model.Model(dataset.fish)
     for run in dataset.trials:
         predicted = nominal.predict(run, nominal.values(), velocity=run.velocity[0])

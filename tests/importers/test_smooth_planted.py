@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from filmed_swimming import Swim
 
-from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
 from mjfish.data import importers
 from mjfish.data.importers import FileReport, marked, markers
@@ -17,6 +16,7 @@ from mjfish.data.importers.layouts import layout
 from mjfish.data.importers.mapping import MarkersMap, read
 from mjfish.data.importers.smooth import velocity
 from mjfish.errors import InputError
+from mjfish.fish import load_fish
 
 #: Seen from above, where the heights of the markers do not show; and as the real camera saw its fish.
 ABOVE = Swim()
@@ -36,7 +36,7 @@ class Errors:
 
 def _errors(swim: Swim, folder: Path) -> Errors:
     table = read(layout("fishsim"), MarkersMap, "fishsim")
-    where = marked.Marked.of(table, fishes.load("eth_tendon"), layout("fishsim"))
+    where = marked.Marked.of(table, load_fish("eth_tendon"), layout("fishsim"))
     path = swim.write(folder / "markers_run.csv")
     found = velocity.of(marked.fit_track(markers.metres(path, table, where)[0], where, table.rate, path).fit)
     inner = slice(_EDGE, -_EDGE)

@@ -73,7 +73,7 @@ def test_velocities_in_other_units_and_axes_come_back_in_ours(tmp_path: Path) ->
     assert run.wave.amplitude[0] == pytest.approx(np.radians(14.0))
     assert (run.name, report.beat) == ("a", None)
     trial.save(dataset, tmp_path / "out")
-    assert trial.load(tmp_path / "out").trials[0].wave == run.wave
+    assert trial.load_dataset(tmp_path / "out").trials[0].wave == run.wave
 
 
 @pytest.mark.parametrize("axes", ["y_up", "y_down"])

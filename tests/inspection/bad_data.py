@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from planted_truth import TRUTH
 
-from mjfish import fish as fishes
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
+from mjfish.fish import load_fish
 from mjfish.inspection import Checks, Finding
 from mjfish.model import Model
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 MODES = ("v1", "v3", "v5", "v1-t1", "v3-t2", "v1")
 SIGMA = np.array([0.006, 0.006, 0.04])
@@ -25,8 +25,8 @@ SIGMA = np.array([0.006, 0.006, 0.04])
 def good(modes: tuple[str, ...] = MODES, seed: int = 5, duration: float = 7.2) -> Dataset:
     """Plant swimming of several drives, one of them twice; v3 and v3-t2 are held out where they are there."""
     held = [mode for mode in ("v3", "v3-t2") if mode in modes]
-    return plant(
-        fishes.load("pike"), modes, values=TRUTH, noise=SIGMA, duration=duration, seed=seed, held_out=held, name="good"
+    return generate(
+        load_fish("pike"), modes, values=TRUTH, noise=SIGMA, duration=duration, seed=seed, held_out=held, name="good"
     )
 
 

@@ -81,7 +81,7 @@ def test_errors_are_honest(phi: float) -> None:
 )
 def test_a_disagreement_names_its_cause(change: object, cause: str, words: str) -> None:
     """Catches a finding that blames the water for the camera."""
-    found = only(checks.run(spoiled(velocity(change), dataset=with_pose(good()))), "compatibility")  # type: ignore[arg-type]
+    found = only(checks.inspect(spoiled(velocity(change), dataset=with_pose(good()))), "compatibility")  # type: ignore[arg-type]
     assert found.cannot_tell == (cause,)
     assert words in found.found
 
@@ -95,7 +95,7 @@ def test_a_misaligned_camera_is_named_in_degrees() -> None:
         values[:, :2] = values[:, :2] @ turn
         return values
 
-    found = only(checks.run(spoiled(velocity(spoil), dataset=with_pose(good()))), "compatibility")
+    found = only(checks.inspect(spoiled(velocity(spoil), dataset=with_pose(good()))), "compatibility")
     assert found.cannot_tell == ("frame_misalignment",)
     assert "3.0" in found.found
 
@@ -107,7 +107,7 @@ def test_a_pose_in_millimetres_blocks() -> None:
         base,
         trials=tuple(replace(t, pose=readonly(t.pose * [1e3, 1e3, 1.0])) for t in base.trials if t.pose is not None),
     )
-    found = only(checks.run(spoil), "compatibility")
+    found = only(checks.inspect(spoil), "compatibility")
     assert found.severity == "blocks"
     assert "unit" in found.remedy
 
@@ -121,7 +121,7 @@ def test_velocities_made_from_the_pose_say_nothing() -> None:
         body = frames.to_body(rate[:, :2], trial.pose[:, 2])
         return replace(trial, velocity=readonly(np.column_stack([body, rate[:, 2]])))
 
-    found = checks.run(spoiled(derived, dataset=with_pose(good())))
+    found = checks.inspect(spoiled(derived, dataset=with_pose(good())))
     assert wrong(found) == []
     assert "velocity_scale" in remarked(found, "compatibility")[0].cannot_tell
 
@@ -138,4 +138,4 @@ def test_yaw_alone_is_enough_for_the_yaw_rate() -> None:
     found = _compared(blind)
     assert found.translation == {}
     assert found.turning["scale"].off(1.0) < 4.0
-    assert wrong(checks.run(blind)) == []
+    assert wrong(checks.inspect(blind)) == []

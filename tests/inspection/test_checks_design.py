@@ -13,7 +13,7 @@ from mjfish.inspection import EVERYTHING, Finding
 
 
 def _said(dataset: Dataset) -> dict[str, Finding]:
-    found = checks.run(dataset)
+    found = checks.inspect(dataset)
     assert wrong(found) == []
     return {one.found: one for one in found.findings if one.check == "design"}
 

@@ -12,7 +12,7 @@ from planted_truth import TRUTH
 from mjfish import inspection as checks
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 #: Digits of a copy to the last bit.
 EXACT = 0
@@ -29,7 +29,7 @@ def _and(name: str, of: str = "v1", role: str = "fit", start: int = 0, digits: i
 
 def test_a_copy_across_fit_and_held_out_blocks() -> None:
     """Catches a leak that makes any gain a gain."""
-    found = only(checks.run(_and("again", role="held_out")), "copies")
+    found = only(checks.inspect(_and("again", role="held_out")), "copies")
     assert found.severity == "blocks"
     assert found.trials == ("v1", "again")
     assert "held out" in found.found
@@ -37,29 +37,29 @@ def test_a_copy_across_fit_and_held_out_blocks() -> None:
 
 def test_a_copy_that_was_rounded_is_found() -> None:
     """No number is the same. Catches a search for equal bits alone."""
-    found = only(checks.run(_and("again", digits=4)), "copies")
+    found = only(checks.inspect(_and("again", digits=4)), "copies")
     assert found.severity == "suspect"
     assert found.trials == ("v1", "again")
 
 
 def test_recordings_that_overlap_are_found() -> None:
     """The second begins two seconds into the first. Catches a comparison row by row."""
-    found = [one for one in wrong(checks.run(_and("later", of="v5", start=100))) if one.check == "copies"]
+    found = [one for one in wrong(checks.inspect(_and("later", of="v5", start=100))) if one.check == "copies"]
     assert [one.trials for one in found] == [("v5", "later")]
     assert "261 rows" in found[0].found
 
 
 def test_a_rounded_overlap_is_found() -> None:
     """Catches a correlation that favours a whole number of beats, where more rows overlap."""
-    found = [one for one in wrong(checks.run(_and("later", of="v5", start=100, digits=4))) if one.check == "copies"]
+    found = [one for one in wrong(checks.inspect(_and("later", of="v5", start=100, digits=4))) if one.check == "copies"]
     assert [one.trials for one in found] == [("v5", "later")]
 
 
 def test_runs_without_noise_that_are_equal_are_a_remark() -> None:
     """Catches simulated data that are refused because two runs of one drive are the same."""
     base = good()
-    silent = plant(base.fish, ("v1", "v3", "v1"), values=TRUTH, duration=7.2)
-    found = [one for one in checks.run(silent).findings if one.check == "copies"]
+    silent = generate(base.fish, ("v1", "v3", "v1"), values=TRUTH, duration=7.2)
+    found = [one for one in checks.inspect(silent).findings if one.check == "copies"]
     assert [(one.severity, one.trials) for one in found] == [("remark", ("v1", "v1.2"))]
 
 
@@ -68,7 +68,7 @@ def _hold(rows: slice, channels: slice) -> checks.Checks:
         values[rows, channels] = values[rows.start - 1, channels]
         return values
 
-    return checks.run(spoiled(velocity(held), "v3"))
+    return checks.inspect(spoiled(velocity(held), "v3"))
 
 
 @pytest.mark.parametrize(("count", "words"), [(1, "1 row repeats"), (4, "4 rows repeat")])
@@ -90,7 +90,7 @@ def test_a_stuck_channel_is_named_with_its_rows() -> None:
 
 def test_a_channel_that_was_not_recorded_blocks() -> None:
     """Catches a division by its zero range, and a trial of zeros that is judged further."""
-    found = only(checks.run(spoiled(velocity(lambda v: v * [1, 0, 1]), "v3")), "stuck")
+    found = only(checks.inspect(spoiled(velocity(lambda v: v * [1, 0, 1]), "v3")), "stuck")
     assert found.severity == "blocks"
     assert (found.trials, found.channels) == (("v3",), ("sway",))
 
@@ -104,7 +104,7 @@ def test_a_clipped_sensor_is_named_with_its_limit(sign: float) -> None:
         values[:, 2] = sign * np.minimum(sign * values[:, 2], limit)
         return values
 
-    found = only(checks.run(spoiled(velocity(clip), "v3")), "stuck")
+    found = only(checks.inspect(spoiled(velocity(clip), "v3")), "stuck")
     assert (found.trials, found.channels) == (("v3",), ("yaw_rate",))
     assert "servo_saturation" in found.cannot_tell
     assert ("none is above" if sign > 0 else "none is below") in found.found
@@ -112,7 +112,7 @@ def test_a_clipped_sensor_is_named_with_its_limit(sign: float) -> None:
 
 def test_rounded_values_are_not_clipped_or_stuck() -> None:
     """A hundredth of a unit a step: many values repeat. Catches equality that is taken for a fault."""
-    assert wrong(checks.run(spoiled(velocity(lambda v: np.round(v, 2))))) == []
+    assert wrong(checks.inspect(spoiled(velocity(lambda v: np.round(v, 2))))) == []
 
 
 def test_an_outlier_is_named_with_row_and_channel() -> None:
@@ -122,7 +122,7 @@ def test_an_outlier_is_named_with_row_and_channel() -> None:
         values[250, 1] += 1.5
         return values
 
-    found = only(checks.run(spoiled(velocity(spike), "v5")), "outliers")
+    found = only(checks.inspect(spoiled(velocity(spike), "v5")), "outliers")
     assert (found.trials, found.channels) == (("v5",), ("sway",))
     assert "row 251 (5.000 s)" in found.place
     assert "more" not in found.place
@@ -132,6 +132,6 @@ def test_heavy_tails_are_a_remark() -> None:
     """Student t of 3 degrees of freedom: every trial has samples beyond 6 sigma. Catches them blamed one by one."""
     rng = np.random.default_rng(4)
     heavy = spoiled(velocity(lambda v: v + rng.standard_t(3, v.shape) * [0.008, 0.008, 0.05]))
-    found = checks.run(heavy)
+    found = checks.inspect(heavy)
     assert wrong(found) == []
     assert remarked(found, "outliers")

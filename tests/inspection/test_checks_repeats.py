@@ -58,9 +58,9 @@ def test_gaps_in_one_repeat_leave_the_rest() -> None:
 @pytest.mark.parametrize("factor", [1.1, 0.97])
 def test_repeats_that_differ_at_the_beat_are_suspect(factor: float) -> None:
     """One of them is scaled. Catches a noise estimate that swallows the difference."""
-    found = only(checks.run(spoiled(velocity(lambda v: v * factor), "v1.2")), "repeats")
+    found = only(checks.inspect(spoiled(velocity(lambda v: v * factor), "v1.2")), "repeats")
     assert found.trials == ("v1", "v1.2")
-    assert remarked(checks.run(good()), "repeats")
+    assert remarked(checks.inspect(good()), "repeats")
 
 
 def test_a_clock_that_is_free_may_differ_between_repeats() -> None:
@@ -70,8 +70,8 @@ def test_a_clock_that_is_free_may_differ_between_repeats() -> None:
         return replace(trial, time=trial.time[:-1], velocity=readonly(trial.velocity[1:]))
 
     apart = spoiled(late, "v1.2")
-    assert only(checks.run(apart), "repeats")
+    assert only(checks.inspect(apart), "repeats")
     free = noise_from_repeats(replace(apart, clock="free"))
     assert free is not None
     assert free.sigma[1] < 4.0 * SIGMA[1]
-    assert wrong(checks.run(good())) == []
+    assert wrong(checks.inspect(good())) == []

@@ -17,7 +17,7 @@ from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import COEFFICIENTS, Fish, load_fish
 from mjfish.model import Model, extended
 from mjfish.model.extended import Extended
 
@@ -65,7 +65,7 @@ def test_a_fish_without_effects_is_itself(pike: Fish, tmp_path: Path) -> None:
     assert one.fish == pike.with_values({"c_d.head": 2.0})
     assert (one.loads, one.seen, list(one.told())) == ((), (), [])
     extended.write(tmp_path / "plain.toml", Model(pike), {"c_d.head": 2.0})
-    assert fishes.load(tmp_path / "plain.toml") == one.fish
+    assert load_fish(tmp_path / "plain.toml") == one.fish
 
 
 def test_tables_by_hand_are_read(tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_who_knows_no_effects_refuses_a_fish_that_has_some(pike: Fish, tmp_path:
     """Else a fit or an export would silently be that of another fish."""
     extended.write(tmp_path / "extended.toml", *_pair(_of(pike, "servo_lag")))
     with pytest.raises(InputError, match=r"extended\.toml: has \[effects\], which are lost here"):
-        fishes.load(tmp_path / "extended.toml")
+        load_fish(tmp_path / "extended.toml")
 
 
 def _pair(one: Extended) -> tuple[Model, dict[str, float]]:

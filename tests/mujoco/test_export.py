@@ -12,7 +12,7 @@ import pytest
 import mjfish
 from mjfish import fish as fishes
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.mujoco import StripFluid, Trim, export, free, planar
 from mjfish.mujoco.block_layout import unpack
 from mjfish.mujoco.blocks import numbers
@@ -24,7 +24,7 @@ _LOOKS = {"body_geomadr", "body_geomnum", "dof_length", "body_bvhadr", "body_bvh
 
 def _fish(name: str) -> Fish:
     """Return a fish with coefficients of 16 digits, each its own."""
-    fish = fishes.load(name)
+    fish = load_fish(name)
     values = {p.name: p.low + (p.high - p.low) / (3.7 + k) for k, p in enumerate(fish.parameters)}
     return fish.with_values(values).model_copy(update={"munk_moment": 1.0 / 3.0, "density": 1025.1})
 

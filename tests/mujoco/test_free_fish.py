@@ -16,7 +16,7 @@ from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.errors import InputError
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.hydro.outline import section_at
 from mjfish.mujoco import StripFluid, Trim, free, mjcf, planar
 from mjfish.mujoco.attitude import euler_angles, yaw_rate
@@ -62,7 +62,7 @@ def test_free_and_planar_pike_look_and_weigh_the_same(pike: Fish) -> None:
 @pytest.mark.parametrize("name", sorted(fishes.shipped()))
 def test_every_shipped_fish_floats_with_the_inertia_of_its_sections(name: str) -> None:
     """The rule from points spread over the sections; catches half axes taken for axes, or height for width."""
-    fish = fishes.load(name)
+    fish = load_fish(name)
     water = free.swimmer(fish)
     assert sum(strip.volume for strip in water.links) * fish.density == pytest.approx(water.model.body_mass.sum())
     front = np.cumsum([0.0, *(link.length for link in fish.links)])

@@ -14,7 +14,7 @@ import pytest
 
 from mjfish import fish as fishes
 from mjfish.errors import UnknownNameError
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.hydro.link import link_records
 from mjfish.mujoco import planar
 from mjfish.mujoco.block_layout import unpack
@@ -60,7 +60,7 @@ def test_a_fish_of_another_body_is_built_and_not_taken_from_the_file(pike: Fish)
 
 @pytest.mark.parametrize("name", sorted(fishes.shipped()))
 def test_every_shipped_fish_compiles_with_its_water(name: str) -> None:
-    fish = fishes.load(name)
+    fish = load_fish(name)
     fluid = planar.swimmer(fish)
     assert [link.body for link in fluid.links] == [link.name for link in fish.links]
     assert fluid.coupling == "inertia"

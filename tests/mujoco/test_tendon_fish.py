@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mjfish import fish as fishes
 from mjfish import mujoco as sim
 from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.data import importers
 from mjfish.drive import measured, wave
 from mjfish.drive.motion import JointMotion
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.mujoco import planar, prescribed
 
 #: What only the geoms, there for looks, decide.
@@ -24,7 +23,7 @@ _LAW = wave.Wave(0.75, (0.24, 0.21, 0.16, 0.10, 0.18), (0.0, -0.4, -0.8, -1.2, -
 
 @pytest.fixture(scope="module")
 def tendon() -> Fish:
-    return fishes.load("eth_tendon")
+    return load_fish("eth_tendon")
 
 
 def _filmed() -> tuple[FloatArray, FloatArray]:

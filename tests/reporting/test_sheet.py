@@ -20,7 +20,7 @@ from mjfish.reporting.html.identification import write_identification_figures
 from mjfish.reporting.html.residuals import autocorrelation_figure, cross_correlation_figure, simulated_figure
 from mjfish.reporting.html.sheet import Block, Sheet, write_sheet
 from mjfish.reporting.html.words import chance
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 SIGMA = readonly([0.01, 0.01, 0.05])
 EVIL = "</script><img src=x onerror=alert(1)>"
@@ -29,7 +29,7 @@ EVIL = "</script><img src=x onerror=alert(1)>"
 @pytest.fixture(scope="module")
 def residuals(pike: Fish) -> tuple[Residual, ...]:
     rng = np.random.default_rng(1)
-    trials = plant(pike, ("v1", "v1-v5"), duration=6.0).trials
+    trials = generate(pike, ("v1", "v1-v5"), duration=6.0).trials
     found = []
     for trial in trials:
         counted = np.ones(len(trial.time), dtype=np.bool_)

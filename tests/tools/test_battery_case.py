@@ -14,7 +14,7 @@ from sealed.classes import CAUSES
 from sealed.truth import open_truth, seal
 from sealed.world import FINE
 
-from mjfish.data import Trial, load
+from mjfish.data import Trial, load_dataset
 from mjfish.effects import find
 from mjfish.errors import InputError
 from mjfish.model import Model
@@ -96,7 +96,7 @@ def test_every_kind_gives_a_case_with_its_truth(kind: cases.Kind) -> None:
 def test_a_case_is_written_and_read_back(kind: noise.Kind, tmp_path: Path) -> None:
     """A trial that the solver's reader refuses: gaps, poses, times."""
     case = make_case(4, "none", noise_kind=kind)
-    back = load(case.write(tmp_path / "case"))
+    back = load_dataset(case.write(tmp_path / "case"))
     for ours, theirs in zip(case.dataset.trials, back.trials, strict=True):
         assert np.array_equal(ours.velocity, theirs.velocity)
         assert ours.drive == theirs.drive

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from sealed import camera, noise, plans, world
 from sealed.world import COARSE, Accuracy, Disturbance
 
@@ -101,7 +100,7 @@ def draft(
     if not 0 <= seed < 1_000_000:
         raise InputError(f"seed is {seed}, expected 0 to 999999: the splits are a million apart")
     rng = np.random.default_rng(SPLITS[split] + seed)
-    fish = fishes.load("pike")
+    fish = load_fish("pike")
     theta = {}
     for parameter in fish.parameters:
         low, high = 1.02 * parameter.low, 0.98 * parameter.high

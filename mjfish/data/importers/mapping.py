@@ -10,12 +10,11 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
-from mjfish import fish as fishes
 from mjfish import tomlfile
 from mjfish.data import place
 from mjfish.data.schema import Law, NotNegative, Number, Positive
 from mjfish.errors import InputError
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.tomlfile import Table
 
 #: What one unit is in SI.
@@ -158,7 +157,7 @@ class VelocitiesMap(Driven):
 def fish_of(mapping: Mapping, path: Path) -> Fish:
     """Return the fish that a mapping file names, relative to it."""
     with place.named(f"{path}: fish"):
-        return fishes.load(mapping.fish, relative_to=path.parent)
+        return load_fish(mapping.fish, relative_to=path.parent)
 
 
 def read(path: Path | None, model: type[M], importer: str) -> M:

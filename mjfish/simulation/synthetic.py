@@ -19,7 +19,7 @@ from mjfish.model import Model
 STEP = 0.001
 
 
-def plant(
+def generate(
     fish: Fish,
     mode_names: Sequence[str],
     *,

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import FloatArray
-from mjfish.data import Dataset, load, save
+from mjfish.data import Dataset, load_dataset, save
 from mjfish.drive import modes
 from mjfish.effects import find
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.simulation.generate import plant
+from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.01, 0.02, 0.05])
 
 
 def _plant(fish: Fish, **changes: Any) -> Dataset:
     arguments: dict[str, Any] = {"mode_names": ["v1", "v3"], "noise": SIGMA, "duration": 2.0, "seed": 7, **changes}
-    return plant(fish, arguments.pop("mode_names"), **arguments)
+    return generate(fish, arguments.pop("mode_names"), **arguments)
 
 
 def _velocities(dataset: Dataset) -> list[bytes]:
@@ -112,7 +112,7 @@ def test_a_planted_effect_is_in_the_data(pike: Fish, name: str) -> None:
 def test_what_is_planted_can_be_saved_and_read_back(pike: Fish, tmp_path: Path) -> None:
     dataset = _plant(pike, held_out=["v3"], name="pool")
     save(dataset, tmp_path / "pool")
-    back = load(tmp_path / "pool")
+    back = load_dataset(tmp_path / "pool")
     assert _velocities(back) == _velocities(dataset)
     assert [trial.role for trial in back.trials] == ["fit", "held_out"]
     np.testing.assert_array_equal(back.noise, SIGMA)

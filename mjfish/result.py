@@ -1,0 +1,64 @@
+"""What every result can do: be read in a terminal and a notebook, be saved, be drawn."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+from mjfish.files import write_json
+from mjfish.serialise import fields_of
+
+
+class Result:
+    """Base of the results of `mjfish`'s functions; subclasses are frozen dataclasses with a `summary`.
+
+    Pictures are made by `mjfish.reporting`, which is imported when one is asked for.
+    """
+
+    def summary(self) -> str:
+        """Return what was found, in at most ten lines of text."""
+        raise NotImplementedError
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as plain data, the content of its JSON file."""
+        return fields_of(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write the result as JSON, whole or not at all.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        write_json(Path(path), self.to_dict())
+
+    def plot(self) -> Any:
+        """Return the result's main figure as a ``plotly.graph_objects.Figure``."""
+        return _reporting().figure(self)
+
+    def report(self, path: str | Path) -> None:
+        """Write the result as one HTML page that needs no network.
+
+        Raises:
+            InputError: the file cannot be written, or this kind of result has no page.
+        """
+        _reporting().write_report(self, Path(path))
+
+    def log(self, path: str | Path) -> None:
+        """Write the result as a rerun log (``.rrd``), to be opened by ``mjfish view``.
+
+        Raises:
+            InputError: the file cannot be written, or this kind of result has no log.
+        """
+        _reporting().write_log(self, Path(path))
+
+    def __repr__(self) -> str:
+        return self.summary()
+
+    def _repr_html_(self) -> str:
+        return str(_reporting().notebook(self))
+
+
+def _reporting() -> Any:
+    """Return the package that draws results; it lies above them, so it is looked up when it is needed."""
+    return importlib.import_module("mjfish.reporting")
