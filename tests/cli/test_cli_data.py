@@ -134,7 +134,7 @@ def taken(tmp_path: Path) -> Path:
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
     refuse: Callable[[str], str], taken: Path, monkeypatch: pytest.MonkeyPatch, out: str, complaint: str
 ) -> None:
-    monkeypatch.setattr(data, "plant", None)
+    monkeypatch.setattr(data.synthetic, "generate", None)
     monkeypatch.setattr(data, "import_files", None)
     assert planting is not None
     (taken / "f1.csv").write_text("x", encoding="utf-8")
