@@ -28,7 +28,7 @@ test-slow: env
 
 # The measured fish of srl-ethz/fishsim; MJFISH_FISHSIM names the folder of its marker files.
 real: env
-	$(BIN)/python tools/real_fish.py
+	$(BIN)/python -m studies.measured_fish
 
 check: env
 	$(BIN)/ruff format --check .

@@ -14,18 +14,18 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import bench_identify
-import bench_mujoco
 import numpy as np
-from comparison import Comparison, Side, measure
-from plain_model import PlainModel
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+import bench_identify
+import bench_mujoco
+from comparison import Comparison, Side, measure
 from mjfish import ode
 from mjfish.drive import cpg, modes
 from mjfish.fish import load_fish
+from plain_model import PlainModel
 
 
 def ode_vs_solve_ivp() -> Comparison:

@@ -12,12 +12,11 @@ from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
-from comparison import Comparison, Side
 from mujoco import sysid
 from numpy.typing import NDArray
-from plain_model import PlainModel
 from scipy import optimize
 
+from comparison import Comparison, Side
 from mjfish import frames
 from mjfish.data import Trial
 from mjfish.drive import cpg, modes
@@ -26,6 +25,7 @@ from mjfish.fish import COEFFICIENTS, load_fish
 from mjfish.model import Model
 from mjfish.mujoco import StripFluid, planar, prescribed
 from mjfish.simulation.synthetic import generate
+from plain_model import PlainModel
 
 FloatArray = NDArray[np.float64]
 TimeSeries = sysid.TimeSeries

@@ -12,8 +12,8 @@ from collections.abc import Callable
 import mujoco
 import mujoco.rollout
 import numpy as np
-from comparison import Comparison, Side
 
+from comparison import Comparison, Side
 from mjfish.drive import cpg, modes
 from mjfish.fish import load_fish
 from mjfish.mujoco import StripFluid, planar, reference

@@ -11,11 +11,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from proofs.tables import TABLES
 from rich.console import Console
 from rich.progress import Progress
 
 from mjfish.files import write_text
+from proofs.tables import TABLES
 
 PAGE = Path(__file__).parents[1] / "docs" / "theory.md"
 BEGIN, END = "<!-- numbers: begin (python tools/proof.py) -->", "<!-- numbers: end -->"

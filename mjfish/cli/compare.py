@@ -1,9 +1,9 @@
-"""``mjfish compare``: measured trials against anyone's rollouts; with ``--paper``, the paper's Table IV."""
+"""``mjfish compare``: measured trials against anyone's rollouts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -12,11 +12,10 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from mjfish.cli import console, paper
+from mjfish.cli import console
 from mjfish.comparison import Comparison, Shift, TrialComparison, compare
 from mjfish.data import load_dataset
 from mjfish.data.table import check_suffix
-from mjfish.errors import InputError
 from mjfish.estimation.agreement import Agreement
 from mjfish.estimation.rows import write_rows
 from mjfish.files import check_file, write_json
@@ -39,41 +38,23 @@ def register(app: typer.Typer) -> None:
 
 
 def compare_(
-    dataset: Annotated[Path | None, typer.Argument(help="Folder with dataset.toml: what was measured.")] = None,
+    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml: what was measured.")],
     against: Annotated[
-        list[Path] | None,
+        list[Path],
         typer.Option(
             help="Folder of rollouts, CSV or Parquet named as the trials (v1.csv, v1/rollout.csv), or file; repeatable."
         ),
-    ] = None,
+    ],
     bound: Annotated[float | None, typer.Option(help="Largest nRMSE that is good; beyond it, exit with 1.")] = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
     table: Annotated[Path | None, typer.Option(help="Write a row a trial, channel and part: .csv or .parquet.")] = None,
-    paper_: Annotated[
-        bool, typer.Option("--paper", help="Instead: simulate and fit the ranges behind the paper's Table IV.")
-    ] = False,
-    fit: Annotated[bool | None, typer.Option(help="With --paper: fit, or simulate with lambda* only.")] = None,
-    fish: Annotated[str | None, typer.Option(help="With --paper: a fish TOML instead of the pike.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="With --paper: of the starts of the fits.")] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="With --paper: threads; default one a processor.")] = None,
 ) -> None:
     """Compare measured trials with rollouts of any simulation: columns time [s], surge [m/s], sway [m/s], ..."""
-    if paper_:
-        _refuse({"DATASET": dataset, "--against": against, "--bound": bound}, "with --paper", "leave it out")
-    else:
-        own = {"--fit": fit, "--fish": fish, "--seed": seed, "--jobs": jobs}
-        _refuse(own, "without --paper", "add --paper, or leave it out")
     for path in (json_, table):
         if path is not None:
             check_file(path)
     if table is not None:
         check_suffix(table)
-    if paper_:
-        paper.run(fish or "pike", fit=fit is not False, seed=seed or 0, jobs=jobs, json=json_, table=table)
-        return
-    if dataset is None or not against:
-        missing = "argument 'DATASET'" if dataset is None else "option '--against'"
-        raise InputError(f"Missing {missing}; give it, or --paper to compare with the paper's Table IV")
     result = compare(load_dataset(dataset), against, bound=bound)
     _show(result)
     if json_ is not None:
@@ -84,12 +65,6 @@ def compare_(
         console.err.print(f"[bold red]not good:[/] {escape(line)}", soft_wrap=True)
     if result.failures:
         raise typer.Exit(console.NOT_GOOD)
-
-
-def _refuse(given: Mapping[str, object], where: str, remedy: str) -> None:
-    for name, value in given.items():
-        if value is not None and value != []:
-            raise InputError(f"{name}: found {where}, where it means nothing; {remedy}")
 
 
 def _show(result: Comparison) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from proofs import conserved, parts, trees
 
 from mjfish.mujoco.compatible import Coupling
+from proofs import conserved, parts, trees
 
 FREE = {"body": (trees.CROOKED,), "chain": trees.chain()}
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from proofs import constrained, parts, trees
 
 from mjfish.errors import InputError
+from proofs import constrained, parts, trees
 
 
 @pytest.mark.parametrize("case", constrained.CASES)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from proofs import derivation
 
 from mjfish.mujoco.compatible import Coupling
+from proofs import derivation
 
 
 @pytest.mark.parametrize("kappa", [0.0, 0.4, 1.0])

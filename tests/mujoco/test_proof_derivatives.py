@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import mujoco
 import pytest
-from proofs import derived, parts, stepped, trees
 
 from mjfish.mujoco.compatible import Coupling
+from proofs import derived, parts, stepped, trees
 
 DIFFERENTIATED = [one for one in stepped.DAMPED if one[1] != "RK4"]
 

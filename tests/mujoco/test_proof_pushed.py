@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from proofs import pushed
-from proofs.parts import VALID
 
 from mjfish.mujoco.compatible import Coupling
+from proofs import pushed
+from proofs.parts import VALID
 
 
 @pytest.mark.parametrize(("coupling", "integrator"), VALID)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from proofs import stepped, trees
 
 from mjfish.errors import InputError
 from mjfish.mujoco import StripFluid
 from mjfish.mujoco.compatible import Coupling
+from proofs import stepped, trees
 
 
 @pytest.mark.parametrize("integrator", stepped.ONE_STEP)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from proofs import lagged
 
 from mjfish.mujoco.compatible import Coupling
+from proofs import lagged
 
 
 @pytest.mark.parametrize("ratio", [0.1, 3.0, 100.0])

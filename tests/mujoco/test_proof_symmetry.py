@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from proofs import alike
-from proofs.parts import VALID
 
 from mjfish.mujoco.compatible import Coupling
+from proofs import alike
+from proofs.parts import VALID
 
 
 @pytest.mark.parametrize(("coupling", "integrator"), VALID)

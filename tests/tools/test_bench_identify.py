@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import bench_identify
 import numpy as np
 import pytest
-from comparison import Comparison, Side, measure
 from mujoco import sysid
 
+import bench_identify
+from comparison import Comparison, Side, measure
 from mjfish.estimation import Problem
 from mjfish.fish import COEFFICIENTS
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import fit_cost
 import pytest
+
+import fit_cost
 from fit_cost import Cost
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-import proof
 import pytest
+
+import proof
 from proofs import tables
 from proofs.tables import Table
 

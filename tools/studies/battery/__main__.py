@@ -1,0 +1,164 @@
+"""The battery: sealed cases drawn, diagnosed and judged; resumes where it was stopped.
+
+    python -m studies.battery run --split calibration --cases none:40,one:60,off_list:20,two:20
+    python -m studies.battery table out/battery/calibration
+    python -m studies.battery page
+    python -m studies.battery cost
+
+Thresholds are set on calibration seeds only; every opening of the test seeds is logged in docs/battery.md.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+
+for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(threads, "1")
+
+from collections.abc import Sequence  # noqa: E402
+from pathlib import Path  # noqa: E402
+from typing import Annotated  # noqa: E402
+
+import numpy as np  # noqa: E402
+import typer  # noqa: E402
+from rich.console import Console  # noqa: E402
+from rich.table import Table  # noqa: E402
+
+from mjfish.diagnosis import diagnose  # noqa: E402
+from mjfish.effects import find  # noqa: E402
+from mjfish.fish import load_fish  # noqa: E402
+from mjfish.simulation.synthetic import generate  # noqa: E402
+from studies.battery import baselines, figures  # noqa: E402
+from studies.battery.answers import Task, judged, run  # noqa: E402
+
+OUT = Path("out/battery")
+app = typer.Typer(add_completion=False, no_args_is_help=True)
+
+
+def tasks(cases: str, split: str, first: int, disturbance: str) -> list[Task]:
+    """Return the tasks of e.g. ``none:40,two:20@100``, two effects of strength 100 at least.
+
+    Kinds take turns, so that a stopped battery has some of each.
+    """
+    made = []
+    for kind, _, rest in (entry.partition(":") for entry in cases.split(",")):
+        count, _, least = rest.partition("@")
+        strengths = {"least": float(least)} if least else {}
+        made += [
+            (number / int(count), Task(kind, first + number, split, disturbance=disturbance, **strengths))
+            for number in range(int(count))
+        ]
+    return [task for _, task in sorted(made, key=lambda one: one[0])]
+
+
+@app.command("run")
+def run_(
+    cases: Annotated[
+        str, typer.Option(help="Kinds, how many of each, @ least strength.")
+    ] = "none:20,one:40,off_list:10,two:10",
+    split: Annotated[str, typer.Option(help="open, calibration or test.")] = "open",
+    first: Annotated[int, typer.Option(help="First seed.")] = 0,
+    disturbance: Annotated[str, typer.Option(help="Force noise on top: none, forces or drift.")] = "none",
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
+    out: Annotated[Path | None, typer.Option(help="Folder of truths and answers.")] = None,
+) -> None:
+    """Draw, seal and diagnose cases."""
+    folder = out or OUT / (split if disturbance == "none" else disturbance)
+    for answer in run(tasks(cases, split, first, disturbance), folder, jobs):
+        task = answer["task"]
+        print(f"{task['kind']:8} {task['seed']:6} {answer['verdict']:14} {answer['cpu']:.1f} s  {answer['message']}")
+    _print(folder)
+
+
+@app.command()
+def table(folder: Annotated[Path, typer.Argument(help="Folder of truths and answers.")] = OUT / "open") -> None:
+    """Open the truths and print the figures."""
+    _print(folder)
+
+
+@app.command()
+def page(
+    folder: Annotated[Path, typer.Argument(help="Folder of truths and answers.")] = OUT / "test",
+    forces: Annotated[Path | None, typer.Option(help="The same, of cases with force noise on top.")] = None,
+    target: Annotated[Path, typer.Option(help="Page whose tables are replaced.")] = Path("docs/battery.md"),
+) -> None:
+    """Write the figures into the page, between its markers."""
+    text = target.read_text(encoding="utf-8")
+    tables = _tables(_opened(folder))
+    if forces is not None:
+        tables["forces"] = figures.figures(_opened(forces))
+    for name, rows in tables.items():
+        begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+        if begin not in text or end not in text:
+            raise typer.BadParameter(f"{target}: no {begin} and {end}, expected both; put them where the table goes")
+        head, _, rest = text.partition(begin)
+        _, _, tail = rest.partition(end)
+        text = f"{head}{begin}\n{_markdown(rows)}\n{end}{tail}"
+    target.write_text(text, encoding="utf-8")
+
+
+@app.command()
+def cost() -> None:
+    """Time a diagnosis of eight trials of 10.4 s with a hidden lag, once compiled, on as many threads as cores."""
+    lag = find("servo_lag")
+    planted = generate(
+        load_fish("pike"),
+        ["v1", "v3", "v5", "v7", "v1-v5", "v5-v1", "v1-t1", "v3-t2"],
+        values={"servo_lag.time_constant": 0.03},
+        effects=[lag],
+        noise=np.array([0.006, 0.006, 0.05]),
+        seed=5,
+        held_out=["v3", "v1-v5"],
+    )
+    for what in ("the first time", "once compiled"):
+        begun, worked = time.perf_counter(), time.process_time()
+        result = diagnose(planted)
+        took = f"{time.perf_counter() - begun:.1f} s, {time.process_time() - worked:.1f} s of CPU"
+        print(f"{what}: {took} on {os.cpu_count()} cores: {result.message}")
+
+
+def _opened(folder: Path) -> list[figures.Judged]:
+    cases = judged(folder)
+    if not cases:
+        raise typer.BadParameter(f"{folder}: no answers, expected some; make them by 'python -m studies.battery run'")
+    return cases
+
+
+def _tables(cases: Sequence[figures.Judged]) -> dict[str, list[figures.Figure]]:
+    return {
+        "figures": figures.figures(cases),
+        "strata": figures.strata(cases),
+        "guessers": baselines.compared(cases),
+    }
+
+
+def _print(folder: Path) -> None:
+    console = Console()
+    for name, rows in _tables(judged(folder)).items():
+        shown = Table(title=f"{name}, {folder}")
+        for heading in ("figure", "bar", "value", "interval", "of", ""):
+            shown.add_column(heading)
+        for row in rows:
+            shown.add_row(*_cells(row), "" if not row.bar else "met" if row.good else "MISSED")
+        console.print(shown)
+
+
+def _cells(row: figures.Figure) -> tuple[str, str, str, str, str]:
+    ends = row.interval
+    return (
+        row.what,
+        row.bar,
+        f"{row.value:.1%}",
+        "" if ends is None else f"{ends[0]:.1%} to {ends[1]:.1%}",
+        str(row.total),
+    )
+
+
+def _markdown(rows: Sequence[figures.Figure]) -> str:
+    lines = ["| figure | bar | value | exact 95 % interval | of |", "|---|---|---|---|---|"]
+    return "\n".join([*lines, *("| " + " | ".join(_cells(row)) + " |" for row in rows)])
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,169 @@
+"""How much an advised run is worth: verdicts split by it against those split by a random run of the menu.
+
+    python -m studies.battery.advised_run --cases 60
+
+Each case draws coefficients, one of two rival causes as the truth, and a noise under which the data at hand hardly tell
+the two (lambda of 0.3 to 3). What the advised run and a random one then do is measured, not predicted.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset, Trial
+from mjfish.design import Menu, Run
+from mjfish.design.advise import PAUSE, separating
+from mjfish.design.fitted import Fitted, baseline, extended
+from mjfish.design.odds import drops, told
+from mjfish.design.separation import distances
+from mjfish.drive import modes
+from mjfish.effects import Effect, find
+from mjfish.estimation import fit
+from mjfish.fish import COEFFICIENTS, load_fish
+from mjfish.model import Model
+
+#: Pairs of rivals and a size of each that is neither small nor large.
+PAIRS = {
+    ("time_offset", "servo_lag"): ({"time_offset.offset": -0.008}, {"servo_lag.time_constant": 0.01}),
+    ("reynolds_drag", "linear_drag"): (
+        {"reynolds_drag.friction": 1.0, "reynolds_drag.pressure": 0.3},
+        {"linear_drag.along": 1.0, "linear_drag.across": 50.0},
+    ),
+    ("ambient_current", "frame_misalignment"): ({"ambient_current.y": 0.01}, {"frame_misalignment.angle": 0.03}),
+}
+TRIALS = ("v1", "v3")
+DURATION = 5.0
+SIGMA = np.array([0.01, 0.01, 0.05])
+#: What the data at hand tell of the pair.
+LAMBDA = (0.3, 3.0)
+TOLERANCE = 1e-5
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One case: lambda at hand; lambda and chance predicted; verdicts after the advised and after a random run."""
+
+    truth: str
+    rival: str
+    hardness: float
+    advised: str
+    random: str
+    predicted: float
+    chance_advised: float
+    chance_random: float
+    split_advised: bool
+    split_random: bool
+
+
+def swum(model: Model, truth: dict[str, float], like: Trial, sigma: FloatArray, rng: np.random.Generator) -> Trial:
+    """Swim a trial of the menu in the planted truth, with noise."""
+    velocity = model.predict(like, truth).velocity
+    return replace(like, velocity=readonly(velocity + sigma * rng.standard_normal(velocity.shape)))
+
+
+def tells(truth: Fitted, rival: Fitted) -> bool:
+    """Whether a verdict drops the rival."""
+    return drops(rival.fit.sse - truth.fit.sse)
+
+
+def case(seed: int) -> Outcome | None:
+    """Draw and play one case; None where the data tell the two apart already."""
+    rng = np.random.default_rng([seed, 5])
+    names = list(PAIRS)[seed % len(PAIRS)]
+    which = int(rng.integers(2))
+    truth_name, rival_name = names[which], names[1 - which]
+    fish = load_fish("pike")
+    model = Model(fish, (find(truth_name),), step=0.005)
+    drawn = {name: float(np.exp(rng.uniform(*np.log(_RANGES[name[:3]])))) for name in COEFFICIENTS}
+    truth = model.values({**drawn, **PAIRS[names][which]})
+    time = readonly(np.arange(int(DURATION * 50) + 1) / 50.0)
+    blanks = [Trial(n, "fit", time, readonly(np.zeros((len(time), 3))), modes.drive(n)) for n in TRIALS]
+    still = np.zeros(3)
+    clean = Dataset("case", fish, tuple(swum(model, truth, b, still, rng) for b in blanks), noise=readonly(SIGMA))
+    pair = [find(truth_name), find(rival_name)]
+    there = _rivals(clean, pair, truth)
+    apart = distances(there, ()).lambdas(truth_name, rival_name)
+    wanted = float(np.exp(rng.uniform(*np.log(LAMBDA))))
+    sigma = SIGMA * np.sqrt(apart / wanted)
+    trials = tuple(swum(model, truth, b, sigma, rng) for b in blanks)
+    dataset = Dataset("case", fish, trials, noise=readonly(sigma))
+    rivals = _rivals(dataset, pair, truth)
+    if tells(rivals[0], rivals[1]) or tells(rivals[1], rivals[0]):
+        return None
+    runs = Menu(DURATION).runs(dataset)
+    best = separating(distances(rivals, runs), pair, runs, PAUSE)[0].run
+    other = runs[int(rng.integers(len(runs)))]
+    assert best is not None  # noqa: S101
+    d = distances(rivals, (best, other))
+    margin = rivals[1].fit.sse - rivals[0].fit.sse
+    chances = [told(margin, d.gain(truth_name, rival_name, i)) for i in range(2)]
+    split = [_after(rivals, run, model, truth, sigma, rng) for run in (best, other)]
+    return Outcome(
+        truth_name, rival_name, wanted, best.name, other.name, d.lambdas(truth_name, rival_name, 0), *chances, *split
+    )
+
+
+_RANGES = {"c_m": (0.05, 1.5), "c_d": (0.3, 3.5), "c_f": (0.002, 0.018)}
+
+
+def _rivals(dataset: Dataset, pair: list[Effect], truth: dict[str, float]) -> tuple[Fitted, ...]:
+    """Fit both from the true coefficients: what a fit's start is worth is not asked here."""
+    found = []
+    for rival, sizes in zip(pair, (truth, {p.name: p.default + p.scale for p in pair[1].parameters}), strict=True):
+        problem = extended(baseline(dataset, 1), rival)
+        problem = replace(problem, model=replace(problem.model, step=0.01))
+        found.append(Fitted(rival, problem, fit(problem, problem.start({**truth, **sizes}), tolerance=TOLERANCE)))
+    return tuple(found)
+
+
+def _after(
+    rivals: tuple[Fitted, ...],
+    run: Run,
+    model: Model,
+    truth: dict[str, float],
+    sigma: FloatArray,
+    rng: np.random.Generator,
+) -> bool:
+    """Swim the run in the truth, fit both again: whether the truth is told."""
+    trial = swum(model, truth, run.trial, sigma, rng)
+    again = []
+    for one in rivals:
+        problem = replace(one.problem, trials=(*one.problem.trials, trial))
+        again.append(
+            replace(one, problem=problem, fit=fit(problem, problem.start(one.fit.values), tolerance=TOLERANCE))
+        )
+    return tells(again[0], again[1])
+
+
+def interval(count: int, total: int) -> str:
+    """A proportion with its exact 95 % interval."""
+    found = stats.binomtest(count, total).proportion_ci()
+    return f"{count}/{total} = {count / total:.2f} ({found.low:.2f} to {found.high:.2f})"
+
+
+def main() -> None:
+    """Play cases and print the tally."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cases", type=int, default=30)
+    parser.add_argument("--first", type=int, default=0)
+    given = parser.parse_args()
+    played: list[Outcome] = []
+    for seed in range(given.first, given.first + given.cases):
+        one = case(seed)
+        print(seed, one, flush=True)
+        if one is not None:
+            played.append(one)
+    n = len(played)
+    print("advised:", interval(sum(one.split_advised for one in played), n))
+    print("random: ", interval(sum(one.split_random for one in played), n))
+    chances = [np.mean([getattr(one, f"chance_{which}") for one in played]) for which in ("advised", "random")]
+    print("predicted: {:.2f}, {:.2f}".format(*chances))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The measured fish of srl-ethz/fishsim: diagnosed, scored, and written to docs/real-fish.md."""

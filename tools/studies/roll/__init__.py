@@ -1,0 +1,1 @@
+"""The roll of the free fish beside the planar one, written to docs/roll.md."""
