@@ -35,6 +35,7 @@ check: env
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python tools/measure.py
 
 format: env
 	$(BIN)/ruff format .
