@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mjfish.data import Dataset, Trial
-from mjfish.diagnosis import Candidate, Cause, Diagnosis, Estimate, Overlay
+from mjfish.diagnosis import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
 from mjfish.diagnosis.description import Description, Term
 from mjfish.diagnosis.fingerprint import Measured
 from mjfish.diagnosis.force import MissingForce
@@ -16,7 +16,8 @@ from mjfish.diagnosis.heldout import Gain
 from mjfish.diagnosis.locate import Where
 from mjfish.diagnosis.result import Verdict
 from mjfish.drive.cpg import DriveSegment
-from mjfish.effects import find
+from mjfish.effects import catalogue, find
+from mjfish.estimation import Noise, Problem
 from mjfish.fish import load_fish
 from mjfish.inspection import Checks
 from mjfish.model import Model
@@ -97,7 +98,18 @@ def diagnosis(
         nominal_model=Model(fish),
         extended_model=Model(fish).extended(find(cause)) if wrong else Model(fish),
         overlays=tuple(overlays),
+        problem=Problem(Model(fish), tuple(one.trial for one in overlays if not one.held_out), Noise.white(SIGMA)),
+        fits=_fits(fish.values, {cause: values, "time_offset": {"time_offset.offset": -0.0195}} if wrong else {}),
+        effects=catalogue(),
         provenance={"versions": {"mjfish": "0.1.0"}, "commit": None, "seed": 7, "inputs": {"slow.csv": "ab12"}},
+    )
+
+
+def _fits(coefficients: Mapping[str, float], refits: Mapping[str, Mapping[str, float]]) -> tuple[FittedModel, ...]:
+    """Return the nominal model and those with one cause, all with the same coefficients."""
+    return tuple(
+        FittedModel(causes, {**coefficients, **values}, ("c_f.head",), 1000.0, 0.005, converged=True)
+        for causes, values in [((), {}), *(((name,), values) for name, values in refits.items())]
     )
 
 

@@ -1,6 +1,6 @@
 """Diagnosis: is anything wrong, where, which cause, and what naming it gains."""
 
 from mjfish.diagnosis.diagnosis import diagnose
-from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, Overlay
+from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
 
-__all__ = ["Candidate", "Cause", "Diagnosis", "Estimate", "Overlay", "diagnose"]
+__all__ = ["Candidate", "Cause", "Diagnosis", "Estimate", "FittedModel", "Overlay", "diagnose"]

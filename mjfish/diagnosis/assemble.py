@@ -10,7 +10,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.heldout import pooled_error
 from mjfish.diagnosis.refit import Refit
-from mjfish.diagnosis.result import Candidate, Cause, Estimate, Overlay
+from mjfish.diagnosis.result import Candidate, Cause, Estimate, FittedModel, Overlay
 from mjfish.diagnosis.verdict import Hearing, Ruling
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Problem
@@ -52,6 +52,19 @@ def estimates(one: Fit, model: Model) -> dict[str, Estimate]:
             value = p.default if p.shape and not np.any(slope) else one.values[p.name]
             result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound))
     return result
+
+
+def fitted_models(evidence: Evidence, refitted: Mapping[str, Refit]) -> tuple[FittedModel, ...]:
+    """Return the nominal model and its refits, each at its fit."""
+    return (
+        _fitted((), evidence.problem, evidence.fit),
+        *(_fitted(refit.names, refit.problem, refit.fit) for refit in refitted.values()),
+    )
+
+
+def _fitted(causes: tuple[str, ...], problem: Problem, fit: Fit) -> FittedModel:
+    at_bound = tuple(p.name for p, held in zip(fit.parameters, fit.at_bound, strict=True) if held)
+    return FittedModel(causes, fit.values, at_bound, fit.sse, problem.model.step, fit.status == "converged")
 
 
 def _own(one: Refit, effect: Effect) -> dict[str, Estimate]:

@@ -130,6 +130,9 @@ def _diagnosed(
         nominal_model=evidence.problem.model,
         extended_model=extended.model,
         overlays=assemble.overlays(evidence, extended, final, held, scored),
+        problem=evidence.problem,
+        fits=assemble.fitted_models(evidence, refitted),
+        effects={effect.name: effect for effect in candidates},
         provenance=provenance.provenance(dataset, candidates, seed),
     )
     progress("done", 1.0)

@@ -14,6 +14,8 @@ from mjfish.diagnosis.fingerprint import Measured
 from mjfish.diagnosis.force import MissingForce
 from mjfish.diagnosis.heldout import Gain
 from mjfish.diagnosis.locate import Where
+from mjfish.effects import Effect
+from mjfish.estimation import Problem
 from mjfish.files import write_json
 from mjfish.inspection import Checks
 from mjfish.model import Model
@@ -84,6 +86,27 @@ class Candidate:
     remark: str = ""
 
 
+@dataclass(frozen=True)
+class FittedModel:
+    """A model at its fit to the fit trials; the next experiment is planned from it.
+
+    Attributes:
+        causes: names of the effects that extend the nominal model; none of the nominal model itself.
+        values: estimates of all free parameters by full name, those of single trials too.
+        at_bound: names of those that rest on a bound.
+        sse: sum of squared whitened residuals.
+        step: integration step of the model [s].
+        converged: whether the fit was followed to its optimum.
+    """
+
+    causes: tuple[str, ...]
+    values: Mapping[str, float]
+    at_bound: tuple[str, ...]
+    sse: float
+    step: float
+    converged: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Overlay:
     """One trial as measured and as both models predict it, for pictures.
@@ -130,6 +153,9 @@ class Diagnosis:
         extended: coefficients and effect parameters of the extended model by full name.
         nominal_model, extended_model: ready to predict.
         overlays: every trial, measured and predicted.
+        problem: of the nominal model on the fit trials, with the noise that the fits were made under.
+        fits: the nominal model, then every candidate that was fitted together with the coefficients.
+        effects: candidates by name.
         provenance: versions, seed, hashes of the inputs.
     """
 
@@ -157,6 +183,9 @@ class Diagnosis:
     nominal_model: Model
     extended_model: Model
     overlays: tuple[Overlay, ...]
+    problem: Problem
+    fits: tuple[FittedModel, ...]
+    effects: Mapping[str, Effect]
     provenance: Mapping[str, Any]
 
     def to_dict(self) -> dict[str, Any]:
