@@ -20,7 +20,7 @@ from mjfish.data import load_dataset
 from mjfish.diagnosis import Diagnosis, Overlay, diagnose
 from mjfish.files import write_text
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.reporting.html.counted import counted
+from mjfish.reporting.html.figures import counted
 
 WIDTH, HEIGHT = 880, 470
 #: Left and right edge of both panels; top and bottom of each [px].

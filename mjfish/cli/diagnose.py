@@ -101,9 +101,9 @@ def _write(
     if json_ is not None:
         result.save(json_)
     if report is not None:
-        from mjfish.reporting.html import write_report
+        from mjfish.reporting.html.diagnosis import write_diagnosis
 
-        write_report(result, report)
+        write_diagnosis(result, report)
     if rrd is not None:
         from mjfish.reporting.log import write_diagnosis_log
 

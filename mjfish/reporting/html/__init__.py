@@ -1,5 +1,1 @@
-"""The HTML report of a diagnosis: one file, readable offline, on paper, in the dark and in the light."""
-
-from mjfish.reporting.html.page import render, write_report
-
-__all__ = ["render", "write_report"]
+"""Figures by plotly, and pages of them: one HTML file each, readable offline, on paper and in the dark."""

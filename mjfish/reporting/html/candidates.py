@@ -1,45 +1,16 @@
-"""Every candidate, scored, with what the numbers mean in words."""
+"""What is said of a candidate: why it is the cause, or is not, and what to mind about its numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
-from mjfish.diagnosis import Candidate, Diagnosis, Estimate
+from mjfish.diagnosis import Candidate, Diagnosis
+from mjfish.diagnosis.select import GOODNESS, KEEP
 from mjfish.effects import Effect, catalogue
-from mjfish.reporting.html.judgement import cautions, judgement, visible
-from mjfish.reporting.html.words import chance, estimate, interval, number, percent, unit
+from mjfish.reporting.words import number, percent, unit
 
-
-@dataclass(frozen=True)
-class ParameterView:
-    """A parameter as a page shows it."""
-
-    name: str
-    estimate: str
-    interval: str
-    unit: str
-    at_bound: bool
-
-
-@dataclass(frozen=True)
-class CandidateView:
-    """One line of the table of candidates; a dash stands for what was not computed."""
-
-    name: str
-    summary: str
-    applicable: bool
-    chosen: bool
-    statistic: str
-    freedom: int
-    p_value: str
-    rival_p: str
-    fit_p: str
-    held_out_gain: str
-    absorbed: str
-    smallest_visible: tuple[str, ...]
-    parameters: tuple[ParameterView, ...]
-    remark: str
+#: A refit that hides more of a signature than this leaves little to see.
+_HIDDEN = 0.9
 
 
 def known_effects(diagnosis: Diagnosis) -> dict[str, Effect]:
@@ -47,36 +18,94 @@ def known_effects(diagnosis: Diagnosis) -> dict[str, Effect]:
     return {**catalogue(), **{effect.name: effect for effect in diagnosis.extended_model.effects}}
 
 
-def parameter_views(parameters: Mapping[str, Estimate]) -> tuple[ParameterView, ...]:
-    """Return estimates as a page shows them."""
+def visible(candidate: Candidate, effects: Mapping[str, Effect]) -> tuple[str, ...]:
+    """Return, per amplitude, the size that would have shown, with its unit."""
+    units = {p.name: p.unit for p in effects[candidate.name].parameters} if candidate.name in effects else {}
     return tuple(
-        ParameterView(name, estimate(one), interval(one), unit(one.unit), one.at_bound)
-        for name, one in parameters.items()
+        f"{name.rpartition('.')[2]} {number(size, 2)} {unit(units.get(name, '-'))}".strip()
+        for name, size in (candidate.smallest_visible or {}).items()
     )
 
 
-def candidate_views(diagnosis: Diagnosis) -> tuple[CandidateView, ...]:
-    """Return the lines of the table, best first."""
-    effects = known_effects(diagnosis)
-    chosen = {*diagnosis.certain, *(name for group in diagnosis.rivals for name in group)}
-    return tuple(_view(one, diagnosis, effects, chosen) for one in diagnosis.candidates)
+def remark(candidate: Candidate, diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
+    """Return all that is said of a candidate: the judgement, then what to mind about its numbers."""
+    said = judgement(candidate, diagnosis, visible(candidate, effects))
+    return " ".join(filter(None, [said, *cautions(candidate, diagnosis)]))
 
 
-def _view(one: Candidate, diagnosis: Diagnosis, effects: Mapping[str, Effect], chosen: set[str]) -> CandidateView:
-    shown = visible(one, effects)
-    return CandidateView(
-        name=one.name,
-        summary=effects[one.name].summary if one.name in effects else "",
-        applicable=one.applicable,
-        chosen=one.name in chosen,
-        statistic=number(one.statistic),
-        freedom=one.freedom,
-        p_value=chance(one.p_value),
-        rival_p="–" if one.rival_p is None else chance(one.rival_p),
-        fit_p="–" if one.fit_p is None else chance(one.fit_p),
-        held_out_gain="–" if one.held_out_gain is None else number(one.held_out_gain),
-        absorbed=percent(one.absorbed, 2),
-        smallest_visible=shown,
-        parameters=parameter_views(one.parameters or {}),
-        remark=" ".join(filter(None, [judgement(one, diagnosis, shown), *cautions(one, diagnosis)])),
-    )
+def judgement(candidate: Candidate, diagnosis: Diagnosis, shown: Sequence[str]) -> str:
+    """Say in a sentence why the candidate is, or is not, the cause.
+
+    Args:
+        candidate: to judge.
+        diagnosis: that it is of.
+        shown: the sizes of it that would have shown.
+    """
+    if not candidate.applicable:
+        return f"Not tried: {candidate.remark}."
+    if candidate.name in diagnosis.certain:
+        return _at_work(candidate, diagnosis)
+    if any(candidate.name in group for group in diagnosis.rivals):
+        left = f", and with it {_left(candidate)}" if (candidate.name,) in diagnosis.alternatives else ""
+        return f"Possible: the data cannot tell it from its rivals{left}."
+    if candidate.parameters is None:
+        return _not_refitted(candidate, diagnosis, shown)
+    if diagnosis.verdict == "cannot_tell" and (candidate.name,) in diagnosis.alternatives:
+        if _clean(candidate):
+            return "Possible: it explains no more than chance might, and with it nothing systematic is left."
+        return f"Possible, and the closest: with it {_left(candidate)}."
+    if candidate.rival_p is not None and candidate.fit_p is None:
+        return _ruled_out(diagnosis)
+    if not _clean(candidate):
+        return f"Close, but with it in the model {_left(candidate)}."
+    if candidate.held_out_gain is not None and candidate.held_out_gain <= 0.0:
+        return "Fits, but makes the held-out trials no better."
+    return ""
+
+
+def cautions(candidate: Candidate, diagnosis: Diagnosis) -> list[str]:
+    """Return what to mind about the numbers of a candidate."""
+    found = []
+    if candidate.applicable and candidate.absorbed > _HIDDEN and candidate.name not in diagnosis.blind:
+        share = percent(candidate.absorbed, 2)
+        found.append(f"A refit of the coefficients hides {share} of what it does: these trials say little.")
+    stuck = [name for name, value in (candidate.parameters or {}).items() if value.at_bound]
+    if stuck:
+        found.append(f"On its bound: {', '.join(stuck)}.")
+    if candidate.applicable and candidate.remark:
+        found.append(candidate.remark)
+    return found
+
+
+def _at_work(candidate: Candidate, diagnosis: Diagnosis) -> str:
+    if diagnosis.verdict != "named":
+        return "At work, whichever of the others is."
+    others = [cause.name for cause in diagnosis.causes if cause.name != candidate.name]
+    if others:
+        return f"One of the causes, beside {' and '.join(others)}."
+    return f"The cause: with it in the model {_left(candidate)}."
+
+
+def _not_refitted(candidate: Candidate, diagnosis: Diagnosis, shown: Sequence[str]) -> str:
+    if candidate.name in diagnosis.blind:
+        return f"Could not be seen: {diagnosis.blind[candidate.name]}."
+    if candidate.p_value < KEEP and any(other.parameters is not None for other in diagnosis.candidates):
+        return "Not refitted: others have better scores."
+    if not shown:
+        return "No sign of it."
+    return f"No sign of it. It would have shown from {' and '.join(shown)} on."
+
+
+def _ruled_out(diagnosis: Diagnosis) -> str:
+    """Say by whom: single causes stand against the best single one, whether or not it needs company."""
+    leader = max(diagnosis.candidates, key=lambda other: other.rival_p or 0.0).name
+    alone = " as the only cause" if any(len(names) > 1 for names in diagnosis.alternatives) else ""
+    return f"Ruled out{alone}: {leader} explains the misfit better by more than chance allows."
+
+
+def _clean(candidate: Candidate) -> bool:
+    return candidate.fit_p is None or candidate.fit_p >= GOODNESS
+
+
+def _left(candidate: Candidate) -> str:
+    return f"{'nothing' if _clean(candidate) else 'something'} systematic is left"

@@ -1,23 +1,30 @@
-"""The figures of an identification, written to a folder."""
+"""The figures of an identification: on one page, or a file each."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mjfish.estimation.agreement import agreement
-from mjfish.estimation.residuals.residual import Residual
-from mjfish.estimation.residuals.residual_tests import ResidualTests
 from mjfish.estimation.residuals.whiteness import ALL
-from mjfish.estimation.uncertainty.profile import Profile
 from mjfish.files import make_folder
 from mjfish.frames import CHANNELS
-from mjfish.reporting.html.profiles import profile_figure
-from mjfish.reporting.html.residuals import autocorrelation_figure, cross_correlation_figure, simulated_figure
-from mjfish.reporting.html.sheet import Block, Sheet, write_sheet
-from mjfish.reporting.html.words import CHANNEL_NAMES, chance
+from mjfish.reporting.html.figures import (
+    autocorrelation_figure,
+    cross_correlation_figure,
+    profile_figure,
+    residual_figure,
+)
+from mjfish.reporting.html.pages import Block, Section, write_figures
+from mjfish.reporting.words import CHANNEL_NAMES, p_value
+
+if TYPE_CHECKING:
+    from mjfish.estimation.residuals.residual import Residual
+    from mjfish.estimation.residuals.residual_tests import ResidualTests
+    from mjfish.estimation.uncertainty.profile import Profile
 
 
 def write_identification_figures(
@@ -30,7 +37,7 @@ def write_identification_figures(
     """Write the figures of an identification to a folder, which is made where it is not there.
 
     Args:
-        folder: where to.
+        folder: to write to.
         name: of the dataset, for titles.
         residuals: of the trials, fitted and held out.
         tests: of the residuals of the fit.
@@ -44,32 +51,40 @@ def write_identification_figures(
         InputError: a file cannot be written.
     """
     make_folder(folder)
-    sheets = {"simulated.html": _simulated(name, residuals)}
+    found = sections(name, residuals, tests, profiles)
+    for file, section in found.items():
+        write_figures(folder / file, section)
+    return tuple(folder / file for file in found)
+
+
+def sections(
+    name: str, residuals: Sequence[Residual], tests: ResidualTests, profiles: Sequence[Profile] = ()
+) -> dict[str, Section]:
+    """Return the figures of an identification by the name of their file; arguments as above."""
+    found = {"simulated.html": _simulated(name, residuals)}
     if tests.status != "untested":
-        sheets["autocorrelation.html"] = _autocorrelation(name, tests)
-        sheets["cross_correlation.html"] = _cross_correlation(name, tests)
+        found["autocorrelation.html"] = _autocorrelation(name, tests)
+        found["cross_correlation.html"] = _cross_correlation(name, tests)
     if profiles:
-        sheets["profiles.html"] = Sheet(
+        found["profiles.html"] = Section(
             f"{name}: profile likelihoods",
-            "How much worse the best fit gets as one parameter is held elsewhere; the line is the 95 % threshold, the "
-            "parabola behind it what estimate and standard error say.",
+            "How much worse the best fit gets as one parameter is held elsewhere. The line is the 95 % threshold; the "
+            "parabola is what estimate and standard error say.",
             {"nominal": "profile"},
             (Block("Profiles", "", profile_figure(profiles)),),
         )
-    for file, sheet in sheets.items():
-        write_sheet(folder / file, sheet)
-    return tuple(folder / file for file in sheets)
+    return found
 
 
-def _simulated(name: str, residuals: Sequence[Residual]) -> Sheet:
+def _simulated(name: str, residuals: Sequence[Residual]) -> Section:
     blocks: list[Block] = []
     for residual in residuals:
-        fits = [a.fit for a in agreement([residual], horizons=()) if a.part == "whole"]
-        told = ", ".join(f"{CHANNEL_NAMES[c]} {fit:.1f} %" for c, fit in zip(CHANNELS, fits, strict=True))
-        remark = "the rollout diverged" if residual.diverged else f"fit: {told}"
-        held = " (held out)" if residual.role == "held_out" else ""
-        blocks.append(Block(residual.trial.name + held, remark, simulated_figure(residual), len(blocks) < 3))
-    return Sheet(
+        fits = [score.fit for score in agreement([residual], horizons=()) if score.part == "whole"]
+        listed = ", ".join(f"{CHANNEL_NAMES[c]} {fit:.1f} %" for c, fit in zip(CHANNELS, fits, strict=True))
+        remark = "the rollout diverged" if residual.diverged else f"fit: {listed}"
+        held_out = " (held out)" if residual.role == "held_out" else ""
+        blocks.append(Block(residual.trial.name + held_out, remark, residual_figure(residual), len(blocks) < 3))
+    return Section(
         f"{name}: measured against simulated",
         "Simulated curves are drawn where samples count. Fit: 100 % is perfect, 0 % no better than the mean.",
         {"measured": "measured", "nominal": "simulated, and measured − simulated"},
@@ -77,38 +92,34 @@ def _simulated(name: str, residuals: Sequence[Residual]) -> Sheet:
     )
 
 
-def _autocorrelation(name: str, tests: ResidualTests) -> Sheet:
-    told = [f"{CHANNEL_NAMES[t.channel]} p {chance(t.p_value)}" for t in tests.whiteness if t.trial == ALL]
-    return Sheet(
+def _autocorrelation(name: str, tests: ResidualTests) -> Section:
+    found = [
+        f"{CHANNEL_NAMES[test.channel]} p {p_value(test.p_value)}" for test in tests.whiteness if test.trial == ALL
+    ]
+    return Section(
         f"{name}: is the residual white?",
-        "Autocorrelation of the residual over all trials (thick) and of each (thin), with the band that holds 99 % of "
-        "the values over all trials where the residual is white. A residual that is not white makes intervals that "
-        "take it for white too narrow; it need not be the model's fault.",
+        "Autocorrelation of the residual over all trials (thick) and of each (thin). The band holds 99 % of the values "
+        "over all trials where the residual is white. Intervals that take a coloured residual for white are too "
+        "narrow; the model need not be at fault.",
         {"nominal": "all trials", "measured": "one trial"},
-        (Block("All trials", ", ".join(told), autocorrelation_figure(tests.whiteness)),),
+        (Block("All trials", ", ".join(found), autocorrelation_figure(tests.whiteness)),),
     )
 
 
-def _cross_correlation(name: str, tests: ResidualTests) -> Sheet:
+def _cross_correlation(name: str, tests: ResidualTests) -> Section:
     blocks: list[Block] = []
-    for trial in [ALL, *dict.fromkeys(t.trial for t in tests.independence if t.trial != ALL)]:
-        own = [t for t in tests.independence if t.trial == trial]
-        least = min((t.p_value for t in own if np.isfinite(t.p_value)), default=np.nan)
+    for trial in [ALL, *dict.fromkeys(test.trial for test in tests.independence if test.trial != ALL)]:
+        found = [test.p_value for test in tests.independence if test.trial == trial]
+        least = min((p for p in found if np.isfinite(p)), default=np.nan)
+        figure = cross_correlation_figure(tests.independence, trial)
         heading = "All trials" if trial == ALL else trial
-        blocks.append(
-            Block(
-                heading,
-                f"smallest p {chance(least)} of {len(own)}",
-                cross_correlation_figure(tests.independence, trial),
-                trial == ALL,
-            )
-        )
-    return Sheet(
+        blocks.append(Block(heading, f"smallest p {p_value(least)} of {len(found)}", figure, trial == ALL))
+    return Section(
         f"{name}: is the residual independent of the input?",
-        "Cross-correlation of the residual with the command of the last joint and with its square, with the band that "
-        "holds 99 % of the values where they are independent. Outside it, the model misses something that the drive "
-        "does. The p value over all trials lets each trial have a response of its own: it may be small where the "
-        "curve of their sum is inside the band.",
+        "Cross-correlation of the residual with the command of the last joint and with its square. The band holds 99 % "
+        "of the values where they are independent. Outside it, the model misses something that the drive does. The p "
+        "value over all trials lets each trial have a response of its own: it may be small where the curve of their "
+        "sum is inside the band.",
         {"nominal": "residual with input, and band"},
         tuple(blocks),
     )

@@ -15,14 +15,7 @@ from mjfish.model import Model
 from mjfish.ode.forces import link_forces
 from mjfish.reporting.log.recording import write_log
 from mjfish.reporting.log.scene import Run, Swim, Swimmer, placed, travelled
-
-#: How the verdicts read.
-_VERDICTS = {
-    "named": "Cause named",
-    "nothing_wrong": "Nothing wrong",
-    "cannot_tell": "Cannot tell",
-    "unexplained": "Unexplained",
-}
+from mjfish.reporting.words import VERDICTS
 
 
 def write_diagnosis_log(diagnosis: Diagnosis, path: Path) -> None:
@@ -97,7 +90,7 @@ def _simulated(
 
 def _about(diagnosis: Diagnosis) -> str:
     lines = [
-        f"**{_VERDICTS[diagnosis.verdict]}.** {diagnosis.message}",
+        f"**{VERDICTS[diagnosis.verdict]}.** {diagnosis.message}",
         "Measured grey, nominal model orange, extended model teal. "
         "Forces of the water: drag red, added mass blue, what an effect adds yellow.",
     ]

@@ -24,7 +24,7 @@ from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation import Fit, Noise, Problem, fit, predict_held_out
 from mjfish.estimation.basis import beat_phase
 from mjfish.estimation.score import PREFIX
-from mjfish.reporting.html.counted import counted
+from mjfish.reporting.html.figures import counted
 
 ROOT = Path(__file__).parents[3]
 SETTINGS = Path(__file__).with_name("settings.toml")

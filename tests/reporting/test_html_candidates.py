@@ -8,11 +8,12 @@ from diagnosed import diagnosis
 
 from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.result import Verdict
-from mjfish.reporting.html.candidates import candidate_views
+from mjfish.reporting.html.candidates import known_effects, remark
 
 
-def _said(one: Diagnosis) -> dict[str, str]:
-    return {view.name: view.remark for view in candidate_views(one)}
+def _said(found: Diagnosis) -> dict[str, str]:
+    effects = known_effects(found)
+    return {candidate.name: remark(candidate, found, effects) for candidate in found.candidates}
 
 
 def _remarks(verdict: Verdict) -> dict[str, str]:
@@ -32,66 +33,64 @@ def test_every_candidate_is_judged_in_words() -> None:
 
 
 def test_a_candidate_that_fits_but_gains_nothing_is_said_to_do_so() -> None:
-    one = diagnosis("unexplained")
-    best = replace(one.candidates[0], fit_p=0.5, held_out_gain=-3.0)
-    views = candidate_views(replace(one, candidates=(best, *one.candidates[1:])))
-    assert views[0].remark == "Fits, but makes the held-out trials no better."
+    found = diagnosis("unexplained")
+    best = replace(found.candidates[0], fit_p=0.5, held_out_gain=-3.0)
+    said = _said(replace(found, candidates=(best, *found.candidates[1:])))
+    assert said["servo_lag"] == "Fits, but makes the held-out trials no better."
 
 
 def test_what_was_not_refitted_is_said_to_be_so_and_not_to_be_absent() -> None:
     """Catches a cause with a trace, or one that is hidden, of which no sign is said to be."""
-    one = diagnosis()
-    best, second, *_ = one.candidates
+    found = diagnosis()
+    best, second, *_ = found.candidates
     screened = replace(second, name="munk_moment", p_value=1e-9, rival_p=None, absorbed=0.2, parameters=None)
     absent = replace(screened, name="fin_lift", p_value=0.3, smallest_visible={"fin_lift.slope": 0.8})
     hidden = replace(screened, name="mass_error", p_value=1.0, absorbed=0.93)
-    said = _said(replace(one, candidates=(best, screened, absent, hidden)))
+    said = _said(replace(found, candidates=(best, screened, absent, hidden)))
     assert said["munk_moment"] == "Not refitted: others have better scores."
     assert said["fin_lift"] == "No sign of it. It would have shown from slope 0.80 on."
     assert said["mass_error"] == "Could not be seen: a refit of the coefficients hides all of it."
 
 
 def test_each_of_several_causes_is_said_to_be_one_whether_or_not_it_was_refitted_alone() -> None:
-    one = diagnosis()
-    best, second, third, _ = one.candidates
+    found = diagnosis()
+    best, second, third, _ = found.candidates
     pair = ("servo_lag", "munk_moment")
     beside = replace(second, name="munk_moment", rival_p=None, fit_p=None, absorbed=0.2, parameters=None)
-    cause = replace(one.causes[0], name="munk_moment")
+    cause = replace(found.causes[0], name="munk_moment")
     named = replace(
-        one,
+        found,
         candidates=(replace(best, fit_p=1e-9), beside, third),
-        causes=(*one.causes, cause),
+        causes=(*found.causes, cause),
         best=pair,
         certain=pair,
         alternatives=(pair,),
     )
-    views = {view.name: view for view in candidate_views(named)}
-    assert views["servo_lag"].remark == "One of the causes, beside munk_moment."
-    assert views["munk_moment"].remark == "One of the causes, beside servo_lag."
-    assert views["munk_moment"].chosen
-    assert views["tail_compliance"].remark.startswith("Ruled out as the only cause: servo_lag explains the misfit")
+    said = _said(named)
+    assert said["servo_lag"] == "One of the causes, beside munk_moment."
+    assert said["munk_moment"] == "One of the causes, beside servo_lag."
+    assert said["tail_compliance"].startswith("Ruled out as the only cause: servo_lag explains the misfit")
     sets = (pair, ("servo_lag", "tail_compliance"))
     split = replace(
         named, verdict="cannot_tell", causes=(), certain=("servo_lag",), alternatives=sets,
         rivals=(("munk_moment", "tail_compliance"),),
     )  # fmt: skip
-    views = {view.name: view for view in candidate_views(split)}
-    assert views["servo_lag"].remark == "At work, whichever of the others is."
-    assert views["servo_lag"].chosen
+    said = _said(split)
+    assert said["servo_lag"] == "At work, whichever of the others is."
     for name in ("munk_moment", "tail_compliance"):
-        assert views[name].remark.startswith("Possible: the data cannot tell it from its rivals."), name
+        assert said[name].startswith("Possible: the data cannot tell it from its rivals."), name
 
 
 def test_what_leaves_something_is_not_said_to_leave_nothing() -> None:
     """A cause of another form than the model's is named, or possible, and what it leaves is said."""
-    one = diagnosis()
-    best, *rest = one.candidates
-    assert _said(replace(one, candidates=(replace(best, fit_p=1e-9), *rest)))["servo_lag"] == (
+    found = diagnosis()
+    best, *rest = found.candidates
+    assert _said(replace(found, candidates=(replace(best, fit_p=1e-9), *rest)))["servo_lag"] == (
         "The cause: with it in the model something systematic is left."
     )
-    one = diagnosis("cannot_tell")
-    best, second, *rest = (replace(c, fit_p=1e-9) if c.fit_p is not None else c for c in one.candidates)
-    tied = _said(replace(one, candidates=(best, second, *rest)))
+    found = diagnosis("cannot_tell")
+    best, second, *rest = (replace(c, fit_p=1e-9) if c.fit_p is not None else c for c in found.candidates)
+    tied = _said(replace(found, candidates=(best, second, *rest)))
     assert "from its rivals, and with it something systematic is left." in tied["time_offset"]
-    alone = replace(one, candidates=(best, *rest), rivals=(), alternatives=(("servo_lag",),))
+    alone = replace(found, candidates=(best, *rest), rivals=(), alternatives=(("servo_lag",),))
     assert _said(alone)["servo_lag"] == "Possible, and the closest: with it something systematic is left."

@@ -16,10 +16,10 @@ from mjfish.estimation import Noise
 from mjfish.estimation.residuals.residual import Residual
 from mjfish.estimation.residuals.residual_tests import ResidualTests, examine
 from mjfish.fish import Fish
+from mjfish.reporting.html.figures import autocorrelation_figure, cross_correlation_figure, residual_figure
 from mjfish.reporting.html.identification import write_identification_figures
-from mjfish.reporting.html.residuals import autocorrelation_figure, cross_correlation_figure, simulated_figure
-from mjfish.reporting.html.sheet import Block, Sheet, write_sheet
-from mjfish.reporting.html.words import chance
+from mjfish.reporting.html.pages import Section, write_figures
+from mjfish.reporting.words import p_value
 from mjfish.simulation.synthetic import generate
 
 SIGMA = readonly([0.01, 0.01, 0.05])
@@ -50,49 +50,52 @@ def _specs(html: str) -> list[dict]:
 
 def test_velocities_and_residuals_are_drawn_each_in_its_panel(residuals: tuple[Residual, ...]) -> None:
     """Catches channels swapped, a residual of the wrong sign, a curve drawn where samples do not count."""
-    spec = simulated_figure(residuals[1])
-    one = {(trace["name"], trace["yaxis"]): trace["y"] for trace in spec["data"]}
+    figure = residual_figure(residuals[1])
     velocity, predicted = residuals[1].trial.velocity, residuals[1].predicted
     for k in range(3):
-        axis = "y" if k == 0 else f"y{k + 1}"
-        np.testing.assert_allclose(one["measured", axis], velocity[:, k], rtol=1e-4)
-        assert one["simulated", axis][260] is None
-        left = np.array([np.nan if v is None else v for v in one["residual", f"y{k + 4}"]])
+        measured, simulated = figure.select_traces(row=k + 1, col=1)
+        np.testing.assert_allclose(measured.y, velocity[:, k], rtol=1e-4)
+        assert simulated.y[260] is None
+        (residual,) = figure.select_traces(row=k + 1, col=2)
         np.testing.assert_allclose(
-            left, np.where(residuals[1].counted, velocity[:, k] - predicted[:, k], np.nan), rtol=1e-4
+            np.array(residual.y, dtype=float),
+            np.where(residuals[1].counted, velocity[:, k] - predicted[:, k], np.nan),
+            rtol=1e-4,
         )
-    assert [shape["x0"] for shape in spec["layout"]["shapes"]] == [5.2] * 6
+    assert [shape.x0 for shape in figure.layout.shapes] == [5.2] * 6
 
 
 def test_autocorrelations_are_drawn_with_the_band_of_all_trials(tests_: ResidualTests) -> None:
-    spec = autocorrelation_figure(tests_.whiteness)
-    pooled = [t for t in tests_.whiteness if t.trial == "all"]
-    drawn = [trace for trace in spec["data"] if trace.get("name") == "all"]
-    for trace, test in zip(drawn, pooled, strict=True):
-        np.testing.assert_allclose(trace["y"], test.value, rtol=1e-4)
-    bands = {trace["yaxis"]: trace for trace in spec["data"] if trace.get("fill")}
+    figure = autocorrelation_figure(tests_.whiteness)
+    pooled = [test for test in tests_.whiteness if test.trial == "all"]
+    for trace, test in zip(figure.select_traces({"name": "all trials"}), pooled, strict=True):
+        np.testing.assert_allclose(trace.y, test.value, rtol=1e-4)
+    bands = {trace.yaxis: trace for trace in figure.data if trace.fill}
     assert set(bands) == {"y", "y2", "y3"}
-    np.testing.assert_allclose(np.max(bands["y2"]["y"]), pooled[1].band.max(), rtol=1e-4)
-    assert sum(trace.get("name") == "one trial" for trace in spec["data"]) == 6
+    np.testing.assert_allclose(np.max(bands["y2"].y), pooled[1].band.max(), rtol=1e-4)
+    assert len(list(figure.select_traces({"name": "one trial"}))) == 6
 
 
 @pytest.mark.parametrize("trial", ["all", "v1-v5"])
 def test_cross_correlations_have_a_panel_for_each_channel_and_input(tests_: ResidualTests, trial: str) -> None:
-    spec = cross_correlation_figure(tests_.independence, trial)
-    own = [t for t in tests_.independence if t.trial == trial]
-    assert [(t.channel, t.input) for t in own][:3] == [("surge", "beat"), ("surge", "double_beat"), ("sway", "beat")]
-    lines = {trace["yaxis"]: trace["y"] for trace in spec["data"] if not trace.get("fill")}
+    figure = cross_correlation_figure(tests_.independence, trial)
+    own = [test for test in tests_.independence if test.trial == trial]
+    assert [(test.channel, test.input) for test in own][:3] == [
+        ("surge", "beat"),
+        ("surge", "double_beat"),
+        ("sway", "beat"),
+    ]
     for k, test in enumerate(own):
-        np.testing.assert_allclose(lines["y" if k == 0 else f"y{k + 1}"], test.value, rtol=1e-4)
-    texts = [note["text"] for note in spec["layout"]["annotations"]]
-    assert texts[5] == f"yaw rate, last joint, squared: p {chance(own[5].p_value)}"
+        (line,) = figure.select_traces({"name": "residual"}, row=k // 2 + 1, col=k % 2 + 1)
+        np.testing.assert_allclose(line.y, test.value, rtol=1e-4)
+    assert figure.layout.annotations[5].text == f"yaw rate, last joint, squared: p {p_value(own[5].p_value)}"
 
 
 def test_files_are_written_and_named_and_hold_every_trial(
     residuals: tuple[Residual, ...], tests_: ResidualTests, tmp_path: Path
 ) -> None:
     folder = tmp_path / "new" / "figures"
-    files = write_identification_figures(folder, "planted", residuals, tests_)
+    files = write_identification_figures(folder, "pool", residuals, tests_)
     assert [f.name for f in files] == ["simulated.html", "autocorrelation.html", "cross_correlation.html"]
     assert sorted(folder.iterdir()) == sorted(files)
     assert [len(_specs(f.read_text())) for f in files] == [2, 1, 3]
@@ -117,13 +120,12 @@ def test_rollouts_that_all_diverged_have_gaps_and_no_tests(
     residuals: tuple[Residual, ...], pike: Fish, tmp_path: Path
 ) -> None:
     gone = [replace(r, predicted=np.full_like(r.predicted, np.nan)) for r in residuals]
-    files = write_identification_figures(tmp_path, "planted", gone, examine(gone, Noise.white(SIGMA), pike.cpg))
+    files = write_identification_figures(tmp_path, "pool", gone, examine(gone, Noise.white(SIGMA), pike.cpg))
     assert [f.name for f in files] == ["simulated.html"]
     assert "the rollout diverged" in files[0].read_text()
 
 
 def test_a_place_that_cannot_be_written_to_is_refused(tmp_path: Path) -> None:
-    sheet = Sheet("t", "l", {}, (Block("h", "r", {"data": [], "layout": {}}),))
     with pytest.raises(InputError, match="cannot be written"):
-        write_sheet(tmp_path / "nowhere" / "a.html", sheet)
+        write_figures(tmp_path / "nowhere" / "a.html", Section("t", "l", {}, ()))
     assert list(tmp_path.iterdir()) == []

@@ -1,28 +1,32 @@
-"""Numbers and verdicts as a reader wants them."""
+"""Words and number formats that pages, logs and the terminal share."""
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-from mjfish.diagnosis import Estimate
-from mjfish.diagnosis.result import Verdict
+if TYPE_CHECKING:
+    from mjfish.diagnosis import Estimate
 
-#: Badge of each verdict.
-VERDICTS: dict[Verdict, str] = {
+#: How the verdicts read.
+VERDICTS = {
     "named": "Cause named",
     "nothing_wrong": "Nothing wrong",
     "cannot_tell": "Cannot tell",
     "unexplained": "Unexplained",
 }
-CHANNEL_NAMES = {"surge": "surge", "sway": "sway", "yaw_rate": "yaw rate"}
+#: How channels, and groups of them, read.
+CHANNEL_NAMES = {"surge": "surge", "sway": "sway", "yaw_rate": "yaw rate", "pooled": "all channels"}
+#: Stands for a number that is not known.
+NONE = "–"
 _MINUS = "\N{MINUS SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def number(value: float, digits: int = 3) -> str:
+def number(value: float | None, digits: int = 3) -> str:
     """Return a number with so many significant digits; very small and very large ones as powers of ten."""
-    if not math.isfinite(value):
-        return "–"
+    if value is None or not math.isfinite(value):
+        return NONE
     if value != 0.0 and not 1e-4 <= abs(value) < 1e6:
         mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
         return f"{mantissa} × 10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", _MINUS)
@@ -30,14 +34,16 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:.{max(places, 0)}f}".replace("-", _MINUS)
 
 
-def percent(share: float, digits: int = 3) -> str:
+def percent(share: float | None, digits: int = 3) -> str:
     """Return a share as a percentage."""
+    if share is None or not math.isfinite(share):
+        return NONE
     return f"{number(100.0 * share, digits)}\N{NO-BREAK SPACE}%"
 
 
-def chance(p: float) -> str:
+def p_value(p: float | None) -> str:
     """Return a p value; those below one in ten thousand are not told apart."""
-    return "< 0.0001" if p < 1e-4 else number(p, 2)
+    return "< 0.0001" if p is not None and p < 1e-4 else number(p, 2)
 
 
 def unit(symbol: str) -> str:
@@ -45,21 +51,21 @@ def unit(symbol: str) -> str:
     return "" if symbol == "-" else symbol
 
 
-def estimate(one: Estimate) -> str:
+def estimate(value: Estimate) -> str:
     """Return an estimate to the places its interval deserves (two digits of its half width); a bound as it is."""
-    return f"{one.estimate:g}" if one.at_bound else _rounded(one.estimate, one)
+    return f"{value.estimate:g}" if value.at_bound else _rounded(value.estimate, value)
 
 
-def interval(one: Estimate) -> str:
+def interval(value: Estimate) -> str:
     """Return the 95 % interval to the same places as the estimate; empty where it has no width."""
-    if not one.high > one.low:
+    if not value.high > value.low:
         return ""
-    return f"{_rounded(one.low, one)} to {_rounded(one.high, one)}"
+    return f"{_rounded(value.low, value)} to {_rounded(value.high, value)}"
 
 
-def _rounded(value: float, one: Estimate) -> str:
-    half = 0.5 * (one.high - one.low)
-    if not (math.isfinite(half) and half > 0.0) or not 1e-4 <= max(abs(one.low), abs(one.high)) < 1e6:
-        return number(value)
+def _rounded(number_: float, value: Estimate) -> str:
+    half = 0.5 * (value.high - value.low)
+    if not (math.isfinite(half) and half > 0.0) or not 1e-4 <= max(abs(value.low), abs(value.high)) < 1e6:
+        return number(number_)
     places = min(max(1 - math.floor(math.log10(half)), 0), 9)
-    return f"{value:.{places}f}".replace("-", _MINUS)
+    return f"{number_:.{places}f}".replace("-", _MINUS)

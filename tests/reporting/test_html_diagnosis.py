@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -11,10 +12,10 @@ import numpy as np
 import pytest
 from diagnosed import LAG, diagnosis
 
-from mjfish.diagnosis import Candidate, Diagnosis
+from mjfish.diagnosis import Candidate, Diagnosis, Estimate
 from mjfish.diagnosis.result import Verdict
 from mjfish.errors import InputError
-from mjfish.reporting.html import render, write_report
+from mjfish.reporting.html.diagnosis import render_diagnosis, shares, whiskers, write_diagnosis
 
 VERDICTS: tuple[Verdict, ...] = ("named", "nothing_wrong", "cannot_tell", "unexplained")
 
@@ -44,8 +45,8 @@ class _Page(HTMLParser):
         return [json.loads(text) for attributes, text in self.scripts if attributes.get("type") == "application/json"]
 
 
-def _page(one: Diagnosis) -> _Page:
-    return _Page(render(one))
+def _page(found: Diagnosis) -> _Page:
+    return _Page(render_diagnosis(found))
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
@@ -58,7 +59,7 @@ def test_every_verdict_is_told_first_and_with_its_colour(verdict: Verdict) -> No
 
 
 def test_the_file_asks_for_nothing_from_outside() -> None:
-    html = render(diagnosis())
+    html = render_diagnosis(diagnosis())
     page = _Page(html)
     assert not [attributes for _, attributes in page.tags if {"src", "href", "srcset", "data"} & set(attributes)]
     styles = html[html.index("<style>") : html.index("</style>")]
@@ -89,10 +90,10 @@ def test_the_gain_is_told_per_channel_and_pooled_with_its_interval() -> None:
 
 
 def test_a_gain_that_may_be_none_is_said_to_be_uncertain() -> None:
-    one = diagnosis()
-    assert one.gain is not None
-    assert "no gain is certain" not in _page(one).text
-    assert "no gain is certain" in _page(replace(one, gain=replace(one.gain, low=-0.01))).text
+    found = diagnosis()
+    assert found.gain is not None
+    assert "no gain is certain" not in _page(found).text
+    assert "no gain is certain" in _page(replace(found, gain=replace(found.gain, low=-0.01))).text
 
 
 def test_without_a_held_out_trial_the_page_says_what_to_record() -> None:
@@ -129,16 +130,16 @@ def test_a_fit_that_did_not_converge_is_told_at_the_top() -> None:
 def test_what_users_wrote_is_text_and_never_markup() -> None:
     """Names of datasets, trials, files, remarks and causes come from files of other people."""
     evil = "</script><img src=x onerror=alert(1)>"
-    one = diagnosis(names=(evil, "{{ 7 * 7 }}"))
-    one = replace(
-        one,
-        dataset=replace(one.dataset, name=evil),
+    found = diagnosis(names=(evil, "{{ 7 * 7 }}"))
+    found = replace(
+        found,
+        dataset=replace(found.dataset, name=evil),
         message=evil,
         remarks=(evil,),
-        candidates=(*one.candidates, Candidate(evil, False, remark=evil)),
-        provenance={**one.provenance, "inputs": {evil: evil}},
+        candidates=(*found.candidates, Candidate(evil, False, remark=evil)),
+        provenance={**found.provenance, "inputs": {evil: evil}},
     )
-    page = _page(one)
+    page = _page(found)
     plain = _page(diagnosis())
     assert [tag for tag, _ in page.tags if tag == "img"] == []
     assert len(page.scripts) == len(plain.scripts)
@@ -147,27 +148,27 @@ def test_what_users_wrote_is_text_and_never_markup() -> None:
 
 
 def test_figures_show_the_measured_and_simulated_velocities_held_out_first() -> None:
-    one = diagnosis()
-    page = _page(one)
+    found = diagnosis()
+    page = _page(found)
     assert page.text.index("fast held out") < page.text.index("slow 2.0 s")
-    held = one.overlays[1]
+    held = found.overlays[1]
     data = page.figures()[0]["data"]
-    by_panel = {(trace["name"], trace["yaxis"]): trace for trace in data}
-    np.testing.assert_allclose(by_panel["measured", "y3"]["y"], held.trial.velocity[:, 2], rtol=1e-4, atol=1e-9)
+    by_panel = {(trace["name"], trace["yaxis"]): trace for trace in data}  # panels are numbered row by row
+    np.testing.assert_allclose(by_panel["measured", "y5"]["y"], held.trial.velocity[:, 2], rtol=1e-4, atol=1e-9)
     scored = np.abs(held.trial.time - 1.2) > 0.03  # a step of the drive at 1.2 s: nothing is scored beside it
     left = held.trial.velocity[:, 1] - held.nominal[:, 1]
-    for key, values in ((("extended", "y"), held.extended[:, 0]), (("nominal", "y5"), left)):
+    for key, values in ((("extended", "y"), held.extended[:, 0]), (("nominal", "y4"), left)):
         drawn = np.array(by_panel[key]["y"], dtype=float)  # None becomes NaN
         np.testing.assert_array_equal(np.isfinite(drawn), scored)
         np.testing.assert_allclose(drawn[scored], values[scored], rtol=1e-4, atol=1e-9)
-    assert by_panel["nominal", "y5"]["x"] == pytest.approx(held.trial.time, abs=1e-9)
+    assert by_panel["nominal", "y4"]["x"] == pytest.approx(held.trial.time, abs=1e-9)
 
 
 def test_a_rollout_that_diverged_leaves_a_gap_in_the_curve() -> None:
-    one = diagnosis()
-    broken = one.overlays[1].nominal.copy()
+    found = diagnosis()
+    broken = found.overlays[1].nominal.copy()
     broken[70:] = np.nan
-    page = _page(replace(one, overlays=(one.overlays[0], replace(one.overlays[1], nominal=broken))))
+    page = _page(replace(found, overlays=(found.overlays[0], replace(found.overlays[1], nominal=broken))))
     curve = next(trace["y"] for trace in page.figures()[0]["data"] if trace["name"] == "nominal")
     assert curve[69] is not None
     assert curve[70:] == [None] * (len(broken) - 70)
@@ -175,11 +176,11 @@ def test_a_rollout_that_diverged_leaves_a_gap_in_the_curve() -> None:
 
 def test_the_report_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "report.html"
-    write_report(diagnosis(), path)
+    write_diagnosis(diagnosis(), path)
     assert path.read_text(encoding="utf-8").rstrip().endswith("</html>")
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
     with pytest.raises(InputError, match=r"absent/report\.html"):
-        write_report(diagnosis(), tmp_path / "absent" / "report.html")
+        write_diagnosis(diagnosis(), tmp_path / "absent" / "report.html")
 
 
 def test_estimates_of_the_extended_model_stand_beside_the_nominal_ones() -> None:
@@ -188,3 +189,54 @@ def test_estimates_of_the_extended_model_stand_beside_the_nominal_ones() -> None
     assert "servo_lag.time_constant" in told
     assert f"– {LAG.estimate:.5f}" in told  # the nominal model has no such parameter
     assert "bound" in told[told.index("c_f.head") : told.index("c_f.body")]
+
+
+def test_what_remains_is_shown_only_of_candidates_in_the_race() -> None:
+    """Columns of a candidate: evidence, p, against the best, what remains, ..."""
+    rows = _rows(diagnosis("cannot_tell"))
+    assert [rows[name][3] for name in ("servo_lag", "time_offset", "tail_compliance")] == ["0.31", "0.31", "–"]
+    assert {cells[2] for cells in _rows(diagnosis("nothing_wrong")).values() if len(cells) > 1} == {"–"}
+
+
+def test_causes_that_are_named_or_possible_are_marked() -> None:
+    html = render_diagnosis(diagnosis("cannot_tell"))
+    marked = re.findall(r'<tbody class="chosen">\s*<tr>\s*<td><b>(\w+)</b>', html)
+    assert marked == ["servo_lag", "time_offset"]
+
+
+def _rows(found: Diagnosis) -> dict[str, list[str]]:
+    """Return the numbers of every candidate as the page shows them."""
+    html = render_diagnosis(found)
+    bodies = re.findall(r'<tbody class="[ a-z]*">\s*<tr>\s*<td><b>(\w+)</b></td>(.*?)</tr>', html, re.DOTALL)
+    return {name: re.findall(r'<td class="number">([^<]*)', cells) for name, cells in bodies}
+
+
+def test_where_it_goes_wrong_is_listed_in_the_order_of_channels_and_swimming() -> None:
+    channels, trials, parts, phases, *_ = shares(diagnosis())
+    assert channels == ("channel", "yaw rate", {"surge": 0.2, "sway": 0.3, "yaw rate": 0.5})
+    assert list(parts[2]) == ["start-up", "steady"]
+    assert len(trials[2]) == 1
+    assert phases[1] == next(iter(phases[2]))
+    assert shares(diagnosis("nothing_wrong")) == []
+    html = render_diagnosis(diagnosis()).replace("\N{NO-BREAK SPACE}", " ")
+    bars = re.findall(r'class="share( chief)?"><span>(\w[\w ]*)</span>.*?width:([0-9.]+)%.*?number">(\d+ %)', html)
+    assert bars[:3] == [
+        ("", "surge", "40.0", "20 %"),
+        ("", "sway", "60.0", "30 %"),
+        (" chief", "yaw rate", "100.0", "50 %"),
+    ]
+
+
+def test_whiskers_keep_their_place_between_the_ends_of_both_intervals() -> None:
+    nominal, extended = Estimate(2.5, 2.25, 2.75, "-"), Estimate(3.0, 2.8, 3.2, "-")
+    below, above = whiskers(nominal, extended)
+    assert above["at"] == pytest.approx(6.0 + 88.0 * (3.0 - 2.25) / (3.2 - 2.25), abs=0.01)
+    assert (below["low"], above["high"]) == (6.0, 94.0)
+
+
+def test_how_much_is_missing_is_told_as_a_share_of_what_moves_the_fish() -> None:
+    """A sine of 0.1 N has 0.071 N root mean square; 1 N moves the fish."""
+    found = diagnosis()
+    assert found.force[0].share[0] == pytest.approx(0.071, abs=0.002)
+    surge, sway = (100.0 * share for share in found.force[0].share[:2])
+    assert f"slow {surge:.2f} % {sway:.1f} %" in _page(found).text.replace("\N{NO-BREAK SPACE}", " ")

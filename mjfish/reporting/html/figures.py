@@ -1,0 +1,317 @@
+"""Figures by plotly, in one style: a template of the package, and panels laid out by `plotly.subplots`.
+
+Colours come from one table, `COLOURS`. A page maps them to its own variables (`mjfish.reporting.html.pages`), so the
+same figure is drawn in the light, in the dark and on paper. What a user named is escaped: plotly renders some markup.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import plotly.graph_objects as go
+import plotly.io
+from plotly.subplots import make_subplots
+
+from mjfish.arrays import FloatArray
+from mjfish.data import Trial
+from mjfish.diagnosis import Diagnosis, Overlay
+from mjfish.estimation import Noise, Problem
+from mjfish.estimation.basis import beat_phase
+from mjfish.estimation.residuals.whiteness import ALL, Autocorrelation
+from mjfish.frames import CHANNELS, UNITS
+from mjfish.reporting.words import CHANNEL_NAMES, p_value, unit
+
+if TYPE_CHECKING:
+    from mjfish.estimation.residuals.independence import CrossCorrelation
+    from mjfish.estimation.residuals.residual import Residual
+    from mjfish.estimation.uncertainty.profile import Profile
+
+#: Colours by what they stand for.
+COLOURS = {
+    "ink": "#1d2126",
+    "muted": "#6a727c",
+    "grid": "#eceef0",
+    "measured": "#b4bac2",
+    "nominal": "#d9772b",
+    "extended": "#13808c",
+    "nominal-soft": "rgba(217, 119, 43, 0.18)",
+    "extended-soft": "rgba(19, 128, 140, 0.18)",
+}
+#: A curve with more points is thinned to the extremes of equal stretches.
+POINTS = 2400
+#: Bins of one beat.
+BINS = 24
+#: Inputs that a residual is correlated with.
+INPUT_NAMES = {"beat": "last joint", "double_beat": "last joint, squared"}
+#: Profiles side by side, at most, and the highest rise that is drawn, in units of the threshold.
+COLUMNS = 3
+_TOP = 1.6
+
+_MUTED = {"size": 12, "color": COLOURS["muted"]}
+_AXIS = {
+    "showgrid": True,
+    "gridcolor": COLOURS["grid"],
+    "gridwidth": 1,
+    "zeroline": False,
+    "zerolinecolor": COLOURS["muted"],
+    "zerolinewidth": 1,
+    "showline": False,
+    "ticks": "",
+    "tickfont": {"size": 11, "color": COLOURS["muted"]},
+    "nticks": 6,
+    "title": {"font": _MUTED, "standoff": 6},
+}
+plotly.io.templates["mjfish"] = go.layout.Template(
+    layout={
+        "margin": {"l": 44, "r": 12, "t": 22, "b": 40},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "font": {"family": "system-ui, sans-serif", "size": 12, "color": COLOURS["ink"]},
+        "showlegend": False,
+        "legend": {"orientation": "h", "x": 1, "xanchor": "right", "y": 1.02, "yanchor": "bottom"},
+        "hovermode": "x",
+        "hoverlabel": {"font": {"size": 11}},
+        "xaxis": _AXIS,
+        "yaxis": _AXIS,
+        "colorway": [COLOURS[name] for name in ("nominal", "extended", "measured")],
+    }
+)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One panel of a figure, by row and column from 1."""
+
+    figure: go.Figure
+    row: int
+    column: int = 1
+
+    def curve(self, x: FloatArray, y: FloatArray, colour: str, name: str | None = None, **style: Any) -> None:
+        """Draw a line; `style` goes to plotly's ``line``. A name that another line has shares its legend."""
+        x, y = thinned(np.asarray(x), np.asarray(y))
+        known = {trace.name for trace in self.figure.data}
+        line = {"color": COLOURS[colour], "width": 1.3, **style}
+        self.figure.add_scatter(
+            x=compact(x), y=compact(y), mode="lines", line=line, name=name, legendgroup=name,
+            showlegend=name is not None and name not in known, row=self.row, col=self.column,
+        )  # fmt: skip
+
+    def marked(self, x: FloatArray, y: FloatArray, colour: str, name: str | None = None, **style: Any) -> None:
+        """Draw a line with a marker at every point."""
+        self.curve(x, y, colour, name, **style)
+        self.figure.data[-1].update(mode="lines+markers", marker={"size": 5, "color": COLOURS[colour]})
+
+    def band(self, x: FloatArray, low: FloatArray, high: FloatArray, colour: str) -> None:
+        """Fill the band between two curves."""
+        self.curve(np.concatenate([x, x[::-1]]), np.concatenate([low, high[::-1]]), colour, width=0)
+        self.figure.data[-1].update(fill="toself", fillcolor=COLOURS[colour], hoverinfo="skip")
+
+    def heading(self, text: str) -> None:
+        """Write above the left corner."""
+        self.figure.add_annotation(
+            text=text, xref="x domain", yref="y domain", x=0, y=1, xanchor="left", yanchor="bottom", showarrow=False,
+            font=_MUTED, row=self.row, col=self.column,
+        )  # fmt: skip
+
+
+def panels(rows: int, columns: int = 1, *, height: int, **layout: Any) -> go.Figure:
+    """Return a figure of empty panels, `height` pixels high; `layout` goes to `plotly.subplots.make_subplots`."""
+    return make_subplots(rows, columns, **layout).update_layout(template="mjfish", height=height)
+
+
+def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the curve through the lowest and the highest sample of each of POINTS / 2 stretches, where it has more."""
+    if len(x) <= POINTS:
+        return x, y
+    stretches = np.array_split(np.arange(len(x)), POINTS // 2)
+    filled = np.where(np.isfinite(y), y, 0.0)
+    kept = np.array([k for s in stretches for k in sorted({s[np.argmin(filled[s])], s[np.argmax(filled[s])]})])
+    return x[kept], y[kept]
+
+
+def compact(values: FloatArray) -> list[float | None]:
+    """Return five significant digits of each value; None (a gap in the curve) where it is no number."""
+    return [float(f"{v:.5g}") if np.isfinite(v) else None for v in values]
+
+
+def trial_figure(trial: Trial, predicted: Mapping[str, FloatArray]) -> go.Figure:
+    """Return measured and predicted velocities over time and the residuals beside them.
+
+    Dotted lines: the drive steps.
+
+    Args:
+        trial: as measured.
+        predicted: velocities (n, 3) by model, ``nominal`` or ``extended``; NaN leaves a gap.
+    """
+    figure = panels(
+        len(CHANNELS), 2, height=540, shared_xaxes="all", column_widths=[0.57, 0.365], horizontal_spacing=0.065,
+        vertical_spacing=0.075,
+    )  # fmt: skip
+    for k, channel in enumerate(CHANNELS):
+        velocity, residual = Panel(figure, k + 1), Panel(figure, k + 1, 2)
+        velocity.curve(trial.time, trial.velocity[:, k], "measured", "measured", width=3.2)
+        for model, values in predicted.items():
+            velocity.curve(trial.time, values[:, k], model, model)
+            residual.curve(trial.time, trial.velocity[:, k] - values[:, k], model, model, width=1.0)
+        velocity.heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
+        residual.heading(f"{CHANNEL_NAMES[channel]}, measured − simulated [{UNITS[channel]}]")
+    for segment in trial.drive[1:]:
+        line = {"color": COLOURS["muted"], "width": 1, "dash": "dot"}
+        figure.add_vline(segment.start, row="all", col="all", line=line)
+    return figure.update_xaxes(title_text="time [s]", row=len(CHANNELS))
+
+
+def counted(diagnosis: Diagnosis, overlay: Overlay, predicted: FloatArray) -> FloatArray:
+    """Return predicted velocities (n, 3), NaN where no fit and no score looks (see `mjfish.estimation.Problem.mask`).
+
+    That is beside a step of the drive and, where joint angles were measured, near both ends of the trial.
+    """
+    problem = Problem(diagnosis.nominal_model, (overlay.trial,), Noise.white(np.ones(3)))
+    return np.where(problem.mask(0)[:, None], predicted, np.nan)
+
+
+def _predicted(diagnosis: Diagnosis, overlay: Overlay) -> dict[str, FloatArray]:
+    """Return what the models of a diagnosis predict where it counts."""
+    models = {"nominal": counted(diagnosis, overlay, overlay.nominal)}
+    if diagnosis.best:
+        models["extended"] = counted(diagnosis, overlay, overlay.extended)
+    return models
+
+
+def overlay_figure(diagnosis: Diagnosis, overlay: Overlay) -> go.Figure:
+    """Return one trial of a diagnosis as measured and as its models predict it, drawn where it is scored."""
+    return trial_figure(overlay.trial, _predicted(diagnosis, overlay))
+
+
+def residual_figure(residual: Residual) -> go.Figure:
+    """Return one trial of an identification as measured and as the fitted model predicts it, where it counts."""
+    return trial_figure(residual.trial, {"nominal": np.where(residual.counted[:, None], residual.predicted, np.nan)})
+
+
+def beat_figure(diagnosis: Diagnosis) -> go.Figure:
+    """Return the mean residual of the models over the beat of the last joint, one panel a channel.
+
+    Of the held-out trials, or of all where none is held out; bands are two standard errors of the mean wide on each
+    side.
+    """
+    overlays = [overlay for overlay in diagnosis.overlays if overlay.held_out] or list(diagnosis.overlays)
+    cpg = diagnosis.nominal_model.fish.cpg
+    phase = np.concatenate([beat_phase(cpg, overlay.trial) for overlay in overlays]) / (2.0 * np.pi)
+    centre = (np.arange(BINS) + 0.5) / BINS
+    predicted = [_predicted(diagnosis, overlay) for overlay in overlays]
+    figure = panels(1, len(CHANNELS), height=270, horizontal_spacing=0.08)
+    for model in predicted[0]:
+        residual = [o.trial.velocity - models[model] for o, models in zip(overlays, predicted, strict=True)]
+        mean, error = binned(phase, np.concatenate(residual))
+        for k in range(len(CHANNELS)):
+            panel = Panel(figure, 1, k + 1)
+            panel.band(centre, mean[:, k] - 2.0 * error[:, k], mean[:, k] + 2.0 * error[:, k], f"{model}-soft")
+            panel.curve(centre, mean[:, k], model, model, width=2.0)
+    for k, channel in enumerate(CHANNELS):
+        Panel(figure, 1, k + 1).heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
+    return figure.update_xaxes(title_text="phase [beats]", range=[0, 1]).update_yaxes(zeroline=True)
+
+
+def binned(phase: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean and its standard error (BINS, 3) of residuals (n, 3) by phase (n,) in beats; NaN in empty bins."""
+    index = np.floor(np.mod(phase, 1.0) * BINS).astype(int) % BINS
+    mean, error = np.full((BINS, 3), np.nan), np.full((BINS, 3), np.nan)
+    reached = np.isfinite(residual).all(axis=1)
+    for k in range(BINS):
+        inside = residual[reached & (index == k)]
+        if len(inside) > 1:
+            mean[k] = inside.mean(axis=0)
+            error[k] = inside.std(axis=0, ddof=1) / np.sqrt(len(inside))
+    return mean, error
+
+
+def force_figure(diagnosis: Diagnosis) -> go.Figure | None:
+    """Return the missing force of the trial where the misfit is densest; None where nothing is wrong.
+
+    One panel a component, bands two standard deviations wide on each side.
+    """
+    if diagnosis.where is None:
+        return None
+    missing = next(force for force in diagnosis.force if force.trial == diagnosis.where.trial)
+    headings = ("surge [N]", "sway [N]", "yaw moment at the nose [N m]")
+    figure = panels(len(headings), height=380, shared_xaxes=True, vertical_spacing=0.07)
+    for k, heading in enumerate(headings):
+        panel, force, half = Panel(figure, k + 1), missing.force[:, k], 2.0 * missing.band[:, k]
+        panel.band(missing.time, force - half, force + half, "nominal-soft")
+        panel.curve(missing.time, force, "nominal", "missing force")
+        panel.heading(heading)
+    figure.update_xaxes(range=[float(missing.time[0]), float(missing.time[-1])])
+    return figure.update_xaxes(title_text="time [s]", row=len(headings)).update_yaxes(zeroline=True, nticks=4)
+
+
+def profile_figure(profiles: Sequence[Profile]) -> go.Figure:
+    """Return the rise of -2 log likelihood over each parameter, its threshold and the interval that it gives.
+
+    A parabola through the estimate with the same curvature is drawn behind each: where the two part, an interval of
+    estimate and standard error misleads.
+    """
+    columns = max(min(COLUMNS, len(profiles)), 1)
+    rows = max(-(-len(profiles) // columns), 1)
+    figure = panels(rows, columns, height=250 * rows + 20, horizontal_spacing=0.08, vertical_spacing=0.25 / rows)
+    line = {"color": COLOURS["muted"], "width": 1}
+    for k, profile in enumerate(profiles):
+        panel = Panel(figure, k // columns + 1, k % columns + 1)
+        at = {"row": panel.row, "col": panel.column}
+        inner = np.linspace(profile.values[0], profile.values[-1], 61)
+        parabola = ((inner - profile.estimate) / max(profile.sigma, 1e-300)) ** 2
+        drawn = parabola <= _TOP * profile.threshold
+        panel.curve(inner[drawn], parabola[drawn], "muted", "parabola", dash="dot")
+        panel.marked(profile.values, profile.rise, "nominal", "refits", width=2.0)
+        panel.heading(html.escape(profile.name))
+        band = {"fillcolor": COLOURS["nominal-soft"], "line_width": 0}
+        figure.add_vrect(profile.low, profile.high, layer="below", **band, **at)
+        figure.add_hline(profile.threshold, line=line, layer="below", **at)
+        figure.add_vline(profile.estimate, line=line, layer="below", **at)
+        figure.update_xaxes(title_text=f"[{unit(profile.unit)}]" if unit(profile.unit) else "", nticks=4, **at)
+        figure.update_yaxes(range=[0.0, _TOP * profile.threshold], **at)
+    return figure
+
+
+def autocorrelation_figure(tests: Sequence[Autocorrelation]) -> go.Figure:
+    """Return the autocorrelation of the residual of every channel over all trials, thin lines the trials alone."""
+    figure = panels(len(CHANNELS), height=165 * len(CHANNELS) + 60, shared_xaxes=True, vertical_spacing=0.08)
+    for k, channel in enumerate(CHANNELS):
+        panel = Panel(figure, k + 1)
+        panel.heading(CHANNEL_NAMES[channel])
+        own = sorted((test for test in tests if test.channel == channel), key=lambda test: test.trial == ALL)
+        for test in own:
+            if test.trial == ALL:
+                panel.band(test.lag, -test.band, test.band, "nominal-soft")
+                panel.marked(test.lag, test.value, "nominal", "all trials")
+            else:
+                panel.curve(test.lag, test.value, "measured", "one trial", width=0.8)
+    return _with_zero(figure).update_xaxes(title_text="lag [samples]", row=len(CHANNELS))
+
+
+def cross_correlation_figure(tests: Sequence[CrossCorrelation], trial: str = ALL) -> go.Figure:
+    """Return the cross-correlation of the residual with every input, a row a channel, of one trial or over all."""
+    rows, columns = len(CHANNELS), len(INPUT_NAMES)
+    figure = panels(
+        rows, columns, height=165 * rows + 60, shared_xaxes=True, horizontal_spacing=0.08, vertical_spacing=0.08
+    )
+    own = {(test.channel, test.input): test for test in tests if test.trial == trial}
+    for row, channel in enumerate(CHANNELS):
+        for column, (name, reads) in enumerate(INPUT_NAMES.items()):
+            panel, test = Panel(figure, row + 1, column + 1), own.get((channel, name))
+            heading = f"{CHANNEL_NAMES[channel]}, {reads}"
+            if test is not None:
+                heading += f": p {html.escape(p_value(test.p_value))}"
+                panel.band(test.lag, -test.band, test.band, "nominal-soft")
+                panel.curve(test.lag, test.value, "nominal", "residual", width=1.8)
+            panel.heading(heading)
+    return _with_zero(figure).update_xaxes(title_text="residual behind the input [s]", row=rows)
+
+
+def _with_zero(figure: go.Figure) -> go.Figure:
+    """Draw a line at zero in every panel, below the curves."""
+    figure.add_hline(0.0, row="all", col="all", layer="below", line={"color": COLOURS["muted"], "width": 1})
+    return figure.update_yaxes(nticks=4)

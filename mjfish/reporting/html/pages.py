@@ -1,0 +1,94 @@
+"""Pages from templates, and the page of figures: one HTML file each, without a reference to anything outside."""
+
+from __future__ import annotations
+
+import functools
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import plotly.graph_objects as go
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from mjfish.files import write_text
+from mjfish.reporting import words
+from mjfish.reporting.html.figures import COLOURS
+
+
+@dataclass(frozen=True)
+class Block:
+    """One figure.
+
+    Attributes:
+        heading: above it; folds the figure away when clicked.
+        remark: beside the heading.
+        figure: of plotly.
+        shown: whether it is open at first.
+    """
+
+    heading: str
+    remark: str
+    figure: go.Figure
+    shown: bool = True
+
+
+@dataclass(frozen=True)
+class Section:
+    """Figures under one heading.
+
+    Attributes:
+        title: the heading.
+        lead: how to read the figures.
+        legend: names of the colours, by the name of the colour in `COLOURS`.
+        blocks: the figures.
+    """
+
+    title: str
+    lead: str
+    legend: dict[str, str]
+    blocks: tuple[Block, ...]
+
+
+def write_figures(path: Path, *sections: Section) -> None:
+    """Write a page of figures, whole or not at all.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    write_text(path, render("figures.html.j2", sections=sections))
+
+
+def render(template: str, **view: Any) -> str:
+    """Return a page as HTML: plotly is in it, and everything that came from a user is escaped.
+
+    Args:
+        template: name of the file in ``templates``.
+        view: what the template may use. It also has the formats of `mjfish.reporting.words` as filters, and ``themed``,
+            which turns a figure into data for plotly.js.
+    """
+    return _environment().get_template(template).render(view, plotly_js=Markup(get_plotlyjs()), colours=COLOURS)  # noqa: S704
+
+
+def themed(figure: go.Figure) -> Any:
+    """Return a figure as plain data in which ``@nominal`` stands for the page's variable ``--nominal``, and so on."""
+    text = str(figure.to_json())
+    for name, colour in COLOURS.items():
+        text = text.replace(f'"{colour}"', f'"@{name}"')
+    return json.loads(text)
+
+
+@functools.cache
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("mjfish.reporting.html"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    formats = (words.number, words.percent, words.p_value, words.unit, words.estimate, words.interval, themed)
+    environment.filters.update({function.__name__: function for function in formats})
+    return environment
