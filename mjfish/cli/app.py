@@ -1,16 +1,22 @@
-"""The application: commands, and the one place where an error becomes an exit code."""
+"""The application: its commands, and the one place where an error becomes a message and an exit code.
+
+Every module of commands is imported to parse a command line, so none of them may import what is slow: the compiler,
+MuJoCo, scipy. They reach the package through its lazy names, or import inside the command.
+"""
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
-from mjfish.cli import console
+from mjfish.cli import compare, console, data, diagnose, identify, plan, simulate
 from mjfish.errors import MjfishError
+
+_ABOUT = "Shows what a swimming-fish simulation gets wrong, names the cause, and measures what knowing it gains."
 
 
 class _Group(TyperGroup):
@@ -20,44 +26,75 @@ class _Group(TyperGroup):
         try:
             return super().invoke(ctx)
         except MjfishError as error:
-            console.err.print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True)
+            console.complain("error", str(error))
             raise typer.Exit(console.MISUSE) from None
 
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        for command in self.commands.values():
+            _escape(command)
+        super().format_help(ctx, formatter)
 
-app = typer.Typer(
-    cls=_Group,
-    name="mjfish",
-    help="Shows what a swimming-fish simulation gets wrong, names the cause, and measures what knowing it gains.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
+
+class _Command(TyperCommand):
+    """Shows help texts as they are: typer would take the brackets of a unit for markup."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        _escape(self, *self.params)
+        super().format_help(ctx, formatter)
+
+
+def _escape(*shown: Any) -> None:
+    """Make the help texts of commands and parameters literal."""
+    from rich.markup import escape
+
+    for item in shown:
+        item.help = escape(getattr(item, "help", None) or "")
 
 
 def _version(value: bool) -> None:
     if value:
         from importlib.metadata import version
 
-        console.out.print(f"mjfish {version('mjfish')}")
+        console.say(f"mjfish {version('mjfish')}")
         raise typer.Exit
 
 
-@app.callback()
 def _root(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
-    """Shows what a swimming-fish simulation gets wrong, names the cause, and measures what knowing it gains."""
+    """Take the options before the command."""
 
 
 @functools.cache
 def application() -> typer.Typer:
     """Return the application with every command."""
-    from mjfish.cli import check, compare, data, diagnose, export, identify, plan, simulate, view
-
-    for module in (simulate, export, check, data, compare, identify, diagnose, plan, view):
-        module.register(app)
+    app = typer.Typer(
+        cls=_Group,
+        name="mjfish",
+        help=_ABOUT,
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+    )
+    app.callback(help=_ABOUT)(_root)
+    commands: dict[str, Callable[..., None]] = {
+        "simulate": simulate.simulate,
+        "export": simulate.export,
+        "check": simulate.check,
+        "generate": data.generate,
+        "import": data.import_files,
+        "compare": compare.compare,
+        "identify": identify.identify,
+        "diagnose": diagnose.diagnose,
+        "effects": diagnose.effects,
+        "demo": diagnose.demo,
+        "plan": plan.plan,
+        "view": simulate.view,
+    }
+    for name, command in commands.items():
+        app.command(name, cls=_Command)(command)
     return app
 
 

@@ -1,4 +1,7 @@
-"""What the commands share: console, progress bar, number lists, exit codes."""
+"""What the commands share: consoles, tables, the progress bar, parsing of numbers, exit codes.
+
+The consoles print text as it is: brackets, as in units, are no markup. Styles are given beside the text.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,16 @@ import math
 import shutil
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
 
-from mjfish.diagnosis.progress import Progress as Told
 from mjfish.errors import InputError
 
 #: Exit codes.
@@ -24,8 +28,28 @@ MISUSE = 2
 #: Seconds between lines of progress.
 _EVERY = 20.0
 
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
+out = Console(highlight=False, markup=False, emoji=False)
+err = Console(highlight=False, markup=False, emoji=False, stderr=True)
+
+
+def say(*lines: str | tuple[str, str]) -> None:
+    """Print lines whole, however narrow the terminal; a line may be a pair of text and style."""
+    for line in lines:
+        text, style = line if isinstance(line, tuple) else (line, "")
+        out.print(Text(text, style=style), soft_wrap=True)
+
+
+def complain(what: str, message: str) -> None:
+    """Print what is wrong to stderr, its kind in red."""
+    err.print(Text.assemble((f"{what}:", "bold red"), " ", message), soft_wrap=True)
+
+
+def table(title: str, headings: Iterable[str], left: Collection[str] = (), **style: Any) -> Table:
+    """Return a table whose columns are flush right but for those named in `left`; `style` goes to rich's ``Table``."""
+    shown = Table(title=title, **style)
+    for heading in headings:
+        shown.add_column(heading, justify="left" if heading in left else "right", no_wrap=heading not in left)
+    return shown
 
 
 def program() -> str:
@@ -37,23 +61,19 @@ def program() -> str:
 
 
 @contextmanager
-def progress_bar() -> Iterator[Told]:
+def progress_bar() -> Iterator[Callable[[str, float], None]]:
     """Show a progress bar on stderr while the block runs, where that is no terminal a line at times."""
     if not err.is_terminal:
-        yield _lines()
+        yield _progress_lines()
         return
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=err, transient=True) as bar:
+    text = TextColumn("{task.description}", markup=False)
+    with Progress(SpinnerColumn(), text, BarColumn(), TimeElapsedColumn(), console=err, transient=True) as bar:
         task = bar.add_task("starting", total=1.0)
-
-        def tell(what: str, done: float) -> None:
-            bar.update(task, description=what, completed=done)
-
-        yield tell
+        yield lambda what, done: bar.update(task, description=what, completed=done)
 
 
-def _lines() -> Told:
-    """Return a teller that prints a line: the first at once, others every `_EVERY` seconds at most."""
+def _progress_lines() -> Callable[[str, float], None]:
+    """Return a function that prints a line: the first at once, others every `_EVERY` seconds at most."""
     last = -math.inf
 
     def tell(what: str, done: float) -> None:
@@ -61,7 +81,7 @@ def _lines() -> Told:
         now = time.monotonic()
         if now - last >= _EVERY:
             hint = "; a first run compiles for a minute or two" if math.isinf(last) else ""
-            err.print(escape(f"{what} ({done:.0%}{hint})"), soft_wrap=True)
+            err.print(f"{what} ({done:.0%}{hint})", soft_wrap=True)
             last = now
 
     return tell
@@ -79,6 +99,11 @@ def numbers(text: str, count: int, what: str) -> list[float]:
     return values
 
 
+def names(text: str) -> tuple[str, ...]:
+    """Parse comma-separated names."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
 def assignments(texts: Sequence[str], what: str) -> dict[str, float]:
     """Parse ``NAME=VALUE`` settings, or raise `InputError`."""
     result: dict[str, float] = {}
@@ -89,4 +114,19 @@ def assignments(texts: Sequence[str], what: str) -> dict[str, float]:
         if name.strip() in result:
             raise InputError(f"{what}: '{name.strip()}' is set twice; set it once")
         result[name.strip()] = numbers(value, 1, f"{what} {name.strip()}")[0]
+    return result
+
+
+def effect_settings(texts: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Parse ``NAME:PARAM=VALUE[,PARAM=VALUE]`` settings into values by effect and short name, or raise `InputError`."""
+    result: dict[str, dict[str, float]] = {}
+    for text in texts:
+        name, colon, settings = text.partition(":")
+        if not colon or not settings:
+            raise InputError(f"--effect: found '{text}', expected NAME:PARAM=VALUE, e.g. servo_lag:time_constant=0.02")
+        own = result.setdefault(name, {})
+        for short, value in assignments(settings.split(","), f"--effect {name}").items():
+            if short in own:
+                raise InputError(f"--effect: '{name}.{short}' is set twice; set it once")
+            own[short] = value
     return result

@@ -2,55 +2,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 
-from mjfish.cli import console, narrate
-from mjfish.data import Dataset, load_dataset
-from mjfish.diagnosis import Diagnosis, diagnose
-from mjfish.effects import Effect, catalogue
+import mjfish
+from mjfish import reporting
+from mjfish.cli import console
 from mjfish.errors import InputError
 from mjfish.files import check_file, check_folder, make_folder
-from mjfish.model import extended
+from mjfish.reporting.words import CHANNEL_NAMES, estimate, interval, number, p_value, percent
+
+if TYPE_CHECKING:
+    from mjfish.diagnosis import Diagnosis
+    from mjfish.effects import Effect
 
 #: The dataset that ships with the package; what is hidden in it is not said here.
 DEMO = Path(__file__).parents[1] / "demo"
+#: Standard errors by which a coefficient must move to be listed.
+_MOVED = 2.0
+_COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow", "unexplained": "red"}
+#: What to do about a status that is not ok.
+_REMEDIES = {
+    "fit_not_converged": "a fit stopped before its optimum, and the numbers may be off; look for a better optimum with "
+    "'mjfish identify DATASET --starts 16', and start from it (table [start] of dataset.toml)"
+}
+
+Own = Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.command("diagnose")(diagnose_)
-    app.command()(demo)
-    app.command("effects")(effects_)
-
-
-def diagnose_(
+def diagnose(
     dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml.")],
-    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
+    effects: Own = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write diagnosis.json here.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write the HTML report here.")] = None,
     rrd: Annotated[Path | None, typer.Option(help="Write the rerun log here.")] = None,
-    extended_: Annotated[
-        Path | None, typer.Option("--extended", help="Write the extended model here, as a fish TOML to simulate.")
-    ] = None,
+    extended: Annotated[Path | None, typer.Option(help="Write the extended model as a fish TOML to simulate.")] = None,
     seed: Annotated[int, typer.Option(help="Of the simulated null distributions.", min=0)] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Find what the simulation gets wrong on measured data, name the cause, and measure the gain on held-out trials."""
-    known = catalogue(tuple(effects or ()))
-    for file in (json_, report, rrd, extended_):
+    known = _catalogue(effects)
+    for file in (json_, report, rrd, extended):
         if file is not None:
             check_file(file)
-    if extended_ is not None and extended_.suffix != ".toml":
-        raise InputError(f"--extended: {extended_} ends in '{extended_.suffix}', expected .toml; rename it")
-    result = _run(load_dataset(dataset), known, seed, jobs)
-    _write(result, json_, report, rrd, extended_)
-    narrate.diagnosis(result, known)
+    if extended is not None and extended.suffix != ".toml":
+        raise InputError(f"--extended: {extended} ends in '{extended.suffix}', expected .toml; rename it")
+    measured = mjfish.load_dataset(dataset)
+    with console.progress_bar() as tell:
+        result = mjfish.diagnose(measured, effects=known, seed=seed, jobs=jobs, progress=tell)
+    _write(result, json_, report, rrd, extended)
+    show(result, known)
     _leave(result)
 
 
@@ -61,56 +67,54 @@ def demo(
 ) -> None:
     """Run the main job on a shipped dataset with a hidden effect."""
     check_folder(out)
-    result = _run(load_dataset(DEMO), catalogue(), 0, None)
+    known = _catalogue(None)
+    with console.progress_bar() as tell:
+        result = mjfish.diagnose(mjfish.load_dataset(DEMO), effects=known, progress=tell)
     make_folder(out)
     _write(result, *(out / name for name in ("diagnosis.json", "report.html", "fish.rrd", "extended.toml")))
-    narrate.diagnosis(result, catalogue())
-    shown = escape(str(out))
-    console.out.print(f"\nThe numbers:  {shown}/diagnosis.json", soft_wrap=True)
-    console.out.print(f"The report:   {shown}/report.html  (open it in a browser)", soft_wrap=True)
-    console.out.print(f"The swimming: {console.program()} view {shown}/fish.rrd", soft_wrap=True)
-    swim = f"simulate --fish {shown}/extended.toml --out {shown}/swim"
-    console.out.print(f"The fish now: {console.program()} {swim}", soft_wrap=True)
+    show(result, known)
+    program = console.program()
+    console.say(
+        f"\nThe numbers:  {out}/diagnosis.json",
+        f"The report:   {out}/report.html  (open it in a browser)",
+        f"The swimming: {program} view {out}/fish.rrd",
+        f"The fish now: {program} simulate --fish {out}/extended.toml --out {out}/swim",
+    )
     _leave(result)
 
 
-def effects_(
-    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
-) -> None:
+def effects(effects: Own = None) -> None:
     """List the causes that can be named, with their parameters."""
-    for effect in catalogue(tuple(effects or ())).values():
-        console.out.print(f"[bold]{effect.name}[/]: {escape(effect.summary)}")
+    for effect in _catalogue(effects).values():
+        console.out.print(f"{effect.name}: {effect.summary}", style="bold")
         rows = Table.grid(padding=(0, 2))
         rows.add_column(no_wrap=True)
         rows.add_column()
         for p in effect.parameters:
-            rows.add_row(escape(f"{p.name} [{p.unit}]"), escape(f"{p.about}; {p.low:g} to {p.high:g}"))
-        rows.add_row("leaves in the residual", escape(effect.signature))
-        rows.add_row("would be confirmed by", escape(effect.confirm))
+            rows.add_row(f"{p.name} [{p.unit}]", f"{p.about}; {p.low:g} to {p.high:g}")
+        rows.add_row("leaves in the residual", effect.signature)
+        rows.add_row("would be confirmed by", effect.confirm)
         console.out.print(Padding(rows, (0, 0, 1, 2)))
 
 
-def _run(dataset: Dataset, known: dict[str, Effect], seed: int, jobs: int | None) -> Diagnosis:
-    with console.progress_bar() as tell:
-        return diagnose(dataset, effects=known, seed=seed, jobs=jobs, progress=tell)
+def _catalogue(files: list[Path] | None) -> dict[str, Effect]:
+    from mjfish.effects import catalogue
+
+    return dict(catalogue(tuple(files or ())))
 
 
-def _write(
-    result: Diagnosis, json_: Path | None, report: Path | None, rrd: Path | None, extended_: Path | None
-) -> None:
+def _write(result: Diagnosis, json_: Path | None, report: Path | None, rrd: Path | None, extended: Path | None) -> None:
     if json_ is not None:
         result.save(json_)
     if report is not None:
-        from mjfish.reporting.html.diagnosis import write_diagnosis
-
-        write_diagnosis(result, report)
+        reporting.write_report(result, report)
     if rrd is not None:
-        from mjfish.reporting.log import write_diagnosis_log
+        reporting.write_log(result, rrd)
+    if extended is not None:
+        from mjfish.model.extended import write
 
-        write_diagnosis_log(result, rrd)
-    if extended_ is not None:
         values = {name: value.estimate for name, value in result.extended.items()}
-        extended.write(extended_, result.extended_model, values, _origin(result))
+        write(extended, result.extended_model, values, _origin(result))
 
 
 def _origin(result: Diagnosis) -> list[str]:
@@ -124,3 +128,137 @@ def _origin(result: Diagnosis) -> list[str]:
 def _leave(result: Diagnosis) -> None:
     if result.verdict == "unexplained" or result.status != "ok":
         raise typer.Exit(console.NOT_GOOD)
+
+
+def show(result: Diagnosis, known: Mapping[str, Effect]) -> None:
+    """Print a diagnosis: verdict, cause, gain, rivals, what a refit hides, what could not have been seen.
+
+    Args:
+        result: to print.
+        known: causes that were candidates, by name.
+    """
+    console.out.print(result.verdict, style=f"bold {_COLOURS[result.verdict]}", end="  ")
+    console.say(result.message)
+    if result.status != "ok":
+        console.complain(result.status, _REMEDIES.get(result.status, "take the numbers with care"))
+    if result.best:
+        console.out.print(_cause(result))
+    if result.gain is not None:
+        console.out.print(_gain(result))
+    _experiments(result, known)
+    if result.candidates:
+        console.out.print(_candidates(result))
+    _absorbed(result)
+    _where(result)
+    _undetectable(result)
+    console.say(*(f"Data, {finding.severity}: {finding.message}" for finding in result.checks.findings))
+    console.say(*(f"Remark: {remark}" for remark in result.remarks))
+
+
+def _cause(result: Diagnosis) -> Table:
+    title = "Cause" if result.verdict == "named" else "Best of the rivals" if result.rivals else "Closest candidate"
+    if result.verdict != "named" and not result.rivals:
+        title += ", not named"
+    headings = ("parameter", "estimate", "95 % interval", "unit")
+    table = console.table(title, headings, headings)
+    for name, value in result.extended.items():
+        if name.partition(".")[0] in result.best:
+            table.add_row(name, estimate(value), interval(value) or "on its bound", value.unit)
+    return table
+
+
+def _gain(result: Diagnosis) -> Table:
+    gain = result.gain
+    assert gain is not None  # noqa: S101 - checked by the caller
+    title = "Held-out trials: nRMSE before and after"
+    table = console.table(title, ("channel", "nominal", "extended", "reduction"), ("channel",))
+    for channel in gain.nominal:
+        before, after = gain.nominal[channel], gain.extended[channel]
+        reduction = percent(1.0 - after / before) if before > 0.0 else ""
+        if channel == "pooled":
+            reduction += f"  ({percent(gain.low)} to {percent(gain.high)})"
+        table.add_row(CHANNEL_NAMES[channel], percent(before), percent(after), reduction)
+    table.add_row("mean speed error [m/s]", *map(number, gain.mean_speed_error), "")
+    return table
+
+
+def _candidates(result: Diagnosis) -> Table:
+    headings = ("cause", "LR", "p", "held out", "rival p", "fit p", "hidden")
+    table = console.table("Candidates, each fitted together with the coefficients", headings, ("cause",))
+    table.columns[0].no_wrap = True
+    for candidate in result.candidates:
+        if candidate.applicable:
+            scores = (number(candidate.statistic), p_value(candidate.p_value), number(candidate.held_out_gain))
+            chances = (p_value(candidate.rival_p), p_value(candidate.fit_p))
+            table.add_row(candidate.name, *scores, *chances, percent(candidate.absorbed, 2))
+    table.caption = (
+        "LR: fall of the sum of squares; held out: log-likelihood gained there; rival p: of the margin to the best; "
+        "fit p: of what is left; hidden: by a refit of the coefficients"
+    )
+    return table
+
+
+def _experiments(result: Diagnosis, known: Mapping[str, Effect]) -> None:
+    names = [cause.name for cause in result.causes] or [name for group in result.rivals for name in group]
+    if result.rivals:
+        apart = " from ".join(names)
+        console.say(f"To tell {apart}: `mjfish plan` on this dataset ranks runs by how far they set them apart.")
+    console.say(*(f"To confirm {name}: {known[name].confirm}." for name in names))
+
+
+def _absorbed(result: Diagnosis) -> None:
+    """Say which coefficients the missing cause had moved, in units of their standard error."""
+    from mjfish.estimation.fit import Z95
+
+    moved = []
+    for name, before in result.nominal.items() if result.best else ():
+        after = result.extended.get(name)
+        if after is None:
+            continue
+        error = max((after.high - after.low) / (2.0 * Z95), 1e-300)
+        if abs(after.estimate - before.estimate) > _MOVED * error:
+            moved.append(f"{name} {number(before.estimate)} to {number(after.estimate)}")
+    if moved:
+        console.say(f"The refit had absorbed part of it; without the cause, with it: {', '.join(moved)}.")
+
+
+def _where(result: Diagnosis) -> None:
+    """Say where the misfit sits, how it scales, and what describes it where nothing explains it."""
+    if (where := result.where) is not None:
+        console.say(
+            f"The misfit is densest in {CHANNEL_NAMES[where.channel]} ({percent(where.channels[where.channel], 2)} of "
+            f"it), trial {where.trial}, {where.part}, {where.phase} of the beat, {where.speed} of the surge, "
+            f"{where.turn} of the yaw rate."
+        )
+    if result.force:
+        surge, sway, yaw = (percent(max(shares), 2) for shares in zip(*(f.share for f in result.force), strict=True))
+        console.say(
+            f"The missing force is {surge} in surge, {sway} in sway and {yaw} in yaw moment of what moves the fish "
+            "(root mean squares, each in the trial where it is most)."
+        )
+    if (measured := result.fingerprint) is not None and (measured.exponent is not None or measured.odd is not None):
+        parts = []
+        if measured.exponent is not None:
+            predicted = measured.predicted.exponent
+            expected = "" if predicted is None else f", predicted {predicted:g}"
+            ends = f"{number(measured.low, 2)} to {number(measured.high, 2)}"
+            parts.append(f"goes as frequency to the {number(measured.exponent, 2)} ({ends}{expected})")
+        if measured.odd is not None:
+            parts.append(f"{percent(measured.odd, 2)} of it breaks the left-right symmetry")
+        console.say(f"What the best explanation adds {'; '.join(parts)}.")
+    if (described := result.description) is not None and described.terms:
+        terms = "; ".join(f"{term.what} (size {number(term.size, 2)} SI per metre)" for term in described.terms)
+        console.say(f"A description, not a cause, of {percent(described.explained, 2)} of the misfit: {terms}.")
+
+
+def _undetectable(result: Diagnosis) -> None:
+    """Say which causes could not have been seen, and which sizes of the others would have shown."""
+    console.say(*(f"Could not be seen: {name}, {reason}." for name, reason in result.blind.items()))
+    sizes = [
+        f"{name} {number(size, 2)}"
+        for candidate in result.candidates
+        if candidate.applicable and candidate.name not in result.blind
+        for name, size in (candidate.smallest_visible or {}).items()
+    ]
+    if sizes:
+        console.say(f"Smallest sizes that would have shown: {', '.join(sizes)}.")

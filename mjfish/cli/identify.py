@@ -1,33 +1,28 @@
-"""``mjfish identify``: the nine coefficients from a dataset."""
+"""``mjfish identify``: the hydrodynamic coefficients from a dataset."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, cast, get_args
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.markup import escape
 
-from mjfish import fish_toml
-from mjfish.cli import console, identified
-from mjfish.data import load_dataset
-from mjfish.data.table import check_suffix
-from mjfish.diagnosis.progress import Progress
+import mjfish
+from mjfish.cli import console
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.estimation.identified import identified_fish, origin
-from mjfish.estimation.report import Identification, identify, pose
-from mjfish.estimation.settings import Loss, Settings, Weights
-from mjfish.estimation.tables import write_coefficients
-from mjfish.estimation.uncertainty.profile import Profile, profile
 from mjfish.files import check_file, write_json
+from mjfish.reporting.words import number, p_value, percent
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from mjfish.estimation.assessment import Assessment
+    from mjfish.estimation.report import Identification
+    from mjfish.estimation.uncertainty.profile import Profile
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("identify")(identify_)
-
-
-def identify_(
+def identify(
     dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml.")],
     free: Annotated[list[str] | None, typer.Option(help="Pattern of what is fitted, e.g. 'c_d.*'; repeatable.")] = None,
     fix: Annotated[
@@ -35,7 +30,7 @@ def identify_(
     ] = None,
     bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOW:HIGH, one may be left out; repeatable.")] = None,
     start: Annotated[list[str] | None, typer.Option(help="NAME=VALUE where the fit starts; repeatable.")] = None,
-    loss: Annotated[str, typer.Option(help=f"One of {', '.join(get_args(Loss))}.")] = "linear",
+    loss: Annotated[str, typer.Option(help="One of linear, soft_l1, huber, cauchy, arctan.")] = "linear",
     weights: Annotated[str, typer.Option(help="'noise', or 'paper' for its weight matrix.")] = "noise",
     starts: Annotated[int, typer.Option(min=1, help="Fits from a Latin hypercube over the bounds.")] = 16,
     seed: Annotated[int, typer.Option(min=0, help="Of the hypercube.")] = 0,
@@ -49,6 +44,10 @@ def identify_(
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Fit the hydrodynamic coefficients to all fit trials at once, say what the data say, score held-out trials."""
+    from mjfish.data.table import check_suffix
+    from mjfish.estimation.report import pose
+    from mjfish.estimation.settings import Settings
+
     for file in (json_, table, fish):
         if file is not None:
             check_file(file)
@@ -61,74 +60,27 @@ def identify_(
         fixed=_fixed(fix or []),
         bounds=dict(_bounds(text) for text in bounds or []),
         start=console.assignments(start or [], "--start"),
-        loss=cast("Loss", loss),
-        weights=cast("Weights", weights),
+        loss=loss,  # type: ignore[arg-type]  # refused by Settings where unknown
+        weights=weights,  # type: ignore[arg-type]
         starts=starts,
         seed=seed,
     )
-    measured = load_dataset(dataset)
+    measured = mjfish.load_dataset(dataset)
     known = [p.name for p in pose(measured, settings).parameters]
     for name in profiled or []:
         if name not in known:
             raise UnknownNameError("free parameter of --profile", name, known)
     with console.progress_bar() as tell:
-        result = identify(measured, settings, jobs=jobs, tell=lambda done: tell("fitting", done))
+        result = mjfish.identify(measured, settings, jobs=jobs, tell=lambda done: tell("fitting", done))
         profiles = _profiles(result, profiled or [], tell)
-    identified.show(result, profiles)
-    _write(result, profiles, json_, table, figures, fish)
-    if result.fit.status != "converged":
-        console.err.print(f"[bold red]{result.fit.status}:[/] {escape(result.fit.message)}", soft_wrap=True)
-        raise typer.Exit(console.NOT_GOOD)
-
-
-def _profiles(result: Identification, names: list[str], tell: Progress) -> list[Profile]:
-    if result.assessment is None or result.problem is None:
-        return []
-    made = []
-    for done, name in enumerate(names):
-        tell(f"profiling {name}", done / len(names))
-        made.append(profile(result.problem, result.fit, name, known=result.assessment.intervals))
-    return made
-
-
-def _write(
-    result: Identification,
-    profiles: list[Profile],
-    json_: Path | None,
-    table: Path | None,
-    figures: Path | None,
-    fish: Path | None,
-) -> None:
-    """Write what was asked for, and say what was written."""
-    told = result.assessment
-    written: list[Path] = []
-    if json_ is not None:
-        write_json(json_, {**result.to_dict(), "profiles": [one.to_dict() for one in profiles]})
-        written.append(json_)
-    if table is not None:
-        write_coefficients(table, result.fit, None if told is None else told.intervals)
-        written.append(table)
-    if figures is not None and told is not None:
-        from mjfish.reporting.html.identification import write_identification_figures
-
-        written += write_identification_figures(figures, result.dataset.name, told.residuals, told.tests, profiles)
-    if fish is not None:
-        _write_fish(result, fish)
-        written.append(fish)
+    _show(result, profiles)
+    outputs = {"json": json_, "table": table, "figures": figures, "fish": fish}
+    written = _write(result, profiles, {kind: path for kind, path in outputs.items() if path is not None})
     if written:
-        console.out.print(f"wrote {', '.join(escape(str(file)) for file in written)}", soft_wrap=True)
-
-
-def _write_fish(result: Identification, file: Path) -> None:
-    fixed = result.problem.fixed if result.problem is not None else {}
-    fish = identified_fish(result.dataset.fish, result.fit, fixed)
-    comments = origin(result.dataset.name, result.fit, fixed)
-    if file.suffix == ".toml":
-        fish_toml.write(file, fish, comments)
-        return
-    from mjfish.mujoco import export
-
-    export.write(file, fish, comments=comments)
+        console.say(f"wrote {', '.join(map(str, written))}")
+    if result.fit.status != "converged":
+        console.complain(result.fit.status, result.fit.message)
+        raise typer.Exit(console.NOT_GOOD)
 
 
 def _fixed(texts: list[str]) -> dict[str, float | None]:
@@ -146,3 +98,129 @@ def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:
         raise InputError(f"--bounds: found '{text}', expected NAME=LOW:HIGH, e.g. c_d.head=0.5:3; correct it")
     what = f"--bounds {name}"
     return name, tuple(console.numbers(end, 1, what)[0] if end else None for end in (low, high))  # type: ignore[return-value]
+
+
+def _profiles(result: Identification, names: list[str], tell: Any) -> list[Profile]:
+    from mjfish.estimation.uncertainty.profile import profile
+
+    if result.assessment is None or result.problem is None:
+        return []
+    profiles = []
+    for done, name in enumerate(names):
+        tell(f"profiling {name}", done / len(names))
+        profiles.append(profile(result.problem, result.fit, name, known=result.assessment.intervals))
+    return profiles
+
+
+def _write(result: Identification, profiles: list[Profile], outputs: dict[str, Path]) -> list[Path]:
+    """Write what was asked for and return the files; there are no figures of a fit that diverged."""
+    assessment = result.assessment
+    written: list[Path] = []
+    for kind, path in outputs.items():
+        if kind == "json":
+            write_json(path, {**result.to_dict(), "profiles": [profile.to_dict() for profile in profiles]})
+        elif kind == "table":
+            from mjfish.estimation.tables import write_coefficients
+
+            write_coefficients(path, result.fit, None if assessment is None else assessment.intervals)
+        elif kind == "fish":
+            _write_fish(result, path)
+        elif assessment is not None:
+            from mjfish.reporting.html.identification import write_identification_figures
+
+            name, residuals = result.dataset.name, assessment.residuals
+            written += write_identification_figures(path, name, residuals, assessment.tests, profiles)
+        if kind != "figures":
+            written.append(path)
+    return written
+
+
+def _write_fish(result: Identification, file: Path) -> None:
+    from mjfish import fish_toml
+    from mjfish.estimation.identified import identified_fish, origin
+
+    fixed = result.problem.fixed if result.problem is not None else {}
+    fish = identified_fish(result.dataset.fish, result.fit, fixed)
+    comments = origin(result.dataset.name, result.fit, fixed)
+    if file.suffix == ".toml":
+        fish_toml.write(file, fish, comments)
+    else:
+        from mjfish.mujoco import export
+
+        export.write(file, fish, comments=comments)
+
+
+def _show(result: Identification, profiles: Sequence[Profile]) -> None:
+    """Print the coefficients with intervals and remarks, the agreement per trial, and what the data say in words."""
+    console.out.print(_coefficients(result))
+    if result.assessment is not None:
+        console.out.print(_agreement(result.assessment))
+        console.out.print(_fits(result.assessment))
+    console.say(*_words(result, profiles))
+
+
+def _coefficients(result: Identification) -> Table:
+    headings = ("parameter", "estimate", "low", "high", "standard error", "remark")
+    table = console.table(f"{result.dataset.name}: estimates with 95 % intervals", headings, ("parameter", "remark"))
+    fit, assessment = result.fit, result.assessment
+    for index, (p, at_bound) in enumerate(zip(fit.parameters, fit.at_bound, strict=True)):
+        low, high = fit.interval(p.name) if assessment is None else assessment.intervals.interval(p.name)
+        sigma = fit.sigma[p.name] if assessment is None else float(assessment.intervals.sigma[index])
+        cells = (number(value, 4) for value in (fit.values[p.name], low, high, sigma))
+        table.add_row(p.name, *cells, "rests on its bound" if at_bound else "")
+    return table
+
+
+def _agreement(assessment: Assessment) -> Table:
+    from mjfish.estimation import table_iv
+    from mjfish.frames import CHANNELS
+
+    title = "simulated: RMSE / nRMSE, in m/s and rad/s, over the range"
+    table = console.table(title, ("trial", "role", *CHANNELS), ("trial", "role"))
+    for row in assessment.table:
+        cells = (table_iv.text(a, b) for a, b in zip(row.rmse, row.nrmse, strict=True))
+        table.add_row(row.name, row.role, *cells)
+    return table
+
+
+def _fits(assessment: Assessment) -> Table:
+    """Fit percentages of whole trials: simulated, and predicted some samples ahead."""
+    from mjfish.estimation.agreement import HORIZONS
+    from mjfish.frames import CHANNELS
+
+    horizons = (None, *HORIZONS)
+    headings = ("simulated" if horizon is None else str(horizon) for horizon in horizons)
+    title = "fit in percent: simulated, and predicted so many samples ahead"
+    table = console.table(title, ("trial", "channel", *headings), ("trial", "channel"))
+    scores = {(a.trial, a.channel, a.horizon): a.fit for a in assessment.agreements if a.part == "whole"}
+    for trial in dict.fromkeys(a.trial for a in assessment.agreements):
+        for channel in CHANNELS:
+            table.add_row(trial, channel, *(number(scores.get((trial, channel, horizon))) for horizon in horizons))
+    return table
+
+
+def _words(result: Identification, profiles: Sequence[Profile]) -> Iterator[str]:
+    from mjfish.estimation.score import PREFIX
+
+    assessment = result.assessment
+    if assessment is not None:
+        yield from (f"- {weakness.text}" for weakness in assessment.weaknesses)
+        yield f"- {assessment.stability.text}"
+        tests, rank = assessment.tests, assessment.criteria
+        yield (
+            f"- residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the drive "
+            f"{p_value(tests.p_independent)}"
+        )
+        yield f"- AICc {rank.aicc:.6g}, BIC {rank.bic:.6g}, FPE {rank.fpe:.4g} with {rank.parameters} parameters"
+        if any(r.role == "held_out" and not r.trial.starts_at_rest for r in assessment.residuals):
+            share = percent(PREFIX, 2)
+            yield f"- what belongs to a held-out trial alone was fitted on its first {share}, which is not scored"
+    for profile in profiles:
+        yield (
+            f"- profile of {profile.name}: {number(profile.estimate, 4)}, 95 % from {number(profile.low, 4)} "
+            f"({profile.low_side}) to {number(profile.high, 4)} ({profile.high_side}); {profile.status}"
+        )
+    yield from (f"- {remark}" for remark in result.remarks)
+    if result.starts > 1:
+        yield f"{round(result.reached * result.starts)} of {result.starts} starts reached the best optimum"
+    yield f"fit {result.fit.status} after {result.fit.evaluations} evaluations"

@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
+import mjfish
 from mjfish.cli import console
-from mjfish.data import load_dataset
-from mjfish.design import Menu, Option, Plan, Question, advise, generate, skeleton
-from mjfish.design import plan as planned
-from mjfish.design.question import of_file
-from mjfish.design.words import percent
-from mjfish.effects import catalogue
 from mjfish.errors import InputError
 from mjfish.files import check_file
+from mjfish.reporting.words import number
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from mjfish.design import Option, Plan, Question
 
 #: Rows of the table; all of them are in the JSON.
 _ROWS = 12
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("plan")(plan)
 
 
 def plan(
@@ -45,6 +39,9 @@ def plan(
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Rank runs and calibrations by how well they would tell rival causes apart a second."""
+    from mjfish.design import Menu, advise, generate, skeleton
+    from mjfish.effects import catalogue
+
     known = catalogue(tuple(effects or ()))
     slow, fast = console.numbers(omega, 2, "--omega") if omega is not None else (0.0, 0.0)
     menu = Menu(duration, (slow, fast) if omega is not None else None)
@@ -52,11 +49,11 @@ def plan(
         check_file(json_)
     if generate_ is not None:
         skeleton.check_folder(generate_)
-    measured = load_dataset(dataset)
+    measured = mjfish.load_dataset(dataset)
     question = _question(diagnosis, rivals, causes, measured.name)
     with console.progress_bar() as tell:
         if question is None:
-            found = planned(measured, effects=known, menu=menu, pause=pause, jobs=jobs, progress=tell)
+            found = mjfish.plan(measured, effects=known, menu=menu, pause=pause, jobs=jobs, progress=tell)
         else:
             found = advise(measured, question, effects=known, menu=menu, pause=pause, jobs=jobs, progress=tell)
     if json_ is not None:
@@ -64,52 +61,48 @@ def plan(
     _show(found)
     if generate_ is not None:
         generate(measured, found, generate_)
-        where = escape(str(generate_))
-        console.out.print(f"wrote {where}: what to do is in {where}/RECORD.md", soft_wrap=True)
+        console.say(f"wrote {generate_}: what to do is in {generate_}/RECORD.md")
     if found.status != "ok":
         raise typer.Exit(console.NOT_GOOD)
 
 
 def _question(diagnosis: Path | None, rivals: str | None, causes: str | None, name: str) -> Question | None:
-    given = [option for option, value in (("--diagnosis", diagnosis), ("--rivals", rivals)) if value is not None]
-    if len(given) > 1 or (rivals is not None and causes is not None):
+    from mjfish.design import Question
+    from mjfish.design.question import of_file
+
+    if rivals is not None and (diagnosis is not None or causes is not None):
         raise InputError("--rivals: found with --diagnosis or --causes, expected alone; drop one")
     if rivals is not None:
-        return Question("separate", _names(rivals), "Rivals named by hand.")
-    asked = _names(causes) if causes is not None else ()
+        return Question("separate", console.names(rivals), "Rivals named by hand.")
+    asked = console.names(causes or "")
     if diagnosis is not None:
         return of_file(diagnosis, name, asked)
     return Question("see", asked, "Causes named by hand.") if causes is not None else None
 
 
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(",") if name.strip())
-
-
 def _show(found: Plan) -> None:
-    console.out.print(f"[bold]{escape(found.question.why)}[/]", soft_wrap=True)
-    console.out.print(escape(found.message), soft_wrap=True)
+    console.say((found.question.why, "bold"), found.message)
     if found.options:
         console.out.print(_separation(found) if found.question.purpose == "separate" else _sizes(found))
-    for option in found.options:
-        if option.kind == "calibration":
-            console.out.print(f"{option.name}: {escape(option.about)}.", soft_wrap=True)
-    for remark in found.remarks:
-        console.out.print(f"Remark: {escape(remark)}", soft_wrap=True)
+    calibrations = (option for option in found.options if option.kind == "calibration")
+    console.say(*(f"{option.name}: {option.about}." for option in calibrations))
+    console.say(*(f"Remark: {remark}" for remark in found.remarks))
 
 
 def _separation(found: Plan) -> Table:
-    several = len(found.question.names) > 2
-    table = Table(title=f"What would tell apart {' and '.join(found.question.names)}")
-    for heading in ("do", "seconds", *(["hardest pair"] if several else []), "lambda", "after", "chance", "after"):
-        table.add_column(heading, justify="left" if heading in ("do", "hardest pair") else "right")
+    from mjfish.design.words import percent
+
+    pairs = len(found.question.names) > 2
+    headings = ("do", "seconds", *(["hardest pair"] if pairs else []), "lambda", "after", "chance", "after")
+    title = f"What would tell apart {' and '.join(found.question.names)}"
+    table = console.table(title, headings, ("do", "hardest pair"))
     for option in _shown(found):
         pair = option.worst
-        after = "measured" if pair.settled else f"{pair.after:.3g}"
+        after = "measured" if pair.settled else number(pair.after)
         seconds = f"{option.seconds:.0f}" if option.run is not None else "bench"
-        hardest = [f"{pair.first} | {pair.second}"] if several else []
+        hardest = [f"{pair.first} | {pair.second}"] if pairs else []
         chances = percent(pair.chance_now), percent(pair.chance_after)
-        table.add_row(option.name, seconds, *hardest, f"{pair.now:.3g}", after, *chances, style=_style(option))
+        table.add_row(option.name, seconds, *hardest, number(pair.now), after, *chances, style=_style(option))
     table.caption = (
         "lambda: misfit of the wrong cause that no refit hides; chance: that the right one is then told; "
         "ranked by the gain of lambda a second"
@@ -118,12 +111,11 @@ def _separation(found: Plan) -> Table:
 
 
 def _sizes(found: Plan) -> Table:
-    table = Table(title="Smallest sizes that would show")
-    for heading in ("do", "seconds", "gains least", "now", "after"):
-        table.add_column(heading, justify="left" if heading in ("do", "gains least") else "right")
+    headings = ("do", "seconds", "gains least", "now", "after")
+    table = console.table("Smallest sizes that would show", headings, ("do", "gains least"))
     for option in _shown(found):
         pair = option.worst
-        cells = f"{option.seconds:.0f}", pair.first, f"{pair.now:.3g}", f"{pair.after:.3g}"
+        cells = f"{option.seconds:.0f}", pair.first, number(pair.now), number(pair.after)
         table.add_row(option.name, *cells, style=_style(option))
     table.caption = "ranked by the shrinking a second of the size that shrinks least"
     return table

@@ -1,67 +1,71 @@
-"""``mjfish simulate``: a rollout of either engine."""
+"""``mjfish simulate``, ``check``, ``export`` and ``view``: fish that swim in either engine, and files of them."""
 
 from __future__ import annotations
 
-import enum
+import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
 import typer
-from rich.markup import escape
+from rich import box
+from rich.text import Text
 
-from mjfish import ode
-from mjfish.arrays import FloatArray, readonly
+import mjfish
 from mjfish.cli import console
-from mjfish.data import Trial, columns, write_table
-from mjfish.drive import modes
-from mjfish.errors import InputError
-from mjfish.files import check_folder, make_folder
-from mjfish.frames import CHANNELS
-from mjfish.model import extended
-from mjfish.model.extended import Extended
+from mjfish.drive.modes import DURATION, MODES
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.files import check_file, check_folder, make_folder, write_json
+from mjfish.reporting.words import NONE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mjfish.arrays import FloatArray
+    from mjfish.data import Trial
+    from mjfish.model.extended import Extended
+    from mjfish.simulation import CrossCheck, Row
 
 #: Step of both engines [s].
 STEP = 0.001
 #: Samples a second in rollout.csv.
 RATE = 100.0
+#: Checked where no mode is named: a straight run, a change of frequency, a turn.
+CHECKED = ("v1", "v5-v1", "v3-t2")
 
-
-class Engine(enum.StrEnum):
-    """Which engine."""
-
-    ODE = "ode"
-    MUJOCO = "mujoco"
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(simulate)
+FishOption = Annotated[str, typer.Option(help="A shipped fish or a fish TOML, its effects included.")]
+Own = Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")]
 
 
 def simulate(
     out: Annotated[Path, typer.Option(help="Folder for rollout.csv and rollout.rrd.")],
-    fish: Annotated[str, typer.Option(help="A shipped fish or a fish TOML, its effects included.")] = "pike",
-    mode: Annotated[str, typer.Option(help=f"One of {', '.join(modes.MODES)}.")] = "v1",
-    engine: Annotated[Engine, typer.Option(help="Head-frame ODE or MuJoCo.")] = Engine.ODE,
+    fish: FishOption = "pike",
+    mode: Annotated[str, typer.Option(help=f"One of {', '.join(MODES)}.")] = "v1",
+    engine: Annotated[Literal["ode", "mujoco"], typer.Option(help="Head-frame ODE or MuJoCo.")] = "ode",
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Coefficient or effect, e.g. c_d.head=2.0; repeatable.")
     ] = None,
-    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
-    duration: Annotated[float, typer.Option(help="Length of the run [s].")] = modes.DURATION,
+    effects: Own = None,
+    duration: Annotated[float, typer.Option(help="Length of the run [s].")] = DURATION,
     free: Annotated[bool, typer.Option("--free", help="Free to roll, pitch and sink; --engine mujoco only.")] = False,
 ) -> None:
     """Simulate a mode of swimming and write rollout.csv and rollout.rrd."""
+    import numpy as np
+
+    from mjfish.data import columns, write_table
+    from mjfish.frames import CHANNELS
+    from mjfish.model import extended
+    from mjfish.reporting.log import write_rollout_log
+
     whole = extended.load(fish, effects or (), console.assignments(set_ or [], "--set"))
     body = whole.fish
     if body.cpg is None:
         raise InputError(f"{fish} has no [cpg], which a mode of swimming needs; add one, or name another fish")
     if not 0.0 < duration < np.inf:
         raise InputError(f"--duration: found {duration:g}, expected a finite number above 0 s; correct it")
-    if free and engine is not Engine.MUJOCO:
+    if free and engine != "mujoco":
         raise InputError("--free: the ODE is planar; add --engine mujoco")
-    if engine is Engine.MUJOCO:
+    if engine == "mujoco":
         whole.check_mujoco()
     trial = _trial(mode, duration)
     check_folder(out)
@@ -75,40 +79,43 @@ def simulate(
         attitude = attitude[kept]
         table = np.column_stack([table, attitude])
     write_table(out / "rollout.csv", {columns.header(n): table[:, k] for k, n in enumerate(names)})
-    from mjfish.reporting.log import write_rollout_log
-
     at, velocity, pose, angle = table[:, 0], table[:, 1:4], table[:, 4:7], table[:, 7 : 7 + body.joints]
     write_rollout_log(out / "rollout.rrd", body, at, velocity, pose, angle, attitude=attitude)
     if status != "ok":
-        console.err.print(f"[bold red]{status}:[/] {escape(message)}", soft_wrap=True)
+        console.complain(status, message)
         raise typer.Exit(console.NOT_GOOD)
     steady = state[len(state) // 2 :, 0]
-    console.out.print(
-        f"{escape(body.name)}, {mode}, {engine.value}: mean surge of the second half {steady.mean():.3f} m/s"
-    )
-    for line in whole.told():
-        console.out.print(escape(line), soft_wrap=True)
-    table_file, log = escape(str(out / "rollout.csv")), escape(str(out / "rollout.rrd"))
-    console.out.print(f"wrote {table_file} and {log} (open it with: {console.program()} view {log})", soft_wrap=True)
+    console.say(f"{body.name}, {mode}, {engine}: mean surge of the second half {steady.mean():.3f} m/s", *whole.told())
+    log = out / "rollout.rrd"
+    console.say(f"wrote {out / 'rollout.csv'} and {log} (open it with: {console.program()} view {log})")
 
 
 def _trial(mode: str, duration: float) -> Trial:
     """Return the mode as a trial, with nothing measured in it."""
+    import numpy as np
+
+    from mjfish.arrays import readonly
+    from mjfish.drive.modes import drive
+
     time = np.arange(int(duration * RATE + 1e-9) + 1) / RATE
-    return Trial(mode, None, readonly(time), readonly(np.zeros((len(time), len(CHANNELS)))), drive=modes.drive(mode))
+    return mjfish.Trial(mode, None, readonly(time), readonly(np.zeros((len(time), 3))), drive=drive(mode))
 
 
 def _run(
-    whole: Extended, trial: Trial, engine: Engine, *, free: bool
+    whole: Extended, trial: Trial, engine: str, *, free: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray | None, str, str]:
     """Return velocity and pose (n, 6), joints, attitude or None, status and message at the trial's times.
 
     They are what the camera reads; NaN where the run ended.
     """
+    import numpy as np
+
+    from mjfish import ode
+
     run = replace(whole.model, step=STEP).prepare(trial, whole.values)
     time = np.minimum(run.time, run.motion.time[-1])
     attitude = None
-    if engine is Engine.MUJOCO:
+    if engine == "mujoco":
         from mjfish import mujoco as sim
 
         swum = sim.simulate(
@@ -127,3 +134,142 @@ def _run(
     for effect, own in run.active:
         state = effect.reading(state, own, trial)
     return state[:, :6], joints, attitude, status, message
+
+
+def check(
+    fish: FishOption = "pike",
+    mode: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(MODES)}; repeatable.")] = None,
+    all_: Annotated[
+        bool,
+        typer.Option("--all", help="Every engine, coupling and integrator, on prescribed joints; takes half a minute."),
+    ] = False,
+    reference: Annotated[
+        Path | None,
+        typer.Option(help="With --all: folder of reference trajectories, CSV files.", envvar="MJFISH_REFERENCE"),
+    ] = None,
+    coriolis: Annotated[
+        Literal["corrected", "printed"], typer.Option(help="The paper's printed form must be seen to fail.")
+    ] = "corrected",
+    json_: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
+    effects: Own = None,
+) -> None:
+    """Cross-check MuJoCo with the fluid force against the head-frame ODE, on the joint motion that MuJoCo realised."""
+    from mjfish.drive.modes import drive
+    from mjfish.model import extended
+    from mjfish.serialise import fields_of
+
+    whole = extended.load(fish, effects or ())
+    whole.check_mujoco()
+    console.say(*whole.told())
+    names = tuple(mode or (() if all_ else CHECKED))
+    for name in names:
+        drive(name)  # refuses an unknown mode before any work is done
+    if json_ is not None:
+        check_file(json_)
+    results = _check_engines(whole, names, reference) if all_ else _check_servos(whole, names, coriolis)
+    passed = all(result.passed for result in results)
+    if json_ is not None:
+        entries = [{**fields_of(result), "passed": result.passed} for result in results]
+        write_json(json_, {"schema": 1, "passed": passed, "rows" if all_ else "checks": entries})
+    if not passed:
+        raise typer.Exit(console.NOT_GOOD)
+
+
+def _check_servos(
+    whole: Extended, names: Sequence[str], coriolis: Literal["corrected", "printed"]
+) -> Sequence[CrossCheck]:
+    """Check both engines on the joint motion of MuJoCo's servos in these modes, and show the differences."""
+    from mjfish import simulation
+    from mjfish.frames import CHANNELS, UNITS
+
+    simulation.cpg_of(whole.fish)
+    results = []
+    with console.progress_bar() as tell:
+        for done, name in enumerate(names):
+            tell(f"checking {name}", done / len(names))
+            results.append(simulation.check(whole.fish, name, coriolis=coriolis, loads=whole.loads, drive=whole.drive))
+    headings = ("mode", "step [ms]", *(f"{c} [{UNITS[c]}]" for c in CHANNELS), "of the bound", "order")
+    title = f"{whole.fish.name}: largest difference ODE - MuJoCo, relative to each channel's range"
+    table = console.table(title, headings, ("mode",))
+    for result in results:
+        for level, order in zip(result.levels, (math.nan, *result.orders), strict=False):
+            ratios = (f"{level.ratio[channel]:.1e}" for channel in CHANNELS)
+            share = f"{level.worst / result.bound:.2g}"
+            table.add_row(result.drive, f"{1e3 * level.step:g}", *ratios, share, _known(order, ".2f"))
+        table.add_section()
+    console.out.print(table)
+    for result in results:
+        console.out.print(Text.assemble(f"{result.drive}: ", _status(result), f", {result.message}"), soft_wrap=True)
+    return results
+
+
+def _check_engines(whole: Extended, names: Sequence[str], reference: Path | None) -> Sequence[Row]:
+    """Check every engine on every case, or on those of the named modes, and show the differences."""
+    from mjfish import simulation
+
+    cases = tuple(case for case in simulation.CASES if not names or case.mode in names)
+    for name in names:
+        if name not in (case.mode for case in cases):
+            raise UnknownNameError("mode of --all", name, [case.mode for case in simulation.CASES])
+    with console.progress_bar() as tell:
+        rows = list(
+            simulation.check_all(
+                whole.fish, cases=cases, reference=reference, tell=tell, loads=whole.loads, drive=whole.drive
+            )
+        )
+    words = ("mode", "engine", "coupling", "integrator", "verdict")
+    headings = (*words[:-1], "step", "to ODE", "to ref.", "order", "verdict")
+    table = console.table(
+        f"{whole.fish.name}, joints prescribed: largest differences in velocity", headings, words, box=box.SIMPLE,
+        collapse_padding=True, pad_edge=False, show_edge=False,
+        caption="to ODE: relative to the channel's range; to ref.: in m/s and rad/s; step in ms",
+    )  # fmt: skip
+    for row, following in zip(rows, (*rows[1:], None), strict=True):
+        differences = (_known(row.to_ode, ".1e"), _known(row.to_reference, ".1e"), _known(row.order, ".2f"))
+        engine = (row.mode, row.engine, row.coupling, row.integrator)
+        last = following is not None and following.case != row.case
+        table.add_row(*engine, f"{1e3 * row.step:.3g}", *differences, _status(row), end_section=last)
+    console.out.print(table)
+    if reference is None:
+        console.say("no reference trajectories: name their folder by --reference or MJFISH_REFERENCE")
+    return rows
+
+
+def _status(result: CrossCheck | Row) -> Text:
+    return Text(result.status, style=f"bold {'green' if result.passed else 'red'}")
+
+
+def _known(value: float, style: str) -> str:
+    return NONE if math.isnan(value) else format(value, style)
+
+
+def export(
+    fish: Annotated[str, typer.Argument(help="A shipped fish or a fish TOML.")],
+    out: Annotated[Path, typer.Argument(help="File to write: .xml for MuJoCo, or .toml.")],
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Coefficient, e.g. c_d.head=2.0; repeatable.")] = None,
+    free: Annotated[bool, typer.Option("--free", help="Free to roll, pitch and sink; .xml only.")] = False,
+) -> None:
+    """Write a fish as an MJCF with its water, which MuJoCo loads (mjfish.StripFluid lets it act), or as a TOML."""
+    body = mjfish.load_fish(fish).with_values(console.assignments(set_ or [], "--set"))
+    comments = [f"The fish {body.name}, written by mjfish {mjfish.__version__}.", body.about]
+    if out.suffix == ".toml":
+        if free:
+            raise InputError("--free: a fish TOML is neither planar nor free; write an .xml, or leave out --free")
+        from mjfish import fish_toml
+
+        fish_toml.write(out, body, comments[:1])
+    elif out.suffix == ".xml":
+        from mjfish.mujoco import Trim
+        from mjfish.mujoco import export as mjcf
+
+        mjcf.write(out, body, free=Trim() if free else None, comments=comments)
+    else:
+        raise InputError(f"{out}: the name ends in '{out.suffix}', expected .xml or .toml; rename it")
+    console.say(f"wrote {out}")
+
+
+def view(file: Annotated[Path, typer.Argument(help="A .rrd file.")]) -> None:
+    """Open a log in the rerun viewer."""
+    from mjfish.reporting.log import view as open_log
+
+    open_log(file)

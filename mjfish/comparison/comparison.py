@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,9 +21,13 @@ from mjfish.estimation.problem import Problem
 from mjfish.estimation.residuals.residual import Residual
 from mjfish.frames import CHANNELS
 from mjfish.model import Model
+from mjfish.result import Result
+from mjfish.serialise import fields_of
 
 #: Points that a beat needs so that a spline between them errs by 1e-3 of the range, root mean square.
 _POINTS_A_BEAT = 12
+#: Trials that a summary lists.
+_LINES = 9
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,7 @@ class TrialComparison:
     Attributes:
         trial: its name.
         role: ``fit`` or ``held_out``.
-        source: file of the rollout; None where there is none.
+        rollout: its file; None where there is none.
         status: ``covered``: the rollout goes over every sample that counts, ``partly``, or ``absent``.
         scores: of every channel in the file, whole and in parts, over the samples that are covered.
         shifts: by channel, and of all of them together by ``all``; without those that cannot be told.
@@ -42,10 +46,10 @@ class TrialComparison:
 
     trial: str
     role: Role
-    source: Path | None
+    rollout: Path | None
     status: Literal["covered", "partly", "absent"]
     scores: tuple[Agreement, ...] = ()
-    shifts: tuple[tuple[str, Shift], ...] = ()
+    shifts: Mapping[str, Shift] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
     @property
@@ -58,21 +62,9 @@ class TrialComparison:
         """Largest nRMSE of a channel over the whole trial; NaN where one cannot be told, or there is no rollout."""
         return float(np.max([score.nrmse for score in self.scores if score.part == "whole"] or [np.nan]))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return {
-            "trial": self.trial,
-            "role": self.role,
-            "rollout": None if self.source is None else str(self.source),
-            "status": self.status,
-            "scores": [score.to_dict() for score in self.scores],
-            "shifts": {channel: shift.to_dict() for channel, shift in self.shifts},
-            "remarks": list(self.remarks),
-        }
-
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Result):
     """Every trial of a dataset against its rollout.
 
     Attributes:
@@ -91,38 +83,46 @@ class Comparison:
     def failures(self) -> tuple[str, ...]:
         """Why the rollouts are not good, a line a trial; empty where they are."""
         lines = []
-        for one in self.trials:
-            if one.status != "covered":
-                lines.append(one.remarks[0])
-            elif self.bound is not None and not one.worst <= self.bound:
-                lines.append(f"{one.trial}: nRMSE {one.worst:.4f} is beyond the bound {self.bound:g}")
+        for trial in self.trials:
+            if trial.status != "covered":
+                lines.append(trial.remarks[0])
+            elif self.bound is not None and not trial.worst <= self.bound:
+                lines.append(f"{trial.trial}: nRMSE {trial.worst:.4f} is beyond the bound {self.bound:g}")
         return tuple(lines)
 
+    @property
+    def passed(self) -> bool:
+        """Whether every rollout is good."""
+        return not self.failures
+
+    def summary(self) -> str:
+        """Return the worst nRMSE of each trial, at most ten lines."""
+        lines = [f"{trial.trial}: {_worst(trial)}" for trial in self.trials]
+        if len(lines) > _LINES:
+            lines = [*lines[: _LINES - 1], f"and {len(lines) - _LINES + 1} trials more"]
+        good = "good" if self.passed else f"not good: {len(self.failures)} of {len(self.trials)}"
+        return "\n".join([f"{self.dataset}: rollouts against measurements, {good}", *lines])
+
     def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return {
-            "schema": 1,
-            "dataset": self.dataset,
-            "passed": not self.failures,
-            "bound": self.bound,
-            "failures": list(self.failures),
-            "trials": [one.to_dict() for one in self.trials],
-            "unused": [str(path) for path in self.unused],
-        }
+        """Return the comparison as plain data, the content of its JSON file."""
+        return {"schema": 1, "passed": self.passed, "failures": list(self.failures), **fields_of(self)}
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row a trial, channel and part for a table; shifts stand beside the whole trial."""
         rows = []
-        for one in self.trials:
-            shifts = dict(one.shifts)
-            for score in one.scores:
-                shift = shifts.get(score.channel) if score.part == "whole" else None
+        for trial in self.trials:
+            for score in trial.scores:
+                shift = trial.shifts.get(score.channel) if score.part == "whole" else None
                 row = {key: value for key, value in score.to_dict().items() if key != "horizon"}
                 row["shift [s]"] = None if shift is None else shift.time
                 row["rmse_shifted"] = None if shift is None else shift.rmse
                 row["nrmse_shifted"] = None if shift is None else shift.nrmse
                 rows.append(row)
         return rows
+
+
+def _worst(trial: TrialComparison) -> str:
+    return trial.status if not trial.channels else f"nRMSE {trial.worst:.3g} at worst"
 
 
 def compare(dataset: Dataset, against: Sequence[str | Path], *, bound: float | None = None) -> Comparison:
@@ -174,10 +174,10 @@ def _compared(trial: Trial, role: Role, run: SimulatedRun, counted: BoolArray) -
     return TrialComparison(
         trial=trial.name,
         role=role,
-        source=run.source,
+        rollout=run.source,
         status="partly" if missed else "covered",
         scores=tuple(replace(score, role=role) for score in scores if score.channel in run.channels),
-        shifts=tuple(_shifts(trial, run, counted)),
+        shifts=_shifts(trial, run, counted),
         remarks=tuple(remarks),
     )
 
@@ -196,10 +196,10 @@ def _coarse(trial: Trial, run: SimulatedRun) -> list[str]:
     ]
 
 
-def _shifts(trial: Trial, run: SimulatedRun, counted: BoolArray) -> list[tuple[str, Shift]]:
+def _shifts(trial: Trial, run: SimulatedRun, counted: BoolArray) -> dict[str, Shift]:
     index = [CHANNELS.index(channel) for channel in run.channels]
     span = np.nanmax(trial.velocity, axis=0) - np.nanmin(trial.velocity, axis=0)
-    found = []
+    found = {}
     for name, chosen in [*zip(run.channels, ([i] for i in index), strict=True), ("all", index)]:
 
         def predict(time: FloatArray, chosen: list[int] = chosen) -> FloatArray:
@@ -208,5 +208,5 @@ def _shifts(trial: Trial, run: SimulatedRun, counted: BoolArray) -> list[tuple[s
         measured = trial.velocity[counted][:, chosen]
         shift = best_shift(predict, trial.time[counted], measured, span[chosen], reach(trial))
         if shift is not None:
-            found.append((name, shift))
+            found[name] = shift
     return found

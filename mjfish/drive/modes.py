@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from mjfish.drive.cpg import DriveSegment
+from typing import TYPE_CHECKING
+
 from mjfish.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from mjfish.drive.cpg import DriveSegment
 
 #: Length of a run in the paper's figures [s].
 DURATION = 10.4
@@ -22,6 +26,8 @@ def drive(mode: str) -> tuple[DriveSegment, ...]:
     Raises:
         UnknownNameError: no such mode.
     """
+    from mjfish.drive.cpg import DriveSegment  # compiles; the names of the modes are had without
+
     if mode not in MODES:
         raise UnknownNameError("mode", mode, MODES)
     first, _, second = mode.partition("-")

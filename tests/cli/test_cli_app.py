@@ -7,12 +7,15 @@ import sys
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from command_line import Run
 
 from mjfish.cli import application, console
+from mjfish.data.importers import IMPORTERS
 from mjfish.effects import catalogue
+from mjfish.estimation.settings import Loss
 
 COMMANDS = (
     "simulate",
@@ -36,6 +39,45 @@ def test_help_names_every_command(run: Run) -> None:
     shown = run("--help").stdout
     for command in COMMANDS:
         assert f" {command} " in shown
+
+
+UNITS = {
+    "simulate": ("Length of the run [s]",),
+    "generate": ("sway [m/s]", "yaw rate [rad/s]", "Length of each trial [s]", "NAME:PARAM=VALUE[,PARAM=VALUE]"),
+    "compare": ("time [s], surge [m/s], sway [m/s]",),
+    "plan": ("Of a run [s]", "come to rest [s]", "9,30 [rad/s]"),
+}
+
+
+@pytest.mark.parametrize("command", UNITS)
+def test_units_are_not_lost_in_the_help(run: Run, command: str) -> None:
+    shown = " ".join(run(f"{command} --help").stdout.replace("│", " ").split())
+    for text in UNITS[command]:
+        assert text in shown
+    assert "time [s], surge [m/s]" in " ".join(run("--help").stdout.replace("│", " ").split())
+
+
+def test_the_help_lists_what_can_be_chosen(run: Run) -> None:
+    """These choices are written down there: the packages that know them are slow to import."""
+    for command, choices in (("identify", get_args(Loss)), ("import", IMPORTERS)):
+        shown = run(f"{command} --help").stdout
+        assert all(choice in shown for choice in choices)
+
+
+@pytest.mark.parametrize("line", ["--version", "--help", "simulate --help", "swim", "simulate", "plan a --colour red"])
+def test_a_command_line_is_read_without_what_is_slow_to_import(line: str) -> None:
+    script = """
+import sys
+from mjfish.cli import main
+try:
+    main()
+finally:
+    slow = {"numba", "mujoco", "scipy", "rerun", "plotly", "jinja2", "pyarrow", "numpy"} & set(sys.modules)
+    assert not slow, slow
+"""
+    done = subprocess.run([sys.executable, "-c", script, *line.split()], capture_output=True, text=True, check=False)
+    assert "AssertionError" not in done.stderr, done.stderr
+    assert done.returncode == (0 if "-" in line and "colour" not in line else 2), done.stderr
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -31,6 +31,8 @@ def test_engines_that_agree_exit_with_0_and_say_by_how_much(run: Run, tmp_path: 
         assert check["levels"][0]["ratio"]["surge"] < check["bound"] == 1e-3
         assert check["message"] in shown
     assert "v1: agrees" in shown
+    for heading in ("step [ms]", "surge [m/s]", "sway [m/s]", "yaw_rate [rad/s]"):
+        assert heading in shown
 
 
 @pytest.mark.usefixtures("short")

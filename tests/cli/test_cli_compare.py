@@ -11,9 +11,10 @@ import pyarrow.csv
 import pytest
 from command_line import Run
 
-from mjfish.cli import compare as comparing
+import mjfish
 from mjfish.data import save
 from mjfish.fish import load_fish
+from mjfish.reporting.words import number
 from mjfish.simulation.synthetic import generate
 
 
@@ -39,6 +40,7 @@ def test_rollouts_of_simulate_are_compared_shown_and_written(run: Run, tmp_path:
     """The right fish leaves the noise, and no shift."""
     shown = run("compare pool --against sim --json out.json --table out.csv --bound 0.05").stdout
     assert "pool [/]: rollouts against measurements" in shown
+    assert "fit [%]" in shown
     assert "shift [ms]: what is measured at t" in shown
     told = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
     assert told["passed"] is True
@@ -46,9 +48,8 @@ def test_rollouts_of_simulate_are_compared_shown_and_written(run: Run, tmp_path:
     scores = [score for one in told["trials"] for score in one["scores"] if score["part"] == "whole"]
     np.testing.assert_allclose([score["rmse"] for score in scores], [0.01, 0.01, 0.05] * 2, rtol=0.15)
     for score in scores:
-        assert f" {score['rmse']:.4f} " in shown
-        assert f" {score['nrmse']:.4f} " in shown
-        assert f" {score['fit']:.1f} " in shown
+        for key in ("rmse", "nrmse", "fit"):
+            assert f" {number(score[key])} " in shown
     for one in told["trials"]:
         assert abs(one["shifts"]["all"]["time"]) < 1e-3
     table = pyarrow.csv.read_csv(tmp_path / "out.csv").to_pylist()
@@ -92,6 +93,6 @@ def test_misuse_is_refused_and_nothing_written(refuse: Callable[[str], str], tmp
 def test_a_result_that_cannot_be_written_is_refused_before_the_work(
     refuse: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, option: str
 ) -> None:
-    monkeypatch.setattr(comparing, "compare", None)
+    monkeypatch.setattr(mjfish, "compare", None)
     told = refuse(f"compare pool --against pool {option}")
     assert "there is no folder absent" in told or "expected .csv or .parquet" in told

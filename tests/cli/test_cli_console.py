@@ -1,4 +1,4 @@
-"""Progress of long commands where nobody looks at a terminal."""
+"""What the commands print with: text as it is, whatever brackets are in it, and progress of long commands."""
 
 from __future__ import annotations
 
@@ -22,3 +22,17 @@ def test_progress_through_a_pipe_is_a_line_at_times(
         "refitting [20] (44%)",
         "refitting [40] (89%)",
     ]
+
+
+def test_units_in_brackets_are_printed_wherever_they_stand(capsys: pytest.CaptureFixture[str]) -> None:
+    """Catches markup in a title, a heading, a cell, a caption, a line or a message."""
+    table = console.table("title [m/s]", ("heading [ms]", "[%]"), ("[%]",), caption="caption [rad/s]")
+    table.add_row("cell [N m]", "[bold]")
+    console.out.print(table)
+    console.say("line [s]", ("styled [Hz]", "bold"))
+    console.complain("error [/]", "message [kg] :fish:")
+    printed = capsys.readouterr()
+    for text in ("title [m/s]", "heading [ms]", "[%]", "caption [rad/s]", "cell [N m]", "[bold]", "line [s]"):
+        assert text in printed.out
+    assert "styled [Hz]" in printed.out
+    assert printed.err == "error [/]: message [kg] :fish:\n"

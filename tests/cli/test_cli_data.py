@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from command_line import Run
 
-from mjfish.cli import data
+import mjfish
 from mjfish.data import load_dataset
+from mjfish.data.importers import HEADERS
 from mjfish.drive import modes
-from mjfish.simulation import synthetic as planting
 
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
 SHORT = "generate --modes v1,v3 --duration 1"
 
 
-def test_a_planted_dataset_can_be_read_back(run: Run, tmp_path: Path) -> None:
+def test_a_synthetic_dataset_can_be_read_back(run: Run, tmp_path: Path) -> None:
     shown = run(
         "generate --modes v1,v3,v1 --duration 1.5 --rate 40 --noise 0.01,0.02,0.03 --seed 7 --out sets/a"
     ).stdout
@@ -71,7 +71,7 @@ def test_held_out_trials_are_marked(run: Run, tmp_path: Path) -> None:
     assert [trial.role for trial in load_dataset(tmp_path / "a").trials] == ["fit", "held_out"]
 
 
-def test_an_older_planted_dataset_is_replaced(run: Run, tmp_path: Path) -> None:
+def test_an_older_synthetic_dataset_is_replaced(run: Run, tmp_path: Path) -> None:
     run(f"{SHORT} --out a")
     run("generate --modes v5 --duration 1 --out a")
     assert [trial.name for trial in load_dataset(tmp_path / "a").trials] == ["v5"]
@@ -134,9 +134,8 @@ def taken(tmp_path: Path) -> Path:
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
     refuse: Callable[[str], str], taken: Path, monkeypatch: pytest.MonkeyPatch, out: str, complaint: str
 ) -> None:
-    monkeypatch.setattr(data.synthetic, "generate", None)
-    monkeypatch.setattr(data, "import_files", None)
-    assert planting is not None
+    monkeypatch.setattr(mjfish, "generate", None)
+    monkeypatch.setattr("mjfish.data.importers.import_files", None)
     (taken / "f1.csv").write_text("x", encoding="utf-8")
     for line in (f"generate --out {out}", f"import fishsim f1.csv --out {out}"):
         assert complaint in refuse(line)
@@ -173,3 +172,21 @@ def test_a_recording_without_usable_joint_angles_is_refused_with_the_reason(
     message = refuse(f"import fishsim {_named(fishsim, 'f1_50')} --out a")
     assert "f1_50" in message
     assert "joint" in message
+
+
+def test_what_an_importer_kept_is_shown_with_its_units(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Report:
+        importer = "velocities [own]"
+
+        def rows(self) -> list[list[str]]:
+            return [["v1.csv", *("cut [s]" for _ in HEADERS[1:])]]
+
+    dataset = mjfish.generate(mjfish.load_fish("pike"), ["v1"], duration=1.0, name="a")
+    monkeypatch.setattr("mjfish.data.importers.import_files", lambda *_: (dataset, Report()))
+    shown = run("import velocities v1.csv --out a").stdout
+    assert "velocities [own]: what was kept" in shown
+    for heading in HEADERS[1:]:
+        assert heading in shown
+    assert "cut [s]" in shown

@@ -10,8 +10,8 @@ import pytest
 from command_line import Run
 from diagnosed import diagnosis
 
+import mjfish
 from mjfish.arrays import FloatArray
-from mjfish.cli import diagnose
 from mjfish.data import read_table
 from mjfish.effects import find
 from mjfish.fish import Fish
@@ -23,7 +23,7 @@ _FEW = {name: find(name) for name in ("servo_lag", "tail_compliance", "time_offs
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Three candidates: the whole catalogue takes long."""
-    monkeypatch.setattr(diagnose, "catalogue", lambda files=(): _FEW)
+    monkeypatch.setattr("mjfish.effects.catalogue", lambda files=(): _FEW)
 
 
 def _velocity(folder: Path) -> FloatArray:
@@ -56,7 +56,7 @@ def test_a_cause_that_was_not_named_is_said_to_be_none_in_the_file(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whoever opens the file later does not see the verdict otherwise."""
-    monkeypatch.setattr(diagnose, "diagnose", lambda dataset, **rest: diagnosis(verdict))
+    monkeypatch.setattr(mjfish, "diagnose", lambda dataset, **rest: diagnosis(verdict))
     run("generate --modes v1,v3 --duration 2 --out a")
     told = {}
     for verdict, code in (("named", 0), ("unexplained", 1), ("nothing_wrong", 0)):

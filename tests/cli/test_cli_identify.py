@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from command_line import Run
 
-from mjfish.cli import diagnose as diagnosing
-from mjfish.cli import identify as identifying
+import mjfish
 from mjfish.data import save
 from mjfish.fish import COEFFICIENTS, load_fish
+from mjfish.reporting.words import number
 from mjfish.simulation.synthetic import generate
 
 TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012), strict=True))
@@ -47,7 +47,7 @@ def test_estimates_are_shown_and_written(run: Run, pool: Path, tmp_path: Path) -
     assert list(told["parameters"]) == list(COEFFICIENTS)
     for name, entry in told["parameters"].items():
         assert f"{name} " in shown
-        assert f" {entry['estimate']:.4g} " in shown
+        assert f" {number(entry['estimate'], 4)} " in shown
         assert abs(entry["estimate"] - TRUTH[name]) < 4.0 * (entry["standard_error"] or np.inf)
     assert [score["role"] for score in told["scores"]] == ["fit", "fit", "held_out"]
     assert "held_out" in shown
@@ -154,8 +154,8 @@ def test_a_folder_without_dataset_is_refused(refuse: Callable[[str], str], tmp_p
 def test_a_result_that_cannot_be_written_is_refused_before_the_work(
     refuse: Callable[[str], str], pool: Path, monkeypatch: pytest.MonkeyPatch, option: str, target: str
 ) -> None:
-    monkeypatch.setattr(identifying, "identify", None)
-    monkeypatch.setattr(diagnosing, "diagnose", None)
+    monkeypatch.setattr(mjfish, "identify", None)
+    monkeypatch.setattr(mjfish, "diagnose", None)
     assert pool.is_dir()
     assert target.partition("/")[0] in refuse(f"{option} {target}")
 
@@ -163,7 +163,7 @@ def test_a_result_that_cannot_be_written_is_refused_before_the_work(
 def test_other_misuse_of_diagnose_is_refused_before_the_work(
     refuse: Callable[[str], str], pool: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(diagnosing, "diagnose", None)
+    monkeypatch.setattr(mjfish, "diagnose", None)
     assert pool.is_dir()
     assert "absent.py: no such file of effects" in refuse("diagnose pool --effects absent.py")
     assert "Invalid value for '--seed'" in refuse("diagnose pool --seed -1")
@@ -173,6 +173,6 @@ def test_other_misuse_of_diagnose_is_refused_before_the_work(
 def test_demo_refuses_an_output_that_is_a_file_before_the_work(
     refuse: Callable[[str], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(diagnosing, "diagnose", None)
+    monkeypatch.setattr(mjfish, "diagnose", None)
     (tmp_path / "file").write_text("x", encoding="utf-8")
     assert "file: is a file, expected a folder" in refuse("demo --out file/demo")

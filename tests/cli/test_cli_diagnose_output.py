@@ -8,8 +8,10 @@ from typing import get_args
 
 import pytest
 from diagnosed import CAUSE, diagnosis
+from rich.console import ColorSystem
 
-from mjfish.cli import console, narrate
+from mjfish.cli import console
+from mjfish.cli.diagnose import show
 from mjfish.diagnosis.result import Verdict
 from mjfish.effects import catalogue
 
@@ -23,8 +25,8 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _told(capsys: pytest.CaptureFixture[str], result: object, known: object = None) -> str:
-    narrate.diagnosis(result, known or catalogue())  # type: ignore[arg-type]
-    return capsys.readouterr().out
+    show(result, known or catalogue())  # type: ignore[arg-type]
+    return capsys.readouterr().out.replace("\N{NO-BREAK SPACE}", " ")
 
 
 @pytest.mark.parametrize("verdict", get_args(Verdict))
@@ -38,8 +40,9 @@ def test_a_named_cause_comes_with_estimate_interval_gain_and_confirming_experime
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     shown = _told(capsys, diagnosis("named"))
-    for text in (f"{CAUSE}.time_constant", "0.0201", "0.0195 to 0.0207", "57.0% to 66.0%", "0.0314", "0.0120"):
+    for text in (f"{CAUSE}.time_constant", "0.02010", "0.01950 to 0.02070", "57.0 % to 66.0 %", "3.14 %", "1.20 %"):
         assert text in shown
+    assert "mean speed error [m/s]" in shown
     assert f"To confirm {CAUSE}: {catalogue()[CAUSE].confirm}." in shown
 
 
@@ -52,4 +55,16 @@ def test_a_rival_from_a_users_file_is_told_apart_too(capsys: pytest.CaptureFixtu
     result = replace(diagnosis("cannot_tell"), rivals=((CAUSE, "camera_scale"),))
     shown = _told(capsys, result, catalogue([OWN]))
     assert "To confirm camera_scale: film a ruler." in shown
+    assert "mean speed error [m/s]" in shown
     assert f"To confirm {CAUSE}: " in shown
+
+
+def test_a_fit_that_has_not_converged_is_said_so_in_red_with_what_to_do(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console.err, "_force_terminal", True)
+    monkeypatch.setattr(console.err, "_color_system", ColorSystem.STANDARD)
+    show(replace(diagnosis("named"), status="fit_not_converged"), catalogue())
+    shown = capsys.readouterr().err
+    assert "\x1b[1;31mfit_not_converged:" in shown
+    assert "mjfish identify DATASET --starts 16" in shown

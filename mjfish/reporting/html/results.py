@@ -1,0 +1,137 @@
+"""Which figure and which page a result has, by its type."""
+
+from __future__ import annotations
+
+import functools
+import html
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+
+from mjfish.comparison import Comparison
+from mjfish.design import Plan
+from mjfish.diagnosis import Diagnosis
+from mjfish.errors import InputError
+from mjfish.estimation.report import Identification
+from mjfish.frames import CHANNELS
+from mjfish.inspection import Checks
+from mjfish.reporting.html.diagnosis import write_diagnosis
+from mjfish.reporting.html.figures import COLOURS, Panel, overlay_figure, panels, residual_figure
+from mjfish.reporting.html.identification import sections
+from mjfish.reporting.html.pages import Block, Section, write_figures
+from mjfish.reporting.words import CHANNEL_NAMES
+from mjfish.simulation import CrossCheck
+
+#: Options of a plan that are drawn.
+_OPTIONS = 12
+
+
+@functools.singledispatch
+def figure(result: Any) -> go.Figure:
+    """Return the main figure of a result.
+
+    Raises:
+        InputError: this result has none.
+    """
+    raise InputError(f"{type(result).__name__} has no figure; print it, or read its to_dict()")
+
+
+@figure.register
+def _(result: Diagnosis) -> go.Figure:
+    """Draw a held-out trial, or else the first one, as measured and as the models predict it."""
+    return overlay_figure(result, max(result.overlays, key=lambda overlay: overlay.held_out))
+
+
+@figure.register
+def _(result: Identification) -> go.Figure:
+    """Draw a held-out trial, or else the first one, as measured and as the fitted model predicts it."""
+    if result.assessment is None:
+        raise InputError(f"{result.dataset.name}: the fit {result.fit.status} and has no figure; {result.fit.message}")
+    return residual_figure(max(result.assessment.residuals, key=lambda residual: residual.role == "held_out"))
+
+
+@figure.register
+def _(result: Comparison) -> go.Figure:
+    """Draw the nRMSE of every trial, a bar a channel."""
+    drawn = panels(1, height=320)
+    for channel, colour in zip(CHANNELS, ("nominal", "extended", "measured"), strict=True):
+        scores = {
+            html.escape(trial.trial): score.nrmse
+            for trial in result.trials
+            for score in trial.scores
+            if (score.channel, score.part) == (channel, "whole")
+        }
+        drawn.add_bar(
+            x=list(scores), y=list(scores.values()), name=CHANNEL_NAMES[channel], marker_color=COLOURS[colour]
+        )
+    if result.bound is not None:
+        drawn.add_hline(result.bound, line={"color": COLOURS["muted"], "dash": "dot", "width": 1})
+    return drawn.update_yaxes(title_text="nRMSE").update_xaxes(type="category")
+
+
+@figure.register
+def _(result: Plan) -> go.Figure:
+    """Draw what the best options do: chances of a verdict, or sizes that would show, now and after."""
+    separate = result.question.purpose == "separate"
+    options = result.options[:_OPTIONS][::-1]
+    names = [html.escape(option.name) for option in options]
+    drawn = panels(1, height=120 + 26 * len(options))
+    for when, colour in (("now", "measured"), ("after", "extended")):
+        key = f"chance_{when}" if separate else when
+        values = [getattr(option.worst, key) for option in options]
+        drawn.add_bar(x=values, y=names, name=when, orientation="h", marker_color=COLOURS[colour])
+    title = "chance that the right one is told" if separate else "smallest size that would show"
+    return drawn.update_xaxes(title_text=title).update_yaxes(type="category").update_layout(margin_l=160)
+
+
+@figure.register
+def _(result: Checks) -> go.Figure:
+    """List the findings, worst first."""
+    rows = [(str(f.severity), f.place, f.found, f.remedy) for f in result.findings]
+    rows = rows or [("", "", "nothing was found", "")]
+    cells = [[html.escape(text) for text in column] for column in zip(*rows, strict=True)]
+    headings = ["severity", "place", "found", "remedy"]
+    table = go.Table(
+        header={"values": headings, "align": "left"}, cells={"values": cells, "align": "left"}, columnwidth=[1, 2, 4, 4]
+    )
+    return go.Figure(table).update_layout(template="mjfish")
+
+
+@figure.register
+def _(result: CrossCheck) -> go.Figure:
+    """Draw the largest differences between the engines over the step, and the bound."""
+    drawn = panels(1, height=320)
+    steps = np.array([level.step for level in result.levels])
+    for channel, colour in zip(CHANNELS, ("nominal", "extended", "measured"), strict=True):
+        ratios = np.array([level.ratio[channel] for level in result.levels])
+        Panel(drawn, 1).marked(steps, ratios, colour, CHANNEL_NAMES[channel])
+    drawn.add_hline(result.bound, line={"color": COLOURS["muted"], "dash": "dot", "width": 1})
+    drawn.update_xaxes(type="log", title_text="step [s]")
+    return drawn.update_yaxes(type="log", title_text="difference / range")
+
+
+@functools.singledispatch
+def write_report(result: Any, path: Path) -> None:
+    """Write a result as one HTML page: its summary and its figure, where it has no page of its own.
+
+    Raises:
+        InputError: it has no figure, or the file cannot be written.
+    """
+    first, _, rest = result.summary().partition("\n")
+    write_figures(path, Section(first, rest, {}, (Block(type(result).__name__, "", figure(result)),)))
+
+
+@write_report.register
+def _(result: Diagnosis, path: Path) -> None:
+    write_diagnosis(result, path)
+
+
+@write_report.register
+def _(result: Identification, path: Path) -> None:
+    assessment = result.assessment
+    if assessment is None:
+        raise InputError(f"{result.dataset.name}: the fit {result.fit.status} and has no page; {result.fit.message}")
+    found = sections(result.dataset.name, assessment.residuals, assessment.tests)
+    write_figures(path, *found.values())
