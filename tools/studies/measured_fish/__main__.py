@@ -9,7 +9,6 @@ import argparse
 from pathlib import Path
 
 from rich import box
-from rich.markup import escape
 from rich.table import Table
 
 from mjfish import tomlfile
@@ -30,9 +29,9 @@ def table(title: str, heads: tuple[str, ...], rows: list[tuple[str, ...]], texts
     """Return a table; columns behind the first `texts` to the right."""
     made = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for index, head in enumerate(heads):
-        made.add_column(escape(head), justify="left" if index < texts else "right", no_wrap=True)
+        made.add_column(head, justify="left" if index < texts else "right", no_wrap=True)
     for row in rows:
-        made.add_row(*(escape(cell) for cell in row))
+        made.add_row(*(cell for cell in row))
     return made
 
 
@@ -83,12 +82,12 @@ def tell(outcome: Outcome) -> None:
     found = outcome.diagnosis
     out = console.out
     out.print(imported(outcome))
-    out.print(f"\n[bold]{found.verdict}[/]  {escape(found.message)}", soft_wrap=True)
+    out.print(f"\n{found.verdict}  {found.message}", soft_wrap=True)
     if found.best:
         named = "named" if found.verdict == "named" else "what explains most, not named"
-        out.print(f"The extended model has {escape(', '.join(found.best))} ({named}).", soft_wrap=True)
+        out.print(f"The extended model has {', '.join(found.best)} ({named}).", soft_wrap=True)
     for remark in found.remarks:
-        out.print(f"Remark: {escape(remark)}", soft_wrap=True)
+        out.print(f"Remark: {remark}", soft_wrap=True)
     out.print(scored("nRMSE and mean speed of every run", scores(found)))
     out.print(scored("The same, fitted to one run and scored on the other", tuple(crossed(outcome))))
     out.print(estimated(outcome))
@@ -142,7 +141,7 @@ def main() -> int:
 
             page.write(outcome, given.page)
     except MjfishError as error:
-        console.err.print(escape(str(error)), soft_wrap=True)
+        console.err.print(str(error), soft_wrap=True)
         return console.MISUSE
     return 0
 

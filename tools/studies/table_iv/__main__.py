@@ -12,7 +12,6 @@ from typing import Annotated
 import numpy as np
 import typer
 from rich import box
-from rich.markup import escape
 from rich.table import Table
 
 from mjfish.cli import console
@@ -52,7 +51,7 @@ def main(
             check_suffix(table)
         run(fish, fit=fit, seed=seed, jobs=jobs, json=json, table=table)
     except MjfishError as error:
-        console.err.print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True)
+        console.complain("error", str(error))
         raise typer.Exit(console.MISUSE) from None
 
 
@@ -77,7 +76,7 @@ def run(fish: str, *, fit: bool, seed: int, jobs: int | None, json: Path | None,
             soft_wrap=True,
         )
     for line in sentences(found):
-        console.out.print(escape(line), soft_wrap=True)
+        console.out.print(line, soft_wrap=True)
     if json is not None:
         write_json(json, found.to_dict() | {"says": list(sentences(found))})
     if table is not None:
@@ -98,7 +97,7 @@ def _ranges(found: PaperComparison) -> Table:
     headings = ["paper", "λ*", "ratio", "start-up", "steady"]
     if fits is not None:
         headings += ["λ*, unit", "ratio", "fitted", "ratio", "start-up", "then", "steady"]
-    title = f"{escape(found.fish)}: ranges of the modes of Table IV"
+    title = f"{found.fish}: ranges of the modes of Table IV"
     shown = _table(title, ("mode", "channel"), tuple(headings))
     for i, mode in enumerate(found.modes):
         for c, channel in enumerate(CHANNELS):
@@ -137,7 +136,7 @@ def _reasons(found: PaperComparison) -> Table:
 def _numbers(reason: Reason) -> str:
     """Return what the numbers of a reason are called, with their units."""
     told = [f"{p.name} [{p.unit}]" for p in reason.parameters]
-    return escape(", ".join(told))
+    return ", ".join(told)
 
 
 def _outcome(reason: Reason, fitted: Fitted | None, before: float) -> tuple[str, str]:
