@@ -32,8 +32,8 @@ def test_the_page_of_the_next_experiment_runs(tmp_path: Path) -> None:
     runs = [option for option in plan["options"] if option["kind"] == "run"]
     repeat = next(option for option in runs if option["name"] == "v1-again")
     pair, again = (option["pairs"][0] for option in (runs[0], repeat))
-    assert again["chance_now"] < 0.01
-    assert pair["chance_after"] > 0.9 > again["chance_after"]
+    assert again["probability_now"] < 0.01
+    assert pair["probability_after"] > 0.9 > again["probability_after"]
     named = tomllib.loads((tmp_path / "out" / "next" / "dataset.toml").read_text())["trials"][-1]
     assert named["name"] == runs[0]["name"]
     assert not (tmp_path / "out" / "next" / named["file"]).exists()

@@ -16,7 +16,7 @@ from mjfish.reporting.words import number
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from mjfish.design import Option, Plan, Question
+    from mjfish.design import Option, Plan
 
 #: Rows of the table; all of them are in the JSON.
 _ROWS = 12
@@ -39,61 +39,46 @@ def plan(
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Rank runs and calibrations by how well they would tell rival causes apart a second."""
-    from mjfish.design import Menu, advise, generate, skeleton
+    from mjfish.design import Menu, load_diagnosis, next_run, write_next_run
     from mjfish.effects import catalogue
 
     known = catalogue(tuple(effects or ()))
     slow, fast = console.numbers(omega, 2, "--omega") if omega is not None else (0.0, 0.0)
-    menu = Menu(duration, (slow, fast) if omega is not None else None)
+    menu = Menu(duration, (slow, fast) if omega is not None else None, pause)
+    if rivals is not None and (diagnosis is not None or causes is not None):
+        raise InputError("--rivals: found with --diagnosis or --causes, expected alone; drop one")
     if json_ is not None:
         check_file(json_)
     if generate_ is not None:
-        skeleton.check_folder(generate_)
+        next_run.check_folder(generate_)
     measured = mjfish.load_dataset(dataset)
-    question = _question(diagnosis, rivals, causes, measured.name)
+    source = measured if diagnosis is None else load_diagnosis(diagnosis, measured, effects=known, jobs=jobs)
+    asked = {"rivals": console.names(rivals or ""), "causes": console.names(causes or "")}
     with console.progress_bar() as tell:
-        if question is None:
-            found = mjfish.plan(measured, effects=known, menu=menu, pause=pause, jobs=jobs, progress=tell)
-        else:
-            found = advise(measured, question, effects=known, menu=menu, pause=pause, jobs=jobs, progress=tell)
+        found = mjfish.plan(source, **asked, effects=known, menu=menu, jobs=jobs, progress=tell)
     if json_ is not None:
         found.save(json_)
     _show(found)
     if generate_ is not None:
-        generate(measured, found, generate_)
+        write_next_run(measured, found, generate_)
         console.say(f"wrote {generate_}: what to do is in {generate_}/RECORD.md")
     if found.status != "ok":
         raise typer.Exit(console.NOT_GOOD)
-
-
-def _question(diagnosis: Path | None, rivals: str | None, causes: str | None, name: str) -> Question | None:
-    from mjfish.design import Question
-    from mjfish.design.question import of_file
-
-    if rivals is not None and (diagnosis is not None or causes is not None):
-        raise InputError("--rivals: found with --diagnosis or --causes, expected alone; drop one")
-    if rivals is not None:
-        return Question("separate", console.names(rivals), "Rivals named by hand.")
-    asked = console.names(causes or "")
-    if diagnosis is not None:
-        return of_file(diagnosis, name, asked)
-    return Question("see", asked, "Causes named by hand.") if causes is not None else None
 
 
 def _show(found: Plan) -> None:
     console.say((found.question.why, "bold"), found.message)
     if found.options:
         console.out.print(_separation(found) if found.question.purpose == "separate" else _sizes(found))
-    calibrations = (option for option in found.options if option.kind == "calibration")
-    console.say(*(f"{option.name}: {option.about}." for option in calibrations))
+    console.say(*(f"{option.name}: {option.about}." for option in found.calibrations))
     console.say(*(f"Remark: {remark}" for remark in found.remarks))
 
 
 def _separation(found: Plan) -> Table:
-    from mjfish.design.words import percent
+    from mjfish.design.result import percent
 
     pairs = len(found.question.names) > 2
-    headings = ("do", "seconds", *(["hardest pair"] if pairs else []), "lambda", "after", "chance", "after")
+    headings = ("do", "seconds", *(["hardest pair"] if pairs else []), "lambda", "after", "probability", "after")
     title = f"What would tell apart {' and '.join(found.question.names)}"
     table = console.table(title, headings, ("do", "hardest pair"))
     for option in _shown(found):
@@ -101,10 +86,10 @@ def _separation(found: Plan) -> Table:
         after = "measured" if pair.settled else number(pair.after)
         seconds = f"{option.seconds:.0f}" if option.run is not None else "bench"
         hardest = [f"{pair.first} | {pair.second}"] if pairs else []
-        chances = percent(pair.chance_now), percent(pair.chance_after)
-        table.add_row(option.name, seconds, *hardest, number(pair.now), after, *chances, style=_style(option))
+        verdict = percent(pair.probability_now), percent(pair.probability_after)
+        table.add_row(option.name, seconds, *hardest, number(pair.now), after, *verdict, style=_style(option))
     table.caption = (
-        "lambda: misfit of the wrong cause that no refit hides; chance: that the right one is then told; "
+        "lambda: misfit of the wrong cause that no refit removes; probability: of the right verdict; "
         "ranked by the gain of lambda a second"
     )
     return table
@@ -112,12 +97,12 @@ def _separation(found: Plan) -> Table:
 
 def _sizes(found: Plan) -> Table:
     headings = ("do", "seconds", "gains least", "now", "after")
-    table = console.table("Smallest sizes that would show", headings, ("do", "gains least"))
+    table = console.table("Minimum detectable effects", headings, ("do", "gains least"))
     for option in _shown(found):
         pair = option.worst
         cells = f"{option.seconds:.0f}", pair.first, number(pair.now), number(pair.after)
         table.add_row(option.name, *cells, style=_style(option))
-    table.caption = "ranked by the shrinking a second of the size that shrinks least"
+    table.caption = "ranked by the shrinking a second of the one that shrinks least"
     return table
 
 

@@ -1,9 +1,25 @@
 """The next experiment: which run or calibration would tell rival causes apart, and how surely."""
 
-from mjfish.design.advise import advise, plan
+from mjfish.design.fitted_models import FittedModels, ModelEstimate, load_diagnosis
 from mjfish.design.menu import Menu, Run
-from mjfish.design.question import Question
-from mjfish.design.result import Option, Pair, Plan
-from mjfish.design.skeleton import generate
+from mjfish.design.next_run import write_next_run
+from mjfish.design.planning import plan
+from mjfish.design.result import Option, Pair, Plan, Question
+from mjfish.design.separation import Separation, excluded, separations
 
-__all__ = ["Menu", "Option", "Pair", "Plan", "Question", "Run", "advise", "generate", "plan"]
+__all__ = [
+    "FittedModels",
+    "Menu",
+    "ModelEstimate",
+    "Option",
+    "Pair",
+    "Plan",
+    "Question",
+    "Run",
+    "Separation",
+    "excluded",
+    "load_diagnosis",
+    "plan",
+    "separations",
+    "write_next_run",
+]

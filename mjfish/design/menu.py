@@ -58,15 +58,19 @@ class Menu:
     Attributes:
         duration: of a run [s]; None: that of the longest trial of the dataset.
         omega: slowest and fastest frequency [rad/s]; None: `OMEGA`, widened to the dataset's.
+        pause: before a run, for the water to come to rest [s]; counted with it.
     """
 
     duration: float | None = None
     omega: tuple[float, float] | None = None
+    pause: float = 30.0
 
     def __post_init__(self) -> None:
         """Refuse numbers that no run can have."""
         if self.duration is not None and not 1.0 <= self.duration < math.inf:
             raise InputError(f"a run of {self.duration:g} s, expected 1 s or more")
+        if not 0.0 <= self.pause < math.inf:
+            raise InputError(f"a pause of {self.pause:g} s, expected 0 s or more")
         if self.omega is not None and not 0.0 < self.omega[0] < self.omega[1] < math.inf:
             raise InputError(
                 f"frequencies {self.omega[0]:g} to {self.omega[1]:g} rad/s, expected 0 < slowest < fastest"

@@ -19,6 +19,7 @@ from mjfish.estimation import Problem
 from mjfish.files import write_json
 from mjfish.inspection import Checks
 from mjfish.model import Model
+from mjfish.serialise import plain
 
 Verdict = Literal["named", "nothing_wrong", "cannot_tell", "unexplained"]
 SCHEMA = 1
@@ -213,6 +214,8 @@ class Diagnosis:
             "where": self.where.to_dict() if self.where else None,
             "gain": _gain(self.gain) if self.gain else None,
             "coefficients": {"nominal": _estimates(self.nominal), "extended": _estimates(self.extended)},
+            "problem": self.problem.to_dict(),
+            "fits": plain(self.fits),
             "provenance": dict(self.provenance),
         }
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import linalg, signal
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Trial
+from mjfish.serialise import fields_of
 
 #: Highest autoregressive order that is tried (0.4 s at 50 Hz).
 MAX_ORDER = 20
@@ -62,6 +64,10 @@ class Noise:
         """Whiten columns (n, 3, ...) of a trial's counted samples; noise that knows more of a trial overrides it."""
         del trial, mask
         return self.whiten(block, starts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return kind and numbers as plain data; `mjfish.noise.restore` reads them."""
+        return {"kind": type(self).__name__, **fields_of(self)}
 
     def _whiten(self, block: FloatArray) -> FloatArray:
         whitened = [

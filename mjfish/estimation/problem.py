@@ -20,6 +20,7 @@ from mjfish.frames import CHANNELS, UNITS
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.model.sensitivity import one_sided, sensitivities
 from mjfish.parameter import Parameter
+from mjfish.serialise import plain
 from mjfish.threads import threaded
 
 #: Residual of a sample that the rollout did not reach, in units of sigma: worse than any honest misfit.
@@ -66,6 +67,11 @@ class Problem:
         """The free parameters: the model's, then the nuisance parameters of every trial."""
         every = (*self.model.parameters, *(p for trial in self.trials for p in nuisances(trial, self.free_clock)))
         return tuple(self.declared.get(p.name, p) for p in every if p.name not in self.fixed)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return how data and model are compared as plain data; model and trials are told elsewhere."""
+        told = {"noise": self.noise, "ends": self.ends, "slope_step": self.slope_step, "smoothing": self.smoothing}
+        return {key: plain(value) for key, value in told.items()}
 
     def residual(self, x: FloatArray) -> FloatArray:
         """Return whitened residuals (measured - predicted), all trials and channels stacked."""

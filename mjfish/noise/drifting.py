@@ -22,6 +22,7 @@ from mjfish.estimation import Noise, Problem
 from mjfish.noise.coloured import grid
 from mjfish.noise.kalman import Gains, gains, whitened_channels
 from mjfish.noise.spectrum import Spectrum, spectrum
+from mjfish.serialise import unsaved
 
 #: Correlation times from which the best is looked for [s].
 _TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
@@ -49,7 +50,7 @@ class Drifting(Noise):
 
     wander: FloatArray = field(default_factory=lambda: np.zeros(3))
     time: FloatArray = field(default_factory=lambda: np.ones(3))
-    likely: tuple[Drifting, ...] = ()
+    likely: tuple[Drifting, ...] = unsaved(default=())
 
     def of_trial(self, trial: Trial, mask: BoolArray, block: FloatArray, starts: Sequence[int]) -> FloatArray:
         """Return the white innovations (n, 3, ...) of columns (n, 3, ...), one row a counted sample."""

@@ -27,6 +27,7 @@ from mjfish.noise.coloured import grid
 from mjfish.noise.kalman import Gains, gains, whitened
 from mjfish.noise.spectrum import Spectrum, spectrum
 from mjfish.ode.linearised import growth
+from mjfish.serialise import unsaved
 
 #: Correlation times that are tried [s].
 _TIMES = (0.1, 0.3, 1.0, 3.0)
@@ -45,8 +46,8 @@ class Pushed(Noise):
 
     push: FloatArray = field(default_factory=lambda: np.zeros(3))
     time: float = 1.0
-    growth: Mapping[str, FloatArray] = field(default_factory=dict)
-    made: dict[tuple[str, bytes], Gains] = field(default_factory=dict)
+    growth: Mapping[str, FloatArray] = unsaved(default_factory=dict)
+    made: dict[tuple[str, bytes], Gains] = unsaved(default_factory=dict)
 
     def of_trial(self, trial: Trial, mask: BoolArray, block: FloatArray, starts: Sequence[int]) -> FloatArray:
         """Return the white innovations (n, 3, ...) of columns (n, 3, ...), one row a counted sample."""
@@ -93,12 +94,12 @@ def _filter(growing: FloatArray, step: float, noise: Pushed, seen: BoolArray) ->
     return gains(transition, drive[None], reading, np.diag(noise.sigma**2), start, seen)
 
 
-def along(problem: Problem, fit: Fit) -> dict[str, FloatArray]:
-    """Return A on the grid of the samples of every trial of a fit."""
+def along(problem: Problem, values: Mapping[str, float]) -> dict[str, FloatArray]:
+    """Return A on the grid of the samples of every trial at some values of the parameters."""
     result = {}
     for i, trial in enumerate(problem.trials):
-        run = problem.model.prepare(trial, fit.values)
-        rollout = problem.prediction(trial, fit.values).rollout
+        run = problem.model.prepare(trial, values)
+        rollout = problem.prediction(trial, values).rollout
         a = growth(run.fish, rollout, values=run.coefficients, loads=run.loads)
         mask = problem.mask(i)
         step = trial.step
@@ -110,7 +111,7 @@ def along(problem: Problem, fit: Fit) -> dict[str, FloatArray]:
 
 def pushed(problem: Problem, fit: Fit, residuals: Sequence[FloatArray]) -> Pushed:
     """Estimate force noise from residuals (n_r, 3) of the trials of a fit."""
-    growing = along(problem, fit)
+    growing = along(problem, fit.values)
     step = problem.trials[0].step
     seen = spectrum(problem, residuals)
     mean = np.mean([a.mean(axis=0) for a in growing.values()], axis=0)

@@ -26,6 +26,7 @@ from mjfish.estimation import Fit, Noise, Problem
 from mjfish.frames import CHANNELS
 from mjfish.noise.stepwise import Model, Stepwise
 from mjfish.ode.linearised import deviations, growth, steered
+from mjfish.serialise import unsaved
 
 #: Cosines that stand for white errors of a joint, for every degree of freedom of its spline: faster ones do not pass.
 _WAVES = 2.0
@@ -72,8 +73,8 @@ class Misread(Noise):
     """
 
     base: Model | Stepwise = field(kw_only=True)
-    through: Misreading = field(kw_only=True)
-    made: dict[tuple[str, bytes], tuple[FloatArray, ...]] = field(default_factory=dict)
+    through: Misreading = unsaved(kw_only=True)
+    made: dict[tuple[str, bytes], tuple[FloatArray, ...]] = unsaved(default_factory=dict)
 
     @staticmethod
     def of(base: Model | Stepwise, through: Misreading) -> Misread:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from command_line import Run
+from diagnosed import diagnosis
 
 PLANT = "generate --modes v1 --duration 2 --effect servo_lag:time_constant=0.02 --noise 0.02,0.02,0.1 --out pool"
 
@@ -20,7 +21,7 @@ def pool(run: Run) -> str:
 
 def test_causes_named_by_hand_are_made_visible(run: Run, pool: str, tmp_path: Path) -> None:
     told = run(f"plan {pool} --causes munk_moment,servo_lag --omega 12,24 --duration 1.5 --json plan.json").stdout
-    assert "Smallest sizes that would show" in told
+    assert "Minimum detectable effects" in told
     plan = json.loads((tmp_path / "plan.json").read_text())
     assert plan["question"] == {"purpose": "see", "names": ["munk_moment", "servo_lag"], "why": "Causes named by hand."}
     new = [option for option in plan["options"] if not option["name"].endswith("-again")]
@@ -28,15 +29,9 @@ def test_causes_named_by_hand_are_made_visible(run: Run, pool: str, tmp_path: Pa
     assert max(segment["omega"] for option in new for segment in option["drive"]) == 24.0
 
 
-def test_a_diagnosis_gives_the_rivals(run: Run, pool: str, tmp_path: Path) -> None:
-    """Its estimates are where the fits start."""
-    sizes = {"servo_lag": ("time_constant", 0.02), "time_offset": ("offset", -0.02)}
-    candidates = [
-        {"name": n, "applicable": True, "statistic": 9.0, "parameters": {short: {"estimate": value}}}
-        for n, (short, value) in sizes.items()
-    ]
-    raw = {"dataset": "pool", "verdict": "cannot_tell", "rivals": [list(sizes)], "causes": []}
-    (tmp_path / "found.json").write_text(json.dumps({**raw, "candidates": candidates}))
+def test_a_diagnosis_gives_the_rivals_and_their_fits(run: Run, pool: str, tmp_path: Path) -> None:
+    raw = diagnosis("cannot_tell").to_dict() | {"dataset": "pool"}
+    (tmp_path / "found.json").write_text(json.dumps(raw))
     told = run(f"plan {pool} --diagnosis found.json --generate next").stdout
     assert "The data cannot tell servo_lag or time_offset apart." in told
     assert "sync-flash" in told

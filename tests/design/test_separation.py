@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from rivals_apart import DURATION, planted, swum
 
-from mjfish.design.fitted import Fitted, baseline, fit_rivals
+from mjfish.data import Dataset
+from mjfish.design.fitted_models import FittedModels, ModelEstimate, rival_models
+from mjfish.design.information import Information, solve
 from mjfish.design.menu import Menu, Run
-from mjfish.design.separation import distances
-from mjfish.design.sums import Sums, solve
+from mjfish.design.separation import Separation, separations
 from mjfish.diagnosis.evidence import gather
-from mjfish.effects import find
+from mjfish.diagnosis.progress import silent
+from mjfish.effects import catalogue, find
 from mjfish.estimation import fit
 
 CASES = {
@@ -25,8 +28,14 @@ CASES = {
 RUNS = ("steady-30", "step-down")
 
 
-def _rivals(names: tuple[str, str], sizes: dict[str, float]) -> tuple[Fitted, ...]:
-    return fit_rivals(baseline(planted(names[0], sizes), 1), [find(name) for name in names], sizes)
+def _rivals(dataset: Dataset, *names: str) -> tuple[ModelEstimate, ...]:
+    known = FittedModels.undiagnosed(dataset, catalogue(), 1)
+    return rival_models(known, [find(name) for name in names], silent)
+
+
+def _separation(dataset: Dataset, names: tuple[str, str], runs: Sequence[Run]) -> Separation:
+    (found,) = separations(_rivals(dataset, *names), runs)
+    return found
 
 
 @pytest.mark.parametrize("case", ["clock", "current", pytest.param("drag", marks=pytest.mark.slow)])
@@ -36,56 +45,55 @@ def test_lambda_predicted_is_lambda_measured_once_the_run_is_swum(case: str) -> 
     A baseline that is not projected out again with the new run would predict several times as much.
     """
     truth, rival, sizes = CASES[case]
-    rivals = _rivals((truth, rival), sizes)
+    rivals = _rivals(planted(truth, sizes), truth, rival)
     runs = [
         run for run in Menu(DURATION).runs(planted(truth, sizes)) if run.name in ("steady-30", "step-down", "steady-9")
     ]
-    apart = distances(rivals, runs)
-    assert apart.lambdas(truth, rival) == pytest.approx(rivals[1].fit.sse - rivals[0].fit.sse, rel=0.05, abs=0.1)
+    (apart,) = separations(rivals, runs)
+    assert apart.noncentrality_of(truth) == pytest.approx(apart.margin, rel=0.05, abs=0.1)
     for i, run in enumerate(runs):
         new = swum(run.trial, truth, sizes)
         sse = []
         for one in rivals:
             problem = replace(one.problem, trials=(*one.problem.trials, new))
-            sse.append(fit(problem, one.fit.x, tolerance=1e-7).sse)
-        assert apart.lambdas(truth, rival, i) == pytest.approx(sse[1] - sse[0], rel=0.2), run.name
+            sse.append(fit(problem, one.x, tolerance=1e-7).sse)
+        assert apart.noncentrality_of(truth, i) == pytest.approx(sse[1] - sse[0], rel=0.2), run.name
 
 
 def test_lambda_of_a_small_effect_is_that_of_the_score_tests() -> None:
     """psi_k' (I_kk - I_kl I_ll^+ I_lk) psi_k of the information after the baseline's refit."""
     truth, rival, sizes = "time_offset", "frame_misalignment", {"time_offset.offset": 0.001}
-    problem = baseline(planted(truth, sizes), 1)
+    dataset = planted(truth, sizes)
+    problem = FittedModels.undiagnosed(dataset, {}, 1).problem
     evidence = gather(problem, fit(problem), [find(truth), find(rival)])
     k, l = (evidence.blocks[name] for name in (truth, rival))  # noqa: E741
     whole = evidence.information
     left = whole[k, k] - whole[k, l] @ np.linalg.pinv(whole[l, l]) @ whole[l, k]
     psi = np.array([0.001 / p.scale for p in evidence.amplitudes_of(truth)])
-    apart = distances(_rivals((truth, rival), sizes), ())
-    assert apart.lambdas(truth, rival) == pytest.approx(float(psi @ left @ psi), rel=0.1)
+    apart = _separation(dataset, (truth, rival), ())
+    assert apart.noncentrality_of(truth) == pytest.approx(float(psi @ left @ psi), rel=0.1)
 
 
 def test_a_repeat_doubles_lambda_and_turns_no_signature() -> None:
     """Of one trial, the repeat is the same information again: nothing that a refit hides comes to light."""
     truth, rival, sizes = CASES["current"]
     dataset = planted(truth, sizes, ("v1",))
-    rivals = fit_rivals(baseline(dataset, 1), [find(truth), find(rival)], sizes)
     again = [run for run in Menu(DURATION).runs(dataset) if run.repeat]
     assert [run.name for run in again] == ["v1-again"]
-    apart = distances(rivals, again)
-    for pair in ((truth, rival), (rival, truth)):
-        assert apart.lambdas(*pair, 0) == pytest.approx(2.0 * apart.lambdas(*pair), rel=1e-6)
+    apart = _separation(dataset, (truth, rival), again)
+    for name in (truth, rival):
+        assert apart.noncentrality_of(name, 0) == pytest.approx(2.0 * apart.noncentrality_of(name), rel=1e-6)
 
 
 def test_a_repeat_has_a_clock_of_its_own() -> None:
     """What is a run's own is free in that run alone: the clock of the repeat is not that of the data."""
     truth, rival, sizes = CASES["current"]
     dataset = replace(planted(truth, sizes), clock="free")
-    rivals = fit_rivals(baseline(dataset, 1), [find(truth), find(rival)], sizes)
     again = [run for run in Menu(DURATION).runs(dataset) if run.repeat]
-    apart = distances(rivals, again)
-    (old,), (new,) = apart.old.values(), apart.new.values()
-    assert len(new) == len(again) == 2
-    for sums, owners in ((old, ("v1", "v3")), *((one, (run.name,)) for one, run in zip(new, again, strict=True))):
+    apart = _separation(dataset, (truth, rival), again)
+    assert len(apart.runs) == len(again) == 2
+    of_runs = ((one, (run.name,)) for one, run in zip(apart.runs, again, strict=True))
+    for sums, owners in ((apart.data, ("v1", "v3")), *of_runs):
         assert sums is not None
         clocks = {name for name in sums.names if ":" in name}
         assert clocks == {f"{one}/{owner}:clock.offset" for one in (truth, rival) for owner in owners}
@@ -97,12 +105,12 @@ def test_sums_of_runs_join_columns_by_name() -> None:
     rng = np.random.default_rng(3)
     a, b = rng.standard_normal((30, 2)), rng.standard_normal((30, 3))
     d = rng.standard_normal(60)
-    one = Sums(("p", "q"), a.T @ a, a.T @ d[:30], float(d[:30] @ d[:30]))
-    two = Sums(("q", "p", "r:clock"), b.T @ b, b.T @ d[30:], float(d[30:] @ d[30:]))
+    one = Information.of(("p", "q"), a, d[:30])
+    two = Information.of(("q", "p", "r:clock"), b, d[30:])
     joined = np.zeros((60, 3))
     joined[:30, :2], joined[30:, [1, 0, 2]] = a, b
     left = d - joined @ np.linalg.lstsq(joined, d, rcond=None)[0]
-    assert (one + two).apart == pytest.approx(float(left @ left))
+    assert (one + two).unexplained == pytest.approx(float(left @ left))
 
 
 def test_solve_leaves_out_what_nothing_moves() -> None:
@@ -112,9 +120,9 @@ def test_solve_leaves_out_what_nothing_moves() -> None:
 
 def test_a_run_in_which_a_rival_diverges_is_not_possible() -> None:
     truth, rival, sizes = CASES["current"]
-    rivals = _rivals((truth, rival), sizes)
-    run = next(run for run in Menu(DURATION).runs(planted(truth, sizes)) if run.name == "steady-30")
+    dataset = planted(truth, sizes)
+    run = next(run for run in Menu(DURATION).runs(dataset) if run.name == "steady-30")
     broken = replace(run.trial, name="broken", drive=(replace(run.trial.drive[0], omega=4000.0),))
-    apart = distances(rivals, [run, Run("broken", "", broken)])
-    assert apart.possible(0)
-    assert not apart.possible(1)
+    apart = _separation(dataset, (truth, rival), [run, Run("broken", "", broken)])
+    assert apart.runs[0] is not None
+    assert apart.runs[1] is None

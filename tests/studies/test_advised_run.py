@@ -15,5 +15,5 @@ def test_an_advised_run_splits_more_verdicts_than_a_random_one_and_as_many_as_pr
     assert len(played) >= 8
     advised = sum(one.split_advised for one in played)
     assert advised > sum(one.split_random for one in played)
-    predicted = sum(one.chance_advised for one in played) / len(played)
+    predicted = sum(one.probability_advised for one in played) / len(played)
     assert stats.binomtest(advised, len(played), predicted).pvalue > 1e-3

@@ -16,11 +16,7 @@ from scipy import stats
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
-from mjfish.design import Menu, Run
-from mjfish.design.advise import PAUSE, separating
-from mjfish.design.fitted import Fitted, baseline, extended
-from mjfish.design.odds import drops, told
-from mjfish.design.separation import distances
+from mjfish.design import FittedModels, Menu, ModelEstimate, Run, excluded, separations
 from mjfish.drive import modes
 from mjfish.effects import Effect, find
 from mjfish.estimation import fit
@@ -46,7 +42,7 @@ TOLERANCE = 1e-5
 
 @dataclass(frozen=True)
 class Outcome:
-    """One case: lambda at hand; lambda and chance predicted; verdicts after the advised and after a random run."""
+    """One case: lambda at hand; lambda and probability predicted; verdicts after the advised and after a random run."""
 
     truth: str
     rival: str
@@ -54,8 +50,8 @@ class Outcome:
     advised: str
     random: str
     predicted: float
-    chance_advised: float
-    chance_random: float
+    probability_advised: float
+    probability_random: float
     split_advised: bool
     split_random: bool
 
@@ -66,9 +62,14 @@ def swum(model: Model, truth: dict[str, float], like: Trial, sigma: FloatArray, 
     return replace(like, velocity=readonly(velocity + sigma * rng.standard_normal(velocity.shape)))
 
 
-def tells(truth: Fitted, rival: Fitted) -> bool:
+def tells(truth: ModelEstimate, rival: ModelEstimate) -> bool:
     """Whether a verdict drops the rival."""
-    return drops(rival.fit.sse - truth.fit.sse)
+    return excluded(sse(rival) - sse(truth))
+
+
+def sse(one: ModelEstimate) -> float:
+    """Return the sum of squared whitened residuals."""
+    return float(np.sum(one.problem.residual(one.x) ** 2))
 
 
 def case(seed: int) -> Outcome | None:
@@ -87,7 +88,7 @@ def case(seed: int) -> Outcome | None:
     clean = Dataset("case", fish, tuple(swum(model, truth, b, still, rng) for b in blanks), noise=readonly(SIGMA))
     pair = [find(truth_name), find(rival_name)]
     there = _rivals(clean, pair, truth)
-    apart = distances(there, ()).lambdas(truth_name, rival_name)
+    apart = separations(there, ())[0].noncentrality_of(truth_name)
     wanted = float(np.exp(rng.uniform(*np.log(LAMBDA))))
     sigma = SIGMA * np.sqrt(apart / wanted)
     trials = tuple(swum(model, truth, b, sigma, rng) for b in blanks)
@@ -96,33 +97,35 @@ def case(seed: int) -> Outcome | None:
     if tells(rivals[0], rivals[1]) or tells(rivals[1], rivals[0]):
         return None
     runs = Menu(DURATION).runs(dataset)
-    best = separating(distances(rivals, runs), pair, runs, PAUSE)[0].run
+    (every,) = separations(rivals, runs)
+    possible = [i for i in range(len(runs)) if every.runs[i] is not None]
+    now = every.noncentrality()
+    best = runs[max(possible, key=lambda i: (every.noncentrality(i) - now) / (runs[i].seconds + Menu().pause))]
     other = runs[int(rng.integers(len(runs)))]
-    assert best is not None  # noqa: S101
-    d = distances(rivals, (best, other))
-    margin = rivals[1].fit.sse - rivals[0].fit.sse
-    chances = [told(margin, d.gain(truth_name, rival_name, i)) for i in range(2)]
+    (both,) = separations(rivals, (best, other))
+    predicted = [both.probability_of(truth_name, i) for i in range(2)]
     split = [_after(rivals, run, model, truth, sigma, rng) for run in (best, other)]
     return Outcome(
-        truth_name, rival_name, wanted, best.name, other.name, d.lambdas(truth_name, rival_name, 0), *chances, *split
+        truth_name, rival_name, wanted, best.name, other.name, both.noncentrality_of(truth_name, 0), *predicted, *split
     )
 
 
 _RANGES = {"c_m": (0.05, 1.5), "c_d": (0.3, 3.5), "c_f": (0.002, 0.018)}
 
 
-def _rivals(dataset: Dataset, pair: list[Effect], truth: dict[str, float]) -> tuple[Fitted, ...]:
+def _rivals(dataset: Dataset, pair: list[Effect], truth: dict[str, float]) -> tuple[ModelEstimate, ...]:
     """Fit both from the true coefficients: what a fit's start is worth is not asked here."""
     found = []
     for rival, sizes in zip(pair, (truth, {p.name: p.default + p.scale for p in pair[1].parameters}), strict=True):
-        problem = extended(baseline(dataset, 1), rival)
+        problem = FittedModels.undiagnosed(dataset, {}, 1).extended(rival)
         problem = replace(problem, model=replace(problem.model, step=0.01))
-        found.append(Fitted(rival, problem, fit(problem, problem.start({**truth, **sizes}), tolerance=TOLERANCE)))
+        best = fit(problem, problem.start({**truth, **sizes}), tolerance=TOLERANCE)
+        found.append(ModelEstimate.of_fit(rival.name, problem, best))
     return tuple(found)
 
 
 def _after(
-    rivals: tuple[Fitted, ...],
+    rivals: tuple[ModelEstimate, ...],
     run: Run,
     model: Model,
     truth: dict[str, float],
@@ -134,9 +137,8 @@ def _after(
     again = []
     for one in rivals:
         problem = replace(one.problem, trials=(*one.problem.trials, trial))
-        again.append(
-            replace(one, problem=problem, fit=fit(problem, problem.start(one.fit.values), tolerance=TOLERANCE))
-        )
+        start = problem.start(one.problem.named(one.x))
+        again.append(ModelEstimate.of_fit(one.name, problem, fit(problem, start, tolerance=TOLERANCE)))
     return tells(again[0], again[1])
 
 
@@ -161,8 +163,10 @@ def main() -> None:
     n = len(played)
     print("advised:", interval(sum(one.split_advised for one in played), n))
     print("random: ", interval(sum(one.split_random for one in played), n))
-    chances = [np.mean([getattr(one, f"chance_{which}") for one in played]) for which in ("advised", "random")]
-    print("predicted: {:.2f}, {:.2f}".format(*chances))
+    probabilities = [
+        np.mean([getattr(one, f"probability_{which}") for one in played]) for which in ("advised", "random")
+    ]
+    print("predicted: {:.2f}, {:.2f}".format(*map(np.mean, each)))
 
 
 if __name__ == "__main__":

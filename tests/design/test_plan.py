@@ -11,10 +11,9 @@ import pytest
 from rivals_apart import DURATION, planted, swum
 
 from mjfish.data import Dataset, load_dataset, read_table, save, write_table
-from mjfish.design import Menu, Plan, Question, advise, generate
-from mjfish.design.fitted import baseline
-from mjfish.design.sums import Sums
-from mjfish.design.visibility import Visibility
+from mjfish.design import FittedModels, Menu, Plan, plan, write_next_run
+from mjfish.design.detection import Detection
+from mjfish.design.information import Information
 from mjfish.diagnosis.evidence import gather
 from mjfish.effects import find
 from mjfish.errors import InputError
@@ -30,39 +29,41 @@ def dataset() -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def plan(dataset: Dataset) -> Plan:
-    return advise(dataset, Question("separate", NAMES), menu=Menu(DURATION), jobs=1)
+def best_plan(dataset: Dataset) -> Plan:
+    return plan(dataset, rivals=NAMES, menu=Menu(DURATION), jobs=1)
 
 
-def test_calibrations_come_first_and_runs_by_their_hardest_pair(plan: Plan) -> None:
+def test_calibrations_come_first_and_runs_by_their_hardest_pair(best_plan: Plan) -> None:
     """Ranked by the best pair instead of the worst, a run that leaves one pair apart would lead."""
-    kinds = [option.kind for option in plan.options]
+    kinds = [option.kind for option in best_plan.options]
     assert kinds == sorted(kinds)
-    assert plan.status == "ok"
-    assert plan.options[0].name == "sync-flash" or plan.options[0].name == "scale-bar"
-    assert all(any(pair.settled for pair in option.pairs) for option in plan.options if option.kind == "calibration")
-    for option in plan.runs:
+    assert best_plan.status == "ok"
+    assert best_plan.options[0].name == "sync-flash" or best_plan.options[0].name == "scale-bar"
+    assert all(
+        any(pair.settled for pair in option.pairs) for option in best_plan.options if option.kind == "calibration"
+    )
+    for option in best_plan.runs:
         assert len(option.pairs) == 3
         assert option.seconds == pytest.approx(DURATION + 30.0)
         assert option.worth == pytest.approx(min(p.after - p.now for p in option.pairs) / option.seconds)
         assert all(p.after >= p.now - 1e-6 for p in option.pairs)
-    worths = [option.worth for option in plan.runs]
+    worths = [option.worth for option in best_plan.runs]
     assert worths == sorted(worths, reverse=True)
 
 
-def test_a_repeat_is_never_the_advice(plan: Plan) -> None:
+def test_a_repeat_is_never_the_advice(best_plan: Plan) -> None:
     """Shown by its own lambda: it adds no more than its trial had, and other runs of the menu do."""
-    repeats = [option.worth for option in plan.runs if option.run is not None and option.run.repeat]
+    repeats = [option.worth for option in best_plan.runs if option.run is not None and option.run.repeat]
     assert len(repeats) == 2
-    assert plan.runs[0].worth > 1.5 * max(repeats)
+    assert best_plan.runs[0].worth > 1.5 * max(repeats)
 
 
 def test_smallest_visible_sizes_are_those_of_the_score_tests_and_shrink() -> None:
     """A repeat of the one fitted trial shrinks them by sqrt(2), whatever the cause; the best run by more."""
     causes = ("time_offset", "frame_misalignment")
     dataset = planted(NAMES[0], TRUTH, ("v1",))
-    found = advise(dataset, Question("see", causes), menu=Menu(DURATION), jobs=1)
-    problem = baseline(dataset, 1)
+    found = plan(dataset, causes=causes, menu=Menu(DURATION), jobs=1)
+    problem = FittedModels.undiagnosed(dataset, {}, 1).problem
     evidence = gather(problem, fit(problem, tolerance=1e-6), [find(name) for name in causes])
     for pair, name in zip(found.runs[0].pairs, causes, strict=True):
         visible = evidence.smallest_visible(name)
@@ -79,20 +80,19 @@ def test_a_signature_that_a_refit_hides_whole_has_no_visible_size() -> None:
     rng = np.random.default_rng(5)
     columns = rng.standard_normal((50, 2))
     signatures = np.hstack([columns @ [[1.0], [2.0]], rng.standard_normal((50, 1))])
-    gram = np.hstack([columns, signatures]).T @ np.hstack([columns, signatures])
     hidden, seen = (find(name).parameters[0] for name in ("mass_error", "time_offset"))
-    sums = Sums(("c_d.head", "c_d.tail", hidden.name, seen.name), gram, np.zeros(4), 0.0)
-    found = Visibility({"mass_error": (hidden,), "time_offset": (seen,)}, sums, ())
+    sums = Information.of(("c_d.head", "c_d.tail", hidden.name, seen.name), np.hstack([columns, signatures]))
+    found = Detection({"mass_error": (hidden,), "time_offset": (seen,)}, sums, ())
     assert found.sizes("mass_error") == {hidden.name: np.inf}
     left = signatures[:, 1] - columns @ np.linalg.lstsq(columns, signatures[:, 1], rcond=None)[0]
     assert found.sizes("time_offset")[seen.name] == pytest.approx(np.sqrt(18.0 / (left @ left)) * seen.scale)
 
 
-def test_the_folder_is_a_dataset_once_its_run_is_measured(dataset: Dataset, plan: Plan, tmp_path: Path) -> None:
+def test_the_folder_is_a_dataset_once_its_run_is_measured(dataset: Dataset, best_plan: Plan, tmp_path: Path) -> None:
     """Old trials where they are, roles as they were; the new one with its drive, to be fitted."""
     noted = load_dataset(save(dataset, tmp_path / "old").parent)
-    file = generate(noted, plan, tmp_path / "deep" / "next")
-    best = plan.runs[0].run
+    file = write_next_run(noted, best_plan, tmp_path / "deep" / "next")
+    best = best_plan.runs[0].run
     assert best is not None
     with pytest.raises(InputError, match="no such file"):
         load_dataset(file)
@@ -110,20 +110,20 @@ def test_the_folder_is_a_dataset_once_its_run_is_measured(dataset: Dataset, plan
     assert "surge [m/s]" in told
     assert "sync-flash" in told
     with pytest.raises(InputError, match="is not empty"):
-        generate(noted, plan, file.parent)
+        write_next_run(noted, best_plan, file.parent)
     assert not list(tmp_path.rglob("*.partial"))
 
 
-def test_a_dataset_without_files_has_nothing_to_add_to(dataset: Dataset, plan: Plan, tmp_path: Path) -> None:
+def test_a_dataset_without_files_has_nothing_to_add_to(dataset: Dataset, best_plan: Plan, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="save it first"):
-        generate(dataset, plan, tmp_path / "next")
+        write_next_run(dataset, best_plan, tmp_path / "next")
 
 
-def test_a_plan_is_plain_data(plan: Plan, tmp_path: Path) -> None:
-    plan.save(tmp_path / "plan.json")
+def test_a_plan_is_plain_data(best_plan: Plan, tmp_path: Path) -> None:
+    best_plan.save(tmp_path / "plan.json")
     raw = json.loads((tmp_path / "plan.json").read_text())
     assert raw["question"]["names"] == list(NAMES)
-    assert len(raw["options"]) == len(plan.options)
+    assert len(raw["options"]) == len(best_plan.options)
     assert raw["options"][0]["pairs"][0].keys() >= {"first", "second", "now", "after"}
     assert raw["options"][-1]["drive"][0]["omega"] > 0.0
 
@@ -131,6 +131,6 @@ def test_a_plan_is_plain_data(plan: Plan, tmp_path: Path) -> None:
 def test_a_cause_that_the_data_cannot_show_is_refused(dataset: Dataset) -> None:
     free = replace(dataset, clock="free")
     with pytest.raises(InputError, match="time_offset: cannot be asked"):
-        advise(free, Question("separate", ("time_offset", "servo_lag")), jobs=1)
+        plan(free, rivals=("time_offset", "servo_lag"), jobs=1)
     with pytest.raises(InputError, match="pause"):
-        advise(dataset, Question("separate", ("time_offset", "servo_lag")), pause=-1.0, jobs=1)
+        plan(dataset, rivals=("time_offset", "servo_lag"), menu=Menu(pause=-1.0), jobs=1)

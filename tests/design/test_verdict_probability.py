@@ -1,4 +1,4 @@
-"""The chance of a verdict is how often linear models with drawn noise give one."""
+"""The probability of a verdict is how often linear models with drawn noise give one."""
 
 from __future__ import annotations
 
@@ -7,24 +7,20 @@ import pytest
 from scipy import stats
 
 from mjfish.arrays import FloatArray
-from mjfish.design.gain import NONE, Gain
-from mjfish.design.odds import chance, drops, told
-from mjfish.design.separation import Distances
-from mjfish.design.sums import Sums, column
+from mjfish.design.information import Information, column
+from mjfish.design.separation import NO_GAIN, Gain, Separation, excluded, verdict_probability
 from mjfish.diagnosis.select import CLOSE
 
 DRAWS = 1500
-PAIR = frozenset("kl")
 
 
-def _sums(k: FloatArray, l: FloatArray, d: FloatArray, own: str = "") -> Sums:  # noqa: E741
+def _information(k: FloatArray, l: FloatArray, d: FloatArray, own: str = "") -> Information:  # noqa: E741
     """Return sums of both; `own`: the last column of each is the run's own."""
     names = []
     for rival, columns in (("k", k), ("l", l)):
         count = columns.shape[1] - bool(own)
         names += [column(rival, f"p{i}") for i in range(count)] + ([column(rival, own)] if own else [])
-    columns = np.hstack([k, l])
-    return Sums(tuple(names), columns.T @ columns, columns.T @ d, float(d @ d))
+    return Information.of(tuple(names), np.hstack([k, l]), d)
 
 
 def _sse(columns: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
@@ -40,8 +36,8 @@ def test_a_verdict_comes_as_often_as_foretold_from_data_that_give_none(
 ) -> None:
     """Two linear models, sizes drawn wide, runs old and new, noise drawn: only cases undecided by the old run count.
 
-    A chance that forgets the margin at hand, or that takes an undecided case for a fresh one, is too high here; of weak
-    sizes, one that takes the noise of the fits for a difference foretells 0.06 for 0.01.
+    A probability that forgets the margin, or that takes an undecided case for a fresh one, is too high here; of weak
+    sizes, one that takes the noise of the fits for a difference is 0.06 where 0.01 is true.
     """
     rng = np.random.default_rng(11)
     n = 30
@@ -55,16 +51,12 @@ def test_a_verdict_comes_as_often_as_foretold_from_data_that_give_none(
         y = k @ np.concatenate([rng.standard_normal(3), rng.normal(0.0, size, own_k)]) + rng.standard_normal(2 * n)
         (sse_k, x_k), (sse_l, x_l) = _sse(k[:n], y[:n]), _sse(l[:n], y[:n])
         d = k @ x_k - l @ x_l
-        found = Distances(
-            old={PAIR: _sums(k[:n], l[:n], d[:n])},
-            new={PAIR: (_sums(k[n:], l[n:], d[n:]),)},
-            sse={"k": sse_k, "l": sse_l},
-        )
         margin = sse_l - sse_k
-        if drops(margin) or drops(-margin):
+        found = Separation(("k", "l"), margin, _information(k[:n], l[:n], d[:n]), (_information(k[n:], l[n:], d[n:]),))
+        if excluded(margin) or excluded(-margin):
             continue
-        foretold.append(told(margin, found.gain("k", "l", 0)))
-        came.append(drops(_sse(l, y)[0] - _sse(k, y)[0]))
+        foretold.append(verdict_probability(margin, found.gain("k", 0)))
+        came.append(excluded(_sse(l, y)[0] - _sse(k, y)[0]))
     assert len(came) > 400
     assert share[0] < np.mean(came) < share[1]
     assert np.mean(foretold) == pytest.approx(np.mean(came), abs=3.0 * np.std(came) / np.sqrt(len(came)))
@@ -73,14 +65,14 @@ def test_a_verdict_comes_as_often_as_foretold_from_data_that_give_none(
 
 
 def test_the_gain_of_a_run_by_whole_matrices() -> None:
-    """The equations of `mjfish.design.gain` as they are written; a run's own column is free."""
+    """The equations of `mjfish.design.separation` as they are written; a run's own column is free."""
     rng = np.random.default_rng(2)
     n = 12
     old_k, old_l, old_d = rng.standard_normal((20, 3)), rng.standard_normal((20, 2)), rng.standard_normal(20)
     new_k, new_l, d = rng.standard_normal((n, 4)), rng.standard_normal((n, 3)), rng.standard_normal(n)
-    found = Distances(
-        {PAIR: _sums(old_k, old_l, old_d)}, {PAIR: (_sums(new_k, new_l, d, "run:own"),)}, {"k": 0.0, "l": 0.0}
-    ).gain("k", "l", 0)
+    found = Separation(
+        ("k", "l"), 0.0, _information(old_k, old_l, old_d), (_information(new_k, new_l, d, "run:own"),)
+    ).gain("k", 0)
     c_k, c_l = (np.linalg.inv(j.T @ j) for j in (old_k, old_l))
     t_k, t_l = (np.eye(n) + j[:, :-1] @ c @ j[:, :-1].T for j, c in ((new_k, c_k), (new_l, c_l)))
     p_k, p_l = (
@@ -100,26 +92,30 @@ def _along(weighed: FloatArray, own: FloatArray) -> FloatArray:
     return np.outer(weighed, weighed) / (own @ weighed)
 
 
-def test_chance_of_data_not_yet_taken_is_that_of_nearly_parallel_signatures() -> None:
+def test_probability_for_data_not_yet_taken_is_that_of_nearly_parallel_signatures() -> None:
     """Phi(sqrt(lambda_k (1 - rho) / 2)) with lambda = lambda_k (1 - rho^2)."""
     rho, strength = 0.98, 800.0
     lam = strength * (1.0 - rho**2)
     likelier = np.log(10.0) / np.sqrt(lam)  # what ten times the likelihood costs
     limit = stats.norm.cdf(np.sqrt(strength * (1.0 - rho) / 2.0) - likelier)
-    assert told(0.0, Gain(lam, 2.0 * np.sqrt(lam))) == pytest.approx(limit, abs=1e-3)
-    assert told(0.0, NONE) == 0.0
+    assert verdict_probability(0.0, Gain(lam, 2.0 * np.sqrt(lam))) == pytest.approx(limit, abs=1e-3)
+    assert verdict_probability(0.0, NO_GAIN) == 0.0
 
 
 def test_ten_times_the_likelihood_is_further_than_noise_leads() -> None:
     """Were l the truth, 5 % of margins are beyond 2 z sqrt(lambda) - lambda, whatever lambda."""
     distance = np.geomspace(1e-3, 1e3, 200)
     assert np.max(2.0 * stats.norm.ppf(0.95) * np.sqrt(distance) - distance) < CLOSE
-    assert drops(CLOSE)
-    assert not drops(0.99 * CLOSE)
+    assert excluded(CLOSE)
+    assert not excluded(0.99 * CLOSE)
 
 
 def test_without_a_run_the_verdict_is_the_one_at_hand() -> None:
-    """Undecided: no chance at all; decided: right as often as the odds of the margin say."""
-    assert chance(4.5, (NONE, NONE)) == pytest.approx(0.0, abs=1e-9)
-    assert chance(6.0, (NONE, NONE)) == pytest.approx(1.0 / (1.0 + np.exp(-3.0)))
-    assert chance(0.0, (Gain(40.0, 13.0), Gain(40.0, 13.0))) > 0.99
+    """Undecided: none; decided: right as often as the odds of the margin say; and a run that adds much decides."""
+
+    def pair(margin: float) -> Separation:
+        return Separation(("k", "l"), margin, Information((), np.zeros((0, 0)), np.zeros(0), 0.0), ())
+
+    assert pair(4.5).probability() == pytest.approx(0.0, abs=1e-9)
+    assert pair(6.0).probability() == pytest.approx(1.0 / (1.0 + np.exp(-3.0)))
+    assert verdict_probability(0.0, Gain(40.0, 13.0)) > 0.99

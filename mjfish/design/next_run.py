@@ -21,7 +21,7 @@ from mjfish.design.result import Plan
 from mjfish.drive import cpg as hopf
 from mjfish.errors import InputError
 from mjfish.files import check_folder as check_place
-from mjfish.fish import load_fish
+from mjfish.fish import Cpg, load_fish
 from mjfish.frames import CHANNELS
 from mjfish.ode.rollout import STEP
 
@@ -32,7 +32,7 @@ _LIST = "RECORD.md"
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a folder that holds something, or cannot be made; for callers with long work before `generate`.
+    """Refuse a folder that holds something, or cannot be made; for callers with long work before `write_next_run`.
 
     Raises:
         InputError: see above.
@@ -42,7 +42,7 @@ def check_folder(folder: Path) -> None:
         raise InputError(f"{folder}: is not empty, expected a new folder; choose another")
 
 
-def generate(dataset: Dataset, plan: Plan, folder: Path) -> Path:
+def write_next_run(dataset: Dataset, plan: Plan, folder: Path) -> Path:
     """Write what the best run of a plan needs, whole or not at all.
 
     ``dataset.toml`` names the recordings that are there, where they are, and the one to come, `NAME.csv` beside it:
@@ -60,8 +60,8 @@ def generate(dataset: Dataset, plan: Plan, folder: Path) -> Path:
     Raises:
         InputError: there is no such run, the dataset was not read from files, or the folder cannot be written.
     """
-    run = next((option.run for option in plan.runs if option.run is not None and option.run.trial.drive), None)
-    if run is None:
+    run = next((option.run for option in plan.runs if option.run is not None and option.drive), None)
+    if run is None or dataset.fish.cpg is None:
         raise InputError(f"{dataset.name}: the plan has no run that a CPG drives, so there is no drive to write")
     if dataset.source is None:
         raise InputError(
@@ -69,15 +69,19 @@ def generate(dataset: Dataset, plan: Plan, folder: Path) -> Path:
         )
     folder = folder.resolve()
     check_folder(folder)
-    raw = _extended(dataset, run, folder)
+    raw = tomllib.loads(dataset.source.read_text(encoding="utf-8"))
+    shipped = raw["fish"] in fishes.shipped()
+    own_fish = load_fish(raw["fish"], relative_to=dataset.source.parent)  # as its file has it, without [start]
     partial = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}.partial")
     try:
         partial.mkdir(parents=True)
-        if raw["fish"] == _FISH:
-            (partial / _FISH).write_text(fish_toml.text(_unbound(dataset)), encoding="utf-8")
+        if not shipped:
+            raw["fish"] = _FISH
+            (partial / _FISH).write_text(fish_toml.text(own_fish), encoding="utf-8")
+        raw["trials"] = _trials(raw["trials"], dataset, dataset.source.parent.resolve(), run, folder)
         (partial / FILE).write_text(toml_text.dumps(raw), encoding="utf-8")
-        (partial / _LIST).write_text("\n".join(_list(dataset, plan, run)) + "\n", encoding="utf-8")
-        write_table(partial / f"{run.name}.command.csv", _command(dataset, run))
+        (partial / _LIST).write_text("\n".join(_list(plan, run)) + "\n", encoding="utf-8")
+        write_table(partial / f"{run.name}.command.csv", _command(dataset.fish.cpg, run))
         if folder.exists():
             folder.rmdir()
         partial.rename(folder)
@@ -88,44 +92,32 @@ def generate(dataset: Dataset, plan: Plan, folder: Path) -> Path:
     return folder / FILE
 
 
-def _extended(dataset: Dataset, run: Run, folder: Path) -> dict[str, Any]:
-    """Return the dataset.toml of old and new trials, every role written out: a trial more would else move the split."""
-    assert dataset.source is not None  # noqa: S101 - checked by the caller
-    raw = tomllib.loads(dataset.source.read_text(encoding="utf-8"))
-    if raw["fish"] not in fishes.shipped():
-        raw["fish"] = _FISH
+def _trials(
+    entries: list[dict[str, Any]], dataset: Dataset, home: Path, run: Run, folder: Path
+) -> list[dict[str, Any]]:
+    """Return old and new trials, every role written out: a trial more would else move the split."""
     _, held = dataset.split()
-    for entry, trial in zip(raw["trials"], dataset.trials, strict=True):
-        entry["file"] = Path(os.path.relpath(dataset.source.parent.resolve() / entry["file"], folder)).as_posix()
+    for entry, trial in zip(entries, dataset.trials, strict=True):
+        entry["file"] = Path(os.path.relpath(home / entry["file"], folder)).as_posix()
         entry["role"] = "held_out" if trial in held else "fit"
     drive = [{"start": s.start, "omega": s.omega, "bias": list(s.bias)} for s in run.trial.drive]
-    raw["trials"].append({"name": run.name, "file": f"{run.name}.csv", "role": "fit", "drive": drive})
-    return raw
+    return [*entries, {"name": run.name, "file": f"{run.name}.csv", "role": "fit", "drive": drive}]
 
 
-def _unbound(dataset: Dataset) -> fishes.Fish:
-    """Return the fish as its own file has it, without the dataset's ``[start]``."""
-    assert dataset.source is not None  # noqa: S101 - checked by the caller
-    raw = tomllib.loads(dataset.source.read_text(encoding="utf-8"))
-    return load_fish(raw["fish"], relative_to=dataset.source.parent)
-
-
-def _command(dataset: Dataset, run: Run) -> dict[str, Any]:
-    assert dataset.fish.cpg is not None  # noqa: S101 - the run is driven by it
+def _command(cpg: Cpg, run: Run) -> dict[str, Any]:
     end = float(run.trial.time[-1])
     time = np.arange(int(np.floor(end * _RATE + 1e-9)) + 1) / _RATE
-    angle = hopf.joint_motion(dataset.fish.cpg, run.trial.drive, end, STEP).angle_at(time)
+    angle = hopf.joint_motion(cpg, run.trial.drive, end, STEP).angle_at(time)
     joints = {columns.header(columns.joint(j + 1)): angle[:, j] for j in range(angle.shape[1])}
     return {columns.header("time"): time, **joints}
 
 
-def _list(dataset: Dataset, plan: Plan, run: Run) -> Sequence[str]:
+def _list(plan: Plan, run: Run) -> Sequence[str]:
     interval = run.trial.step
     lines = [f"# {run.name}", "", plan.question.why, plan.message, ""]
-    calibrations = [option for option in plan.options if option.kind == "calibration"]
-    if calibrations:
+    if plan.calibrations:
         lines += ["## Before swimming", ""]
-        lines += [f"- [ ] {option.name}: {option.about}" for option in calibrations]
+        lines += [f"- [ ] {option.name}: {option.about}" for option in plan.calibrations]
         lines += [""]
     lines += ["## Swim", "", "- [ ] Let the water come to rest; the fish lies still, straight, nose along +x."]
     for segment in run.trial.drive:

@@ -1,0 +1,84 @@
+"""What data say of parameters, as sums over runs: each run more adds its own."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.design.menu import Run
+from mjfish.estimation import Problem
+
+#: Eigenvalues below this share of the largest are rounding.
+_RANK = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """Sums over runs of the columns of a Jacobian J and of a difference d, all whitened.
+
+    Attributes:
+        names: of the columns of J; columns of the same name in two runs are the same parameter.
+        gram: J'J (p, p).
+        moment: J'd (p,).
+        square: d'd.
+    """
+
+    names: tuple[str, ...]
+    gram: FloatArray
+    moment: FloatArray
+    square: float
+
+    @classmethod
+    def of(cls, names: tuple[str, ...], jacobian: FloatArray, difference: FloatArray | None = None) -> Information:
+        """Return the sums of J (n, p) and d (n,); d is zero where there is no difference to explain."""
+        d = np.zeros(len(jacobian)) if difference is None else difference
+        return cls(names, jacobian.T @ jacobian, jacobian.T @ d, float(d @ d))
+
+    def __add__(self, other: Information) -> Information:
+        """Join runs."""
+        names = (*self.names, *(name for name in other.names if name not in self.names))
+        gram, moment = np.zeros((len(names), len(names))), np.zeros(len(names))
+        for part in (self, other):
+            at = [names.index(name) for name in part.names]
+            gram[np.ix_(at, at)] += part.gram
+            moment[at] += part.moment
+        return Information(names, gram, moment, self.square + other.square)
+
+    def of_rival(self, rival: str) -> Information:
+        """Return the sums of the columns that `column` named after a rival."""
+        at = [i for i, name in enumerate(self.names) if name.startswith(column(rival, ""))]
+        return Information(tuple(self.names[i] for i in at), self.gram[np.ix_(at, at)], self.moment[at], self.square)
+
+    @property
+    def unexplained(self) -> float:
+        """What a refit leaves of the difference: d'd - d'J (J'J)^+ J'd."""
+        return max(self.square - float(self.moment @ solve(self.gram, self.moment[:, None])[:, 0]), 0.0)
+
+
+def column(rival: str, parameter: str) -> str:
+    """Return the name of a rival's own column; two rivals have parameters of the same name."""
+    return f"{rival}/{parameter}"
+
+
+def solve(gram: FloatArray, right: FloatArray) -> FloatArray:
+    """Return gram^+ right (p, k) of a positive semi-definite matrix, its columns first scaled to length 1."""
+    length = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    values, vectors = np.linalg.eigh(gram / np.outer(length, length))
+    kept = values > _RANK * max(float(values[-1]), 1e-300) if len(values) else np.zeros(0, dtype=bool)
+    inner = vectors[:, kept].T @ (right / length[:, None])
+    return np.asarray(vectors[:, kept] @ (inner / values[kept, None]) / length[:, None])
+
+
+def on_menu(problem: Problem, runs: Sequence[Run]) -> Problem:
+    """Return the problem with the runs of a menu for its trials, all of their samples counted."""
+    return replace(problem, trials=tuple(run.trial for run in runs), windows=None, ends=0)
+
+
+def jacobians(problem: Problem, x: FloatArray, names: Collection[str]) -> list[FloatArray]:
+    """Return, per trial, the whitened derivative (n, k) of the prediction by parameters in units of their scales."""
+    scales = np.array([p.scale for p in problem.parameters if p.name in names])
+    blocks = problem.sensitivities(x, list(names))
+    return [problem.whitened(i, block * scales).reshape(-1, len(scales)) for i, block in enumerate(blocks)]

@@ -1,0 +1,223 @@
+"""From a diagnosis to a ranked plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mjfish.data import Dataset
+from mjfish.design.calibration import settled
+from mjfish.design.detection import Detection, detection
+from mjfish.design.fitted_models import FittedModels, nominal_model, rival_models
+from mjfish.design.menu import Menu, Run
+from mjfish.design.result import Option, Pair, Plan, Question, percent
+from mjfish.design.separation import Separation, separations
+from mjfish.diagnosis import Diagnosis, diagnose
+from mjfish.diagnosis.progress import Progress, part, silent
+from mjfish.effects import Effect, catalogue, find
+from mjfish.errors import InputError
+
+#: Below this probability of a verdict a run is not said to decide; above it the data are said to decide already.
+_LIKELY = 0.5
+
+
+def plan(
+    diagnosis: Diagnosis | FittedModels | Dataset,
+    *,
+    rivals: Sequence[str] = (),
+    causes: Sequence[str] = (),
+    effects: Mapping[str, Effect] | None = None,
+    menu: Menu | None = None,
+    jobs: int | None = None,
+    progress: Progress = silent,
+) -> Plan:
+    """Rank runs and calibrations by what they would do for a question that a diagnosis leaves open.
+
+    Two rivals k and l are apart by lambda, the squared norm of the whitened difference of their predictions that a
+    refit of l does not remove. A run of the menu adds its own rows to both models, linearised at their estimates, and
+    lambda follows anew (`mjfish.design.separation`); runs are ranked by the gain of lambda of the hardest pair a
+    second. Where causes are to be made visible, runs are ranked by how far they shrink the minimum detectable effect
+    (`mjfish.design.detection`).
+
+    Models come from the diagnosis as it fitted them, to the fit trials; the held-out ones are added by one Gauss-Newton
+    step. A rival is fitted here where the diagnosis did not fit it, or did not follow its refit to the optimum.
+
+    Args:
+        diagnosis: of `mjfish.diagnose`, or of its JSON by `mjfish.design.load_diagnosis`. A dataset is diagnosed first,
+            or, where `rivals` or `causes` are given, only the models asked for are fitted, under white noise as the
+            dataset states it, else as the best model leaves it.
+        rivals: names of causes to tell apart, two or more; empty: what the diagnosis leaves open.
+        causes: names of causes to make visible. With a diagnosis they are asked for where nothing is wrong.
+        effects: causes by name; None: those of the diagnosis, else the shipped catalogue.
+        menu: of runs, and the pause before each; None: `Menu()`.
+        jobs: threads; None: one a processor. The plan does not depend on it.
+        progress: called with what is being done and the share that is done.
+
+    Returns:
+        The plan: calibrations that settle a pair first, then runs by worth.
+
+    Raises:
+        UnknownNameError: no such cause.
+        InputError: fewer than two rivals, rivals and causes at once, or a cause that the dataset cannot show.
+
+    Example:
+        >>> import mjfish
+        >>> pool = mjfish.generate(mjfish.load_fish("pike"), ["v1"], duration=2.0, noise=[0.02, 0.02, 0.1])
+        >>> best = mjfish.plan(pool, rivals=["servo_lag", "time_offset"]).runs[0]
+        >>> best.worst.after > best.worst.now
+        True
+    """
+    if rivals and causes:
+        raise InputError("rivals: found with causes, expected one of them; drop the other")
+    if isinstance(diagnosis, Dataset) and not rivals and not causes:
+        diagnosis = diagnose(diagnosis, effects=effects, jobs=jobs, progress=part(progress, 0.0, 0.5))
+        progress = part(progress, 0.5, 0.5)
+    known = _known(diagnosis, causes, effects, jobs)
+    question = known.question
+    if rivals:
+        question = Question("separate", tuple(rivals), "Rivals named by hand.")
+    elif question is None:
+        question = Question("see", tuple(causes), "Causes named by hand.")
+    tried = _causes(known, question)
+    question = replace(question, names=tuple(effect.name for effect in tried))
+    menu = menu or Menu()
+    runs = menu.runs(known.dataset)
+    options: tuple[Option, ...]
+    if question.purpose == "separate":
+        models = rival_models(known, tried, progress)
+        progress("trying the runs of the menu", 0.5)
+        pairs = separations(models, runs)
+        options = (*_calibrations(tried, pairs), *_separating(pairs, runs, menu.pause))
+    else:
+        models = (nominal_model(known, progress),)
+        progress("trying the runs of the menu", 0.5)
+        options = _revealing(detection(models[0], tried, runs), runs, menu.pause)
+    progress("done", 1.0)
+    converged = all(one.converged for one in models)
+    return Plan(
+        dataset=known.dataset.name,
+        status="nothing_to_offer" if not options else "ok" if converged else "fit_not_converged",
+        message=_message(question, options),
+        question=question,
+        options=options,
+        remarks=_remarks(known.dataset, options),
+    )
+
+
+def _known(
+    diagnosis: Diagnosis | FittedModels | Dataset,
+    causes: Sequence[str],
+    effects: Mapping[str, Effect] | None,
+    jobs: int | None,
+) -> FittedModels:
+    if isinstance(diagnosis, Dataset):
+        return FittedModels.undiagnosed(diagnosis, catalogue() if effects is None else effects, jobs)
+    known = FittedModels.of(diagnosis, jobs) if isinstance(diagnosis, Diagnosis) else diagnosis
+    if effects is not None:
+        known = replace(known, effects=effects)
+    if causes and known.question is not None and known.question.purpose == "see":
+        known = replace(known, question=replace(known.question, names=tuple(causes)))
+    return known
+
+
+def _causes(known: FittedModels, question: Question) -> tuple[Effect, ...]:
+    if not question.names:
+        return tuple(effect for effect in known.effects.values() if not effect.not_applicable(known.dataset))
+    found = tuple(find(name, dict(known.effects)) for name in question.names)
+    for effect in found:
+        if reason := effect.not_applicable(known.dataset):
+            raise InputError(f"{effect.name}: cannot be asked of this dataset: {reason}; leave it out")
+    return found
+
+
+def _separating(pairs: Sequence[Separation], runs: Sequence[Run], pause: float) -> list[Option]:
+    """Rank runs by the smallest gain of lambda of any pair a second."""
+    options = []
+    for i, run in enumerate(runs):
+        if any(pair.runs[i] is None for pair in pairs):
+            continue
+        told = tuple(_pair(pair, i) for pair in pairs)
+        seconds = run.seconds + pause
+        worth = min(pair.after - pair.now for pair in told) / seconds
+        options.append(Option("run", run.name, run.about, seconds, worth, told, run.trial.drive, run))
+    return sorted(options, key=lambda option: -option.worth)
+
+
+def _pair(pair: Separation, run: int | None) -> Pair:
+    """Return what a run does for a pair; lambda of the truth for which it is smaller."""
+    return Pair(*pair.rivals, pair.noncentrality(), pair.noncentrality(run), pair.probability(), pair.probability(run))
+
+
+def _calibrations(rivals: Sequence[Effect], pairs: Sequence[Separation]) -> list[Option]:
+    """Return the calibrations that settle a pair, those that settle most first: they cost no swimming."""
+    options = []
+    for calibration, measured in settled(rivals).items():
+        names = {effect.name for effect in measured}
+        done = tuple(
+            replace(pair, after=np.inf, probability_after=1.0, settled=True)
+            if names & {pair.first, pair.second}
+            else pair
+            for pair in (_pair(pair, None) for pair in pairs)
+        )
+        about = f"{calibration.about}: measures {', '.join(sorted(names))} directly"
+        worth = float(sum(pair.settled for pair in done))
+        options.append(Option("calibration", calibration.name, about, 0.0, worth, done))
+    return sorted(options, key=lambda option: -option.worth)
+
+
+def _revealing(found: Detection, runs: Sequence[Run], pause: float) -> tuple[Option, ...]:
+    """Rank runs by the smallest -log, a second, of the shrinking of any minimum detectable effect."""
+    now = {cause: found.sizes(cause) for cause in found.amplitudes}
+    best = {
+        cause: min(amplitudes, key=lambda p: now[cause][p.name] / p.scale).name
+        for cause, amplitudes in found.amplitudes.items()
+        if np.all(np.isfinite(list(now[cause].values())))
+    }
+    options = []
+    for i, run in enumerate(runs):
+        if found.runs[i] is None or not best:
+            continue
+        pairs = tuple(Pair(p, "", now[cause][p], found.sizes(cause, i)[p]) for cause, p in best.items())
+        seconds = run.seconds + pause
+        worth = min(float(np.log(pair.now / pair.after)) for pair in pairs) / seconds
+        options.append(Option("run", run.name, run.about, seconds, worth, pairs, run.trial.drive, run))
+    return tuple(sorted(options, key=lambda option: -option.worth))
+
+
+def _remarks(dataset: Dataset, options: Sequence[Option]) -> tuple[str, ...]:
+    remarks = []
+    if dataset.fish.cpg is None:
+        remarks.append("the fish has no CPG: the menu has repeats of its trials only; name a fish with [cpg] for more")
+    if any(option.run is not None and option.run.repeat for option in options):
+        remarks.append("repeats measure the noise; what they do here is in the table")
+    return tuple(remarks)
+
+
+def _message(question: Question, options: Sequence[Option]) -> str:
+    """Say what to do first."""
+    if not options:
+        return "Nothing on the menu would help: the fish has no run that it can swim, or every cause is undetectable."
+    calibrations = [option for option in options if option.kind == "calibration"]
+    runs = [option for option in options if option.kind == "run"]
+    parts = [f"First {one.name}, which costs no swimming: {one.about}." for one in calibrations[:1]]
+    parts += [_advice(question, best, "Of the runs, " if calibrations else "") for best in runs[:1]]
+    return " ".join(parts)
+
+
+def _advice(question: Question, best: Option, lead: str) -> str:
+    what = f"{lead}{best.name} ({best.about})"
+    what = what[0].upper() + what[1:]
+    pair = best.worst
+    if question.purpose == "see":
+        return f"{what} shrinks the minimum detectable effect of every cause, at least to {pair.after / pair.now:.0%}."
+    if pair.probability_now > _LIKELY:
+        return f"The data tell {pair.first} and {pair.second} apart already; {best.name} would do so most a second."
+    advice = (
+        f"{what} separates {pair.first} and {pair.second} most a second: probability of a verdict "
+        f"{percent(pair.probability_now)} now, {percent(pair.probability_after)} after."
+    )
+    if pair.probability_after < _LIKELY:
+        advice += " No single run of the menu is likely to decide; several may."
+    return advice
