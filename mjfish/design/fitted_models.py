@@ -149,6 +149,7 @@ class ModelEstimate:
         x: estimates (p,).
         at_bound: names of those that rest on a bound: a refit leaves them there.
         converged: whether they are an optimum.
+        fitted: how many of the trials, the first ones, they were fitted to.
     """
 
     name: str
@@ -156,15 +157,16 @@ class ModelEstimate:
     x: FloatArray
     at_bound: frozenset[str]
     converged: bool
+    fitted: int
 
     @classmethod
-    def known(cls, name: str, problem: Problem, one: FittedModel) -> ModelEstimate:
+    def known(cls, name: str, problem: Problem, one: FittedModel, fitted: int) -> ModelEstimate:
         """Return a model as a diagnosis fitted it."""
         problem = replace(problem, model=replace(problem.model, step=one.step))
-        return cls(name, problem, problem.start(one.values), frozenset(one.at_bound), one.converged)
+        return cls(name, problem, problem.start(one.values), frozenset(one.at_bound), one.converged, fitted)
 
     @classmethod
-    def fitted(cls, name: str, problem: Problem, start: FloatArray) -> ModelEstimate:
+    def by_fit(cls, name: str, problem: Problem, start: FloatArray) -> ModelEstimate:
         """Fit a model."""
         return cls.of_fit(name, problem, fit(problem, start, tolerance=_TOLERANCE))
 
@@ -172,7 +174,7 @@ class ModelEstimate:
     def of_fit(cls, name: str, problem: Problem, one: Fit) -> ModelEstimate:
         """Return a model at its fit."""
         held = frozenset(p.name for p, at in zip(one.parameters, one.at_bound, strict=True) if at)
-        return cls(name, problem, one.x, held, one.status == "converged")
+        return cls(name, problem, one.x, held, one.status == "converged", len(problem.trials))
 
 
 def nominal_model(known: FittedModels, progress: Progress) -> ModelEstimate:
@@ -180,9 +182,9 @@ def nominal_model(known: FittedModels, progress: Progress) -> ModelEstimate:
     problem = known.everything
     one = known.fits.get(())
     if one is not None and one.converged:
-        return ModelEstimate.known("", problem, one)
+        return ModelEstimate.known("", problem, one, len(known.problem.trials))
     progress("fitting the nominal model", 0.1)
-    found = ModelEstimate.fitted("", problem, problem.start(None if one is None else one.values))
+    found = ModelEstimate.by_fit("", problem, problem.start(None if one is None else one.values))
     return found if one is not None or known.dataset.noise is not None else _with_noise_of([found])[0]
 
 
@@ -193,10 +195,10 @@ def rival_models(known: FittedModels, rivals: Sequence[Effect], progress: Progre
         problem = known.extended(effect)
         one = known.fits.get((effect.name,))
         if one is not None and one.converged:
-            there[effect.name] = ModelEstimate.known(effect.name, problem, one)
+            there[effect.name] = ModelEstimate.known(effect.name, problem, one, len(known.problem.trials))
         elif one is not None:
             progress(f"fitting with {effect.name}", 0.2)
-            there[effect.name] = ModelEstimate.fitted(effect.name, problem, problem.start(one.values))
+            there[effect.name] = ModelEstimate.by_fit(effect.name, problem, problem.start(one.values))
     missing = [effect for effect in rivals if effect.name not in there]
     if missing:
         there |= {one.name: one for one in _from_guesses(known, missing, progress)}
@@ -217,7 +219,7 @@ def _from_guesses(known: FittedModels, rivals: Sequence[Effect], progress: Progr
         sizes = guesses(effect, evidence.first_guess(effect.name))
         starts = [wider.start({**nominal.values, **size}) for size in sizes]
         costs = [float(np.sum(wider.residual(start) ** 2)) for start in starts]
-        found.append(ModelEstimate.fitted(effect.name, wider, starts[int(np.argmin(costs))]))
+        found.append(ModelEstimate.by_fit(effect.name, wider, starts[int(np.argmin(costs))]))
     return found
 
 
@@ -225,7 +227,7 @@ def _with_noise_of(fitted: Sequence[ModelEstimate]) -> tuple[ModelEstimate, ...]
     """Estimate the noise from what the best model leaves, and fit all again with it."""
     best = min(fitted, key=lambda one: float(np.sum(one.problem.residual(one.x) ** 2)))
     noise = estimate(best.problem.raw(best.x), lost=(len(best.x) - len(best.at_bound)) / 3.0)
-    return tuple(ModelEstimate.fitted(one.name, replace(one.problem, noise=noise), one.x) for one in fitted)
+    return tuple(ModelEstimate.by_fit(one.name, replace(one.problem, noise=noise), one.x) for one in fitted)
 
 
 def _open_question(

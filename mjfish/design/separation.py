@@ -226,13 +226,15 @@ def separations(rivals: Sequence[ModelEstimate], runs: Sequence[Run]) -> tuple[S
 def _linearised(one: ModelEstimate, runs: Sequence[Run]) -> _Linearised:
     """Linearise a model at its estimates for all trials.
 
-    Estimates that are not of all trials (a diagnosis fits some of them only) are moved by one Gauss-Newton step, to
-    first order.
+    Estimates that were fitted to some of the trials only, as those of a diagnosis, are moved for the others by one
+    Gauss-Newton step, to first order: the sum of squares of the fitted ones is stationary there.
     """
     problem = one.problem
     free = [p.name for p in problem.parameters if p.name not in one.at_bound]
-    residual, jacobian = problem.residual(one.x), np.concatenate(jacobians(problem, one.x, free))
-    step = solve(jacobian.T @ jacobian, (jacobian.T @ residual)[:, None])[:, 0]
+    blocks = jacobians(problem, one.x, free)
+    residual, jacobian = problem.residual(one.x), np.concatenate(blocks)
+    first = sum(len(block) for block in blocks[: one.fitted])
+    step = solve(jacobian.T @ jacobian, jacobian[first:].T @ residual[first:, None])[:, 0]
     moved = dict(zip(free, step, strict=True))
     menu = on_menu(problem, runs)
     x = menu.start(problem.named(one.x))

@@ -163,9 +163,7 @@ def main() -> None:
     n = len(played)
     print("advised:", interval(sum(one.split_advised for one in played), n))
     print("random: ", interval(sum(one.split_random for one in played), n))
-    probabilities = [
-        np.mean([getattr(one, f"probability_{which}") for one in played]) for which in ("advised", "random")
-    ]
+    each = ([getattr(one, f"probability_{which}") for one in played] for which in ("advised", "random"))
     print("predicted: {:.2f}, {:.2f}".format(*map(np.mean, each)))
 
 
