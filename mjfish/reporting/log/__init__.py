@@ -3,10 +3,9 @@
 The only package that imports rerun.
 """
 
-from mjfish.reporting.log.of_diagnosis import write_diagnosis_log
-from mjfish.reporting.log.of_rollout import write_rollout_log
-from mjfish.reporting.log.recording import write_log
+from mjfish.reporting.log.recording import write_runs
+from mjfish.reporting.log.results import write_log, write_rollout_log
 from mjfish.reporting.log.scene import Run, Swim
 from mjfish.reporting.log.viewer import view
 
-__all__ = ["Run", "Swim", "view", "write_diagnosis_log", "write_log", "write_rollout_log"]
+__all__ = ["Run", "Swim", "view", "write_log", "write_rollout_log", "write_runs"]

@@ -1,4 +1,8 @@
-"""Writing a recording: columns of whole runs, to a file that is there whole or not at all."""
+"""Writing a recording: columns of whole runs, to a file that is there whole or not at all.
+
+Colours and the scale of arrows are the same in every view. The camera looks at a point that glides along with the
+fish; a floor shows how far it swims.
+"""
 
 from __future__ import annotations
 
@@ -8,23 +12,39 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
+from scipy.ndimage import gaussian_filter1d
 
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
+from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.ode.forces import LinkForces
 from mjfish.reporting.log.blueprint import ATTITUDE, blueprint
 from mjfish.reporting.log.body import link_mesh, link_poses
-from mjfish.reporting.log.camera import camera_path, floor_lines
-from mjfish.reporting.log.scene import Run, Swim
-from mjfish.reporting.log.style import COLOURS, FLOOR, FORCES, arrow_scale
+from mjfish.reporting.log.scene import Run, Swim, Swimmer
 
 APPLICATION = "mjfish"
 #: Every run has its own time, from its own start, on this line.
 TIMELINE = "sim_time"
+#: Red, green, blue, alpha of each swimmer, bodies and curves alike.
+COLOURS: dict[Swimmer, tuple[int, int, int, int]] = {
+    "measured": (205, 208, 214, 255),
+    "nominal": (229, 138, 60, 150),
+    "extended": (46, 168, 178, 200),
+    "simulated": (46, 168, 178, 200),
+}
+#: Kinds of force, as they are called in the log and in `mjfish.ode.forces.LinkForces`.
+FORCES = {"drag": (232, 84, 100, 255), "added_mass": (136, 150, 255, 255), "load": (226, 204, 70, 255)}
+FLOOR = (70, 78, 90, 255)
+#: At three instants of four no arrow is longer than this share of the fish.
+_REACH = 0.5
+#: The camera's point ignores what is faster than this [s], so that it does not wag with the fish.
+_SMOOTHING = 0.3
+#: Spacing of the floor's lines, its depth and its margin, in lengths of the fish.
+_SPACING, _DEPTH, _MARGIN = 0.5, 0.25, 3.0
 
 
-def write_log(path: Path, runs: Sequence[Run], *, name: str = "", about: str = "") -> None:
+def write_runs(path: Path, runs: Sequence[Run], *, name: str = "", about: str = "") -> None:
     """Write runs to an .rrd file, with a blueprint that shows them one a tab, the first in front.
 
     Per run: ``/RUN/world/SWIMMER/link_K`` the body with a transform over time, ``/RUN/world/SWIMMER/path``,
@@ -137,7 +157,7 @@ def _arrows(recording: rr.RecordingStream, root: str, time: FloatArray, forces: 
 def _series(
     recording: rr.RecordingStream,
     root: str,
-    swimmer: str,
+    swimmer: Swimmer,
     time: FloatArray,
     values: FloatArray,
     channels: Sequence[str] = CHANNELS,
@@ -145,8 +165,46 @@ def _series(
     """Log one curve a channel."""
     for k, channel in enumerate(channels):
         entity = f"{root}/{channel}/{swimmer}"
-        style = rr.SeriesLines(names=swimmer, colors=COLOURS[swimmer], widths=1.6)  # type: ignore[index]
+        style = rr.SeriesLines(names=swimmer, colors=COLOURS[swimmer], widths=1.6)
         recording.log(entity, style, static=True)
         recording.send_columns(
             entity, [rr.TimeColumn(TIMELINE, duration=time)], rr.Scalars.columns(scalars=values[:, k])
         )
+
+
+def arrow_scale(runs: Sequence[Run]) -> float:
+    """Return the length of an arrow of 1 N [m/N], one for all runs, rounded to one digit."""
+    largest, length = [np.zeros(1)], 1.0
+    for run in runs:
+        length = run.fish.length
+        for swim in run.swims:
+            if swim.forces is not None:
+                every = np.stack([getattr(swim.forces, kind) for kind in FORCES])
+                largest.append(np.linalg.norm(every[..., :2], axis=3).max(axis=(0, 2)))
+    typical = float(np.quantile(np.concatenate(largest), 0.75))
+    return float(f"{_REACH * length / typical:.0e}") if typical > 0.0 else 1.0
+
+
+def camera_path(swim: Swim, fish: Fish) -> FloatArray:
+    """Return the point that the camera looks at (n, 3) [m]: the middle of the body, its wagging smoothed away."""
+    middle = swim.nose
+    if swim.joint_angle is not None:
+        middle = link_poses(fish, swim.pose, swim.joint_angle, swim.attitude)[0].mean(axis=1)
+    if len(swim.time) < 2:
+        return middle
+    step = float(np.median(np.diff(swim.time)))
+    return np.asarray(gaussian_filter1d(middle, _SMOOTHING / step, axis=0, mode="nearest"))
+
+
+def floor_lines(run: Run) -> list[FloatArray]:
+    """Return the lines of a square grid below everything that swims in the run, each (2, 3) [m]."""
+    length = run.fish.length
+    spacing = _SPACING * length
+    places = np.concatenate([swim.pose[:, :2] for swim in run.swims])
+    low = np.floor((places.min(axis=0) - _MARGIN * length) / spacing)
+    high = np.ceil((places.max(axis=0) + _MARGIN * length) / spacing)
+    z = min(float(swim.nose[:, 2].min()) for swim in run.swims) - _DEPTH * length
+    (x0, y0), (x1, y1) = spacing * low, spacing * high
+    rows = [np.array([[x0, y, z], [x1, y, z]]) for y in spacing * np.arange(low[1], high[1] + 1)]
+    columns = [np.array([[x, y0, z], [x, y1, z]]) for x in spacing * np.arange(low[0], high[0] + 1)]
+    return rows + columns

@@ -1,19 +1,41 @@
-"""Which log a result has, by its type."""
+"""Which runs a result puts into a log: of a diagnosis, an identification, a simulation."""
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mjfish.diagnosis import Diagnosis
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from mjfish import ode
+from mjfish.arrays import FloatArray
+from mjfish.data import Trial
+from mjfish.diagnosis import Diagnosis, Overlay
+from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
-from mjfish.reporting.log.of_diagnosis import write_diagnosis_log
+from mjfish.estimation.report import Identification
+from mjfish.fish import Fish
+from mjfish.model import Model
+from mjfish.model.model import pose_of
+from mjfish.ode.forces import link_forces
+from mjfish.reporting.log.recording import write_runs
+from mjfish.reporting.log.scene import Run, Swim, Swimmer, placed, travelled
+from mjfish.reporting.words import VERDICTS, percent
+
+#: Degree of the spline through joint angles.
+_DEGREE = 5
 
 
 @functools.singledispatch
 def write_log(result: Any, path: Path) -> None:
     """Write the swimming in a result as a rerun log.
+
+    Paths are what the velocities, measured or predicted, lead to from the measured start (or from the origin), but for
+    a measured path that the trial itself has. Held-out trials come first.
 
     Raises:
         InputError: there is no swimming in it, or the file cannot be written.
@@ -23,4 +45,120 @@ def write_log(result: Any, path: Path) -> None:
 
 @write_log.register
 def _(result: Diagnosis, path: Path) -> None:
-    write_diagnosis_log(result, path)
+    overlays = sorted(result.overlays, key=lambda overlay: not overlay.held_out)
+    runs = [_run(result, overlay) for overlay in overlays]
+    lines = [f"**{VERDICTS[result.verdict]}.** {result.message}"]
+    if result.gain is not None:
+        before, after = (percent(table["pooled"]) for table in (result.gain.nominal, result.gain.extended))
+        lines.append(f"Error on held-out trials: {before} of range before, {after} after.")
+    lines.append(
+        "Measured grey, nominal model orange, extended model teal. "
+        "Forces of the water: drag red, added mass blue, what an effect adds yellow."
+    )
+    write_runs(path, runs, name=result.dataset.name, about="\n\n".join(lines))
+
+
+@write_log.register
+def _(result: Identification, path: Path) -> None:
+    if result.assessment is None or result.problem is None:
+        raise InputError(f"{path}: the fit {result.fit.status} and has no swimming to log; {result.fit.message}")
+    model, runs = result.problem.model, []
+    values = model.values({**result.problem.fixed, **result.fit.values})
+    for residual in sorted(result.assessment.residuals, key=lambda residual: residual.role == "fit"):
+        swims = (_measured(residual.trial), simulated("nominal", model, values, residual.trial, residual.predicted))
+        runs.append(Run(residual.trial.name, model.fish, swims, residual.role == "held_out"))
+    about = "Measured grey, fitted model orange. Forces of the water: drag red, added mass blue."
+    write_runs(path, runs, name=result.dataset.name, about=about)
+
+
+def _run(diagnosis: Diagnosis, overlay: Overlay) -> Run:
+    """Return a trial with its measured and simulated swims."""
+    trial = overlay.trial
+    values = {name: estimate.estimate for name, estimate in diagnosis.nominal.items()}
+    nominal = simulated("nominal", diagnosis.nominal_model, values, trial, overlay.nominal)
+    swims: tuple[Swim, ...] = (_measured(trial), nominal)
+    if diagnosis.best:  # then the arrows are drawn on the extended model alone
+        values = {name: estimate.estimate for name, estimate in diagnosis.extended.items()}
+        extended = simulated("extended", diagnosis.extended_model, values, trial, overlay.extended)
+        swims = (swims[0], replace(nominal, forces=None), extended)
+    return Run(trial.name, diagnosis.nominal_model.fish, swims, overlay.held_out)
+
+
+def _start(trial: Trial) -> FloatArray:
+    return np.zeros(3) if trial.pose is None else np.nan_to_num(trial.pose[0])
+
+
+def _measured(trial: Trial) -> Swim:
+    pose = trial.pose
+    if pose is None or not np.all(np.isfinite(pose)):
+        pose = travelled(trial.time, trial.velocity, _start(trial))
+    return Swim("measured", trial.time, trial.velocity, pose, trial.joint_angle)
+
+
+def simulated(swimmer: Swimmer, model: Model, values: Mapping[str, float], trial: Trial, velocity: FloatArray) -> Swim:
+    """Return the swim behind predicted velocities (n, 3); body and forces come from running the model once more.
+
+    What was fitted to this trial alone is not known here: the run starts at the first predicted velocity, and a free
+    clock is taken as synchronised, for the body and the arrows.
+
+    Args:
+        swimmer: who it is.
+        model: that predicted.
+        values: of its parameters, by name.
+        trial: that it predicted.
+        velocity: that it predicted; NaN where it did not get.
+    """
+    start = None if trial.starts_at_rest else velocity[0]
+    run = model.prepare(trial, values, velocity=start)
+    rollout = ode.simulate(
+        run.fish, run.motion, values=run.coefficients, velocity=run.velocity, pose=pose_of(trial),
+        coriolis=model.coriolis, loads=run.loads,
+    )  # fmt: skip
+    time = np.minimum(run.time, rollout.motion.time[-1])
+    state = rollout.at(time)
+    reached = np.isfinite(velocity).all(axis=1) & np.isfinite(state).all(axis=1)
+    pose = travelled(trial.time[reached], velocity[reached], _start(trial))
+    angle = rollout.motion.angle_at(time[reached])
+    angle[:, -1] += state[reached, 6]
+    steps = rollout.state if rollout.memory is None else np.concatenate([rollout.state, rollout.memory], axis=2)
+    at_steps = np.concatenate([steps[:, 0], steps[-1:, 1]])
+    forces = link_forces(run.fish, rollout.motion, at_steps, values=run.coefficients, loads=run.loads)
+    shown = placed(forces, rollout.time, at_steps[:, 3:6], time[reached], pose)
+    return Swim(swimmer, trial.time[reached], velocity[reached], pose, angle, shown)
+
+
+def write_rollout_log(
+    path: Path,
+    fish: Fish,
+    time: FloatArray,
+    velocity: FloatArray,
+    pose: FloatArray,
+    joint_angle: FloatArray,
+    *,
+    attitude: FloatArray | None = None,
+    name: str = "run",
+) -> None:
+    """Write a simulated run to an .rrd file, with the forces on its links.
+
+    The forces follow from velocity and joint motion by the equation of motion; rates and accelerations of the joints
+    are those of the quintic spline through their angles, so the samples must be dense (100 a second will do).
+
+    Args:
+        path: of the file.
+        fish: with the coefficients of the run.
+        time: (n,) increasing [s], at least 6 samples; with fewer no forces are shown.
+        velocity: (n, 3) surge, sway [m/s], yaw rate [rad/s].
+        pose: (n, 3) x, y [m], yaw [rad].
+        joint_angle: (n, joints) [rad].
+        attitude: (n, 3) roll, pitch [rad] and heave [m] of a fish that is free in space; no forces are shown then.
+        name: of the run in the log.
+    """
+    forces = None
+    if len(time) > _DEGREE and attitude is None:
+        spline = make_interp_spline(time, joint_angle, k=_DEGREE)
+        stages = np.stack([time[:-1], 0.5 * (time[:-1] + time[1:]), time[1:]], axis=1)
+        motion = JointMotion(time, *(spline(stages, nu=order) for order in range(3)))
+        forces = link_forces(fish, motion, np.column_stack([velocity, pose]))
+    swim = Swim("simulated", time, velocity, pose, joint_angle, forces, attitude)
+    about = f"**{fish.name}**, {name}: mean surge {velocity[:, 0].mean():.3f} m/s over {time[-1] - time[0]:.1f} s."
+    write_runs(path, [Run(name, fish, (swim,))], about=about)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -89,20 +89,27 @@ def travelled(time: FloatArray, velocity: FloatArray, start: FloatArray) -> Floa
     return np.column_stack([start[:2] + place, yaw])
 
 
-def placed(forces: LinkForces, time: FloatArray, at: FloatArray, pose: FloatArray) -> LinkForces:
-    """Return forces seen from the nose at `time` (m,) at other times `at` (n,), on a fish at `pose` (n, 3).
+def placed(forces: LinkForces, time: FloatArray, origin: FloatArray, at: FloatArray, pose: FloatArray) -> LinkForces:
+    """Return the forces of one run on a fish that is elsewhere: seen from the nose they are the same.
 
     Linear between the samples.
+
+    Args:
+        forces: at `time` (m,), on a fish at `origin` (m, 3).
+        time: (m,) increasing [s].
+        origin: (m, 3) x, y [m], yaw [rad] of the nose.
+        at: (n,) times that are wanted [s].
+        pose: (n, 3) of the nose at these times.
     """
     index = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
     share = np.clip((at - time[index]) / (time[index + 1] - time[index]), 0.0, 1.0)[:, None, None]
-    yaw = pose[:, None, 2]
 
-    def turned(name: str) -> FloatArray:
-        samples: FloatArray = getattr(forces, name)
+    def turned(samples: FloatArray) -> FloatArray:
+        planar = frames.to_body(samples[..., :2], origin[:, None, 2])
+        samples = np.concatenate([planar, samples[..., 2:]], axis=2)
         between = (1.0 - share) * samples[index] + share * samples[index + 1]
-        return np.concatenate([frames.to_world(between[..., :2], yaw), between[..., 2:]], axis=2)
+        return np.concatenate([frames.to_world(between[..., :2], pose[:, None, 2]), between[..., 2:]], axis=2)
 
-    joint = pose[:, None, :2] + turned("joint")
-    vectors = {field.name: turned(field.name) for field in fields(forces) if field.name not in ("joint", "length")}
+    joint = pose[:, None, :2] + turned(forces.joint - origin[:, None, :2])
+    vectors = {name: turned(getattr(forces, name)) for name in ("axis", "drag", "added_mass", "load")}
     return LinkForces(joint=joint, length=forces.length, **vectors)

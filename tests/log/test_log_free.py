@@ -14,7 +14,7 @@ from mjfish.fish import Fish
 from mjfish.mujoco import free
 from mjfish.reporting.log import write_rollout_log
 from mjfish.reporting.log.body import link_poses
-from mjfish.reporting.log.camera import camera_path, floor_lines
+from mjfish.reporting.log.recording import camera_path, floor_lines
 from mjfish.reporting.log.scene import Run, Swim
 
 

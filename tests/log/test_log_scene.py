@@ -10,9 +10,8 @@ from mjfish.fish import Fish
 from mjfish.hydro.outline import section_at
 from mjfish.ode.forces import link_forces
 from mjfish.reporting.log.body import link_mesh, link_poses
-from mjfish.reporting.log.camera import camera_path, floor_lines
+from mjfish.reporting.log.recording import arrow_scale, camera_path, floor_lines
 from mjfish.reporting.log.scene import Run, Swim, placed, travelled
-from mjfish.reporting.log.style import arrow_scale
 
 
 @pytest.mark.parametrize("index", range(5))
@@ -68,12 +67,18 @@ def test_forces_move_and_turn_with_the_fish_and_keep_their_moments(pike: Fish) -
     state = np.array([[0.3, 0.2, 0.1], [0.5, -0.1, 0.3], [0.4, 0.0, -0.2]])
     seen = link_forces(pike, JointMotion(time, angle, angle, angle), state)
     pose = np.array([[1.0, 2.0, np.pi / 2], [0.0, 0.0, 0.0]])
-    moved = placed(seen, time, np.array([1.0, 1.5]), pose)
+    at, origin = np.array([1.0, 1.5]), np.zeros((3, 3))
+    moved = placed(seen, time, origin, at, pose)
     np.testing.assert_allclose(moved.drag[0, :, 0], -seen.drag[1, :, 1], atol=1e-14)
     np.testing.assert_allclose(moved.drag[0, :, 1], seen.drag[1, :, 0], atol=1e-14)
     np.testing.assert_allclose(moved.drag[..., 2][0], seen.drag[1, :, 2], atol=1e-14)
     np.testing.assert_allclose(moved.joint[0, 2], [1.0, 2.0 + seen.joint[1, 2, 0]], atol=1e-14)
     np.testing.assert_allclose(moved.added_mass[1], 0.5 * (seen.added_mass[1] + seen.added_mass[2]), atol=1e-14)
+    origin = np.array([[3.0, -1.0, 0.4], [2.0, 1.0, 2.0], [0.0, 5.0, -1.0]])
+    elsewhere = link_forces(pike, JointMotion(time, angle, angle, angle), np.column_stack([state, origin]))
+    again = placed(elsewhere, time, origin, at, pose)
+    for name in ("joint", "axis", "drag", "added_mass", "load"):
+        np.testing.assert_allclose(getattr(again, name), getattr(moved, name), atol=1e-13)
 
 
 def _swim(pike: Fish, frequency: float) -> Swim:

@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from diagnosed import diagnosis
+from diagnosed import SIGMA, diagnosis
 
 from mjfish.arrays import FloatArray
+from mjfish.data import Tank
 from mjfish.diagnosis import Diagnosis, Estimate
 from mjfish.diagnosis.result import Verdict
-from mjfish.reporting.log import Run, Swim, of_diagnosis, write_diagnosis_log
+from mjfish.errors import InputError
+from mjfish.estimation import identify
+from mjfish.estimation.settings import Settings
+from mjfish.fish import Fish
+from mjfish.inspection import Checks
+from mjfish.ode.forces import link_forces
+from mjfish.reporting.log import Run, Swim, results, write_log
+from mjfish.simulation import generate
 
 
 def _runs(one: Diagnosis, monkeypatch: pytest.MonkeyPatch) -> list[Run]:
     """Return the runs that would be written."""
     written: list[Run] = []
-    monkeypatch.setattr(of_diagnosis, "write_log", lambda _path, runs, **_told: written.extend(runs))
-    write_diagnosis_log(one, Path("unused.rrd"))
+    monkeypatch.setattr(results, "write_runs", lambda _path, runs, **_named: written.extend(runs))
+    write_log(one, Path("unused.rrd"))
     return written
 
 
@@ -108,3 +117,60 @@ def test_the_munk_moment_turns_the_links_of_the_extended_fish(monkeypatch: pytes
     without = {swim.swimmer: swim for swim in _runs(same, monkeypatch)[0].swims}["extended"].forces
     assert without is not None
     assert np.max(np.abs(forces.added_mass[..., 2] - without.added_mass[..., 2])) > 0.01
+
+
+def _expected_load(found: Diagnosis, values: dict[str, float]) -> FloatArray:
+    """Return the size (n, links) of the force that the effect adds in a rollout of the held-out trial."""
+    trial, model = found.overlays[1].trial, found.extended_model
+    run = model.prepare(trial, model.values(values))
+    rollout = model.predict(trial, model.values(values)).rollout
+    state = rollout.state if rollout.memory is None else np.concatenate([rollout.state, rollout.memory], axis=2)
+    at_steps = np.concatenate([state[:, 0], state[-1:, 1]])
+    forces = link_forces(run.fish, rollout.motion, at_steps, values=run.coefficients, loads=run.loads)
+    size = np.linalg.norm(forces.load[..., :2], axis=2)
+    return np.stack([np.interp(trial.time, rollout.time, column) for column in size.T], axis=1)
+
+
+def test_a_force_that_remembers_is_drawn_with_its_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    values = {"share": 0.5, "time": 0.15}
+    found, swims = _swim("wake_memory", values, monkeypatch)
+    forces = swims["extended"].forces
+    assert forces is not None
+    expected = _expected_load(found, {f"wake_memory.{short}": value for short, value in values.items()})
+    assert expected.max() > 0.1
+    np.testing.assert_allclose(np.linalg.norm(forces.load[..., :2], axis=2), expected, atol=0.01 * expected.max())
+
+
+@pytest.mark.parametrize("wide", [True, False])
+def test_a_force_near_a_wall_is_drawn_where_the_wall_is(monkeypatch: pytest.MonkeyPatch, wide: bool) -> None:
+    """In a wide tank there is none; beside the starting place it is strong at first."""
+    values = {"size": 2.0, "reach": 0.2}
+    found, _ = _swim("wall_effect", values, monkeypatch)
+    tank = Tank((-0.6, 50.0), (-50.0, 50.0)) if not wide else Tank((-50.0, 50.0), (-50.0, 50.0))
+    start = np.full((len(found.overlays[1].trial.time), 3), np.nan)
+    start[0] = 0.0
+    held_out = replace(found.overlays[1], trial=replace(found.overlays[1].trial, tank=tank, pose=start))
+    found = replace(found, overlays=(found.overlays[0], held_out))
+    forces = {swim.swimmer: swim for swim in _runs(found, monkeypatch)[0].swims}["extended"].forces
+    assert forces is not None
+    size = np.linalg.norm(forces.load[..., :2], axis=2)
+    expected = _expected_load(found, {f"wall_effect.{short}": value for short, value in values.items()})
+    np.testing.assert_allclose(size, expected, atol=max(0.01 * expected.max(), 1e-9))
+    assert (expected.max() < 1e-9) == wide
+
+
+def test_a_fit_is_logged_with_its_measured_and_simulated_swims(monkeypatch: pytest.MonkeyPatch, pike: Fish) -> None:
+    dataset = generate(pike, ["v1", "v3"], duration=1.5, noise=SIGMA, held_out=["v3"], name="pool")
+    found = identify(dataset, Settings(free=("c_d.tail",), starts=1))
+    runs: list[Run] = []
+    monkeypatch.setattr(results, "write_runs", lambda _path, written, **_named: runs.extend(written))
+    write_log(found, Path("unused.rrd"))
+    assert [(run.name, run.held_out) for run in runs] == [("v3", True), ("v1", False)]
+    for run in runs:
+        assert [swim.swimmer for swim in run.swims] == ["measured", "nominal"]
+        assert run.swims[1].forces is not None
+
+
+def test_a_result_without_swimming_is_refused() -> None:
+    with pytest.raises(InputError, match="Checks has no swimming to log"):
+        write_log(Checks(), Path("unused.rrd"))
