@@ -10,7 +10,7 @@ one, the cause that moves the fish least. Nothing is whitened.
 from __future__ import annotations
 
 import numpy as np
-from mjfish.design.fitted import baseline
+from mjfish.design import FittedModels
 from scipy import signal
 
 from mjfish.arrays import FloatArray
@@ -25,7 +25,7 @@ _WINDOW, _DEGREE = 9, 3
 def sparsest(dataset: Dataset) -> str:
     """Return the cause that sequential thresholding leaves last."""
     candidates = [effect for effect in catalogue().values() if not effect.not_applicable(dataset)]
-    problem = baseline(dataset, jobs=1)
+    problem = FittedModels.undiagnosed(dataset, {}, jobs=1).problem
     nominal = fit(problem, tolerance=1e-6)
     wrong = _differentiated([residual[:, :, None] for residual in problem.raw(nominal.x)])[:, 0]
     known = _differentiated(problem.sensitivities(nominal.x))
