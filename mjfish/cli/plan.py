@@ -75,7 +75,7 @@ def _show(found: Plan) -> None:
 
 
 def _separation(found: Plan) -> Table:
-    from mjfish.design.result import percent
+    from mjfish.design.planning import percent
 
     pairs = len(found.question.names) > 2
     headings = ("do", "seconds", *(["hardest pair"] if pairs else []), "lambda", "after", "probability", "after")

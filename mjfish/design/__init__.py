@@ -1,10 +1,9 @@
 """The next experiment: which run or calibration would tell rival causes apart, and how surely."""
 
-from mjfish.design.fitted_models import FittedModels, ModelEstimate, load_diagnosis
+from mjfish.design.fitted_models import FittedModels, ModelEstimate, Question, load_diagnosis
 from mjfish.design.menu import Menu, Run
 from mjfish.design.next_run import write_next_run
-from mjfish.design.planning import plan
-from mjfish.design.result import Option, Pair, Plan, Question
+from mjfish.design.planning import Option, Pair, Plan, plan
 from mjfish.design.separation import Separation, excluded, separations
 
 __all__ = [

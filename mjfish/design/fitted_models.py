@@ -6,14 +6,14 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
-from mjfish.design.result import Question
 from mjfish.diagnosis import Diagnosis, FittedModel
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.progress import Progress
@@ -30,6 +30,28 @@ from mjfish.model import Model
 from mjfish.noise.restore import restore
 
 _TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Question:
+    """What the next experiment is to answer.
+
+    Attributes:
+        purpose: ``separate`` rivals, or ``see`` causes that the data do not show.
+        names: of the causes; empty with ``see``: all that apply.
+        why: in a sentence.
+    """
+
+    purpose: Literal["separate", "see"]
+    names: tuple[str, ...]
+    why: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse rivals that are fewer than two or there twice."""
+        if len(set(self.names)) < len(self.names):
+            raise InputError(f"causes {', '.join(self.names)}: one is there twice; give each once")
+        if self.purpose == "separate" and len(self.names) < 2:
+            raise InputError(f"rivals: found {', '.join(self.names) or 'none'}, expected two or more; name another")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,17 +92,61 @@ class FittedModels:
         fits = {one.causes: one for one in diagnosis.fits}
         return cls(diagnosis.dataset, diagnosis.effects, problem, question, fits)
 
-    def extended(self, effect: Effect) -> Problem:
-        """Return the problem of the model with a cause, on all trials."""
-        whole = self.everything
-        return replace(whole, model=whole.model.extended(effect), declared={**whole.declared, **off_null(effect)})
-
     @property
     def everything(self) -> Problem:
         """The problem on all trials: held-out ones tell rivals apart as well as the others."""
         fitted = [trial.name for trial in self.problem.trials]
         others = (trial for trial in self.dataset.trials if trial.name not in fitted)
         return replace(self.problem, trials=(*self.problem.trials, *others), windows=None)
+
+    def extended(self, effect: Effect) -> Problem:
+        """Return the problem of the model with a cause, on all trials."""
+        whole = self.everything
+        return replace(whole, model=whole.model.extended(effect), declared={**whole.declared, **off_null(effect)})
+
+    def estimate(self, effect: Effect | None) -> ModelEstimate:
+        """Return the model with a cause, or the nominal one, at its estimates.
+
+        It is fitted here, to all trials, where the diagnosis did not fit it, or not to its optimum.
+        """
+        problem = self.everything if effect is None else self.extended(effect)
+        name = "" if effect is None else effect.name
+        known = self.fits.get((name,) if name else ())
+        if known is None:
+            return ModelEstimate.of_fit(
+                name, problem, self._nominal_fit if effect is None else self._fit_from_guesses(effect, problem)
+            )
+        problem = replace(problem, model=replace(problem.model, step=known.step))
+        start = problem.start(known.values)
+        if known.converged:
+            return ModelEstimate(name, problem, start, frozenset(known.at_bound), True, len(self.problem.trials))
+        return ModelEstimate.of_fit(name, problem, fit(problem, start, tolerance=_TOLERANCE))
+
+    def estimates(self, rivals: Sequence[Effect], progress: Progress) -> tuple[ModelEstimate, ...]:
+        """Return the models with every rival at their estimates; without rivals, the nominal one."""
+        found = []
+        for done, effect in enumerate(rivals or (None,)):
+            name = "the nominal model" if effect is None else f"the model with {effect.name}"
+            progress(f"fitting {name}", 0.05 + 0.4 * done / max(len(rivals), 1))
+            found.append(self.estimate(effect))
+        if self.fits or self.dataset.noise is not None:
+            return tuple(found)
+        best = min(found, key=lambda one: float(np.sum(one.problem.residual(one.x) ** 2)))
+        noise = estimate(best.problem.raw(best.x), lost=(len(best.x) - len(best.at_bound)) / 3.0)
+        return tuple(one.refitted(noise) for one in found)
+
+    @cached_property
+    def _nominal_fit(self) -> Fit:
+        problem, known = self.everything, self.fits.get(())
+        return fit(problem, problem.start(known.values if known else None), tolerance=_TOLERANCE)
+
+    def _fit_from_guesses(self, effect: Effect, problem: Problem) -> Fit:
+        """Fit a rival of which nothing is known from the best of several sizes."""
+        nominal = self._nominal_fit
+        first_guess = gather(self.everything, nominal, [effect]).first_guess(effect.name)
+        starts = [problem.start({**nominal.values, **size}) for size in guesses(effect, first_guess)]
+        start = min(starts, key=lambda x: float(np.sum(problem.residual(x) ** 2)))
+        return fit(problem, start, tolerance=_TOLERANCE)
 
 
 def load_diagnosis(
@@ -160,74 +226,15 @@ class ModelEstimate:
     fitted: int
 
     @classmethod
-    def known(cls, name: str, problem: Problem, one: FittedModel, fitted: int) -> ModelEstimate:
-        """Return a model as a diagnosis fitted it."""
-        problem = replace(problem, model=replace(problem.model, step=one.step))
-        return cls(name, problem, problem.start(one.values), frozenset(one.at_bound), one.converged, fitted)
+    def of_fit(cls, name: str, problem: Problem, found: Fit) -> ModelEstimate:
+        """Return a model at its fit to all trials."""
+        at_bound = frozenset(p.name for p, held in zip(found.parameters, found.at_bound, strict=True) if held)
+        return cls(name, problem, found.x, at_bound, found.status == "converged", len(problem.trials))
 
-    @classmethod
-    def by_fit(cls, name: str, problem: Problem, start: FloatArray) -> ModelEstimate:
-        """Fit a model."""
-        return cls.of_fit(name, problem, fit(problem, start, tolerance=_TOLERANCE))
-
-    @classmethod
-    def of_fit(cls, name: str, problem: Problem, one: Fit) -> ModelEstimate:
-        """Return a model at its fit."""
-        held = frozenset(p.name for p, at in zip(one.parameters, one.at_bound, strict=True) if at)
-        return cls(name, problem, one.x, held, one.status == "converged", len(problem.trials))
-
-
-def nominal_model(known: FittedModels, progress: Progress) -> ModelEstimate:
-    """Return the nominal model at its estimates; where the noise is not known, it is estimated from the residual."""
-    problem = known.everything
-    one = known.fits.get(())
-    if one is not None and one.converged:
-        return ModelEstimate.known("", problem, one, len(known.problem.trials))
-    progress("fitting the nominal model", 0.1)
-    found = ModelEstimate.by_fit("", problem, problem.start(None if one is None else one.values))
-    return found if one is not None or known.dataset.noise is not None else _with_noise_of([found])[0]
-
-
-def rival_models(known: FittedModels, rivals: Sequence[Effect], progress: Progress) -> tuple[ModelEstimate, ...]:
-    """Return every rival at its estimates; fitted here where the diagnosis did not fit it, or not to its optimum."""
-    there: dict[str, ModelEstimate] = {}
-    for effect in rivals:
-        problem = known.extended(effect)
-        one = known.fits.get((effect.name,))
-        if one is not None and one.converged:
-            there[effect.name] = ModelEstimate.known(effect.name, problem, one, len(known.problem.trials))
-        elif one is not None:
-            progress(f"fitting with {effect.name}", 0.2)
-            there[effect.name] = ModelEstimate.by_fit(effect.name, problem, problem.start(one.values))
-    missing = [effect for effect in rivals if effect.name not in there]
-    if missing:
-        there |= {one.name: one for one in _from_guesses(known, missing, progress)}
-    found = tuple(there[effect.name] for effect in rivals)
-    return found if known.fits or known.dataset.noise is not None else _with_noise_of(found)
-
-
-def _from_guesses(known: FittedModels, rivals: Sequence[Effect], progress: Progress) -> list[ModelEstimate]:
-    """Fit rivals of which nothing is known, each from the best of several sizes."""
-    problem, one = known.everything, known.fits.get(())
-    progress("fitting the nominal model", 0.05)
-    nominal = fit(problem, problem.start(None if one is None else one.values), tolerance=_TOLERANCE)
-    evidence = gather(problem, nominal, rivals)
-    found = []
-    for done, effect in enumerate(rivals):
-        progress(f"fitting with {effect.name}", 0.1 + 0.3 * done / len(rivals))
-        wider = known.extended(effect)
-        sizes = guesses(effect, evidence.first_guess(effect.name))
-        starts = [wider.start({**nominal.values, **size}) for size in sizes]
-        costs = [float(np.sum(wider.residual(start) ** 2)) for start in starts]
-        found.append(ModelEstimate.by_fit(effect.name, wider, starts[int(np.argmin(costs))]))
-    return found
-
-
-def _with_noise_of(fitted: Sequence[ModelEstimate]) -> tuple[ModelEstimate, ...]:
-    """Estimate the noise from what the best model leaves, and fit all again with it."""
-    best = min(fitted, key=lambda one: float(np.sum(one.problem.residual(one.x) ** 2)))
-    noise = estimate(best.problem.raw(best.x), lost=(len(best.x) - len(best.at_bound)) / 3.0)
-    return tuple(ModelEstimate.by_fit(one.name, replace(one.problem, noise=noise), one.x) for one in fitted)
+    def refitted(self, noise: Noise) -> ModelEstimate:
+        """Return the model at its fit under another noise."""
+        problem = replace(self.problem, noise=noise)
+        return self.of_fit(self.name, problem, fit(problem, self.x, tolerance=_TOLERANCE))
 
 
 def _open_question(

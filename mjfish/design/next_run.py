@@ -17,7 +17,7 @@ from mjfish import fish_toml, toml_text
 from mjfish.data import Dataset, columns, write_table
 from mjfish.data.schema import FILE
 from mjfish.design.menu import Run
-from mjfish.design.result import Plan
+from mjfish.design.planning import Plan
 from mjfish.drive import cpg as hopf
 from mjfish.errors import InputError
 from mjfish.files import check_folder as check_place

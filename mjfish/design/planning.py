@@ -1,26 +1,134 @@
-"""From a diagnosis to a ranked plan."""
+"""The plan of the next experiment: runs and calibrations ranked by what they would do for a question."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from mjfish.data import Dataset
 from mjfish.design.calibration import settled
-from mjfish.design.detection import Detection, detection
-from mjfish.design.fitted_models import FittedModels, nominal_model, rival_models
+from mjfish.design.fitted_models import FittedModels, Question
+from mjfish.design.information import Detection, detection
 from mjfish.design.menu import Menu, Run
-from mjfish.design.result import Option, Pair, Plan, Question, percent
 from mjfish.design.separation import Separation, separations
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.progress import Progress, part, silent
+from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError
+from mjfish.result import Result
+from mjfish.serialise import unsaved
 
 #: Below this probability of a verdict a run is not said to decide; above it the data are said to decide already.
 _LIKELY = 0.5
+#: Version of the layout of ``plan.json``.
+SCHEMA = 2
+#: How many options a summary lists.
+_LISTED = 5
+
+
+@dataclass(frozen=True)
+class Pair:
+    """What an option does for two rivals, or for one cause that is to be seen (`second` is empty then).
+
+    Attributes:
+        first, second: names.
+        now, after: lambda, the misfit of the wrong one that no refit removes, in units of the noise; of a cause to be
+            seen: the minimum detectable effect of its amplitude that is seen best.
+        probability_now, probability_after: of the right verdict, with the data as they are and with the option.
+        settled: measured directly by a calibration.
+    """
+
+    first: str
+    second: str
+    now: float
+    after: float
+    probability_now: float = math.nan
+    probability_after: float = math.nan
+    settled: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Option:
+    """A run or calibration.
+
+    Attributes:
+        kind: ``calibration`` or ``run``.
+        name: of it.
+        about: what is done.
+        seconds: of swimming, with the pause before it; 0 for a calibration.
+        worth: the smallest gain of any pair a second: of lambda, or of -log of the minimum detectable effect.
+        pairs: what it does for each pair, or cause.
+        drive: of a run by the CPG.
+        run: behind it.
+    """
+
+    kind: Literal["calibration", "run"]
+    name: str
+    about: str
+    seconds: float
+    worth: float
+    pairs: tuple[Pair, ...]
+    drive: tuple[DriveSegment, ...] = ()
+    run: Run | None = unsaved(default=None)
+
+    @property
+    def worst(self) -> Pair:
+        """The pair with the smallest probability of a verdict; of causes to be seen, the one that gains least."""
+        return min(
+            self.pairs,
+            key=lambda p: (p.probability_after, p.after) if p.second else (0.0, -p.after / max(p.now, 1e-300)),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Result):
+    """What to do next.
+
+    Attributes:
+        dataset: name of the dataset.
+        status: ``ok``, ``fit_not_converged``, or ``nothing_to_offer``.
+        message: the advice in a few sentences.
+        question: that is to be answered.
+        options: calibrations that settle a pair first, then runs by worth.
+        remarks: what a reader should know.
+    """
+
+    dataset: str
+    status: Literal["ok", "fit_not_converged", "nothing_to_offer"]
+    message: str
+    question: Question
+    options: tuple[Option, ...]
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def runs(self) -> tuple[Option, ...]:
+        """The runs, best first."""
+        return tuple(option for option in self.options if option.run is not None)
+
+    @property
+    def calibrations(self) -> tuple[Option, ...]:
+        """The calibrations, those that settle most pairs first."""
+        return tuple(option for option in self.options if option.kind == "calibration")
+
+    def summary(self) -> str:
+        """Return question, advice and the first options, a line each."""
+        lines = [f"Plan for {self.dataset} ({self.status}): {self.question.why}", self.message]
+        for option in self.options[:_LISTED]:
+            pair = option.worst
+            after = "measured directly" if pair.settled else f"{pair.now:.3g} now, {pair.after:.3g} after"
+            lines.append(f"  {option.name}: {after}")
+        if len(self.options) > _LISTED:
+            lines.append(f"  and {len(self.options) - _LISTED} more")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as plain data, the content of ``plan.json``."""
+        return {"schema": SCHEMA, **super().to_dict()}
 
 
 def plan(
@@ -86,12 +194,12 @@ def plan(
     runs = menu.runs(known.dataset)
     options: tuple[Option, ...]
     if question.purpose == "separate":
-        models = rival_models(known, tried, progress)
+        models = known.estimates(tried, progress)
         progress("trying the runs of the menu", 0.5)
         pairs = separations(models, runs)
         options = (*_calibrations(tried, pairs), *_separating(pairs, runs, menu.pause))
     else:
-        models = (nominal_model(known, progress),)
+        models = known.estimates((), progress)
         progress("trying the runs of the menu", 0.5)
         options = _revealing(detection(models[0], tried, runs), runs, menu.pause)
     progress("done", 1.0)
@@ -221,3 +329,10 @@ def _advice(question: Question, best: Option, lead: str) -> str:
     if pair.probability_after < _LIKELY:
         advice += " No single run of the menu is likely to decide; several may."
     return advice
+
+
+def percent(probability: float) -> str:
+    """Return a probability as text, never as a certainty that it is not."""
+    if math.isnan(probability):
+        return ""
+    return "> 99 %" if 0.995 <= probability < 1.0 else f"{100.0 * probability:.0f} %"

@@ -12,8 +12,7 @@ from rivals_apart import DURATION, planted, swum
 
 from mjfish.data import Dataset, load_dataset, read_table, save, write_table
 from mjfish.design import FittedModels, Menu, Plan, plan, write_next_run
-from mjfish.design.detection import Detection
-from mjfish.design.information import Information
+from mjfish.design.information import Detection, Information
 from mjfish.diagnosis.evidence import gather
 from mjfish.effects import find
 from mjfish.errors import InputError

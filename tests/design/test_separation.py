@@ -10,7 +10,7 @@ import pytest
 from rivals_apart import DURATION, planted, swum
 
 from mjfish.data import Dataset
-from mjfish.design.fitted_models import FittedModels, ModelEstimate, rival_models
+from mjfish.design.fitted_models import FittedModels, ModelEstimate
 from mjfish.design.information import Information, solve
 from mjfish.design.menu import Menu, Run
 from mjfish.design.separation import Separation, separations
@@ -30,7 +30,7 @@ RUNS = ("steady-30", "step-down")
 
 def _rivals(dataset: Dataset, *names: str) -> tuple[ModelEstimate, ...]:
     known = FittedModels.undiagnosed(dataset, catalogue(), 1)
-    return rival_models(known, [find(name) for name in names], silent)
+    return known.estimates([find(name) for name in names], silent)
 
 
 def _separation(dataset: Dataset, names: tuple[str, str], runs: Sequence[Run]) -> Separation:

@@ -10,11 +10,11 @@ one, the cause that moves the fish least. Nothing is whitened.
 from __future__ import annotations
 
 import numpy as np
-from mjfish.design import FittedModels
 from scipy import signal
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
+from mjfish.design import FittedModels
 from mjfish.diagnosis.evidence import signatures
 from mjfish.effects import catalogue
 from mjfish.estimation import fit
