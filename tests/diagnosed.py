@@ -19,7 +19,7 @@ from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import catalogue, find
 from mjfish.estimation import Noise, Problem
 from mjfish.fish import load_fish
-from mjfish.inspection import Checks
+from mjfish.inspection import Inspection
 from mjfish.model import Model
 
 CAUSE = "servo_lag"
@@ -77,7 +77,7 @@ def diagnosis(
         message=f"Something to say about {verdict}.",
         status="ok",
         remarks=("c_f.head of the nominal model rests on its bound",),
-        checks=Checks(),
+        checks=Inspection(),
         blind={"mass_error": "a refit of the coefficients hides all of it"},
         causes=(Cause(cause, find(cause).summary, own),) if verdict == "named" else (),
         rivals=((cause, "time_offset"),) if verdict == "cannot_tell" else (),

@@ -57,7 +57,7 @@ def bursts(evidence: Evidence, rng: np.random.Generator) -> Finding | None:
         places.append(f"{problem.trials[i].name} at {time:.1f} s")
         energies[i][max(k - widths[i], 0) : k + widths[i] + 1] = 0.0
     return Finding(
-        check="noise",
+        code="noise-bursts",
         severity="blocks",
         place=", ".join(places),
         found="the simulation is off for moments, more than noise would be",

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from mjfish import inspection as checks
 from mjfish.data import Dataset
 from mjfish.diagnosis import assemble, heldout, provenance
 from mjfish.diagnosis.bursts import bursts
@@ -30,6 +29,7 @@ from mjfish.errors import InputError
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.report import check_enough, first_sigma
+from mjfish.inspection import Inspection, inspect, inspect_fit
 from mjfish.model import Model
 
 
@@ -77,13 +77,15 @@ def _diagnosed(
         jobs=jobs or os.cpu_count() or 1,
     )
     check_enough(problem, dataset.name)
-    checked = checks.inspect(dataset, {effect.name: effect for effect in candidates})
+    known = {effect.name: effect for effect in candidates}
+    checked = inspect(dataset, known)
     findings, noise_remark = search(problem, applicable, stated, rng, progress)
     evidence, refitted = findings.evidence, findings.refits
-    checked = checked.joined(checks.after(evidence.problem, evidence.fit, held))
+    checked = checked.joined(inspect_fit(evidence.problem, evidence.fit, known, held))
     if findings.p_wrong >= ALARM:
         taken_for_noise = too_large(evidence.problem, evidence.fit, checked.repeats), bursts(evidence, rng)
-        checked = checked.joined(checks.Checks(tuple(one for one in taken_for_noise if one is not None)))
+        found = (finding for finding in taken_for_noise if finding is not None)
+        checked = checked.joined(Inspection.of(found, known))
 
     progress("comparing the candidates", 0.75)
     held_out = HeldOut(evidence, held)

@@ -46,7 +46,7 @@ def too_large(problem: Problem, fit: Fit, repeats: Repeats | None) -> Finding | 
     channel, share = CHANNELS[worst], error[worst] / size[worst]
     off = f"{error[worst]:.2g} {UNITS[channel]} rms over {_SLOW} s and more"
     return Finding(
-        check="noise",
+        code="noise-slow",
         severity="blocks",
         place=channel,
         found=f"the simulation is off by {off}, {share:.0%} of all of it; that may be noise, or something that no "

@@ -17,7 +17,7 @@ from mjfish.diagnosis.locate import Where
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
 from mjfish.files import write_json
-from mjfish.inspection import Checks
+from mjfish.inspection import Inspection
 from mjfish.model import Model
 from mjfish.serialise import plain
 
@@ -165,7 +165,7 @@ class Diagnosis:
     message: str
     status: str
     remarks: tuple[str, ...]
-    checks: Checks
+    checks: Inspection
     causes: tuple[Cause, ...]
     rivals: tuple[tuple[str, ...], ...]
     alternatives: tuple[tuple[str, ...], ...]

@@ -9,6 +9,7 @@ import numpy as np
 from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
+from mjfish.effects.calibration import DRIFT, Calibration
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
 
@@ -37,6 +38,8 @@ class AmbientCurrent(Effect):
     signature: ClassVar[str] = "an offset of surge and sway that turns with the heading; it is there at rest too"
     confirm: ClassVar[str] = "let the fish drift without drive, or swim the same run in the opposite heading"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-1.0, odd=None, part="everywhere")
+    calibration: ClassVar[Calibration | None] = DRIFT
+    resembles: ClassVar[tuple[str, ...]] = ("compatibility-bias", "design-no-turn", "start-offset")
 
     def not_applicable(self, dataset: Dataset) -> str:
         """A current needs the heading in the world: from rest it starts at 0, else it must be measured."""

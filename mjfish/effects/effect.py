@@ -10,6 +10,7 @@ from typing import ClassVar, Literal, get_args
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.drive.motion import JointMotion
+from mjfish.effects.calibration import Calibration
 from mjfish.errors import ParameterError, UnknownNameError
 from mjfish.fish import KINDS, Fish
 from mjfish.hydro.load import PARAMETERS, Load
@@ -19,6 +20,8 @@ from mjfish.parameter import Parameter
 Values = Mapping[str, float]
 Family = Literal["data", "drive", "body", "water", "out_of_plane"]
 Part = Literal["start-up", "transition", "steady", "turn", "everywhere"]
+#: Exponents of the beat frequency above this size count as a change with frequency.
+_SCALES = 0.25
 _DECLARED = ("name", "family", "summary", "parameters", "source", "signature", "confirm")
 _HOOKS = ("drive", "body", "clock", "reading")
 
@@ -58,6 +61,9 @@ class Effect(ABC):
         signature: what the residual looks like if this is the cause.
         confirm: the experiment that would confirm it.
         fingerprint: how its discrepancy scales, what symmetry it breaks, where it sits.
+        calibration: the bench measurement that settles it; None: that of its family, if there is one.
+        resembles: codes of findings about the data (see `mjfish.inspection`) that look like this cause, or with
+            which the data cannot show it.
         smooth: whether predictions are differentiable in its amplitudes at the null value; else it is always refitted.
         least: share of its scale that an amplitude which cannot be negative keeps from zero in a refit.
         load: force on every link from outside the Morison model, compiled; its parameters come in declared order.
@@ -72,6 +78,8 @@ class Effect(ABC):
     signature: ClassVar[str]
     confirm: ClassVar[str]
     fingerprint: ClassVar[Fingerprint] = Fingerprint()
+    calibration: ClassVar[Calibration | None] = None
+    resembles: ClassVar[tuple[str, ...]] = ()
     smooth: ClassVar[bool] = True
     least: ClassVar[float] = 0.002
     load: ClassVar[Load | None] = None
@@ -117,6 +125,14 @@ class Effect(ABC):
         """
         del values, trial
         return state
+
+    @classmethod
+    def unclear_under(cls, code: str) -> bool:
+        """Return whether data with a finding of this code cannot tell or show this cause."""
+        shown = {"design-no-turn": "turn", "design-no-start": "start-up"}
+        if code == "design-one-frequency":
+            return abs(cls.fingerprint.exponent or 0.0) > _SCALES
+        return code in cls.resembles or (code in shown and cls.fingerprint.part == shown[code])
 
     @classmethod
     def is_null(cls, values: Values) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+from mjfish.effects.calibration import TOW_TEST, Calibration
 from mjfish.effects.effect import Effect, Family, Fingerprint
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import INTERVALS
@@ -41,4 +42,5 @@ class FinLift(Effect):
     signature: ClassVar[str] = "sway and yaw rate of the beat, growing with forward speed; little at rest"
     confirm: ClassVar[str] = "hold the fin at small angles in a stream and measure its side force against the angle"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = TOW_TEST
     load: ClassVar[Load | None] = _lift

@@ -33,6 +33,7 @@ class FrameMisalignment(Effect):
     signature: ClassVar[str] = "a constant share of the forward speed shows up as sway, to the same side in every run"
     confirm: ClassVar[str] = "push the stretched fish along a straight rail in the camera's view"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=True, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = ("compatibility-derived", "compatibility-rotation", "design-no-turn")
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Turn the translations."""

@@ -26,6 +26,7 @@ class InertiaError(Effect):
     signature: ClassVar[str] = "yaw rate and sway within the beat are too large or too small, alike at every frequency"
     confirm: ClassVar[str] = "hang the head on two threads and time its swing about the vertical (bifilar pendulum)"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Scale every inertia."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+from mjfish.effects.calibration import TOW_TEST, Calibration
 from mjfish.effects.effect import Effect, Family, Fingerprint
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import INTERVALS
@@ -41,4 +42,6 @@ class LinearDrag(Effect):
     signature: ClassVar[str] = "too slow at low frequency, less so at high; the error falls as one over frequency"
     confirm: ClassVar[str] = "tow the stretched fish at low speeds: the force over the speed does not go to zero"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-1.0, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = TOW_TEST
+    resembles: ClassVar[tuple[str, ...]] = ("design-short",)
     load: ClassVar[Load | None] = _damping

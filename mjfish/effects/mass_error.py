@@ -28,6 +28,7 @@ class MassError(Effect):
     signature: ClassVar[str] = "none while all coefficients are free: they all come out wrong by one factor"
     confirm: ClassVar[str] = "weigh the fish, or measure one coefficient in a tow tank"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Scale masses and inertias."""

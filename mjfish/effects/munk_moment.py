@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from mjfish.effects.calibration import TOW_TEST, Calibration
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
@@ -26,6 +27,8 @@ class MunkMoment(Effect):
     signature: ClassVar[str] = "yaw rate and sway, growing with forward speed times sideways speed; none at rest"
     confirm: ClassVar[str] = "tow the fish, joints held, at a small angle and measure the yaw moment against speed"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = TOW_TEST
+    resembles: ClassVar[tuple[str, ...]] = ("design-no-turn",)
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Add kappa to the fish's own share."""

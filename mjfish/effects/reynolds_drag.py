@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from mjfish.effects.calibration import TOW_TEST, Calibration
 from mjfish.effects.effect import Effect, Family, Fingerprint
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
@@ -52,4 +53,6 @@ class ReynoldsDrag(Effect):
     signature: ClassVar[str] = "forward speed against beat frequency is bent; start-ups are slower than simulated"
     confirm: ClassVar[str] = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-0.5, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = TOW_TEST
+    resembles: ClassVar[tuple[str, ...]] = ("design-short",)
     load: ClassVar[Load | None] = _excess

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from mjfish.effects.calibration import CALIPERS, Calibration
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
@@ -27,6 +28,7 @@ class SectionHeight(Effect):
     signature: ClassVar[str] = "like larger coefficients of every kind at once; nearly all of it goes into them"
     confirm: ClassVar[str] = "measure the height of the sections with callipers"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = CALIPERS
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Scale every height."""

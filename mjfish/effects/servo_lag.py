@@ -37,6 +37,7 @@ class ServoLag(Effect):
     signature: ClassVar[str] = "late and smaller with frequency; steps of the command come out smooth"
     confirm: ClassVar[str] = "log the joint angles on the bench while the command steps"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
     smooth: ClassVar[bool] = False
 
     def not_applicable(self, dataset: Dataset) -> str:

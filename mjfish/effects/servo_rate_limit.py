@@ -45,6 +45,7 @@ class ServoRateLimit(Effect):
     )
     confirm: ClassVar[str] = "log the joint angles on the bench while the command steps, and read the largest rate"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = ("stuck-clipped",)
     smooth: ClassVar[bool] = False
 
     def not_applicable(self, dataset: Dataset) -> str:

@@ -41,6 +41,7 @@ class ServoSaturation(Effect):
     )
     confirm: ClassVar[str] = "step the joints on the bench to larger and larger angles and read them"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = ("stuck-clipped",)
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Measured joint angles leave nothing between command and joint."""

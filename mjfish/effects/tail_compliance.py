@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from mjfish.effects.calibration import SPRING_BALANCE, Calibration
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
@@ -31,6 +32,7 @@ class TailCompliance(Effect):
     )
     confirm: ClassVar[str] = "hold the peduncle, load the fin with a spring balance and read the deflection"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=2.0, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = SPRING_BALANCE
     smooth: ClassVar[bool] = False
     least: ClassVar[float] = (
         0.02  # a tail that is stiffer than this asks for a step that is shorter than any data can see

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
+from mjfish.effects.calibration import SYNC_FLASH, Calibration
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
 
@@ -28,6 +29,17 @@ class TimeOffset(Effect):
     signature: ClassVar[str] = "every channel is shifted by the same time; the phase error grows with frequency"
     confirm: ClassVar[str] = "flash a light in the camera's view when the drive starts"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = SYNC_FLASH
+    resembles: ClassVar[tuple[str, ...]] = (
+        "clock-drift",
+        "clock-jump",
+        "compatibility-derived",
+        "compatibility-skew",
+        "design-no-start",
+        "repeats-differ",
+        "stuck-frozen",
+        "velocity-differentiated",
+    )
 
     def not_applicable(self, dataset: Dataset) -> str:
         """A free clock makes the offset a nuisance of every trial."""

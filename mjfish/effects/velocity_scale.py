@@ -30,6 +30,12 @@ class VelocityScale(Effect):
     signature: ClassVar[str] = "surge and sway are off by the same factor at every speed; the yaw rate is right"
     confirm: ClassVar[str] = "film a ruler at the depth of the marker, or integrate the speed along a known distance"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = (
+        "compatibility-derived",
+        "compatibility-scale",
+        "repeats-differ",
+        "stuck-clipped",
+    )
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Scale the translations."""

@@ -45,5 +45,6 @@ class WakeMemory(Effect):
     signature: ClassVar[str] = "the beat's sway and yaw rate are early and large; start-ups and turns overshoot"
     confirm: ClassVar[str] = "hold the fish, step one joint and watch the side force settle after the joint has stopped"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
     load: ClassVar[Load | None] = _late
     mujoco: ClassVar[bool] = False

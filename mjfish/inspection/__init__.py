@@ -1,25 +1,25 @@
-"""Checks of the data, before physics is blamed: `inspect` before any fit, `after` with the nominal fit.
+"""Tests of the data, before physics is blamed: `inspect` before any fit, `inspect_fit` with the nominal fit.
 
-What they find is a `Finding`: its place, what was expected, a remedy, and the causes that such data cannot tell.
-Nothing here raises for bad data that `mjfish.data.load_dataset` accepts.
+What they find is a `Finding`: a stable code, its place, what was expected, a remedy, and the causes that such data
+cannot show. Nothing here raises for bad data that `mjfish.load_dataset` accepts.
 """
 
-from mjfish.inspection.before import inspect
-from mjfish.inspection.compatibility import Compatibility, Estimated, compatibility
-from mjfish.inspection.finding import EVERYTHING, Checks, Finding, Severity
-from mjfish.inspection.later import after
+from mjfish.inspection.after_fit import inspect_fit
+from mjfish.inspection.before_fit import inspect
+from mjfish.inspection.finding import EVERYTHING, Finding, Severity
+from mjfish.inspection.kinematics import Compatibility, compatibility
 from mjfish.inspection.repeats import Repeats, noise_from_repeats
+from mjfish.inspection.result import Inspection
 
 __all__ = [
     "EVERYTHING",
-    "Checks",
     "Compatibility",
-    "Estimated",
     "Finding",
+    "Inspection",
     "Repeats",
     "Severity",
-    "after",
     "compatibility",
     "inspect",
+    "inspect_fit",
     "noise_from_repeats",
 ]

@@ -5,9 +5,9 @@ d = (y_1 - y_2) / sqrt(2),   in general the deviations from the mean of R repeat
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.data.types import seen_of
 from mjfish.estimation.noise import Noise, estimate
+from mjfish.frames import CHANNELS, UNITS
+from mjfish.inspection.finding import Finding
 
 #: Repeats shorter than this many samples together say little of a noise.
 _FEWEST = 100
@@ -49,17 +51,8 @@ class Repeats:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return {
-            "groups": [list(group) for group in self.groups],
-            "clean": [list(group) for group in self.clean],
-            "sigma": self.sigma.tolist(),
-            "order": self.noise.order,
-            "phi": self.noise.phi.tolist(),
-            "innovation_sigma": self.noise.sigma.tolist(),
-            "autocorrelation": self.autocorrelation.tolist(),
-            "seconds": self.seconds,
-            "line": list(self.line),
-        }
+        noise = {"order": self.noise.order, "phi": self.noise.phi, "innovation_sigma": self.noise.sigma}
+        return {name: value for name, value in vars(self).items() if name != "noise"} | noise
 
 
 def noise_from_repeats(dataset: Dataset, leave_out: Sequence[str] = ()) -> Repeats | None:
@@ -74,30 +67,38 @@ def noise_from_repeats(dataset: Dataset, leave_out: Sequence[str] = ()) -> Repea
         if trial.drive and trial.name not in leave_out:
             groups.setdefault(trial.drive, []).append(trial)
     found = [_differences(group, dataset.clock == "free") for group in groups.values() if len(group) > 1]
-    every = [one for one in found if one is not None]
-    clean = [one for one in every if one[4] <= LINE]
+    every = [group for group in found if group is not None]
+    clean = [group for group in every if group.line <= LINE]
     used = clean or every
-    if sum(len(block) for one in used for block in one[0]) < _FEWEST:
+    blocks = [block for group in used for block in group.blocks]
+    if sum(map(len, blocks)) < _FEWEST:
         return None
-    blocks = [block for one in used for block in one[0]]
-    seen = [there for one in used for there in one[1]]
+    seen = [rows for group in used for rows in group.seen]
     noise = estimate(blocks, seen=seen)
     products = _autocovariance(blocks, seen)
     return Repeats(
-        groups=tuple(one[2] for one in every),
-        clean=tuple(one[2] for one in clean),
+        groups=tuple(group.names for group in every),
+        clean=tuple(group.names for group in clean),
         noise=noise,
         sigma=readonly(np.sqrt(products[:, 0])),
         autocorrelation=readonly(products / products[:, :1]),
-        seconds=float(sum(one[3] for one in used)),
-        line=tuple(one[4] for one in every),
+        seconds=float(sum(group.seconds for group in used)),
+        line=tuple(group.line for group in every),
     )
 
 
-def _differences(
-    group: Sequence[Trial], free_clock: bool
-) -> tuple[list[FloatArray], list[BoolArray], tuple[str, ...], float, float] | None:
-    """Return differences (n, 3) a repeat, where they stand on the grid, names, seconds, power at the beat."""
+class _Group(NamedTuple):
+    """Repeats of one drive: differences (n, 3) per repeat, their rows on the grid, power at the beat."""
+
+    blocks: list[FloatArray]
+    seen: list[BoolArray]
+    names: tuple[str, ...]
+    seconds: float
+    line: float
+
+
+def _differences(group: Sequence[Trial], free_clock: bool) -> _Group | None:
+    """Return the differences between repeats; None where they have too few samples in common."""
     step = group[0].step
     cells = [np.rint(trial.time / step).astype(np.int64) for trial in group]
     aligned = all(np.abs(t.time - c * step).max() < 0.05 * step for t, c in zip(group, cells, strict=True))
@@ -123,7 +124,7 @@ def _differences(
     kept = list(apart[: len(group) - 1])
     names = tuple(trial.name for trial in group)
     line = max(_line(block, np.asarray(common * step, dtype=np.float64), group[0]) for block in apart)
-    return kept, [there] * len(kept), names, len(common) * step * (len(group) - 1), line
+    return _Group(kept, [there] * len(kept), names, len(common) * step * (len(group) - 1), line)
 
 
 def _line(block: FloatArray, time: FloatArray, trial: Trial) -> float:
@@ -157,3 +158,28 @@ def _autocovariance(blocks: Sequence[FloatArray], seen: Sequence[BoolArray]) -> 
             products[:, lag] += np.sum(grid[lag:] * grid[: len(grid) - lag], axis=0)
             pairs[lag] += np.count_nonzero(there[lag:] & there[: len(there) - lag])
     return np.asarray(products / np.maximum(pairs, 1.0) + 1e-300)
+
+
+def repeat_findings(repeats: Repeats) -> Iterator[Finding]:
+    """Yield how much noise the repeats show, and which of them differ by more."""
+    if repeats.clean:
+        sigma = ", ".join(f"{s:.3g} {UNITS[c]} in {c}" for s, c in zip(repeats.sigma, CHANNELS, strict=True))
+        yield Finding(
+            "repeats-noise",
+            "remark",
+            " and ".join("/".join(group) for group in repeats.clean),
+            f"repeats differ by noise of {sigma} (order {repeats.noise.order}, from {repeats.seconds:.0f} s)",
+            "this noise, whatever the model",
+            "weigh the residuals by it where it was seen for 60 s or more",
+        )
+    for group, line in zip(repeats.groups, repeats.line, strict=True):
+        if line > LINE:
+            yield Finding(
+                "repeats-differ",
+                "suspect",
+                f"trials {', '.join(group)}",
+                f"these repeats differ at the beat frequency, {line:.0f} times as much as beside it",
+                "repeats that differ by noise alone",
+                "look whether their clocks, batteries or starts differ, and leave the odd one out",
+                trials=group,
+            )

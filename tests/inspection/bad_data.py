@@ -8,12 +8,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from planted_truth import TRUTH
+from true_values import TRUTH
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.fish import load_fish
-from mjfish.inspection import Checks, Finding
+from mjfish.inspection import Finding, Inspection
 from mjfish.model import Model
 from mjfish.simulation.synthetic import generate
 
@@ -63,18 +63,18 @@ def with_pose(dataset: Dataset, noise: tuple[float, float, float] = (0.001, 0.00
     return replace(dataset, trials=tuple(map(posed, dataset.trials)))
 
 
-def wrong(found: Checks) -> list[Finding]:
+def wrong(found: Inspection) -> list[Finding]:
     """Return what is more than a remark."""
     return [one for one in found.findings if one.severity != "remark"]
 
 
-def only(found: Checks, check: str) -> Finding:
-    """Return the one finding that is more than a remark, which must be of `check`."""
+def only(found: Inspection, code: str) -> Finding:
+    """Return the one finding that is more than a remark, whose code must begin with `code`."""
     one = wrong(found)
-    assert [finding.check for finding in one] == [check], [finding.message for finding in one]
+    assert [finding.code.startswith(code) for finding in one] == [True], [finding.message for finding in one]
     return one[0]
 
 
-def remarked(found: Checks, check: str) -> list[Finding]:
-    """Return the remarks of a check."""
-    return [one for one in found.findings if one.severity == "remark" and one.check == check]
+def remarked(found: Inspection, code: str) -> list[Finding]:
+    """Return the remarks whose code begins with `code`."""
+    return [one for one in found.findings if one.severity == "remark" and one.code.startswith(code)]

@@ -8,23 +8,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bad_data import SIGMA, good, only, remarked, spoiled, velocity, wrong
-from planted_truth import TRUTH
 from scipy import signal
+from true_values import TRUTH
 
-from mjfish import inspection as checks
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
+from mjfish.effects import catalogue
 from mjfish.estimation import Noise, Problem, fit
-from mjfish.inspection import Checks
-from mjfish.inspection.making import making
+from mjfish.inspection import Inspection, inspect_fit
+from mjfish.inspection.after_fit import noise_spectra
 from mjfish.model import Model
 
 
-def _after(dataset: Dataset) -> Checks:
+def _after(dataset: Dataset) -> Inspection:
     """Fit from the truth, a few steps: what a fit would find."""
     fitted, held = dataset.split()
     posed = Problem(Model(dataset.fish), fitted, Noise.white(readonly(SIGMA)), jobs=1)
-    return checks.after(posed, fit(posed, posed.start(TRUTH), evaluations=4), held)
+    return inspect_fit(posed, fit(posed, posed.start(TRUTH), evaluations=4), catalogue(), held)
 
 
 def test_good_data_are_not_complained_of_after_the_fit() -> None:
@@ -65,7 +65,7 @@ def test_a_swap_that_only_turns_show_is_found() -> None:
 
 def test_a_run_that_does_not_go_with_its_repeat_is_suspect() -> None:
     """v1.2 is scaled by 1.15. Catches a run whose own weight in the fit hides it, and its twin named."""
-    found = only(_after(spoiled(velocity(lambda v: 1.15 * v), "v1.2")), "odd_run")
+    found = only(_after(spoiled(velocity(lambda v: 1.15 * v), "v1.2")), "outlying-run")
     assert found.trials == ("v1.2",)
     assert "'v1'" in found.found or "'v1-t1'" in found.found
 
@@ -74,7 +74,7 @@ def test_a_run_that_nothing_can_be_compared_with_is_a_remark() -> None:
     """v5 is scaled, alone at its drive: a cause that grows with frequency would do the same. Catches a verdict."""
     found = _after(spoiled(velocity(lambda v: 1.2 * v), "v5"))
     assert wrong(found) == []
-    assert [one.trials for one in remarked(found, "odd_run")] == [("v5",)]
+    assert [one.trials for one in remarked(found, "outlying-run")] == [("v5",)]
 
 
 def test_an_odd_run_is_looked_for_where_every_coefficient_rests_on_a_bound() -> None:
@@ -83,7 +83,7 @@ def test_an_odd_run_is_looked_for_where_every_coefficient_rests_on_a_bound() -> 
     posed = Problem(Model(good().fish), fitted, Noise.white(readonly(SIGMA)), jobs=1)
     found = fit(posed, posed.start(TRUTH), evaluations=1)
     pinned = replace(found, at_bound=np.ones_like(found.at_bound))
-    assert wrong(checks.after(posed, pinned, held)) == []
+    assert wrong(inspect_fit(posed, pinned, catalogue(), held)) == []
 
 
 Draw = Callable[[np.random.Generator, int], FloatArray]
@@ -101,7 +101,9 @@ def _drift(rng: np.random.Generator, n: int) -> FloatArray:
 def test_noise_that_was_measured_is_not_called_differentiated(draw: Draw, kind: str) -> None:
     """10 draws of three channels. Catches a filter family so rich that it fits anything."""
     rng = np.random.default_rng(1)
-    found = [one for _ in range(10) for one in making([draw(rng, 400) for _ in range(4)], [0.02] * 4, [[3.0]] * 4)]
+    found = [
+        one for _ in range(10) for one in noise_spectra([draw(rng, 400) for _ in range(4)], [0.02] * 4, [[3.0]] * 4)
+    ]
     kinds = [one.kind for one in found]
     assert "differentiated" not in kinds
     assert kinds.count(kind) >= 0.9 * len(kinds)
@@ -114,7 +116,7 @@ def test_the_window_of_a_differentiator_is_read_from_the_spectrum(window: int) -
     residuals = [
         signal.savgol_filter(rng.standard_normal((430, 3)), window, 2, deriv=1, axis=0)[15:-15] for _ in range(4)
     ]
-    found = making(residuals, [0.02] * 4, [[3.0]] * 4)
+    found = noise_spectra(residuals, [0.02] * 4, [[3.0]] * 4)
     assert [(one.kind, one.window) for one in found] == [("differentiated", window)] * 3
 
 
@@ -127,5 +129,5 @@ def test_differentiated_data_are_said_so() -> None:
         return values + 3.0 * SIGMA * noise / noise.std(axis=0)
 
     # The planted white noise stays below a tenth of it.
-    found = remarked(_after(spoiled(velocity(filtered))), "making")
+    found = remarked(_after(spoiled(velocity(filtered))), "velocity-differentiated")
     assert [("9 samples" in one.found, "time_offset" in one.cannot_tell) for one in found] == [(True, True)]

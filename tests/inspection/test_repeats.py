@@ -9,10 +9,9 @@ import pytest
 from bad_data import SIGMA, good, only, remarked, spoiled, velocity, wrong
 from scipy import signal
 
-from mjfish import inspection as checks
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
-from mjfish.inspection import noise_from_repeats
+from mjfish.inspection import inspect, noise_from_repeats
 
 
 def _repeated(phi: float, count: int = 4) -> Dataset:
@@ -58,9 +57,9 @@ def test_gaps_in_one_repeat_leave_the_rest() -> None:
 @pytest.mark.parametrize("factor", [1.1, 0.97])
 def test_repeats_that_differ_at_the_beat_are_suspect(factor: float) -> None:
     """One of them is scaled. Catches a noise estimate that swallows the difference."""
-    found = only(checks.inspect(spoiled(velocity(lambda v: v * factor), "v1.2")), "repeats")
+    found = only(inspect(spoiled(velocity(lambda v: v * factor), "v1.2")), "repeats")
     assert found.trials == ("v1", "v1.2")
-    assert remarked(checks.inspect(good()), "repeats")
+    assert remarked(inspect(good()), "repeats")
 
 
 def test_a_clock_that_is_free_may_differ_between_repeats() -> None:
@@ -70,8 +69,8 @@ def test_a_clock_that_is_free_may_differ_between_repeats() -> None:
         return replace(trial, time=trial.time[:-1], velocity=readonly(trial.velocity[1:]))
 
     apart = spoiled(late, "v1.2")
-    assert only(checks.inspect(apart), "repeats")
+    assert only(inspect(apart), "repeats")
     free = noise_from_repeats(replace(apart, clock="free"))
     assert free is not None
     assert free.sigma[1] < 4.0 * SIGMA[1]
-    assert wrong(checks.inspect(good())) == []
+    assert wrong(inspect(good())) == []

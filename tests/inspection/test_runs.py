@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from bad_data import good, wrong
 
-from mjfish import inspection as checks
 from mjfish.data import Dataset
+from mjfish.drive.wave import Wave
 from mjfish.effects import catalogue
-from mjfish.inspection import EVERYTHING, Finding
+from mjfish.inspection import EVERYTHING, Finding, inspect
+from mjfish.inspection.runs import beats, missing_runs
 
 
 def _said(dataset: Dataset) -> dict[str, Finding]:
-    found = checks.inspect(dataset)
+    found = inspect(dataset)
     assert wrong(found) == []
-    return {one.found: one for one in found.findings if one.check == "design"}
+    return {one.found: one for one in found.findings if one.code.startswith("design")}
 
 
 def _of(*names: str) -> Dataset:
@@ -47,6 +49,18 @@ def test_no_turn_is_said() -> None:
     said = _said(_of("v1", "v3", "v5"))
     assert "ambient_current" in said["no fitted run turns"].cannot_tell
     assert "no fitted run turns" not in _said(_of("v1", "v3", "v1-t1"))
+
+
+def test_a_wave_with_a_bias_turns() -> None:
+    """50 degrees of bias in the last joint. Catches a turn that is looked for in CPG drives alone."""
+
+    def waved(bias: float) -> Dataset:
+        wave = Wave(2.1, (0.1,) * 4, (0.0,) * 4, (0.0, 0.0, 0.0, bias), ramp=0.5)
+        return replace(good(), trials=tuple(replace(trial, drive=(), wave=wave) for trial in good().trials))
+
+    assert "design-no-turn" in {finding.code for finding in missing_runs(waved(0.0), {})}
+    assert "design-no-turn" not in {finding.code for finding in missing_runs(waved(math.radians(50.0)), {})}
+    assert beats(waved(0.0).trials[0]) == [2.1]
 
 
 def test_no_held_out_run_is_said() -> None:

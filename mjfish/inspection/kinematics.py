@@ -12,12 +12,17 @@ commute, so times a test function f_m with compact support, integrated by parts,
 
 in which nothing measured is differentiated (weak form: Messenger & Bortz, J. Comput. Phys. 443 (2021)). The shift d is
 applied to f_m and psi, never to u.
+
+A velocity that somebody made by central differences, (p(t + h) - p(t - h)) / (2 h), loses the factor sin(w h) / (w h)
+at the angular frequency w: 0.968 at 2.1 Hz and 30 frames a second. That is no scale of the camera, and it acts on the
+yaw rate too. Then f_m'(t) in the integral becomes (f_m(t + h) - f_m(t - h)) / (2 h); the two are told apart because a
+scale is the same at all frequencies.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,10 +33,25 @@ from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.data.check import GAP
+from mjfish.frames import UNITS
+from mjfish.inspection.finding import Finding
+from mjfish.inspection.runs import beats
 
 #: Half the width of a test function [s], and at least this many samples: shorter than half a beat of any fish.
 _HALF_WIDTH = 0.1
 _FEWEST = 5
+#: Samples to either side over which central differences are tried; log-likelihood that they may lose to a free scale,
+#: and the share of the windows that is independent.
+_DIFFERENCES = (1, 2, 3)
+_AS_GOOD = 2.0
+_INDEPENDENT = 0.25
+#: Standard errors by which pose and velocity must disagree, and the least disagreement that is reported.
+_SURE = 6.0
+_LEAST = {
+    "scale": 0.01, "rotation": math.radians(0.5), "skew": 0.002, "surge_bias": 0.005, "sway_bias": 0.005, "bias": 0.02,
+}  # fmt: skip
+#: A factor of this size is a unit, not a calibration.
+_UNIT = 3.0
 #: Gauss-Newton rounds for the shift, and lags of the correlation of errors: windows overlap, and noise may be slow.
 _ROUNDS = 4
 _LAGS = 12
@@ -58,22 +78,18 @@ class Compatibility:
             velocity against the position; empty where no position was measured.
         turning: ``scale`` [-], ``skew`` [s], ``bias`` [rad/s] of the yaw rate against the yaw.
         derived: the velocity is a linear filter of the pose: made from it, so that agreement says nothing.
+        differences: samples h to either side over which central differences were taken, of the positions and of the
+            yaw; 0 where nothing says so.
         trials: names of the trials with a pose.
+        loss: what these differences take off the beat, 1 - sin(w h) / (w h), at the highest beat frequency.
     """
 
     translation: dict[str, Estimated]
     turning: dict[str, Estimated]
     derived: bool
+    differences: tuple[int, int]
     trials: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return {
-            "translation": {name: vars(one) for name, one in self.translation.items()},
-            "turning": {name: vars(one) for name, one in self.turning.items()},
-            "derived": self.derived,
-            "trials": list(self.trials),
-        }
+    loss: float
 
 
 def compatibility(trials: Sequence[Trial]) -> Compatibility | None:
@@ -82,13 +98,41 @@ def compatibility(trials: Sequence[Trial]) -> Compatibility | None:
     windows = [one for trial in posed for one in _windows(trial)]
     if not windows:
         return None
-    placed = [one for one in windows if np.all(np.isfinite(one.position))]
+    placed = [window for window in windows if np.all(np.isfinite(window.position))]
+    translation, of_positions = _explained(_translation, placed) if placed else ({}, 0)
+    turning, of_yaw = _explained(_turning, windows)
+    omega = 2.0 * math.pi * max((f for trial in posed for f in beats(trial)), default=0.0)
+    reach = max(of_positions, of_yaw) * omega * max(trial.step for trial in posed)
     return Compatibility(
-        translation=_translation(placed) if placed else {},
-        turning=_turning(windows),
+        translation=translation,
+        turning=turning,
         derived=all(_derived(trial) for trial in posed),
+        differences=(of_positions, of_yaw),
         trials=tuple(trial.name for trial in posed),
+        loss=1.0 - float(np.sinc(reach / math.pi)),
     )
+
+
+_Fitted = tuple[dict[str, Estimated], float, int]
+
+
+def _explained(
+    fit: Callable[[Sequence[_Window], int], _Fitted], windows: Sequence[_Window]
+) -> tuple[dict[str, Estimated], int]:
+    """Return the estimates, and over how many samples central differences explain a scale below 1; 0: they do not."""
+    plain, squares, rows = fit(windows, 0)
+    if not _is_off("scale", plain["scale"]) or plain["scale"].value > 1.0:
+        return plain, 0
+    for reach in _DIFFERENCES:
+        estimates, left, _ = fit(windows, reach)
+        if not _is_off("scale", estimates["scale"]) and _INDEPENDENT * rows * math.log(left / squares) < _AS_GOOD:
+            return estimates, reach
+    return plain, 0
+
+
+def _is_off(name: str, estimate: Estimated) -> bool:
+    null = 1.0 if name == "scale" else 0.0
+    return estimate.off(null) > _SURE and abs(estimate.value - null) > _LEAST[name]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +156,11 @@ class _Window:
         """Return f_m(t + shift) (m, n): f = (1 - u^2)^4, u = (t - centre) / half."""
         return np.asarray(np.square(np.square(1.0 - np.square(self._inside(shift)))))
 
-    def bump_rate(self) -> FloatArray:
-        """Return f_m'(t) (m, n)."""
+    def bump_rate(self, reach: int) -> FloatArray:
+        """Return f_m'(t) (m, n), or its central difference over `reach` samples to either side."""
+        if reach:
+            h = reach * float(np.median(np.diff(self.time)))
+            return (self.bump(h) - self.bump(-h)) / (2.0 * h)
         u = self._inside(0.0)
         rest = 1.0 - np.square(u)
         return np.asarray(-8.0 / self.half * u * rest * rest * rest)
@@ -147,31 +194,32 @@ def _windows(trial: Trial) -> list[_Window]:
     return found
 
 
-def _translation(windows: Sequence[_Window]) -> dict[str, Estimated]:
+def _translation(windows: Sequence[_Window], reach: int) -> _Fitted:
     splines = [make_interp_spline(one.time, one.yaw, k=3) for one in windows]
 
     def parts(shift: float) -> list[tuple[FloatArray, FloatArray]]:
-        return [_translated(one, spline, shift) for one, spline in zip(windows, splines, strict=True)]
+        return [_translated(one, spline, shift, reach) for one, spline in zip(windows, splines, strict=True)]
 
-    (along, across, surge, sway), errors, skew = _fitted(parts, windows)
-    scale = math.hypot(along, across)
-    jacobian = np.array([[along, across], [-across / scale, along / scale]]) / scale
+    (cosine, sine, surge, sway), errors, skew, left = _fitted(parts, windows)
+    scale = math.hypot(cosine, sine)
+    jacobian = np.array([[cosine, sine], [-sine / scale, cosine / scale]]) / scale
     spread = jacobian @ errors[:2, :2] @ jacobian.T
-    return {
+    estimates = {
         "scale": Estimated(scale, math.sqrt(spread[0, 0])),
-        "rotation": Estimated(math.atan2(across, along), math.sqrt(spread[1, 1])),
+        "rotation": Estimated(math.atan2(sine, cosine), math.sqrt(spread[1, 1])),
         "skew": Estimated(skew, math.sqrt(errors[4, 4])),
         "surge_bias": Estimated(float(surge), math.sqrt(errors[2, 2])),
         "sway_bias": Estimated(float(sway), math.sqrt(errors[3, 3])),
     }
+    return estimates, float(left @ left), len(left)
 
 
-def _translated(one: _Window, yaw: Any, shift: float) -> tuple[FloatArray, FloatArray]:
+def _translated(one: _Window, yaw: Any, shift: float, reach: int) -> tuple[FloatArray, FloatArray]:
     """Return left side (2m,) and columns (2m, 4) for s cos a, s sin a and both biases."""
     bump, weight = one.bump(shift), one.weight
     inside = np.clip(one.time + shift, one.time[0], one.time[-1])
     left = (bump * weight) @ frames.to_world(one.velocity[:, :2], yaw(inside))
-    moved = -(one.bump_rate() * weight) @ one.position
+    moved = -(one.bump_rate(reach) * weight) @ one.position
     turned = [
         (one.bump(0.0) * weight) @ frames.to_world(np.broadcast_to(unit, (len(weight), 2)), one.yaw)
         for unit in ((1.0, 0.0), (0.0, 1.0))
@@ -180,25 +228,28 @@ def _translated(one: _Window, yaw: Any, shift: float) -> tuple[FloatArray, Float
     return left.ravel(), np.stack([column.ravel() for column in (moved, quarter, *turned)], axis=1)
 
 
-def _turning(windows: Sequence[_Window]) -> dict[str, Estimated]:
+def _turning(windows: Sequence[_Window], reach: int) -> _Fitted:
     def parts(shift: float) -> list[tuple[FloatArray, FloatArray]]:
         found = []
         for one in windows:
-            turned = -(one.bump_rate() * one.weight) @ one.yaw
+            turned = -(one.bump_rate(reach) * one.weight) @ one.yaw
             column = np.stack([turned, one.bump(0.0) @ one.weight], axis=1)
             found.append(((one.bump(shift) * one.weight) @ one.velocity[:, 2], column))
         return found
 
-    (scale, bias), errors, skew = _fitted(parts, windows)
-    return {
+    (scale, bias), errors, skew, left = _fitted(parts, windows)
+    estimates = {
         "scale": Estimated(float(scale), math.sqrt(errors[0, 0])),
         "skew": Estimated(skew, math.sqrt(errors[2, 2])),
         "bias": Estimated(float(bias), math.sqrt(errors[1, 1])),
     }
+    return estimates, float(left @ left), len(left)
 
 
-def _fitted(parts: Any, windows: Sequence[_Window]) -> tuple[FloatArray, FloatArray, float]:
-    """Fit columns and shift by Gauss-Newton; return coefficients (k,), covariance (k + 1, k + 1) and the shift [s].
+def _fitted(parts: Any, windows: Sequence[_Window]) -> tuple[FloatArray, FloatArray, float, FloatArray]:
+    """Fit columns and shift by Gauss-Newton.
+
+    Returns coefficients (k,), their covariance with the shift (k + 1, k + 1), the shift [s], and the residual.
 
     The covariance is a sandwich that allows for errors that are correlated within a stretch ([Newey1987]).
     """
@@ -222,7 +273,7 @@ def _fitted(parts: Any, windows: Sequence[_Window]) -> tuple[FloatArray, FloatAr
         meat += _kernel(design[rows] * residual[rows, None], len(side) // len(one.centres))
     covariance = bread @ meat @ bread
     covariance[np.diag_indices_from(covariance)] += 1e-30
-    return solution[:-1], covariance, shift
+    return solution[:-1], covariance, shift, residual
 
 
 def _kernel(moments: FloatArray, every: int) -> FloatArray:
@@ -247,3 +298,79 @@ def _derived(trial: Trial) -> bool:
     target = rate[taps // 2 : taps // 2 + len(lagged)]
     left = target - lagged @ np.linalg.lstsq(lagged, target)[0]
     return bool(np.std(left) < 1e-6 * np.std(target) + 1e-12)
+
+
+def disagreements(found: Compatibility) -> Iterator[Finding]:
+    """Yield what pose and velocity disagree about."""
+    where = "pose and velocity"
+    if found.derived:
+        yield Finding(
+            "compatibility-derived",
+            "remark",
+            where,
+            "the velocity was computed from the pose by a filter, so that they agree whatever the camera's scale or "
+            "clock",
+            "two measurements that can check each other",
+            "calibrate by a scale bar and a flash of light",
+            trials=found.trials,
+        )
+        return
+    if any(found.differences):
+        samples = 2 * max(found.differences)
+        yield Finding(
+            "compatibility-differentiated",
+            "remark",
+            where,
+            f"the velocity has the size of central differences over {samples} samples, which take {found.loss:.1%} off "
+            "the beat",
+            "velocities that are the rates of the pose",
+            "no scale is wrong; give the velocities as measured, or positions and yaw at a higher rate",
+            trials=found.trials,
+        )
+    for name, estimate in found.translation.items():
+        if _is_off(name, estimate):
+            yield _disagreement(name, estimate, ("surge", "sway"), found.trials)
+    for name, estimate in found.turning.items():
+        if _is_off(name, estimate):
+            yield _disagreement(name, estimate, ("yaw_rate",), found.trials)
+
+
+def _disagreement(name: str, one: Estimated, channels: tuple[str, ...], trials: tuple[str, ...]) -> Finding:
+    unit = name == "scale" and not 1.0 / _UNIT < abs(one.value) < _UNIT
+    turning = channels == ("yaw_rate",)
+    offset = "bias" in name
+    code = "bias" if offset else "gain" if name == "scale" and turning else name
+    found, remedy = {
+        "scale": (
+            f"the velocity is {one.value:.4g} (+- {one.error:.2g}) times that of the pose",
+            "check both units" if unit else "calibrate the scale of both, and divide the wrong one by this factor",
+        ),
+        "gain": (
+            f"the yaw rate is {one.value:.4g} (+- {one.error:.2g}) times that of the yaw",
+            "check both units" if unit else "calibrate the gain of the gyro; no scale of a camera changes an angle",
+        ),
+        "rotation": (
+            f"the velocity is turned by {math.degrees(one.value):.2f} (+- {math.degrees(one.error):.2g}) degrees "
+            "against the heading",
+            "align the axes of the velocity, or the line that the heading is read from, with the body",
+        ),
+        "skew": (
+            f"the velocity at t agrees with the pose at t {'+' if one.value > 0 else '-'} "
+            f"{1e3 * abs(one.value):.2f} (+- {1e3 * one.error:.2g}) ms",
+            "bring both to one clock",
+        ),
+        "bias": (
+            f"the velocity has an offset of {one.value:.3g} (+- {one.error:.2g}) {UNITS[channels[0]]}",
+            "take the offset at rest, and subtract it; a velocity against the water has that of a current",
+        ),
+    }[code]
+    return Finding(
+        f"compatibility-{code}",
+        "blocks" if unit else "suspect",
+        f"pose and velocity, {' and '.join(channels)}" + (f" ({name.partition('_')[0]})" if offset else ""),
+        found,
+        "velocities that are the rates of the pose",
+        remedy,
+        trials=trials,
+        channels=channels,
+    )

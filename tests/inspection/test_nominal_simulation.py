@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from bad_data import good, only, rows, spoiled, velocity, wrong
 
-from mjfish import inspection as checks
 from mjfish.arrays import readonly
 from mjfish.data import Trial
-from mjfish.inspection import EVERYTHING
+from mjfish.inspection import EVERYTHING, Inspection, inspect
 
 
 def test_good_data_are_not_complained_of() -> None:
     """Catches a check that sees ghosts."""
-    assert wrong(checks.inspect(good())) == []
+    assert wrong(inspect(good())) == []
 
 
 @pytest.mark.parametrize(
@@ -31,7 +30,7 @@ def test_good_data_are_not_complained_of() -> None:
 )
 def test_a_wrong_sign_is_named_with_its_channel(signs: tuple[int, ...], channels: tuple[str, ...], remedy: str) -> None:
     """In all trials. Catches a sign that half a beat of clock shift hides, or the wrong channel named."""
-    found = only(checks.inspect(spoiled(velocity(lambda v: v * signs))), "signs")
+    found = only(inspect(spoiled(velocity(lambda v: v * signs))), "signs")
     assert found.severity == "blocks"
     assert found.channels == channels
     assert found.place.startswith("all trials")
@@ -41,14 +40,14 @@ def test_a_wrong_sign_is_named_with_its_channel(signs: tuple[int, ...], channels
 
 def test_a_wrong_sign_in_one_trial_names_that_trial() -> None:
     """Catches a vote of all trials that overrules one."""
-    found = only(checks.inspect(spoiled(velocity(lambda v: v * [1, 1, -1]), "v5")), "signs")
+    found = only(inspect(spoiled(velocity(lambda v: v * [1, 1, -1]), "v5")), "signs")
     assert found.trials == ("v5",)
     assert "trial 'v5', yaw_rate" in found.message
 
 
 def test_swapped_columns_are_named() -> None:
     """Catches a correlation of channels that does not look across."""
-    found = only(checks.inspect(spoiled(velocity(lambda v: v[:, [1, 0, 2]]))), "signs")
+    found = only(inspect(spoiled(velocity(lambda v: v[:, [1, 0, 2]]))), "signs")
     assert found.channels == ("surge", "sway")
     assert "swap surge and sway" in found.remedy
 
@@ -64,23 +63,23 @@ def test_swapped_columns_are_named() -> None:
 )
 def test_a_wrong_unit_is_named_with_its_factor(factors: tuple[float, ...], channels: set[str], remedy: str) -> None:
     """Catches the reciprocal factor, and a unit taken for a scale."""
-    found = wrong(checks.inspect(spoiled(velocity(lambda v: v * factors))))
-    assert {one.check for one in found} == {"signs"}
+    found = wrong(inspect(spoiled(velocity(lambda v: v * factors))))
+    assert {one.code for one in found} == {"signs-unit"}
     assert {name for one in found for name in one.channels} == channels
     assert all(remedy in one.remedy and one.severity == "blocks" for one in found)
 
 
 def test_times_in_milliseconds_are_named_and_not_simulated() -> None:
     """Two hours of swimming would take a minute. Catches a rollout before the look at the sampling."""
-    found = only(checks.inspect(spoiled(lambda t: replace(t, time=readonly(1e3 * t.time)))), "sampling")
+    found = only(inspect(spoiled(lambda t: replace(t, time=readonly(1e3 * t.time)))), "sampling")
     assert found.severity == "blocks"
     assert "0.001" in found.remedy
 
 
-def _with_drive_of(first: str, second: str) -> checks.Checks:
+def _with_drive_of(first: str, second: str) -> Inspection:
     by_name = {trial.name: trial for trial in good().trials}
     drives = {first: by_name[second].drive, second: by_name[first].drive}
-    return checks.inspect(spoiled(lambda t: replace(t, drive=drives[t.name]), first, second))
+    return inspect(spoiled(lambda t: replace(t, drive=drives[t.name]), first, second))
 
 
 def test_swapped_labels_are_named_as_a_pair() -> None:
@@ -94,7 +93,7 @@ def test_swapped_labels_are_named_as_a_pair() -> None:
 def test_a_drive_that_no_run_swam_is_named_with_both_frequencies() -> None:
     """v5 (4.14 Hz) under the drive of v1 (2.86 Hz): nobody is left who has the right one. Catches pairs alone."""
     drive = good().trials[0].drive
-    found = only(checks.inspect(spoiled(lambda t: replace(t, drive=drive), "v5")), "labels")
+    found = only(inspect(spoiled(lambda t: replace(t, drive=drive), "v5")), "labels")
     assert found.trials == ("v5",)
     assert "4.1" in found.found
     assert "2.86 Hz" in found.found
@@ -103,7 +102,7 @@ def test_a_drive_that_no_run_swam_is_named_with_both_frequencies() -> None:
 def test_a_run_under_the_label_of_another_is_named() -> None:
     """v1-t1 says it is v5. Catches a label that only a swap would show."""
     drive = next(t for t in good().trials if t.name == "v5").drive
-    found = only(checks.inspect(spoiled(lambda t: replace(t, drive=drive), "v1-t1")), "labels")
+    found = only(inspect(spoiled(lambda t: replace(t, drive=drive), "v1-t1")), "labels")
     assert found.trials == ("v1-t1",)
 
 
@@ -113,7 +112,7 @@ def test_a_run_that_was_under_way_at_its_start_is_named() -> None:
     def late(trial: Trial) -> Trial:
         return replace(trial, time=readonly(trial.time[:-150]), velocity=readonly(trial.velocity[150:]))
 
-    found = only(checks.inspect(spoiled(late, "v3")), "start")
+    found = only(inspect(spoiled(late, "v3")), "start")
     assert found.trials == ("v3",)
     assert "from the start of the drive" in found.remedy
 
@@ -128,4 +127,4 @@ def test_gaps_that_are_declared_are_no_fault() -> None:
         keep[0] = True
         return replace(rows(lambda _: keep)(trial), gaps=True)
 
-    assert wrong(checks.inspect(spoiled(lost))) == []
+    assert wrong(inspect(spoiled(lost))) == []

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bad_data import good, only, remarked, spoiled, velocity, wrong
-from planted_truth import TRUTH
+from true_values import TRUTH
 
-from mjfish import inspection as checks
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
+from mjfish.inspection import Inspection, inspect
 from mjfish.simulation.synthetic import generate
 
 #: Digits of a copy to the last bit.
@@ -29,7 +29,7 @@ def _and(name: str, of: str = "v1", role: str = "fit", start: int = 0, digits: i
 
 def test_a_copy_across_fit_and_held_out_blocks() -> None:
     """Catches a leak that makes any gain a gain."""
-    found = only(checks.inspect(_and("again", role="held_out")), "copies")
+    found = only(inspect(_and("again", role="held_out")), "copies")
     assert found.severity == "blocks"
     assert found.trials == ("v1", "again")
     assert "held out" in found.found
@@ -37,21 +37,23 @@ def test_a_copy_across_fit_and_held_out_blocks() -> None:
 
 def test_a_copy_that_was_rounded_is_found() -> None:
     """No number is the same. Catches a search for equal bits alone."""
-    found = only(checks.inspect(_and("again", digits=4)), "copies")
+    found = only(inspect(_and("again", digits=4)), "copies")
     assert found.severity == "suspect"
     assert found.trials == ("v1", "again")
 
 
 def test_recordings_that_overlap_are_found() -> None:
     """The second begins two seconds into the first. Catches a comparison row by row."""
-    found = [one for one in wrong(checks.inspect(_and("later", of="v5", start=100))) if one.check == "copies"]
+    found = [one for one in wrong(inspect(_and("later", of="v5", start=100))) if one.code.startswith("copies")]
     assert [one.trials for one in found] == [("v5", "later")]
     assert "261 rows" in found[0].found
 
 
 def test_a_rounded_overlap_is_found() -> None:
     """Catches a correlation that favours a whole number of beats, where more rows overlap."""
-    found = [one for one in wrong(checks.inspect(_and("later", of="v5", start=100, digits=4))) if one.check == "copies"]
+    found = [
+        one for one in wrong(inspect(_and("later", of="v5", start=100, digits=4))) if one.code.startswith("copies")
+    ]
     assert [one.trials for one in found] == [("v5", "later")]
 
 
@@ -59,16 +61,16 @@ def test_runs_without_noise_that_are_equal_are_a_remark() -> None:
     """Catches simulated data that are refused because two runs of one drive are the same."""
     base = good()
     silent = generate(base.fish, ("v1", "v3", "v1"), values=TRUTH, duration=7.2)
-    found = [one for one in checks.inspect(silent).findings if one.check == "copies"]
+    found = [one for one in inspect(silent).findings if one.code.startswith("copies")]
     assert [(one.severity, one.trials) for one in found] == [("remark", ("v1", "v1.2"))]
 
 
-def _hold(rows: slice, channels: slice) -> checks.Checks:
+def _hold(rows: slice, channels: slice) -> Inspection:
     def held(values: FloatArray) -> FloatArray:
         values[rows, channels] = values[rows.start - 1, channels]
         return values
 
-    return checks.inspect(spoiled(velocity(held), "v3"))
+    return inspect(spoiled(velocity(held), "v3"))
 
 
 @pytest.mark.parametrize(("count", "words"), [(1, "1 row repeats"), (4, "4 rows repeat")])
@@ -90,7 +92,7 @@ def test_a_stuck_channel_is_named_with_its_rows() -> None:
 
 def test_a_channel_that_was_not_recorded_blocks() -> None:
     """Catches a division by its zero range, and a trial of zeros that is judged further."""
-    found = only(checks.inspect(spoiled(velocity(lambda v: v * [1, 0, 1]), "v3")), "stuck")
+    found = only(inspect(spoiled(velocity(lambda v: v * [1, 0, 1]), "v3")), "stuck")
     assert found.severity == "blocks"
     assert (found.trials, found.channels) == (("v3",), ("sway",))
 
@@ -104,7 +106,7 @@ def test_a_clipped_sensor_is_named_with_its_limit(sign: float) -> None:
         values[:, 2] = sign * np.minimum(sign * values[:, 2], limit)
         return values
 
-    found = only(checks.inspect(spoiled(velocity(clip), "v3")), "stuck")
+    found = only(inspect(spoiled(velocity(clip), "v3")), "stuck")
     assert (found.trials, found.channels) == (("v3",), ("yaw_rate",))
     assert "servo_saturation" in found.cannot_tell
     assert ("none is above" if sign > 0 else "none is below") in found.found
@@ -112,7 +114,7 @@ def test_a_clipped_sensor_is_named_with_its_limit(sign: float) -> None:
 
 def test_rounded_values_are_not_clipped_or_stuck() -> None:
     """A hundredth of a unit a step: many values repeat. Catches equality that is taken for a fault."""
-    assert wrong(checks.inspect(spoiled(velocity(lambda v: np.round(v, 2))))) == []
+    assert wrong(inspect(spoiled(velocity(lambda v: np.round(v, 2))))) == []
 
 
 def test_an_outlier_is_named_with_row_and_channel() -> None:
@@ -122,7 +124,7 @@ def test_an_outlier_is_named_with_row_and_channel() -> None:
         values[250, 1] += 1.5
         return values
 
-    found = only(checks.inspect(spoiled(velocity(spike), "v5")), "outliers")
+    found = only(inspect(spoiled(velocity(spike), "v5")), "outliers")
     assert (found.trials, found.channels) == (("v5",), ("sway",))
     assert "row 251 (5.000 s)" in found.place
     assert "more" not in found.place
@@ -132,6 +134,6 @@ def test_heavy_tails_are_a_remark() -> None:
     """Student t of 3 degrees of freedom: every trial has samples beyond 6 sigma. Catches them blamed one by one."""
     rng = np.random.default_rng(4)
     heavy = spoiled(velocity(lambda v: v + rng.standard_t(3, v.shape) * [0.008, 0.008, 0.05]))
-    found = checks.inspect(heavy)
+    found = inspect(heavy)
     assert wrong(found) == []
     assert remarked(found, "outliers")

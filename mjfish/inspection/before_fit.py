@@ -1,0 +1,121 @@
+"""Tests of the data that need no fit: what `diagnose` runs first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.data import Dataset, Trial, load_dataset
+from mjfish.effects import Effect, catalogue
+from mjfish.inspection import nominal_simulation as nominal
+from mjfish.inspection.finding import Finding
+from mjfish.inspection.kinematics import compatibility, disagreements
+from mjfish.inspection.nominal_simulation import Drive, Guess
+from mjfish.inspection.repeats import noise_from_repeats, repeat_findings
+from mjfish.inspection.result import Inspection
+from mjfish.inspection.runs import missing_runs
+from mjfish.inspection.samples import copies, interpolated, outliers, pooled, stuck
+from mjfish.model import Model
+
+
+def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None = None) -> Inspection:
+    """Test a dataset before anything is fitted to it: signs, units, labels, clocks, copies, missing runs.
+
+    Velocities are in m/s and rad/s, times in s, as `mjfish.load_dataset` reads them. Nothing is raised for bad data:
+    each fault is a `Finding` with a code, a place, what was expected, and a remedy.
+
+    Args:
+        dataset: the trials, or the folder of ``dataset.toml``.
+        effects: the causes that findings may concern, by name; None: the shipped catalogue.
+
+    Returns:
+        The findings, the worst first; those of severity ``blocks`` make a diagnosis worthless.
+
+    Raises:
+        InputError: `dataset` is a folder that cannot be read.
+
+    Example:
+        >>> import mjfish
+        >>> dataset = mjfish.generate("pike", ["v1", "v3-t1"], noise=(0.01, 0.01, 0.05))
+        >>> [finding.code for finding in mjfish.inspect(dataset).findings]
+        []
+    """
+    if not isinstance(dataset, Dataset):
+        dataset = load_dataset(dataset)
+    held = [trial.name for trial in dataset.split()[1]]
+    found = [finding for trial in dataset.trials for finding in stuck(trial)]
+    silent = {name for one in found if one.severity == "blocks" for name in one.trials}
+    trials = [trial for trial in dataset.trials if trial.name not in silent]
+    enough = [nominal.sampled_enough(trial) for trial in trials]
+    fine = [trial for trial, good in zip(trials, enough, strict=True) if good]
+    lines = [line for line in map(interpolated, fine) if line is not None]
+    noise = pooled(lines)
+    found += copies(trials, held, noise)
+    found += nominal.sampling(trials, enough)
+    found += _against_simulation(dataset, fine, noise)
+    misread = {name for one in found if not one.code.startswith("copies") for name in one.trials}
+    found += outliers([line for line in lines if line.trial.name not in misread])
+    pair = compatibility(trials)
+    if pair is not None:
+        found += disagreements(pair)
+    spoiled = {
+        name for one in found if one.severity == "blocks" or one.code.startswith("copies") for name in one.trials
+    }
+    repeats = noise_from_repeats(dataset, leave_out=sorted(spoiled))
+    if repeats is not None:
+        found += repeat_findings(repeats)
+    known = catalogue() if effects is None else effects
+    found += missing_runs(dataset, known)
+    return Inspection.of(found, known, pair, repeats)
+
+
+@dataclass(frozen=True, eq=False)
+class _Guessed:
+    """A trial with its nominal simulations, one a set of coefficients."""
+
+    trial: Trial
+    guesses: list[Guess]
+
+    @property
+    def nearest(self) -> Guess:
+        """The guess whose surge is nearest to the measured one."""
+        apart = [float(np.sum((self.trial.velocity[:, 0] - one.velocity[:, 0]) ** 2)) for one in self.guesses]
+        return self.guesses[int(np.argmin(apart))]
+
+
+def _against_simulation(dataset: Dataset, trials: Sequence[Trial], noise: FloatArray) -> list[Finding]:
+    """Hold trials against the nominal simulation: units, signs, labels, starts."""
+    model = Model(dataset.fish)
+    sets = nominal.value_sets(dataset.fish)
+    guessed = []
+    for trial in trials:
+        every = [nominal.guesses(model, trial, [trial.drive], values)[0] for values in sets]
+        guessed.append(_Guessed(trial, [one for one in every if one is not None]))
+    guessed = [one for one in guessed if one.guesses]
+    found: list[Finding] = []
+    for one in guessed:
+        found += nominal.start_findings(one.trial, one.nearest.velocity, noise)
+    moving = {name for one in found if one.severity == "blocks" for name in one.trials}
+    guessed = [one for one in guessed if one.trial.name not in moving]
+    sizes = {one.trial.name: nominal.size(one.trial, one.guesses) for one in guessed}
+    turned = list(nominal.units({name: size for name, size in sizes.items() if size is not None}))
+    turned += nominal.signs({one.trial.name: nominal.scores(one.trial, one.guesses) for one in guessed})
+    found += turned
+    if turned:  # a run that is read wrongly has no label to speak of
+        return found
+    trials = [one.trial for one in guessed]
+    drives = list(dict.fromkeys(trial.drive for trial in trials if trial.drive))
+    if drives:
+        tables = [nominal.costs(model, trials, drives, values) for values in sets]
+        own = [_own_cost(trials, drives, table) for table in tables]
+        found += nominal.labels(trials, drives, tables[int(np.argmin(own))])
+    return found
+
+
+def _own_cost(trials: Sequence[Trial], drives: Sequence[Drive], table: FloatArray) -> float:
+    own = [table[i, drives.index(trial.drive)] for i, trial in enumerate(trials) if trial.drive]
+    return float(np.sum(own))

@@ -1,0 +1,104 @@
+"""What a dataset cannot show, however good its data: the runs that are missing from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from mjfish.data import Dataset, Trial, beat
+from mjfish.effects import Effect
+from mjfish.inspection.finding import Finding
+
+#: Frequencies closer than this share are the same.
+_SAME = 0.05
+#: Runs of fewer beats hardly leave their start-up.
+_SHORT = 5.0
+#: A CPG whose largest bias is below this [-], or joints whose mean bend is below this angle [rad], do not turn.
+_NO_BIAS = 1e-6
+_NO_BEND = 0.03
+
+
+def missing_runs(dataset: Dataset, effects: Mapping[str, Effect]) -> Iterator[Finding]:
+    """Yield the runs that are missing. The remedies name the causes that these runs would tell apart."""
+    fitted, held = dataset.split()
+    if len(dataset.trials) == 1:
+        yield _missing(
+            "design-one-run",
+            "the dataset has one run",
+            "several runs, of different drives",
+            "record more runs: with one, a fault of the run cannot be told from a fault of the model",
+        )
+    if not held and len(dataset.trials) > 1:
+        yield _missing(
+            "design-no-held-out",
+            "no run is held out",
+            "at least one",
+            "set one aside, or record another: without it the gain cannot be measured",
+        )
+    frequencies = sorted(f for trial in fitted for f in beats(trial))
+    if frequencies and frequencies[-1] <= frequencies[0] * (1.0 + _SAME):
+        code = "design-one-frequency"
+        causes = ", ".join(name for name, effect in effects.items() if effect.unclear_under(code)) or "causes"
+        yield _missing(
+            code,
+            f"all fitted runs beat at one frequency ({np.mean(frequencies):.2f} Hz)",
+            "two at least, a factor of 1.5 apart",
+            f"record a run at another frequency: how the misfit grows with it tells {causes} apart",
+        )
+    if not any(_turns(trial) for trial in fitted):
+        yield _missing(
+            "design-no-turn",
+            "no fitted run turns",
+            "a turn to either side",
+            "record a turn: with one heading a current looks like another speed or a turned camera, and moments that "
+            "turn the fish hardly show",
+        )
+    if not any(trial.starts_at_rest or len(trial.drive) > 1 for trial in fitted):
+        yield _missing(
+            "design-no-start",
+            "no fitted run starts from rest, and none changes its drive",
+            "a start or a step of the drive",
+            "record a start: steady swimming hides inertia, added mass and memory",
+        )
+    short = [trial.name for trial in dataset.trials if _beat_count(trial, beats(trial)) < _SHORT]
+    if short:
+        yield Finding(
+            "design-short",
+            "remark",
+            f"trials {', '.join(short)}",
+            f"shorter than {_SHORT:.0f} beats",
+            "runs that reach steady swimming",
+            "record longer: the steady speed, which tells drag laws apart, is not reached",
+            trials=tuple(short),
+        )
+
+
+def beats(trial: Trial) -> list[float]:
+    """Return the beat frequencies [Hz] of a trial: of its CPG, its wave, or its measured joints."""
+    if trial.drive:
+        shown = [segment for segment in trial.drive if segment.start < trial.time[-1]]
+        return [segment.omega / (2.0 * np.pi) for segment in shown]
+    if trial.wave is not None:
+        return [trial.wave.frequency]
+    if trial.joint_angle is None:
+        return []
+    count = beat.count(trial.time, trial.joint_angle)
+    return [] if count is None else [count / float(np.ptp(trial.time))]
+
+
+def _beat_count(trial: Trial, frequencies: Sequence[float]) -> float:
+    """Return the number of beats of a trial; infinite where it has no frequency."""
+    return float(np.ptp(trial.time)) * min(frequencies, default=np.inf)
+
+
+def _turns(trial: Trial) -> bool:
+    if trial.drive:
+        return any(abs(b) > _NO_BIAS for segment in trial.drive for b in segment.bias)
+    if trial.wave is not None:
+        return max(map(abs, trial.wave.bias)) > _NO_BEND
+    return trial.joint_angle is not None and float(np.abs(trial.joint_angle.mean(axis=0)).max()) > _NO_BEND
+
+
+def _missing(code: str, found: str, expected: str, remedy: str) -> Finding:
+    return Finding(code, "remark", "dataset", found, expected, remedy)

@@ -1,0 +1,362 @@
+"""Samples that noise cannot explain: outliers, stuck or clipped channels, frozen frames, rows that are there twice.
+
+No model of the fish is needed. Each channel of a trial is interpolated from the samples beside it by the weights that
+do so best in that trial (least squares with Huber weights): periodic swimming is predicted exactly, noise is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence, Sized
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from mjfish.arrays import BoolArray, FloatArray, robust_sigma
+from mjfish.data import Trial
+from mjfish.data.check import GAP
+from mjfish.frames import CHANNELS, UNITS
+from mjfish.inspection.finding import Finding
+
+#: Neighbours to either side: as many as an odd and an even harmonic or two need, twice.
+_REACH = 5
+_ROUNDS = 5
+#: After a start or a step of the drive, beats that are left out.
+_BEATS = 2.5
+_HUBER = 1.5
+#: Probability below which repeated values, or a far sample, are no accident.
+_LEVEL = 1e-4
+#: Samples at an extreme value that make a clipped channel, and how many times more than at the next values.
+_CLIPPED = 4
+_PILE = 4.0
+_NEXT = 5
+#: Blocks of so many rows in a row, and how many of them two trials may share to the last bit by chance: rows alone are
+#: shared by runs of one drive that were rounded.
+_BLOCK = 4
+_SHARED = 3
+#: Data whose noise is below this share of their range in every channel are simulated, or smoothed until none is left.
+_SILENT = 2e-4
+#: Two repeats differ by sqrt(2) sigma; a copy that was rounded or resaved, by less than this many sigma.
+_NEAR = 0.3
+#: Least share of the shorter of the two that must overlap.
+_OVERLAP = 0.25
+#: Beyond this many sigma a sample is far out.
+FAR = 6.0
+#: An outlier smaller than this share of the channel's range is not worth a word.
+_SMALL = 0.05
+#: Share of far samples from which the tails are heavy: of normal noise there are 2e-9.
+_HEAVY = 3e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Interpolated:
+    """Misfit of the samples of one trial to a smooth line.
+
+    Attributes:
+        trial: the trial.
+        rows: (m,) samples that have all their neighbours.
+        misfit: (m, 3) sample minus line; of white noise sigma, it has sigma sqrt(1 + |weights|^2).
+        sigma: (3,) robust standard deviation of `misfit`.
+        noise: (3,) the white noise that explains it.
+    """
+
+    trial: Trial
+    rows: NDArray[np.intp]
+    misfit: FloatArray
+    sigma: FloatArray
+    noise: FloatArray
+
+
+def interpolated(trial: Trial) -> Interpolated | None:
+    """Interpolate every sample from its neighbours; None where too few samples have all of theirs."""
+    time = trial.time
+    step = float(np.median(np.diff(time)))
+    torn = np.diff(time) > GAP * step
+    for segment in trial.drive:  # what the fish does in its first beats is not periodic
+        settling = segment.start + _BEATS * 2.0 * np.pi / segment.omega
+        torn |= (time[1:] >= segment.start - step) & (time[:-1] <= settling)
+    before = np.concatenate([[0], np.cumsum(torn)])
+    rows = np.arange(_REACH, len(time) - _REACH)
+    rows = rows[before[rows + _REACH] == before[rows - _REACH]]
+    if len(rows) < 8 * _REACH:
+        return None
+    offsets = np.array([k for k in range(-_REACH, _REACH + 1) if k != 0])
+    misfit, noise = np.empty((len(rows), 3)), np.empty(3)
+    for channel in range(3):
+        values = trial.velocity[:, channel] - np.median(trial.velocity[:, channel])
+        design = np.column_stack([values[rows[:, None] + offsets], np.ones(len(rows))])
+        misfit[:, channel], weights = _robust(design, values[rows])
+        noise[channel] = 1.0 / np.sqrt(1.0 + weights[:-1] @ weights[:-1])
+    sigma = robust_sigma(misfit) + 1e-300
+    return Interpolated(trial, rows, misfit, sigma, sigma * noise)
+
+
+def pooled(found: Sequence[Interpolated]) -> FloatArray:
+    """Return the noise (3,) of all trials, the median."""
+    return np.asarray(np.median([one.noise for one in found], axis=0)) if found else np.zeros(3)
+
+
+def _robust(design: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return residuals and coefficients of a Huber fit."""
+    weight = np.ones(len(target))
+    for _ in range(_ROUNDS):
+        root = np.sqrt(weight)
+        coefficients = np.linalg.lstsq(design * root[:, None], target * root)[0]
+        residual = target - design @ coefficients
+        scale = _HUBER * float(robust_sigma(residual)) + 1e-300
+        weight = np.minimum(scale / np.maximum(np.abs(residual), 1e-300), 1.0)
+    return np.asarray(residual), np.asarray(coefficients)
+
+
+def stuck(trial: Trial) -> Iterator[Finding]:
+    """Find rows that repeat the row before, and channels that do, or that pile up at their largest value."""
+    same = np.diff(trial.velocity, axis=0) == 0.0
+    moving = np.any(trial.velocity[1:] != 0.0, axis=1)
+    frozen = np.all(same, axis=1) & moving
+    # How often single values repeat by chance, as they do where they were rounded.
+    chance = np.array([np.mean(same[~frozen, c]) if np.any(~frozen) else 0.0 for c in range(3)])
+    if len(same) * float(np.prod(chance)) < _LEVEL and frozen.any():
+        yield _frozen(trial, frozen)
+    for channel in range(3):
+        if np.ptp(trial.velocity[:, channel]) == 0.0:
+            yield _silent(trial, channel)
+            continue
+        alone = same[:, channel] & ~frozen & moving
+        found = _clipped(trial, channel) or _held(trial, channel, alone)
+        if found:
+            yield found
+
+
+def _silent(trial: Trial, channel: int) -> Finding:
+    name = CHANNELS[channel]
+    return Finding(
+        "stuck-silent",
+        "blocks",
+        f"trial '{trial.name}', {name}",
+        f"every value is {trial.velocity[0, channel] + 0.0:.4g} {UNITS[name]}: the channel was not recorded",
+        "a channel that moves with the fish",
+        "give the recorded channel, or leave the trial out",
+        trials=(trial.name,),
+        channels=(name,),
+    )
+
+
+def _frozen(trial: Trial, frozen: BoolArray) -> Finding:
+    rows = np.flatnonzero(frozen) + 1
+    first = int(rows[0])
+    return Finding(
+        "stuck-frozen",
+        "suspect",
+        f"trial '{trial.name}', row {first + 1} ({trial.time[first]:.3f} s)"
+        + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
+        f"{_count(rows)} the row before in all channels: frozen frames",
+        "rows that differ by their noise at least",
+        "remove these rows and say gaps = true in the trial's entry",
+        trials=(trial.name,),
+    )
+
+
+def _held(trial: Trial, channel: int, same: BoolArray) -> Finding | None:
+    """Find one channel that keeps its value while the others move, longer than rounding explains."""
+    start, length = _longest(same)
+    share = float(np.mean(np.delete(same, np.s_[start : start + length])))
+    if length < 3 or len(same) * max(share, 1e-12) ** length > _LEVEL:
+        return None
+    name = CHANNELS[channel]
+    value = trial.velocity[start, channel]
+    return Finding(
+        "stuck-held",
+        "suspect",
+        f"trial '{trial.name}', {name}, rows {start + 1} to {start + length + 1} ({trial.time[start]:.3f} s)",
+        f"the value stays at {value:.4g} {UNITS[name]} while the other channels move",
+        "a value that changes with every row",
+        "remove these rows and say gaps = true, or see why the channel was stuck",
+        trials=(trial.name,),
+        channels=(name,),
+    )
+
+
+def _clipped(trial: Trial, channel: int) -> Finding | None:
+    """Find values that pile up at the largest or the smallest one."""
+    values, name = trial.velocity[:, channel], CHANNELS[channel]
+    for sign, word in ((1.0, "above"), (-1.0, "below")):
+        levels, counts = np.unique(sign * values, return_counts=True)
+        if len(levels) <= _NEXT or levels[-1] == 0.0:
+            continue
+        piled = int(counts[-1])
+        if piled >= max(_CLIPPED, _PILE * counts[-1 - _NEXT : -1].max()) and _several(sign * values == levels[-1]):
+            return Finding(
+                "stuck-clipped",
+                "suspect",
+                f"trial '{trial.name}', {name}",
+                f"{piled} samples are exactly {sign * levels[-1]:.4g} {UNITS[name]} and none is {word}: the sensor is "
+                "at its limit",
+                "peaks that differ",
+                "record with a wider range of the sensor, or remove these rows and say gaps = true",
+                trials=(trial.name,),
+                channels=(name,),
+            )
+    return None
+
+
+def _several(at: BoolArray) -> bool:
+    """Whether the samples stand in two places at least: a single place is a channel that was stuck."""
+    return int(np.count_nonzero(np.diff(at.astype(np.int8)) > 0)) + int(at[0]) > 1
+
+
+def _count(rows: Sized) -> str:
+    return "1 row repeats" if len(rows) == 1 else f"{len(rows)} rows repeat"
+
+
+def _longest(same: BoolArray) -> tuple[int, int]:
+    """Return first row and length of the longest run of true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
+    starts, ends = edges[::2], edges[1::2]
+    if not len(starts):
+        return 0, 0
+    longest = int(np.argmax(ends - starts))
+    return int(starts[longest]), int(ends[longest] - starts[longest])
+
+
+def copies(trials: Sequence[Trial], held: Sequence[str], sigma: FloatArray) -> Iterator[Finding]:
+    """Find pairs of trials that share rows, or that are closer than their own noise.
+
+    Args:
+        trials: of the dataset.
+        held: names of those held out.
+        sigma: (3,) noise that a smooth line through single recordings leaves (`interpolated`).
+    """
+    if not trials:
+        return
+    blocks = [_blocks(trial) for trial in trials]
+    ranges = np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0)
+    silent = bool(np.all(sigma < _SILENT * ranges))
+    for (i, a), (j, b) in combinations(enumerate(trials), 2):
+        blocks_shared = len(blocks[i] & blocks[j])
+        shared = blocks_shared + _BLOCK - 1
+        close = blocks_shared < _SHARED and not silent and _close(a, b, sigma)
+        if blocks_shared < _SHARED and not close:
+            continue
+        leak = (a.name in held) != (b.name in held)
+        share = min(shared / min(len(a.time), len(b.time)), 1.0)
+        what = "are the same but for less than their noise" if close else f"share {shared} rows ({share:.0%}) exactly"
+        if silent:
+            yield Finding(
+                "copies-without-noise",
+                "remark",
+                f"trials '{a.name}' and '{b.name}'",
+                f"{what}, in data without noise",
+                "noise, that never repeats itself",
+                "simulated data: nothing to do; measured data: remove one of the two",
+                trials=(a.name, b.name),
+            )
+            continue
+        consequence = "one is fitted and the other held out, so that the gain is no gain" if leak else "it counts twice"
+        yield Finding(
+            "copies-leak" if leak else "copies-twice",
+            "blocks" if leak else "suspect",
+            f"trials '{a.name}' and '{b.name}'",
+            f"they {what}; {consequence}",
+            "recordings of their own, with noise of their own",
+            "remove one of the two, or cut the part that they share",
+            trials=(a.name, b.name),
+        )
+
+
+def _blocks(trial: Trial) -> set[bytes]:
+    """Return every four rows that follow each other, but those at rest."""
+    values = trial.velocity + 0.0  # minus zero is zero
+    moving = np.any(values != 0.0, axis=1)
+    starts = range(len(values) - _BLOCK + 1)
+    return {values[k : k + _BLOCK].tobytes() for k in starts if moving[k : k + _BLOCK].all()}
+
+
+def _close(a: Trial, b: Trial, sigma: FloatArray) -> bool:
+    """Whether two recordings, one shifted to where they agree best, differ by less than noise can."""
+    one, other = a.velocity / sigma, b.velocity / sigma
+    lag, overlap = _nearest(one, other)
+    left, right = one[max(lag, 0) :][:overlap], other[max(-lag, 0) :][:overlap]
+    return overlap > 0 and bool(np.median(np.abs(left - right), axis=0).max() < _NEAR)
+
+
+def _nearest(one: FloatArray, other: FloatArray) -> tuple[int, int]:
+    """Return by how many rows the first is ahead where the mean square of the difference is least, and the overlap.
+
+    Sum (a - b)^2 over what overlaps = sums of squares, which grow with the overlap, less twice the correlation.
+    """
+    n, m = len(one), len(other)
+    length = n + m
+    spectrum = np.fft.rfft(one, length, axis=0) * np.conj(np.fft.rfft(other, length, axis=0))
+    lags = np.arange(-(m - 1), n)
+    correlation = np.fft.irfft(spectrum.sum(axis=1), length)[lags]
+    start, stop = np.maximum(lags, 0), np.minimum(lags + m, n)
+    squares, others = (np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))]) for x in (one, other))
+    power = squares[stop] - squares[start] + others[stop - lags] - others[start - lags]
+    overlap = stop - start
+    wide = overlap >= _OVERLAP * min(n, m)
+    best = int(np.argmin(np.where(wide, (power - 2.0 * correlation) / overlap, np.inf)))
+    return int(lags[best]), int(overlap[best])
+
+
+def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
+    """Judge the samples of all trials against the noise they are in.
+
+    The misfits of all trials, in units of their sigma, are described by a Student t whose freedom their 97.5 % point
+    gives, that a few outliers do not move. A sample beyond what that t reaches in so many samples is an outlier.
+    """
+    for channel, name in enumerate(CHANNELS):
+        scaled = [one.misfit[:, channel] / one.sigma[channel] for one in found]
+        if not scaled:
+            return
+        every = np.concatenate(scaled)
+        freedom, spread = _student(every)
+        far = float(stats.t.isf(0.5 * _LEVEL / len(every), freedom)) * spread
+        limit = max(far, FAR)
+        for one, values in zip(found, scaled, strict=True):
+            size = np.abs(one.misfit[:, channel])
+            out = np.flatnonzero((np.abs(values) > limit) & (size > _SMALL * np.ptp(one.trial.velocity[:, channel])))
+            # Beside an outlier the line itself is bent.
+            peaks = [int(k) for k in out if size[k] >= size[np.abs(one.rows - one.rows[k]) <= 3].max()]
+            if peaks:
+                yield _outlier(one, name, channel, peaks, values)
+        share = float(np.mean(np.abs(every) > FAR))
+        if share > _HEAVY and freedom < 10.0:
+            yield Finding(
+                "outliers-heavy-tails",
+                "remark",
+                f"channel {name}",
+                f"the noise has heavy tails: {share:.2%} of the samples are beyond {FAR:g} sigma, as a Student t of "
+                f"{freedom:.1f} degrees of freedom has them",
+                "normal noise, with none",
+                "p values are then a little too small and weak causes harder to see; look for lost markers",
+                channels=(name,),
+            )
+
+
+def _outlier(one: Interpolated, name: str, channel: int, peaks: Sequence[int], values: FloatArray) -> Finding:
+    worst = max(peaks, key=lambda k: abs(values[k]))
+    row = int(one.rows[worst])
+    others = f" and {len(peaks) - 1} more" if len(peaks) > 1 else ""
+    return Finding(
+        "outliers-samples",
+        "suspect",
+        f"trial '{one.trial.name}', {name}, row {row + 1} ({one.trial.time[row]:.3f} s){others}",
+        f"{one.trial.velocity[row, channel]:.4g} {UNITS[name]} is {abs(values[worst]):.0f} sigma off the line through "
+        "its neighbours",
+        f"samples within what the noise of the other {len(values) - len(peaks)} reaches",
+        "remove these rows and say gaps = true, or correct them at the source",
+        trials=(one.trial.name,),
+        channels=(name,),
+    )
+
+
+def _student(values: FloatArray) -> tuple[float, float]:
+    """Return freedom and scale of the Student t with the median and the 97.5 % point of |values|."""
+    half, high = np.quantile(np.abs(values), [0.5, 0.975])
+    ratio = float(high / max(half, 1e-300))
+    grid = np.concatenate([np.arange(1.0, 5.0, 0.25), np.arange(5.0, 31.0), [100.0]])
+    ratios = stats.t.ppf(0.9875, grid) / stats.t.ppf(0.75, grid)
+    freedom = float(np.interp(-ratio, -ratios, grid))
+    return freedom, float(half / stats.t.ppf(0.75, freedom))
