@@ -17,7 +17,7 @@ from mjfish.errors import InputError
 from mjfish.estimation import identify
 from mjfish.estimation.settings import Settings
 from mjfish.fish import Fish
-from mjfish.inspection import Checks
+from mjfish.inspection import Inspection
 from mjfish.ode.forces import link_forces
 from mjfish.reporting.log import Run, Swim, results, write_log
 from mjfish.simulation import generate
@@ -172,5 +172,5 @@ def test_a_fit_is_logged_with_its_measured_and_simulated_swims(monkeypatch: pyte
 
 
 def test_a_result_without_swimming_is_refused() -> None:
-    with pytest.raises(InputError, match="Checks has no swimming to log"):
-        write_log(Checks(), Path("unused.rrd"))
+    with pytest.raises(InputError, match="Inspection has no swimming to log"):
+        write_log(Inspection(), Path("unused.rrd"))

@@ -16,7 +16,7 @@ from mjfish.diagnosis import Diagnosis
 from mjfish.errors import InputError
 from mjfish.estimation.report import Identification
 from mjfish.frames import CHANNELS
-from mjfish.inspection import Checks
+from mjfish.inspection import Inspection
 from mjfish.reporting.html.diagnosis import write_diagnosis
 from mjfish.reporting.html.figures import COLOURS, Panel, overlay_figure, panels, residual_figure
 from mjfish.reporting.html.identification import sections
@@ -87,7 +87,7 @@ def _(result: Plan) -> go.Figure:
 
 
 @figure.register
-def _(result: Checks) -> go.Figure:
+def _(result: Inspection) -> go.Figure:
     """List the findings, worst first."""
     rows = [(str(f.severity), f.place, f.found, f.remedy) for f in result.findings]
     rows = rows or [("", "", "nothing was found", "")]
