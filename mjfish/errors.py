@@ -10,7 +10,16 @@ from collections.abc import Iterable
 
 
 class MjfishError(Exception):
-    """Root of all errors of mjfish; the message says what was found, what was expected and what to do."""
+    """Root of all errors of mjfish; the message says what was found, what was expected and what to do.
+
+    Example:
+        >>> import mjfish
+        >>> try:
+        ...     mjfish.load_fish("carp")
+        ... except mjfish.MjfishError as error:
+        ...     print(error)
+        unknown fish 'carp'; known: eth_tendon, pike; or give the path of a fish TOML
+    """
 
 
 class InputError(MjfishError, ValueError):

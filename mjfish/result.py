@@ -52,6 +52,10 @@ class Result:
         """
         _reporting().write_log(self, Path(path))
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.__repr__ = Result.__repr__  # type: ignore[method-assign]  # a dataclass would write one of its own
+
     def __repr__(self) -> str:
         return self.summary()
 

@@ -126,17 +126,34 @@ def _worst(trial: TrialComparison) -> str:
 
 
 def compare(dataset: Dataset, against: Sequence[str | Path], *, bound: float | None = None) -> Comparison:
-    """Compare the measured trials with rollouts.
+    """Compare measured trials with rollouts of any simulation.
 
-    Samples count as in a fit: those beside a step of the drive, and the ends where joints were measured, do not.
+    Per trial and channel: RMSE, nRMSE = RMSE / (max - min of the measurement) ([Yu2016], below Table IV), fit in
+    percent, and the shift in time at which the two agree best. Samples count as in a fit: those beside a step of the
+    drive, and the ends where joint angles were measured, do not.
 
     Args:
-        dataset: measured.
-        against: folders of rollouts or files, named as the trials (`mjfish.comparison.rollouts.assign`).
-        bound: largest nRMSE that is good.
+        dataset: what was measured.
+        against: CSV or Parquet files with a column ``time [s]`` and one or more of ``surge [m/s]``, ``sway [m/s]``,
+            ``yaw_rate [rad/s]``, or folders of them. Files are named as the trials (``v1.csv``, ``v1/rollout.csv``);
+            where there is a single trial and a single file, it may have any name.
+        bound: largest nRMSE that is good; None: any is.
+
+    Returns:
+        The scores of every trial; `Comparison.passed` says whether all rollouts are good.
 
     Raises:
         InputError: a file is damaged, or belongs to no trial; the bound is no positive number.
+
+    Example:
+        >>> import mjfish
+        >>> from mjfish.data import write_table
+        >>> measured = mjfish.generate(mjfish.load_fish("pike"), ["v1"], duration=2.0, name="pool")
+        >>> trial = measured.trials[0]
+        >>> write_table("v1.csv", {"time [s]": trial.time, "surge [m/s]": 1.1 * trial.velocity[:, 0]})
+        >>> print(mjfish.compare(measured, ["v1.csv"], bound=0.01))
+        pool: rollouts against measurements, not good: 1 of 1
+        v1: nRMSE 0.0... at worst
     """
     if bound is not None and not 0.0 < bound < np.inf:
         raise InputError(f"the bound is {bound:g}, expected a finite nRMSE above 0, e.g. 0.1; correct it")

@@ -6,7 +6,7 @@ or rerun only then.
 
 from __future__ import annotations
 
-import html
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,7 +56,7 @@ def notebook(result: Any) -> str:
     """
     from mjfish.errors import InputError
 
-    text = f"<pre>{html.escape(result.summary())}</pre>"
+    text = f"<pre>{escape(result.summary())}</pre>"
     try:
         drawn = figure(result)
     except InputError:  # a result without a figure, such as a fit that diverged, still has a summary

@@ -73,16 +73,16 @@ def _(result: Comparison) -> go.Figure:
 
 @figure.register
 def _(result: Plan) -> go.Figure:
-    """Draw what the best options do: chances of a verdict, or sizes that would show, now and after."""
+    """Draw what the best options do: probability of the right verdict, or minimum detectable effect, now and after."""
     separate = result.question.purpose == "separate"
     options = result.options[:_OPTIONS][::-1]
     names = [html.escape(option.name) for option in options]
     drawn = panels(1, height=120 + 26 * len(options))
     for when, colour in (("now", "measured"), ("after", "extended")):
-        key = f"chance_{when}" if separate else when
+        key = f"probability_{when}" if separate else when
         values = [getattr(option.worst, key) for option in options]
         drawn.add_bar(x=values, y=names, name=when, orientation="h", marker_color=COLOURS[colour])
-    title = "chance that the right one is told" if separate else "smallest size that would show"
+    title = "probability of the right verdict" if separate else "minimum detectable effect"
     return drawn.update_xaxes(title_text=title).update_yaxes(type="category").update_layout(margin_l=160)
 
 
