@@ -99,7 +99,7 @@ def agreement(
         own = noise
         if own is None and horizons and not residual.diverged:
             own = noise_at(residuals, residual.trial.step)
-        where = parts(residual.trial, settling)
+        where = parts_of_trial(residual.trial, settling)
         left: dict[int | None, FloatArray] = {None: residual.values}
         for k in horizons:
             left[k] = residual.values - _known(residual, own, k)
@@ -109,7 +109,7 @@ def agreement(
     return tuple(rows)
 
 
-def parts(trial: Trial, settling: float = SETTLING) -> dict[Part, BoolArray]:
+def parts_of_trial(trial: Trial, settling: float = SETTLING) -> dict[Part, BoolArray]:
     """Return which samples (n,) belong to which part of a trial; where joints were measured, all that is known is all.
 
     A part without samples is left out.

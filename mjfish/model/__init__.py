@@ -11,6 +11,7 @@ from mjfish.model.model import (
     joint_motion,
     pose_of,
 )
+from mjfish.model.sensitivity import sensitivities
 
 __all__ = [
     "LEAD",
@@ -22,4 +23,5 @@ __all__ = [
     "headed",
     "joint_motion",
     "pose_of",
+    "sensitivities",
 ]

@@ -13,7 +13,7 @@ from residual_draws import coloured
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.drive.modes import drive
-from mjfish.estimation.agreement import Agreement, agreement, noise_at, parts
+from mjfish.estimation.agreement import Agreement, agreement, noise_at, parts_of_trial
 from mjfish.estimation.residuals.residual import Residual, fitted, held_out
 from mjfish.files import write_json
 from mjfish.fish import Fish
@@ -42,7 +42,7 @@ def test_the_numbers_are_those_of_their_definitions() -> None:
     assert surge.nrmse == pytest.approx(0.1 / (y.max() - y.min()))
     assert surge.fit == pytest.approx(100.0 * (1.0 - np.sqrt(521) * 0.1 / np.linalg.norm(y - y.mean())))
     late = _one(rows, "yaw_rate", "steady")
-    inside = parts(residual.trial)["steady"]
+    inside = parts_of_trial(residual.trial)["steady"]
     assert late.samples == np.count_nonzero(inside)
     assert late.range == pytest.approx(10.4)
     line = TIME[inside]
@@ -77,18 +77,18 @@ def test_white_residuals_are_not_forecast() -> None:
 
 def test_parts_follow_the_steps_of_the_drive_in_beats() -> None:
     """Ten beats from rest, ten from the change. Catches seconds for beats, the wrong segment's beat, a lost sample."""
-    found = parts(_residual(np.zeros((521, 3)), mode="v1-v5").trial)
+    found = parts_of_trial(_residual(np.zeros((521, 3)), mode="v1-v5").trial)
     assert set(found) == {"whole", "start_up", "change", "steady"}
     assert np.all(found["start_up"].astype(int) + found["change"] + found["steady"] == 1)
     assert TIME[found["start_up"]].max() == pytest.approx(10.0 * 2.0 * np.pi / 18.0, abs=0.02)
     assert TIME[found["change"]].min() == pytest.approx(5.2)
     assert TIME[found["change"]].max() == pytest.approx(5.2 + 10.0 * 2.0 * np.pi / 26.0, abs=0.02)
-    assert set(parts(_residual(np.zeros((521, 3)), mode="v1").trial)) == {"whole", "start_up", "steady"}
+    assert set(parts_of_trial(_residual(np.zeros((521, 3)), mode="v1").trial)) == {"whole", "start_up", "steady"}
 
 
 def test_where_joints_were_measured_the_drive_tells_no_parts(pike: Fish) -> None:
     trial = as_measured(swimming(pike, ("v1",), duration=3.0).trials[0], pike)
-    assert set(parts(trial)) == {"whole"}
+    assert set(parts_of_trial(trial)) == {"whole"}
 
 
 def test_a_held_out_trial_has_no_say_in_the_noise_that_predicts_it() -> None:

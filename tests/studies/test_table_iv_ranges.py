@@ -15,7 +15,7 @@ from mjfish.effects import catalogue
 from mjfish.errors import InputError
 from mjfish.fish import COEFFICIENTS, Fish, load_fish
 from mjfish.model import Model
-from studies.table_iv import compare_paper, study, words
+from studies.table_iv import compare_paper, sentences, study
 from studies.table_iv.causes import FinHeight, HeadInertia, PsiUnit, SoftStart
 from studies.table_iv.misfit import RangeProblem
 from studies.table_iv.ranges import Ranges, published, rounding, scatter, smallest_rmse, trials
@@ -182,7 +182,7 @@ def test_without_fits_the_table_stands_alone(pike: Fish) -> None:
     assert len(told["ranges"]) == 30
     assert {row["published"] for row in told["ranges"]} == set(map(float, published().ravel()))
     json.dumps(told, allow_nan=False)
-    assert all("fitted" not in line.lower() for line in words.sentences(found))
+    assert all("fitted" not in line.lower() for line in sentences.sentences(found))
 
 
 def test_a_fish_that_these_modes_cannot_drive_is_refused() -> None:
@@ -217,7 +217,7 @@ def test_the_study_names_a_planted_unit(pike: Fish, monkeypatch: pytest.MonkeyPa
     assert inertia.beside.misfit <= found.fits.coefficients.misfit
     assert found.fits.fitted.misfit < 0.02
     assert set(found.fits.fitted.free) == {*COEFFICIENTS, "psi_unit.error"}
-    said = "\n".join(words.sentences(found))
+    said = "\n".join(sentences.sentences(found))
     assert "Most likely reason: the unit of beta psi" in said
     assert "lambda* and a unit of 0.0667 deg" in said
 

@@ -28,7 +28,7 @@ from rich.table import Table  # noqa: E402
 from mjfish.diagnosis import diagnose  # noqa: E402
 from mjfish.effects import find  # noqa: E402
 from mjfish.fish import load_fish  # noqa: E402
-from mjfish.simulation.synthetic import generate  # noqa: E402
+from mjfish.simulation import generate  # noqa: E402
 from studies.battery import baselines, figures  # noqa: E402
 from studies.battery.answers import Task, judged, run  # noqa: E402
 

@@ -9,15 +9,17 @@ one, the cause that moves the fish least. Nothing is whitened.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
 import numpy as np
 from scipy import signal
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.design import FittedModels
-from mjfish.diagnosis.evidence import signatures
-from mjfish.effects import catalogue
-from mjfish.estimation import fit
+from mjfish.effects import Effect, catalogue
+from mjfish.estimation import Problem, fit
 
 _WINDOW, _DEGREE = 9, 3
 
@@ -30,7 +32,7 @@ def sparsest(dataset: Dataset) -> str:
     wrong = _differentiated([residual[:, :, None] for residual in problem.raw(nominal.x)])[:, 0]
     known = _differentiated(problem.sensitivities(nominal.x))
     span = np.linalg.qr(known)[0]
-    library = _differentiated(signatures(problem, nominal.values, candidates))
+    library = _differentiated(_signatures(problem, nominal.values, candidates))
     library, wrong = library - span @ (span.T @ library), wrong - span @ (span.T @ wrong)
     widths = [sum(not p.shape for p in effect.parameters) for effect in candidates]
     ends = np.cumsum(widths)
@@ -41,6 +43,16 @@ def sparsest(dataset: Dataset) -> str:
         worth = {name: np.linalg.norm(library[:, own] @ [moved[k] for k in own]) for name, own in blocks.items()}
         del blocks[min(worth, key=worth.__getitem__)]
     return next(iter(blocks))
+
+
+def _signatures(problem: Problem, values: Mapping[str, float], candidates: Sequence[Effect]) -> list[FloatArray]:
+    """Return, per trial, the derivative (n_r, 3, k) of the prediction by every candidate's amplitudes, times scale."""
+    every = [p for effect in candidates for p in effect.parameters]
+    amplitudes = [p for p in every if not p.shape]
+    wide = replace(problem, model=replace(problem.model, effects=(*problem.model.effects, *candidates)))
+    x = wide.start({p.name: p.default for p in every} | dict(values))
+    blocks = wide.sensitivities(x, only=[p.name for p in amplitudes])
+    return [block * np.array([p.scale for p in amplitudes]) for block in blocks]
 
 
 def _differentiated(rows: list[FloatArray]) -> FloatArray:

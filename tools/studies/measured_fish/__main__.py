@@ -12,13 +12,13 @@ from rich import box
 from rich.table import Table
 
 from mjfish import tomlfile
-from mjfish.cli import console
 from mjfish.data.importers import HEADERS
 from mjfish.diagnosis import Estimate
 from mjfish.errors import MjfishError
 from mjfish.files import check_file, check_folder, make_folder
 from mjfish.frames import CHANNELS
-from mjfish.model import extended
+from mjfish.model.extended import write as write_fish
+from studies import console
 from studies.measured_fish.runs import SETTINGS, Outcome, Score, Settings, crossed, phases, reached, run, scores, told
 
 #: Phases of the beat that are printed.
@@ -107,7 +107,7 @@ def save(outcome: Outcome, folder: Path) -> None:
     outcome.diagnosis.save(folder / "diagnosis.json")
     values = {name: one.estimate for name, one in outcome.diagnosis.extended.items()}
     comments = [f"Fitted by studies.measured_fish to {', '.join(outcome.settings.fit)}.", outcome.diagnosis.message]
-    extended.write(folder / "extended.toml", outcome.diagnosis.extended_model, values, comments)
+    write_fish(folder / "extended.toml", outcome.diagnosis.extended_model, values, comments)
 
 
 def check(folder: Path, page: Path | None) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import textwrap
+import tomllib
 from collections.abc import Iterable, Sequence
+from importlib import resources
 from pathlib import Path
 
 import jinja2
@@ -11,8 +13,6 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data.importers import HEADERS
-from mjfish.data.importers.layouts import layout
-from mjfish.data.importers.mapping import MarkersMap, read
 from mjfish.diagnosis import Estimate
 from mjfish.files import make_folder, write_text
 from mjfish.frames import CHANNELS
@@ -101,8 +101,8 @@ def _fall(every: Sequence[Score], run: str, channel: int) -> str:
 def _rolled(outcome: Outcome) -> dict[str, str | bool]:
     """Return what speaks for roll: its height, and how alike what is lacking and what it makes are."""
     found = outcome.diagnosis
-    table = read(layout("fishsim"), MarkersMap, "fishsim")
-    below = next(plane.below for plane in table.planes if plane.below is not None)
+    layout = tomllib.loads((resources.files("mjfish.data.importers") / "layouts" / "fishsim.toml").read_text())
+    below = next(plane["below"] for plane in layout["planes"] if "below" in plane)
     height = found.extended["roll.height"]
     fitted = [one for one in found.overlays if not one.held_out]
     alike = [_correlation(*pictures.lacking(outcome, one, height.estimate)) for one in fitted]

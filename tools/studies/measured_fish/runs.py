@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -11,20 +11,18 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
+from scipy.signal import hilbert
 from threadpoolctl import threadpool_limits
 
 from mjfish import tomlfile
 from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.data import Dataset, Trial, importers, schema
-from mjfish.data.importers import ImportReport
+from mjfish.data import Dataset, Trial
+from mjfish.data.importers import ImportReport, import_files
 from mjfish.diagnosis import Diagnosis, Estimate, Overlay, diagnose
-from mjfish.diagnosis.progress import Progress, silent
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.estimation import Fit, Noise, Problem, fit, predict_held_out
-from mjfish.estimation.basis import beat_phase
-from mjfish.estimation.score import PREFIX
-from mjfish.reporting.html.figures import counted
+from mjfish.estimation import PREFIX, Fit, Noise, Problem, fit, predict_held_out
+from mjfish.fish import Fish
 
 ROOT = Path(__file__).parents[3]
 SETTINGS = Path(__file__).with_name("settings.toml")
@@ -40,6 +38,14 @@ class Goal(tomlfile.Table):
     yaw_rate: float
 
 
+class Bounds(tomlfile.Table):
+    """Start value and bounds of a coefficient; what is left out is the fish's."""
+
+    start: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
 class Settings(tomlfile.Table):
     """Settings of ``make real``, see the comments of settings.toml."""
 
@@ -49,7 +55,7 @@ class Settings(tomlfile.Table):
     folder: str | None = None
     noise: Literal["tracks"] | tuple[float, float, float] = "tracks"
     candidates: tuple[str, ...] = ("*",)
-    start: Annotated[dict[str, schema.Bounds], Field(default_factory=dict)]
+    start: Annotated[dict[str, Bounds], Field(default_factory=dict)]
     seed: int = 0
     goal: Goal
     openings: tuple[str, ...] = ()
@@ -121,6 +127,20 @@ def folder(settings: Settings) -> Path:
     return found
 
 
+def with_start(fish: Fish, start: Mapping[str, Bounds]) -> Fish:
+    """Return the fish with these start values and bounds.
+
+    Raises:
+        UnknownNameError: no such coefficient.
+        ParameterError: empty bounds, or a start outside of them.
+    """
+    declared = {parameter.name: parameter for parameter in fish.parameters}
+    for name in start:
+        if name not in declared:
+            raise UnknownNameError("coefficient", name, declared)
+    return fish.with_coefficients({name: declared[name].rebound(**dict(own)) for name, own in start.items()})
+
+
 def dataset(settings: Settings, files: Path) -> tuple[Dataset, ImportReport]:
     """Import the runs; noise and start values come from the fitted ones and the settings alone."""
     fitted, tracks = _imported(files, settings.fit, "fit")
@@ -134,29 +154,33 @@ def dataset(settings: Settings, files: Path) -> tuple[Dataset, ImportReport]:
             name=f"fishsim {', '.join(trial.name for trial in trials)}",
             trials=trials,
             noise=fitted.noise if settings.noise == "tracks" else readonly(settings.noise),
-            fish=schema.with_start(fitted.fish, settings.start, SETTINGS),
+            fish=with_start(fitted.fish, settings.start),
         ),
         replace(tracks, files=reports),
     )
 
 
 def _imported(files: Path, names: tuple[str, ...], role: Literal["fit", "held_out"]) -> tuple[Dataset, ImportReport]:
-    made, tracks = importers.import_files("fishsim", [files / f"markers_{name}.csv" for name in names])
+    made, tracks = import_files("fishsim", [files / f"markers_{name}.csv" for name in names])
     return replace(made, trials=tuple(replace(trial, role=role) for trial in made.trials)), tracks
 
 
-def run(settings: Settings, *, jobs: int | None = None, progress: Progress = silent) -> Outcome:
+def run(
+    settings: Settings, *, jobs: int | None = None, progress: Callable[[str, float], None] | None = None
+) -> Outcome:
     """Import and diagnose."""
+    told = {} if progress is None else {"progress": progress}
     with threadpool_limits(1, "blas"):  # small matrices: on two cores more threads take three times as long
         made, tracks = dataset(settings, folder(settings))
-        found = diagnose(made, effects=settings.causes(), seed=settings.seed, jobs=jobs, progress=progress)
+        found = diagnose(made, effects=settings.causes(), seed=settings.seed, jobs=jobs, **told)
     return Outcome(settings, tracks, found)
 
 
 def residual(diagnosis: Diagnosis, overlay: Overlay, model: Which) -> FloatArray:
     """Return measured less simulated velocities (n, 3), NaN where nothing is scored."""
     trial = overlay.trial
-    left = trial.velocity - counted(diagnosis, overlay, getattr(overlay, model))
+    counts = Problem(diagnosis.nominal_model, (trial,), Noise.white(np.ones(3))).mask(0)
+    left = np.where(counts[:, None], trial.velocity - getattr(overlay, model), np.nan)
     if overlay.held_out:
         times = trial.time[np.isfinite(left).all(axis=1)]
         left = np.where((trial.time <= times[0] + PREFIX * (times[-1] - times[0]))[:, None], np.nan, left)
@@ -216,7 +240,8 @@ def _counts(problem: Problem, trial: Trial) -> BoolArray:
 
 def phases(outcome: Outcome, overlay: Overlay, bins: int) -> Mapping[str, FloatArray]:
     """Return the mean residual (bins, 3) of both models over the beat of the last joint, from its crest on."""
-    turn = np.mod(beat_phase(None, overlay.trial) / (2.0 * np.pi), 1.0)
+    angle = overlay.trial.joint_angle[:, -1]
+    turn = np.mod(np.angle(hilbert(angle - angle.mean())) / (2.0 * np.pi), 1.0)
     index = np.minimum((turn * bins).astype(int), bins - 1)
     found = {}
     for model in MODELS:

@@ -14,10 +14,10 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from mjfish import mujoco as sim
 from mjfish.drive import modes
+from mjfish.estimation import PAPER
 from mjfish.files import write_text
-from mjfish.mujoco.free import GRAVITY
+from mjfish.mujoco import Trim
 from studies.roll.runs import (
     BIASES,
     END,
@@ -37,21 +37,10 @@ from studies.roll.runs import (
     turn,
 )
 
-#: Normalised RMSE of the paper's model by mode [%]: surge, sway, yaw rate ([Yu2016], Table IV).
-PAPER = {
-    "v1": (9.7, 4.7, 5.1),
-    "v3": (10.5, 4.3, 5.6),
-    "v5": (12.3, 5.8, 7.9),
-    "v7": (14.2, 6.8, 8.4),
-    "v1-v5": (11.7, 4.5, 5.9),
-    "v5-v1": (11.1, 3.4, 3.9),
-    "v1-t1": (10.9, 4.5, 4.8),
-    "v1-t2": (11.5, 5.9, 6.1),
-    "v3-t1": (10.0, 4.6, 3.4),
-    "v3-t2": (11.9, 5.3, 5.1),
-}
+#: [m/s2].
+_GRAVITY = 9.81
 TRIMS = tuple(
-    sim.Trim(arm=arm, drop=drop)
+    Trim(arm=arm, drop=drop)
     for arm, drop in ((0.002, 0.002), (0.004, 0.004), (0.008, 0.008), (0.004, 0.002), (0.004, 0.008))
 )
 
@@ -90,7 +79,7 @@ def turns() -> str:
             pair = turn(omega, bias, water)
             middle, amplitude = pair.swing(END)
             row += [f"{pair.peak(ONSET):.1f}", _unless_steep(pair, END, f"{middle:.1f} ± {amplitude:.1f}")]
-            row.append(f"{np.degrees(-pair.mean(END, 0) * pair.mean(END, 2) / GRAVITY):.1f}")
+            row.append(f"{np.degrees(-pair.mean(END, 0) * pair.mean(END, 2) / _GRAVITY):.1f}")
         rows.append(row)
     return table(head, rows)
 
@@ -126,7 +115,7 @@ def missed() -> str:
             pair = mode(name, water)
             whole = _unless_steep(pair, WHOLE, _three(pair.change()))
             row += [_three(pair.change(START)), whole, f"{pair.marker(START):.1f}"]
-        rows.append([*row, _three(PAPER[name])])
+        rows.append([*row, _three(100.0 * rmse for rmse in PAPER[name][1])])
     return table(head, rows)
 
 

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mjfish.mujoco import SimRollout, free
-from studies.roll.runs import PIKE, mode
+from mjfish.mujoco import SimRollout
+from studies.roll.runs import mode
 
+_MODEL = Path(__file__).parents[3] / "models" / "xml" / "pike_free.xml"
 #: Instants [s], and size of each panel [px].
 INSTANTS = (0.1, 0.24, 0.4, 0.7, 1.15)
 WIDTH, HEIGHT = 320, 300
@@ -29,7 +30,7 @@ Image = NDArray[np.uint8]
 
 def picture(run: SimRollout) -> Image:
     """Return the panels side by side, (HEIGHT, n WIDTH, 3)."""
-    model = free.spec(PIKE).compile()
+    model = mujoco.MjModel.from_xml_path(str(_MODEL))
     data = mujoco.MjData(model)
     camera = mujoco.MjvCamera()
     camera.distance, camera.elevation = DISTANCE, ELEVATION

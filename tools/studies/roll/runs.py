@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish import mujoco as sim
 from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.fish import load_fish
 from mjfish.frames import CHANNELS
+from mjfish.mujoco import SimRollout, Trim, simulate
 
 PIKE = load_fish("pike")
 STEP = 0.001
@@ -43,8 +43,8 @@ _FAST = ((0.0, 0.1, 0.22, 0.38, 0.55, 2.0), (0.0, 0.0, 0.5, -0.3, 0.0, 0.0))
 class Pair:
     """The same swimming in the plane and free in space."""
 
-    plane: sim.SimRollout
-    free: sim.SimRollout
+    plane: SimRollout
+    free: SimRollout
 
     def _within(self, stretch: tuple[float, float]) -> slice:
         return slice(*np.searchsorted(self.free.time, np.array(stretch) + 1e-9))
@@ -64,7 +64,7 @@ class Pair:
 
     def mean(self, stretch: tuple[float, float], channel: int, who: str = "free") -> float:
         """Return the mean of a velocity in a stretch."""
-        run: sim.SimRollout = getattr(self, who)
+        run: SimRollout = getattr(self, who)
         return float(run.velocity[self._within(stretch), channel].mean())
 
     def change(self, stretch: tuple[float, float] = WHOLE, *, level: bool = False) -> FloatArray:
@@ -89,13 +89,13 @@ class Pair:
 
 
 @functools.lru_cache(maxsize=512)
-def mode(name: str, water: str = "λ*", trim: sim.Trim = sim.Trim()) -> Pair:  # noqa: B008 - frozen
+def mode(name: str, water: str = "λ*", trim: Trim = Trim()) -> Pair:  # noqa: B008 - frozen
     """Run a mode of Table IV, or ``fast``."""
     return _pair(fast_start() if name == "fast" else _motion(modes.drive(name)), water, trim)
 
 
 @functools.lru_cache(maxsize=512)
-def turn(omega: float, bias: str, water: str = "λ*", trim: sim.Trim = sim.Trim()) -> Pair:  # noqa: B008 - frozen
+def turn(omega: float, bias: str, water: str = "λ*", trim: Trim = Trim()) -> Pair:  # noqa: B008 - frozen
     """Run straight at a frequency, and from half of the run on with a bias."""
     segments = [cpg.DriveSegment(0.0, omega, BIASES["straight"])]
     if bias != "straight":
@@ -107,8 +107,8 @@ def _motion(segments: tuple[cpg.DriveSegment, ...]) -> JointMotion:
     return cpg.joint_motion(PIKE.cpg, segments, modes.DURATION, STEP)
 
 
-def _pair(motion: JointMotion, water: str, trim: sim.Trim) -> Pair:
-    plane, free = (sim.simulate(PIKE, motion, values=WATERS[water], free=way) for way in (None, trim))
+def _pair(motion: JointMotion, water: str, trim: Trim) -> Pair:
+    plane, free = (simulate(PIKE, motion, values=WATERS[water], free=way) for way in (None, trim))
     if plane.message or free.message:
         raise SystemExit(plane.message or free.message)
     return Pair(plane, free)

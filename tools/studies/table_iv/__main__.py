@@ -10,24 +10,26 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+import pyarrow as pa
 import typer
+from pyarrow import csv, parquet
 from rich import box
 from rich.table import Table
 
-from mjfish.cli import console
-from mjfish.data.table import check_suffix
-from mjfish.errors import MjfishError
-from mjfish.estimation.rows import write_rows
+from mjfish.errors import InputError, MjfishError
 from mjfish.files import check_file, write_json
 from mjfish.fish import load_fish
 from mjfish.frames import CHANNELS, UNITS
+from studies import console
 from studies.table_iv import PaperComparison, compare_paper
 from studies.table_iv.misfit import Fitted
 from studies.table_iv.ranges import Ranges
 from studies.table_iv.reasons import Reason
-from studies.table_iv.words import removed, sentences
+from studies.table_iv.sentences import removed, sentences
 
 _NONE = "–"
+#: By the suffix of a table.
+_WRITERS = {".csv": csv.write_csv, ".parquet": parquet.write_table}
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -47,11 +49,11 @@ def main(
         for path in (json, table):
             if path is not None:
                 check_file(path)
-        if table is not None:
-            check_suffix(table)
+        if table is not None and table.suffix not in _WRITERS:
+            raise InputError(f"{table}: unknown suffix '{table.suffix}', expected {' or '.join(_WRITERS)}; rename it")
         run(fish, fit=fit, seed=seed, jobs=jobs, json=json, table=table)
     except MjfishError as error:
-        console.complain("error", str(error))
+        console.err.print(f"error: {error}", soft_wrap=True)
         raise typer.Exit(console.MISUSE) from None
 
 
@@ -80,7 +82,7 @@ def run(fish: str, *, fit: bool, seed: int, jobs: int | None, json: Path | None,
     if json is not None:
         write_json(json, found.to_dict() | {"says": list(sentences(found))})
     if table is not None:
-        write_rows(table, found.rows())
+        _WRITERS[table.suffix](pa.Table.from_pylist(found.rows()), table)
 
 
 def _table(title: str, left: tuple[str, ...], right: tuple[str, ...]) -> Table:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.effect import Effect, Family, Values
+from mjfish.effects import Effect
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -17,7 +18,7 @@ class PsiUnit(Effect):
     """All angles are larger: the unit of beta psi is (1 + error) times the fish's."""
 
     name: ClassVar[str] = "psi_unit"
-    family: ClassVar[Family] = "drive"
+    family: ClassVar = "drive"
     summary: ClassVar[str] = "the unit of beta psi"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("psi_unit.error", "-", 0.0, -0.8, 1.0, 0.0, 0.05, about="relative error of the unit of beta psi"),
@@ -26,7 +27,7 @@ class PsiUnit(Effect):
     signature: ClassVar[str] = "all velocities are too large or too small, alike at every frequency"
     confirm: ClassVar[str] = "film the joints: the amplitude of one is enough"
 
-    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+    def drive(self, motion: JointMotion, values: Mapping[str, float]) -> JointMotion:
         """Scale angles, rates and accelerations."""
         gain = 1.0 + values["error"]
         return replace(
@@ -38,7 +39,7 @@ class SoftStart(Effect):
     """The beat grows to its amplitude more slowly: theta = r(t) theta_command, r = 1 - (1 + t / T) exp(-t / T)."""
 
     name: ClassVar[str] = "soft_start"
-    family: ClassVar[Family] = "drive"
+    family: ClassVar = "drive"
     summary: ClassVar[str] = "a start-up with less of a kick"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("soft_start.time", "s", 0.0, 0.0, 1.0, 0.0, 0.05, about="time T of the growth of the beat"),
@@ -47,7 +48,7 @@ class SoftStart(Effect):
     signature: ClassVar[str] = "the first beats alone are too large"
     confirm: ClassVar[str] = "film the joints in the first beats"
 
-    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+    def drive(self, motion: JointMotion, values: Mapping[str, float]) -> JointMotion:
         """Multiply by r, with its exact rate and acceleration."""
         width = values["time"]
         if width <= 0.0:
@@ -71,7 +72,7 @@ class HeadInertia(Effect):
     """
 
     name: ClassVar[str] = "head_inertia"
-    family: ClassVar[Family] = "body"
+    family: ClassVar = "body"
     summary: ClassVar[str] = "the head's inertia I_0"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("head_inertia.error", "-", 0.0, -0.9, 0.0527, 0.0, 0.02, about="relative error of I_0"),
@@ -80,7 +81,7 @@ class HeadInertia(Effect):
     signature: ClassVar[str] = "the head turns too much or too little"
     confirm: ClassVar[str] = "hang the head on two threads and time its swing about the vertical (bifilar pendulum)"
 
-    def body(self, fish: Fish, values: Values) -> Fish:
+    def body(self, fish: Fish, values: Mapping[str, float]) -> Fish:
         """Scale the inertia of the first link."""
         head = fish.links[0].model_copy(update={"inertia": (1.0 + values["error"]) * fish.links[0].inertia})
         return fish.model_copy(update={"links": (head, *fish.links[1:])})
@@ -90,7 +91,7 @@ class FinHeight(Effect):
     """The last section, the caudal fin, is (1 + error) times as high."""
 
     name: ClassVar[str] = "fin_height"
-    family: ClassVar[Family] = "body"
+    family: ClassVar = "body"
     summary: ClassVar[str] = "the height of the caudal fin"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("fin_height.error", "-", 0.0, -0.5, 0.5, 0.0, 0.05, about="relative error of the fin's height"),
@@ -99,7 +100,7 @@ class FinHeight(Effect):
     signature: ClassVar[str] = "thrust and the recoil of the head are off together"
     confirm: ClassVar[str] = "measure the fin"
 
-    def body(self, fish: Fish, values: Values) -> Fish:
+    def body(self, fish: Fish, values: Mapping[str, float]) -> Fish:
         """Scale both ends of the last section."""
         fin = fish.sections[-1]
         height = tuple((1.0 + values["error"]) * end for end in fin.height)

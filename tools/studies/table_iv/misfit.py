@@ -18,8 +18,7 @@ from scipy.stats import qmc
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.frames import CHANNELS
-from mjfish.model import Model
-from mjfish.model.sensitivity import sensitivities
+from mjfish.model import Model, sensitivities
 from mjfish.parameter import Parameter, bounds
 from studies.table_iv.ranges import Ranges
 

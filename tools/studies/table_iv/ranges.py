@@ -15,9 +15,7 @@ import numpy as np
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.drive import modes
-from mjfish.estimation.agreement import Part
-from mjfish.estimation.agreement import parts as parts_of
-from mjfish.estimation.table_iv import PAPER
+from mjfish.estimation import PAPER, Part, parts_of_trial
 from mjfish.frames import CHANNELS
 
 #: Samples a second; with twice as many, ranges of the pike grow by less than 1 %.
@@ -72,7 +70,7 @@ class Ranges:
     @classmethod
     def of(cls, trial: Trial, velocity: FloatArray) -> Ranges:
         """Return the ranges of velocities (n, 3) at the times of `trial`; NaN after a divergence."""
-        inside = dict(parts_of(trial))
+        inside = dict(parts_of_trial(trial))
         inside.pop("whole")
         inside["steady"] = inside["steady"] & (trial.time >= trial.drive[-1].start)  # not between start-up and change
         return cls(

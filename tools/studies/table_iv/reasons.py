@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mjfish.effects import catalogue
-from mjfish.effects.effect import Effect
+from mjfish.effects import Effect, catalogue
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.parameter import Parameter
 from studies.table_iv.causes import FinHeight, HeadInertia, PsiUnit, SoftStart

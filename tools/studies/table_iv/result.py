@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.estimation.agreement import Part
+from mjfish.estimation import Part
 from mjfish.frames import CHANNELS, UNITS
 from studies.table_iv.misfit import Fitted, rms
 from studies.table_iv.ranges import Ranges, rounding, scatter

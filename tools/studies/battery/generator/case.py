@@ -15,9 +15,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from mjfish import data as trials
 from mjfish.arrays import FloatArray, readonly
-from mjfish.data import Dataset, Trial
+from mjfish.data import Dataset, Trial, save
 from mjfish.errors import InputError
 from studies.battery.generator import camera, classes, forcing, rolling, size
 from studies.battery.generator import noise as noises
@@ -50,7 +49,7 @@ class Case:
 
     def write(self, folder: str | Path) -> Path:
         """Write the dataset folder (not the truth); return its dataset.toml."""
-        return trials.save(self.dataset, folder)
+        return save(self.dataset, folder)
 
 
 def make_case(
