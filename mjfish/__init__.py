@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mjfish.model import Model
     from mjfish.mujoco import StripFluid, StripLink
     from mjfish.parameter import Parameter
-    from mjfish.simulation import check, generate
+    from mjfish.simulation import check, generate, simulate
 
     __version__ = version("mjfish")
 
@@ -44,6 +44,7 @@ _HOME = {
     "Parameter": "parameter",
     "StripFluid": "mujoco",
     "StripLink": "mujoco",
+    "simulate": "simulation",
     "generate": "simulation",
     "check": "simulation",
     "inspect": "inspection",
@@ -74,6 +75,7 @@ __all__ = [
     "load_dataset",
     "load_fish",
     "plan",
+    "simulate",
 ]
 
 

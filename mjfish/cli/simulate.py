@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -21,15 +20,9 @@ from mjfish.reporting.words import NONE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mjfish.arrays import FloatArray
-    from mjfish.data import Trial
     from mjfish.model.extended import Extended
     from mjfish.simulation import CrossCheck, Row
 
-#: Step of both engines [s].
-STEP = 0.001
-#: Samples a second in rollout.csv.
-RATE = 100.0
 #: Checked where no mode is named: a straight run, a change of frequency, a turn.
 CHECKED = ("v1", "v5-v1", "v3-t2")
 
@@ -42,98 +35,50 @@ def simulate(
     fish: FishOption = "pike",
     mode: Annotated[str, typer.Option(help=f"One of {', '.join(MODES)}.")] = "v1",
     engine: Annotated[Literal["ode", "mujoco"], typer.Option(help="Head-frame ODE or MuJoCo.")] = "ode",
+    effect: Annotated[
+        list[str] | None, typer.Option(help="NAME:PARAM=VALUE[,PARAM=VALUE], see `mjfish effects`; repeatable.")
+    ] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", help="Coefficient or effect, e.g. c_d.head=2.0; repeatable.")
+        list[str] | None,
+        typer.Option("--set", help="Coefficient or EFFECT.PARAM, e.g. c_d.head=2 or munk_moment.kappa=1; repeatable."),
     ] = None,
     effects: Own = None,
+    wave: Annotated[
+        str | None,
+        typer.Option(
+            help="Instead of a mode, a sinusoid a joint: 'frequency=1.5, amplitude=[0.1, 0.3], phase=[0, -1]', "
+            "in Hz and rad; bias [rad] and ramp [s] if any."
+        ),
+    ] = None,
+    joints: Annotated[
+        Path | None, typer.Option(help="Instead of a mode, joint angles: CSV of time [s], joint_1 [rad], ...")
+    ] = None,
     duration: Annotated[float, typer.Option(help="Length of the run [s].")] = DURATION,
     free: Annotated[bool, typer.Option("--free", help="Free to roll, pitch and sink; --engine mujoco only.")] = False,
 ) -> None:
-    """Simulate a mode of swimming and write rollout.csv and rollout.rrd."""
-    import numpy as np
+    """Simulate a fish with its effects and write rollout.csv and rollout.rrd."""
+    from mjfish import effects as causes
+    from mjfish.simulation import parse_wave
 
-    from mjfish.data import columns, write_table
-    from mjfish.frames import CHANNELS
-    from mjfish.model import extended
-    from mjfish.reporting.log import write_rollout_log
-
-    whole = extended.load(fish, effects or (), console.assignments(set_ or [], "--set"))
-    body = whole.fish
-    if body.cpg is None:
-        raise InputError(f"{fish} has no [cpg], which a mode of swimming needs; add one, or name another fish")
-    if not 0.0 < duration < np.inf:
-        raise InputError(f"--duration: found {duration:g}, expected a finite number above 0 s; correct it")
-    if free and engine != "mujoco":
-        raise InputError("--free: the ODE is planar; add --engine mujoco")
-    if engine == "mujoco":
-        whole.check_mujoco()
-    trial = _trial(mode, duration)
+    if wave is not None and joints is not None:
+        raise InputError("--wave: found with --joints, expected one drive; drop one")
     check_folder(out)
-    state, joints, attitude, status, message = _run(whole, trial, engine, free=free)
+    known = causes.catalogue(tuple(effects or ()))
+    values = console.assignments(set_ or [], "--set")
+    for name, settings in console.effect_settings(effect or []).items():
+        values |= {causes.find(name, known).declaration(short).name: value for short, value in settings.items()}
+    drive = joints if wave is None else parse_wave(wave)
+    run = mjfish.simulate(
+        fish, mode, engine=engine, values=values, effects=known, drive=drive, duration=duration, free=free
+    )
     make_folder(out)
-    kept = np.all(np.isfinite(state), axis=1)
-    names = ["time", *CHANNELS, *columns.POSE, *(columns.joint(k + 1) for k in range(body.joints))]
-    table = np.column_stack([trial.time, state, joints])[kept]
-    if attitude is not None:
-        names += columns.ATTITUDE
-        attitude = attitude[kept]
-        table = np.column_stack([table, attitude])
-    write_table(out / "rollout.csv", {columns.header(n): table[:, k] for k, n in enumerate(names)})
-    at, velocity, pose, angle = table[:, 0], table[:, 1:4], table[:, 4:7], table[:, 7 : 7 + body.joints]
-    write_rollout_log(out / "rollout.rrd", body, at, velocity, pose, angle, attitude=attitude)
-    if status != "ok":
-        console.complain(status, message)
+    table, log = out / "rollout.csv", out / "rollout.rrd"
+    run.write_table(table)
+    run.log(log)
+    if run.status != "ok":
+        console.complain(run.status, run.message)
         raise typer.Exit(console.NOT_GOOD)
-    steady = state[len(state) // 2 :, 0]
-    console.say(f"{body.name}, {mode}, {engine}: mean surge of the second half {steady.mean():.3f} m/s", *whole.told())
-    log = out / "rollout.rrd"
-    console.say(f"wrote {out / 'rollout.csv'} and {log} (open it with: {console.program()} view {log})")
-
-
-def _trial(mode: str, duration: float) -> Trial:
-    """Return the mode as a trial, with nothing measured in it."""
-    import numpy as np
-
-    from mjfish.arrays import readonly
-    from mjfish.drive.modes import drive
-
-    time = np.arange(int(duration * RATE + 1e-9) + 1) / RATE
-    return mjfish.Trial(mode, None, readonly(time), readonly(np.zeros((len(time), 3))), drive=drive(mode))
-
-
-def _run(
-    whole: Extended, trial: Trial, engine: str, *, free: bool
-) -> tuple[FloatArray, FloatArray, FloatArray | None, str, str]:
-    """Return velocity and pose (n, 6), joints, attitude or None, status and message at the trial's times.
-
-    They are what the camera reads; NaN where the run ended.
-    """
-    import numpy as np
-
-    from mjfish import ode
-
-    run = replace(whole.model, step=STEP).prepare(trial, whole.values)
-    time = np.minimum(run.time, run.motion.time[-1])
-    attitude = None
-    if engine == "mujoco":
-        from mjfish import mujoco as sim
-
-        swum = sim.simulate(
-            run.fish, run.motion, values=run.coefficients, loads=run.loads, velocity=run.velocity,
-            free=sim.Trim() if free else None,
-        )  # fmt: skip
-        series = np.column_stack([swum.velocity, swum.pose, np.zeros((len(swum.time), 2)), swum.attitude])
-        series = np.column_stack([series, swum.joint_angle])
-        at = np.column_stack([np.interp(time, swum.time, column, right=np.nan) for column in series.T])
-        state, joints, attitude = at[:, :8], at[:, 11:], at[:, 8:11] if free else None
-        status, message = swum.status, swum.message
-    else:
-        rollout = ode.simulate(run.fish, run.motion, values=run.coefficients, velocity=run.velocity, loads=run.loads)
-        state, joints = rollout.at(time), run.motion.angle_at(time)
-        status, message = rollout.status, rollout.message
-    for effect, own in run.active:
-        state = effect.reading(state, own, trial)
-    return state[:, :6], joints, attitude, status, message
+    console.say(run.summary(), f"wrote {table} and {log} (open it with: {console.program()} view {log})")
 
 
 def check(
@@ -155,10 +100,11 @@ def check(
 ) -> None:
     """Cross-check MuJoCo with the fluid force against the head-frame ODE, on the joint motion that MuJoCo realised."""
     from mjfish.drive.modes import drive
+    from mjfish.effects import catalogue
     from mjfish.model import extended
     from mjfish.serialise import fields_of
 
-    whole = extended.load(fish, effects or ())
+    whole = extended.load(fish, catalogue(tuple(effects or ())))
     whole.check_mujoco()
     console.say(*whole.told())
     names = tuple(mode or (() if all_ else CHECKED))

@@ -147,10 +147,8 @@ def compare(dataset: Dataset, against: Sequence[str | Path], *, bound: float | N
 
     Example:
         >>> import mjfish
-        >>> from mjfish.data import write_table
         >>> measured = mjfish.generate(mjfish.load_fish("pike"), ["v1"], duration=2.0, name="pool")
-        >>> trial = measured.trials[0]
-        >>> write_table("v1.csv", {"time [s]": trial.time, "surge [m/s]": 1.1 * trial.velocity[:, 0]})
+        >>> mjfish.simulate("pike", "v1", values={"c_d.tail": 3.0}, duration=2.0).write_table("v1.csv")
         >>> print(mjfish.compare(measured, ["v1.csv"], bound=0.01))
         pool: rollouts against measurements, not good: 1 of 1
         v1: nRMSE 0.0... at worst

@@ -96,31 +96,38 @@ class Extended:
             raise InputError(f"{', '.join(self.ode_only)}: exists in the ODE only; use --engine ode, or take it out")
 
 
-def load(name_or_path: str | Path, files: Sequence[Path] = (), given: Mapping[str, float] | None = None) -> Extended:
-    """Load a shipped fish by name, or a fish TOML, which may be extended by effects in tables ``[effects.NAME]``.
+def load(
+    fish: Fish | str | Path, effects: Mapping[str, Effect] | None = None, given: Mapping[str, float] | None = None
+) -> Extended:
+    """Return a fish with its effects: those in the tables ``[effects.NAME]`` of its file, and those that get values.
 
     Args:
-        name_or_path: as `mjfish.fish.load_fish` takes it.
-        files: with causes of the user's own.
-        given: coefficients and parameters of its effects by full name, that replace those of the file.
+        fish: a fish, or as `mjfish.load_fish` takes it.
+        effects: that may occur, by name; None: the shipped ones.
+        given: coefficients and parameters of effects by full name, that replace those of the file. A parameter of an
+            effect that the file does not have adds it.
 
     Raises:
         UnknownNameError: no such fish, no such effect or parameter; the known ones are listed.
         InputError: the file breaks the schema, every broken key is named.
         ParameterError: a value outside its bounds.
     """
-    fish, tables = fishes.read(name_or_path)
+    given = given or {}
+    known = catalogue() if effects is None else effects
+    source = fish.name if isinstance(fish, Fish) else str(fish)
+    fish, tables = (fish, {}) if isinstance(fish, Fish) else fishes.read(fish)
+    added = dict.fromkeys(name.partition(".")[0] for name in given if name not in COEFFICIENTS)
     if not tables:
-        return Extended(Model(fish), given or {})
-    with place.named(str(name_or_path)):
+        return Extended(Model(fish, tuple(known[name] for name in added if name in known)), given)
+    with place.named(source):
         entries = tomlfile.parse({"effects": tables}, _Effects, "").effects
-        known = catalogue(files)
         for name in entries:
             if name not in known:
                 raise UnknownNameError("effect", name, known, _OWN)
         values = {known[name].declaration(short).name: v for name, own in entries.items() for short, v in own.items()}
-        extended = Extended(Model(fish, tuple(known[name] for name in entries)), values)
-    return Extended(extended.model, {**extended.values, **(given or {})})
+        names = [*entries, *(name for name in added if name in known and name not in entries)]
+        extended = Extended(Model(fish, tuple(known[name] for name in names)), values)
+    return Extended(extended.model, {**extended.values, **given})
 
 
 def write(path: str | Path, model: Model, values: Mapping[str, float], comments: Sequence[str] = ()) -> None:

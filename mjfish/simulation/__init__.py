@@ -2,6 +2,7 @@
 
 from mjfish.simulation.engines import CASES, ENGINES, Case, Row, check_all
 from mjfish.simulation.realised import BOUND, CrossCheck, Level, check, cpg_of
+from mjfish.simulation.run import Simulation, parse_wave, simulate
 from mjfish.simulation.synthetic import generate
 
 __all__ = [
@@ -12,8 +13,11 @@ __all__ = [
     "CrossCheck",
     "Level",
     "Row",
+    "Simulation",
     "check",
     "check_all",
     "cpg_of",
     "generate",
+    "parse_wave",
+    "simulate",
 ]

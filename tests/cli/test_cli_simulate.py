@@ -11,9 +11,11 @@ from command_line import Run
 
 from mjfish import fish as fishes
 from mjfish import ode
-from mjfish.data import read_table
+from mjfish.data import Trial, columns, read_table, write_table
 from mjfish.drive import cpg, modes
-from mjfish.fish import load_fish
+from mjfish.effects import find
+from mjfish.fish import Fish, load_fish
+from mjfish.model import Model
 
 COLUMNS = ["time", "surge", "sway", "yaw_rate", "x", "y", "yaw", "joint_1", "joint_2", "joint_3", "joint_4"]
 
@@ -102,8 +104,23 @@ REFUSED = {
     "no number": ("--set c_d.head=two", "--set c_d.head: found 'two', expected a number; correct it"),
     "no finite number": ("--set c_d.head=nan", "--set c_d.head: found 'nan', expected a number"),
     "set twice": ("--set c_d.head=1 --set c_d.head=2", "--set: 'c_d.head' is set twice; set it once"),
-    "no time": ("--duration 0", "--duration: found 0, expected a finite number above 0 s; correct it"),
-    "endless": ("--duration inf", "--duration: found inf, expected a finite number"),
+    "no time": ("--duration 0", "duration: found 0, expected a finite number above 0 s; correct it"),
+    "endless": ("--duration inf", "duration: found inf, expected a finite number"),
+    "unknown effect": ("--effect drag:x=1", "unknown effect 'drag'; known: ambient_current"),
+    "effect out of bounds": ("--set munk_moment.kappa=9", "munk_moment.kappa: value 9 - is outside its bounds"),
+    "unknown parameter": ("--effect munk_moment:size=1", "unknown parameter of munk_moment 'size'; known: kappa"),
+    "two drives": ("--wave frequency=1 --joints a.csv", "--wave: found with --joints, expected one drive; drop one"),
+    "no wave": ("--wave fast", "wave: found 'fast', expected e.g. frequency=1.5, amplitude=[0.2, 0.3]"),
+    "half a wave": ("--wave frequency=1", "wave: amplitude: this key is missing; add it"),
+    "uneven wave": (
+        "--wave 'frequency=1,amplitude=[0.1,0.2],phase=[0]'",
+        "expected one amplitude, phase and bias a joint",
+    ),
+    "wave of another fish": (
+        "--wave 'frequency=1,amplitude=[0.1],phase=[0]'",
+        "the wave has 1 amplitudes, expected 4",
+    ),
+    "no file of joints": ("--joints absent.csv", "absent.csv: no such file"),
     "engine": ("--engine bullet", "'bullet' is not one of 'ode', 'mujoco'"),
 }
 
@@ -131,3 +148,49 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_is_simulate
 
 def test_out_must_be_given(refuse: Callable[[str], str]) -> None:
     assert "Missing option '--out'" in refuse("simulate")
+
+
+@pytest.mark.parametrize("option", ["--set munk_moment.kappa=1", "--effect munk_moment:kappa=1"])
+def test_a_plain_fish_gets_an_effect(run: Run, tmp_path: Path, option: str, pike: Fish) -> None:
+    shown = run(f"simulate {option} --duration 1 --out a").stdout
+    assert "with munk_moment: kappa = 1\n" in shown
+    table = read_table(tmp_path / "a" / "rollout.csv")
+    time = table["time"]
+    model = Model(pike, (find("munk_moment"),), step=0.001)
+    trial = Trial("v1", None, time, np.zeros((len(time), 3)), drive=modes.drive("v1"))
+    expected = model.predict(trial, model.values({"munk_moment.kappa": 1.0})).velocity
+    np.testing.assert_allclose(table["yaw_rate"], expected[:, 2], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("engine", ["ode", "mujoco"])
+def test_a_fish_without_cpg_swims_by_a_wave(run: Run, tmp_path: Path, engine: str) -> None:
+    wave = "frequency=1.0, amplitude=[0.1, 0.2, 0.3, 0.3, 0.3], phase=[0.0, -0.8, -1.6, -2.4, -3.2], ramp=0.5"
+    shown = run(f"simulate --fish eth_tendon --wave '{wave}' --engine {engine} --duration 2 --out a").stdout
+    assert f"eth_tendon, wave, {engine}: mean surge of the second half " in shown
+    table = read_table(tmp_path / "a" / "rollout.csv")
+    assert table["surge"][-1] > 0.02
+    if engine == "ode":
+        late = table["time"] > 0.5
+        swing = 0.3 * np.sin(2.0 * np.pi * table["time"] - 1.6)
+        np.testing.assert_allclose(table["joint_3"][late], swing[late], atol=1e-3)
+
+
+def test_joint_angles_of_ones_own_drive_the_fish(run: Run, tmp_path: Path) -> None:
+    """Those of another run make the same run, but for the smoothing of their spline."""
+    run("simulate --mode v1 --duration 2 --out a")
+    first = read_table(tmp_path / "a" / "rollout.csv")
+    names = ["time", *(f"joint_{k}" for k in range(1, 5))]
+    write_table(tmp_path / "mine.csv", {columns.header(name): first[name] for name in names})
+    assert "pike, mine, ode: mean surge" in run("simulate --joints mine.csv --out b").stdout
+    second = read_table(tmp_path / "b" / "rollout.csv")
+    np.testing.assert_array_equal(second["time"], first["time"])
+    for name in ("surge", "sway", "yaw_rate"):
+        np.testing.assert_allclose(second[name], first[name], atol=0.02 * np.ptp(first[name]))
+
+
+def test_joint_angles_of_another_fish_are_refused(refuse: Callable[[str], str], tmp_path: Path) -> None:
+    header = "time [s],joint_1 [rad],joint_2 [rad],joint_3 [rad]\n"
+    (tmp_path / "mine.csv").write_text(header + "0,0,0,0\n0.01,0,0,0\n", encoding="utf-8")
+    assert "mine.csv: joint_4 [rad] missing; expected the time and 4 joints, those of pike" in refuse(
+        "simulate --joints mine.csv --out a"
+    )

@@ -34,4 +34,4 @@ def test_a_planar_run_has_none_of_them(run: Run, tmp_path: Path) -> None:
 
 
 def test_the_ode_cannot_be_free(refuse: Callable[[str], str]) -> None:
-    assert "--free: the ODE is planar; add --engine mujoco" in refuse("simulate --free --out a")
+    assert "free: the ODE is planar; choose the engine mujoco" in refuse("simulate --free --out a")

@@ -14,13 +14,13 @@ from diagnosed import diagnosis
 from logs import column, entities, text
 from rerun.chunk import RrdReader
 
-from mjfish import frames, ode
-from mjfish.drive import cpg, modes
+from mjfish import frames
 from mjfish.errors import InputError, MjfishError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.ode.forces import link_forces
-from mjfish.reporting.log import Run, Swim, view, write_log, write_rollout_log, write_runs
+from mjfish.reporting.log import Run, Swim, view, write_log, write_runs
+from mjfish.simulation import simulate
 
 
 @pytest.fixture(autouse=True)
@@ -157,20 +157,21 @@ def test_names_that_are_no_plain_words_make_paths_all_the_same(tmp_path: Path) -
     assert len(roots) == 2
 
 
-def test_the_log_of_a_rollout_has_its_forces(tmp_path: Path, pike: Fish) -> None:
-    assert pike.cpg is not None
-    motion = cpg.joint_motion(pike.cpg, modes.drive("v1"), 2.0, 0.005)
-    rollout = ode.simulate(pike, motion)
-    time = np.linspace(0.0, 2.0, 201)
-    state = rollout.at(time)
+@pytest.mark.parametrize("spline", [False, True])
+def test_the_log_of_a_rollout_has_its_forces(tmp_path: Path, pike: Fish, spline: bool) -> None:
+    """By its own states, and by a spline through its samples, as those of MuJoCo are."""
+    run = simulate(pike, "v1", duration=2.0)
+    time, rollout = run.time, run.rollout
+    assert rollout is not None
     path = tmp_path / "rollout.rrd"
-    write_rollout_log(path, pike, time, state[:, :3], state[:, 3:6], motion.angle_at(time))
-    _, surge = column(path, "/run/velocity/surge/simulated", "Scalars:scalars")
-    np.testing.assert_array_equal(surge[:, 0], state[:, 0])
-    exact = link_forces(pike, motion, np.concatenate([rollout.state[:, 0], rollout.state[-1:, 1]])).added_mass
+    write_log(replace(run, rollout=None) if spline else run, path)
+    _, surge = column(path, "/v1/velocity/surge/simulated", "Scalars:scalars")
+    np.testing.assert_array_equal(surge[:, 0], run.velocity[:, 0])
+    states = np.concatenate([rollout.state[:, 0], rollout.state[-1:, 1]])
+    exact = link_forces(pike, rollout.motion, states).added_mass
     exact = exact[np.searchsorted(rollout.time, time - 1e-9)]
     scale = float(text(path, "/about", "TextDocument:text").rpartition("1 N is ")[2].removesuffix(" m."))
-    _, vectors = column(path, "/run/world/simulated/force/added_mass", "Arrows3D:vectors")
+    _, vectors = column(path, "/v1/world/simulated/force/added_mass", "Arrows3D:vectors")
     steady = slice(20, 180)  # off the ends, where a spline knows less
     error = np.abs(vectors[steady, :, :2] / scale - exact[steady, :, :2])
     assert np.max(error) < 0.01 * np.max(np.abs(exact[steady]))
@@ -178,9 +179,8 @@ def test_the_log_of_a_rollout_has_its_forces(tmp_path: Path, pike: Fish) -> None
 
 def test_a_very_short_rollout_is_logged_without_forces(tmp_path: Path, pike: Fish) -> None:
     path = tmp_path / "rollout.rrd"
-    still = np.zeros((3, 3))
-    write_rollout_log(path, pike, np.arange(3.0), still, still, np.zeros((3, pike.joints)))
-    assert "/run/world/simulated/link_4" in entities(path)
+    write_log(replace(simulate(pike, duration=0.02), rollout=None), path)
+    assert "/v1/world/simulated/link_4" in entities(path)
     assert not any("force" in entity for entity in entities(path))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -12,10 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from mjfish.fish import Fish
 from mjfish.mujoco import free
-from mjfish.reporting.log import write_rollout_log
+from mjfish.reporting.log import write_log
 from mjfish.reporting.log.body import link_poses
 from mjfish.reporting.log.recording import camera_path, floor_lines
 from mjfish.reporting.log.scene import Run, Swim
+from mjfish.simulation import simulate
 
 
 def test_links_in_space_are_where_mujoco_has_them(pike: Fish) -> None:
@@ -55,11 +57,11 @@ def test_camera_and_floor_follow_a_fish_that_sinks(pike: Fish) -> None:
 def test_log_shows_roll_pitch_and_heave_and_no_planar_forces(pike: Fish, tmp_path: Path) -> None:
     time = np.arange(20) / 100.0
     attitude = np.column_stack([0.1 * time, 0.2 * time, -0.3 * time])
-    arrays = (time, np.zeros((20, 3)), np.zeros((20, 3)), np.zeros((20, 4)))
-    write_rollout_log(tmp_path / "a.rrd", pike, *arrays, attitude=attitude)
+    plane = replace(simulate(pike, duration=0.19), rollout=None)
+    write_log(replace(plane, attitude=attitude), tmp_path / "a.rrd")
     for k, name in enumerate(("roll", "pitch", "heave")):
-        at, values = column(tmp_path / "a.rrd", f"/run/attitude/{name}/simulated", "Scalars:scalars")
+        at, values = column(tmp_path / "a.rrd", f"/v1/attitude/{name}/simulated", "Scalars:scalars")
         np.testing.assert_allclose(values.ravel(), np.interp(at, time, attitude[:, k]), rtol=0, atol=1e-9)
     assert not any("force" in entity for entity in entities(tmp_path / "a.rrd"))
-    write_rollout_log(tmp_path / "b.rrd", pike, *arrays)
+    write_log(plane, tmp_path / "b.rrd")
     assert not any("attitude" in entity for entity in entities(tmp_path / "b.rrd"))

@@ -76,7 +76,7 @@ def test_tables_by_hand_are_read(tmp_path: Path) -> None:
         + "\n[effects.tail_compliance]\ncompliance = 0.25\n\n[effects.camera_scale]\nerror = 0\n",
         encoding="utf-8",
     )
-    one = extended.load(path, [OWN], {"tail_compliance.damping": 0.05})
+    one = extended.load(path, catalogue([OWN]), {"tail_compliance.damping": 0.05})
     assert (one.fish.tail_compliance, one.fish.tail_damping) == (0.25, 0.05)
     assert [effect.name for effect, _ in one.active] == ["tail_compliance"]
     assert list(one.told()) == ["with tail_compliance: compliance = 0.25 rad/(N m), damping = 0.05 N m s/rad"]

@@ -15,14 +15,14 @@ from mjfish.design import Plan
 from mjfish.diagnosis import Diagnosis
 from mjfish.errors import InputError
 from mjfish.estimation.report import Identification
-from mjfish.frames import CHANNELS
+from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection import Inspection
 from mjfish.reporting.html.diagnosis import write_diagnosis
 from mjfish.reporting.html.figures import COLOURS, Panel, overlay_figure, panels, residual_figure
 from mjfish.reporting.html.identification import sections
 from mjfish.reporting.html.pages import Block, Section, write_figures
 from mjfish.reporting.words import CHANNEL_NAMES
-from mjfish.simulation import CrossCheck
+from mjfish.simulation import CrossCheck, Simulation
 
 #: Options of a plan that are drawn.
 _OPTIONS = 12
@@ -50,6 +50,17 @@ def _(result: Identification) -> go.Figure:
     if result.assessment is None:
         raise InputError(f"{result.dataset.name}: the fit {result.fit.status} and has no figure; {result.fit.message}")
     return residual_figure(max(result.assessment.residuals, key=lambda residual: residual.role == "held_out"))
+
+
+@figure.register
+def _(result: Simulation) -> go.Figure:
+    """Draw the velocities over time."""
+    drawn = panels(len(CHANNELS), height=480, shared_xaxes=True, vertical_spacing=0.075)
+    for k, channel in enumerate(CHANNELS):
+        panel = Panel(drawn, k + 1)
+        panel.curve(result.time, result.velocity[:, k], "extended", "simulated")
+        panel.heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
+    return drawn.update_xaxes(title_text="time [s]", row=len(CHANNELS))
 
 
 @figure.register

@@ -18,13 +18,13 @@ from mjfish.diagnosis import Diagnosis, Overlay
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.estimation.report import Identification
-from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.model.model import pose_of
-from mjfish.ode.forces import link_forces
+from mjfish.model.model import Prepared, pose_of
+from mjfish.ode.forces import LinkForces, link_forces
 from mjfish.reporting.log.recording import write_runs
 from mjfish.reporting.log.scene import Run, Swim, Swimmer, placed, travelled
 from mjfish.reporting.words import VERDICTS, percent
+from mjfish.simulation import Simulation
 
 #: Degree of the spline through joint angles.
 _DEGREE = 5
@@ -120,45 +120,39 @@ def simulated(swimmer: Swimmer, model: Model, values: Mapping[str, float], trial
     pose = travelled(trial.time[reached], velocity[reached], _start(trial))
     angle = rollout.motion.angle_at(time[reached])
     angle[:, -1] += state[reached, 6]
-    steps = rollout.state if rollout.memory is None else np.concatenate([rollout.state, rollout.memory], axis=2)
-    at_steps = np.concatenate([steps[:, 0], steps[-1:, 1]])
-    forces = link_forces(run.fish, rollout.motion, at_steps, values=run.coefficients, loads=run.loads)
-    shown = placed(forces, rollout.time, at_steps[:, 3:6], time[reached], pose)
+    shown = _forces(run, rollout, time[reached], pose)
     return Swim(swimmer, trial.time[reached], velocity[reached], pose, angle, shown)
 
 
-def write_rollout_log(
-    path: Path,
-    fish: Fish,
-    time: FloatArray,
-    velocity: FloatArray,
-    pose: FloatArray,
-    joint_angle: FloatArray,
-    *,
-    attitude: FloatArray | None = None,
-    name: str = "run",
-) -> None:
-    """Write a simulated run to an .rrd file, with the forces on its links.
+def _forces(run: Prepared, rollout: ode.Rollout, time: FloatArray, pose: FloatArray) -> LinkForces:
+    """Return the forces of a rollout at times (n,) on a fish at `pose` (n, 3), with the memory of what remembers."""
+    steps = rollout.state if rollout.memory is None else np.concatenate([rollout.state, rollout.memory], axis=2)
+    at_steps = np.concatenate([steps[:, 0], steps[-1:, 1]])
+    forces = link_forces(run.fish, rollout.motion, at_steps, values=run.coefficients, loads=run.loads)
+    return placed(forces, rollout.time, at_steps[:, 3:6], time, pose)
 
-    The forces follow from velocity and joint motion by the equation of motion; rates and accelerations of the joints
-    are those of the quintic spline through their angles, so the samples must be dense (100 a second will do).
 
-    Args:
-        path: of the file.
-        fish: with the coefficients of the run.
-        time: (n,) increasing [s], at least 6 samples; with fewer no forces are shown.
-        velocity: (n, 3) surge, sway [m/s], yaw rate [rad/s].
-        pose: (n, 3) x, y [m], yaw [rad].
-        joint_angle: (n, joints) [rad].
-        attitude: (n, 3) roll, pitch [rad] and heave [m] of a fish that is free in space; no forces are shown then.
-        name: of the run in the log.
-    """
+@write_log.register
+def _(result: Simulation, path: Path) -> None:
+    run, rollout = result.prepared, result.rollout
     forces = None
-    if len(time) > _DEGREE and attitude is None:
-        spline = make_interp_spline(time, joint_angle, k=_DEGREE)
-        stages = np.stack([time[:-1], 0.5 * (time[:-1] + time[1:]), time[1:]], axis=1)
-        motion = JointMotion(time, *(spline(stages, nu=order) for order in range(3)))
-        forces = link_forces(fish, motion, np.column_stack([velocity, pose]))
-    swim = Swim("simulated", time, velocity, pose, joint_angle, forces, attitude)
-    about = f"**{fish.name}**, {name}: mean surge {velocity[:, 0].mean():.3f} m/s over {time[-1] - time[0]:.1f} s."
-    write_runs(path, [Run(name, fish, (swim,))], about=about)
+    if rollout is not None and len(rollout.state):
+        time = np.minimum(run.time[: len(result.time)], rollout.time[-1])
+        forces = _forces(run, rollout, time, result.pose)
+    elif result.attitude is None and len(result.time) > _DEGREE:
+        forces = _forces_of_samples(run, result)
+    swim = Swim("simulated", result.time, result.velocity, result.pose, result.joint_angle, forces, result.attitude)
+    write_runs(path, [Run(result.drive, run.fish, (swim,))], name=result.fish, about=result.summary())
+
+
+def _forces_of_samples(run: Prepared, result: Simulation) -> LinkForces:
+    """Return the forces of a run of MuJoCo at its samples, without those of a load.
+
+    They follow from velocity and joint motion by the equation of motion; rates and accelerations of the joints are
+    those of the quintic spline through their angles, so the samples must be dense (100 a second will do).
+    """
+    time = result.time
+    spline = make_interp_spline(time, result.joint_angle, k=_DEGREE)
+    stages = np.stack([time[:-1], 0.5 * (time[:-1] + time[1:]), time[1:]], axis=1)
+    motion = JointMotion(time, *(spline(stages, nu=order) for order in range(3)))
+    return link_forces(run.fish, motion, np.column_stack([result.velocity, result.pose]), values=run.coefficients)

@@ -1,0 +1,250 @@
+"""One simulated run of a fish with its effects, in either engine: what a camera would have measured."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from mjfish import mujoco, ode, tomlfile
+from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Trial, check, columns, read_table, write_table
+from mjfish.data.schema import Law
+from mjfish.drive import modes
+from mjfish.drive.wave import Wave
+from mjfish.effects import Effect
+from mjfish.errors import InputError
+from mjfish.fish import Fish
+from mjfish.frames import CHANNELS
+from mjfish.model import extended
+from mjfish.model.model import Prepared
+from mjfish.result import Result
+from mjfish.serialise import unsaved
+
+#: Longest step of both engines [s].
+STEP = 0.001
+#: Samples a second of a run whose drive is a mode or a wave.
+RATE = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation(Result):
+    """A simulated run, as far as it went.
+
+    Attributes:
+        fish: name of the fish.
+        drive: name of the mode, ``wave``, or the file of the joint angles.
+        engine: ``ode`` or ``mujoco``.
+        effects: which are on, in words.
+        status: ``ok`` or ``diverged``.
+        message: when and with which parameters it diverged, else empty.
+        time: (n,) increasing [s].
+        velocity: (n, 3) surge, sway [m/s], yaw rate [rad/s] of the nose, as the camera reads them.
+        pose: (n, 3) x, y [m], yaw [rad].
+        joint_angle: (n, joints) [rad].
+        attitude: (n, 3) roll, pitch [rad], heave [m] of a fish that is free in space; None: in the plane.
+        prepared: what was simulated.
+        rollout: of the ODE; None of MuJoCo.
+    """
+
+    fish: str
+    drive: str
+    engine: Literal["ode", "mujoco"]
+    effects: tuple[str, ...]
+    status: Literal["ok", "diverged"]
+    message: str
+    time: FloatArray
+    velocity: FloatArray
+    pose: FloatArray
+    joint_angle: FloatArray
+    attitude: FloatArray | None
+    prepared: Prepared = unsaved()
+    rollout: ode.Rollout | None = unsaved(default=None)
+
+    def summary(self) -> str:
+        """Return fish, drive, engine and mean surge of the second half, then the effects; at most ten lines."""
+        head = f"{self.fish}, {self.drive}, {self.engine}: "
+        if self.status != "ok":
+            return head + f"{self.status}: {self.message}"
+        surge = self.velocity[len(self.time) // 2 :, 0].mean()
+        return "\n".join([f"{head}mean surge of the second half {surge:.3f} m/s", *self.effects[:9]])
+
+    def write_table(self, path: str | Path) -> None:
+        """Write time, velocity, pose, joint angles and attitude, if any, as CSV or Parquet (see `mjfish.compare`).
+
+        Raises:
+            InputError: another suffix, or the file cannot be written.
+        """
+        names = ["time", *CHANNELS, *columns.POSE]
+        names += [columns.joint(k + 1) for k in range(self.joint_angle.shape[1])]
+        blocks = [self.time, self.velocity, self.pose, self.joint_angle]
+        if self.attitude is not None:
+            names += columns.ATTITUDE
+            blocks.append(self.attitude)
+        table = np.column_stack(blocks)
+        write_table(path, {columns.header(name): table[:, k] for k, name in enumerate(names)})
+
+
+def simulate(
+    fish: Fish | str | Path = "pike",
+    mode: str = "v1",
+    *,
+    engine: Literal["ode", "mujoco"] = "ode",
+    values: Mapping[str, float] | None = None,
+    effects: Mapping[str, Effect] | None = None,
+    drive: Wave | str | Path | None = None,
+    duration: float = modes.DURATION,
+    free: bool = False,
+) -> Simulation:
+    """Simulate one run of a fish from rest, with the effects of its file and those that get values.
+
+    Args:
+        fish: a fish, the name of a shipped one, or a fish TOML with its effects.
+        mode: of swimming, see [Yu2016], Table IV; the fish needs a CPG.
+        engine: ``ode``, the equation in the frame of the head, or ``mujoco``, whose servos follow the command.
+        values: coefficients and parameters of effects by full name, e.g. ``{"munk_moment.kappa": 1.0}``.
+        effects: that may occur, by name; None: the shipped ones.
+        drive: instead of a mode: a wave, or a CSV or Parquet file with columns ``time [s]``, ``joint_1 [rad]``, ...
+        duration: of the run [s]; a file of joint angles has its own.
+        free: whether the fish may roll, pitch and heave, in MuJoCo only.
+
+    Returns:
+        The run at 100 samples a second, or at those of the file; one that diverges ends there and says so.
+
+    Raises:
+        UnknownNameError: no such fish, mode, coefficient, effect or parameter; the known ones are listed.
+        ParameterError: a value outside its bounds.
+        InputError: a drive that does not fit the fish, or an effect that the engine does not have.
+
+    Example:
+        >>> import mjfish
+        >>> run = mjfish.simulate("pike", "v1", values={"munk_moment.kappa": 1.0}, duration=1.0)
+        >>> run.velocity.shape
+        (101, 3)
+        >>> print(run)
+        pike, v1, ode: mean surge of the second half ... m/s
+        with munk_moment: kappa = 1
+    """
+    whole = extended.load(fish, effects, values)
+    if not 0.0 < duration < math.inf:
+        raise InputError(f"duration: found {duration:g}, expected a finite number above 0 s; correct it")
+    if free and engine != "mujoco":
+        raise InputError("free: the ODE is planar; choose the engine mujoco")
+    if engine == "mujoco":
+        whole.check_mujoco()
+    trial = _trial(whole.model.fish, mode, drive, duration)
+    run = replace(whole.model, step=STEP).prepare(trial, whole.values)
+    swim = _in_mujoco if engine == "mujoco" else _in_ode
+    simulated = swim(run, free)
+    state = simulated.state
+    for effect, own in run.active:
+        state = effect.reading(state, own, trial)
+    kept = np.isfinite(state[:, :6]).all(axis=1)
+    return Simulation(
+        fish=whole.fish.name,
+        drive=trial.name,
+        engine=engine,
+        effects=tuple(whole.told()),
+        status=simulated.status,
+        message=simulated.message,
+        time=trial.time[kept],
+        velocity=state[kept, :3],
+        pose=state[kept, 3:6],
+        joint_angle=simulated.joint_angle[kept],
+        attitude=simulated.attitude[kept] if free else None,
+        prepared=run,
+        rollout=simulated.rollout,
+    )
+
+
+def parse_wave(text: str) -> Wave:
+    """Return the wave that a TOML inline table describes, without its braces.
+
+    Args:
+        text: e.g. ``frequency = 1.5, amplitude = [0.2, 0.3], phase = [0.0, -0.8]`` in Hz and rad; ``bias`` [rad] and
+            ``ramp`` [s] are 0 by default.
+
+    Raises:
+        InputError: it cannot be read, a key is wrong, or there is not one of everything a joint.
+    """
+    try:
+        raw = tomllib.loads(f"wave = {{{text}}}")["wave"]
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(
+            f"wave: found '{text}', expected e.g. frequency=1.5, amplitude=[0.2, 0.3], phase=[0, -0.8]: {error}"
+        ) from None
+    law = tomlfile.parse(raw, Law, "wave")
+    bias = law.bias or (0.0,) * len(law.amplitude)
+    if not len(law.amplitude) == len(law.phase) == len(bias):
+        raise InputError(f"wave: found '{text}', expected one amplitude, phase and bias a joint; correct it")
+    return Wave(law.frequency, law.amplitude, law.phase, bias, law.ramp)
+
+
+def _trial(fish: Fish, mode: str, drive: Wave | str | Path | None, duration: float) -> Trial:
+    """Return the drive as a trial in which nothing was measured."""
+    if drive is None and fish.cpg is None:
+        raise InputError(
+            f"{fish.name} has no [cpg], which a mode of swimming needs; add one, drive it by a wave or by joint "
+            "angles, or name another fish"
+        )
+    time = np.arange(int(duration * RATE + 1e-9) + 1) / RATE
+    if drive is None:
+        return Trial(mode, None, readonly(time), readonly(np.zeros((len(time), 3))), drive=modes.drive(mode))
+    if isinstance(drive, Wave):
+        if drive.joints != fish.joints:
+            raise InputError(
+                f"the wave has {drive.joints} amplitudes, expected {fish.joints}, one a joint of {fish.name}"
+            )
+        return Trial("wave", None, readonly(time), readonly(np.zeros((len(time), 3))), wave=drive)
+    path = Path(drive)
+    table = read_table(path)
+    names = ["time", *(columns.joint(k + 1) for k in range(fish.joints))]
+    missing = [columns.header(name) for name in names if name not in table]
+    more = [columns.header(name) for name in table if columns.joint_number(name) and name not in names]
+    if missing or more:
+        wrong = f"{', '.join(missing)} missing" if missing else f"{', '.join(more)} too many"
+        raise InputError(
+            f"{path}: {wrong}; expected the time and {fish.joints} joints, those of {fish.name}; correct it"
+        )
+    time = table["time"]
+    check.times(time, path)
+    angle = readonly(np.stack([table[name] for name in names[1:]], axis=1))
+    check.angles(time, angle, path)
+    return Trial(path.stem, None, time, readonly(np.zeros((len(time), 3))), joint_angle=angle)
+
+
+@dataclass(frozen=True, eq=False)
+class _Swum:
+    """What an engine made of a run, at the sampled times: state (n, 8), NaN where it ended, joint angles, attitude."""
+
+    state: FloatArray
+    joint_angle: FloatArray
+    attitude: FloatArray
+    status: Literal["ok", "diverged"]
+    message: str
+    rollout: ode.Rollout | None = None
+
+
+def _in_ode(run: Prepared, free: bool) -> _Swum:
+    del free  # refused before
+    rollout = ode.simulate(run.fish, run.motion, values=run.coefficients, velocity=run.velocity, loads=run.loads)
+    time = np.minimum(run.time, run.motion.time[-1])
+    none = np.zeros((len(time), 3))
+    return _Swum(rollout.at(time), run.motion.angle_at(time), none, rollout.status, rollout.message, rollout)
+
+
+def _in_mujoco(run: Prepared, free: bool) -> _Swum:
+    swum = mujoco.simulate(
+        run.fish, run.motion, values=run.coefficients, velocity=run.velocity, loads=run.loads,
+        free=mujoco.Trim() if free else None,
+    )  # fmt: skip
+    time = np.minimum(run.time, run.motion.time[-1])
+    tail = np.zeros((len(swum.time), 2))
+    series = np.column_stack([swum.velocity, swum.pose, tail, swum.attitude, swum.joint_angle])
+    at = np.column_stack([np.interp(time, swum.time, column, right=np.nan) for column in series.T])
+    return _Swum(at[:, :8], at[:, 11:], at[:, 8:11], swum.status, swum.message)
