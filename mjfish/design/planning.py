@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 
 from mjfish.data import Dataset
-from mjfish.design.calibration import settled
 from mjfish.design.fitted_models import FittedModels, Question
 from mjfish.design.information import Detection, detection
 from mjfish.design.menu import Menu, Run
@@ -19,6 +18,7 @@ from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect, catalogue, find
+from mjfish.effects.calibration import CALIBRATIONS, FAMILIES, Calibration
 from mjfish.errors import InputError
 from mjfish.result import Result
 from mjfish.serialise import unsaved
@@ -246,10 +246,10 @@ def _separating(pairs: Sequence[Separation], runs: Sequence[Run], pause: float) 
     for i, run in enumerate(runs):
         if any(pair.runs[i] is None for pair in pairs):
             continue
-        told = tuple(_pair(pair, i) for pair in pairs)
+        effects = tuple(_pair(pair, i) for pair in pairs)
         seconds = run.seconds + pause
-        worth = min(pair.after - pair.now for pair in told) / seconds
-        options.append(Option("run", run.name, run.about, seconds, worth, told, run.trial.drive, run))
+        worth = min(pair.after - pair.now for pair in effects) / seconds
+        options.append(Option("run", run.name, run.about, seconds, worth, effects, run.trial.drive, run))
     return sorted(options, key=lambda option: -option.worth)
 
 
@@ -259,10 +259,12 @@ def _pair(pair: Separation, run: int | None) -> Pair:
 
 
 def _calibrations(rivals: Sequence[Effect], pairs: Sequence[Separation]) -> list[Option]:
-    """Return the calibrations that settle a pair, those that settle most first: they cost no swimming."""
+    """Return the calibrations that settle a pair, those that settle most first, then the quickest."""
     options = []
-    for calibration, measured in settled(rivals).items():
-        names = {effect.name for effect in measured}
+    for calibration in CALIBRATIONS:
+        names = {effect.name for effect in rivals if calibration_of(effect) == calibration}
+        if not names:
+            continue
         done = tuple(
             replace(pair, after=np.inf, probability_after=1.0, settled=True)
             if names & {pair.first, pair.second}
@@ -273,6 +275,11 @@ def _calibrations(rivals: Sequence[Effect], pairs: Sequence[Separation]) -> list
         worth = float(sum(pair.settled for pair in done))
         options.append(Option("calibration", calibration.name, about, 0.0, worth, done))
     return sorted(options, key=lambda option: -option.worth)
+
+
+def calibration_of(effect: Effect) -> Calibration | None:
+    """Return the calibration that measures a cause directly; None where only swimming shows it."""
+    return effect.calibration or FAMILIES.get(effect.family)
 
 
 def _revealing(found: Detection, runs: Sequence[Run], pause: float) -> tuple[Option, ...]:

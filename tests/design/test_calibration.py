@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from mjfish.design.calibration import settled, settling
-from mjfish.effects import catalogue, find
+from mjfish.design.planning import calibration_of
+from mjfish.effects import catalogue
 from mjfish.effects.calibration import CALIBRATIONS, FAMILIES
 
 
@@ -11,14 +11,8 @@ def test_every_cause_but_some_of_the_water_has_a_calibration() -> None:
     """Catches a cause whose calibration is missing from the list, and a calibration that settles nothing."""
     used = set()
     for effect in catalogue().values():
-        calibration = settling(effect)
+        calibration = calibration_of(effect)
         assert calibration in CALIBRATIONS or effect.family == "water", effect.name
         assert effect.calibration is not None or calibration == FAMILIES.get(effect.family)
         used.add(calibration)
     assert set(CALIBRATIONS) <= used
-
-
-def test_the_quickest_calibration_comes_first() -> None:
-    """Catches an order by name."""
-    found = settled([find("servo_lag"), find("time_offset")])
-    assert [calibration.name for calibration in found] == ["sync-flash", "joint-log"]

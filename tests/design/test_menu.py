@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rivals_apart import planted
+from synthetic_trials import synthetic
 
 from mjfish.data import Dataset, check
 from mjfish.design.menu import Menu
@@ -17,7 +17,7 @@ from mjfish.errors import InputError
 
 @pytest.fixture(scope="module")
 def dataset() -> Dataset:
-    return planted("time_offset", {"time_offset.offset": -0.01}, ("v1", "v3"))
+    return synthetic("time_offset", {"time_offset.offset": -0.01}, ("v1", "v3"))
 
 
 def test_no_run_asks_more_of_a_joint_than_the_hardest_known_mode(dataset: Dataset) -> None:

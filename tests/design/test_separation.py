@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rivals_apart import DURATION, planted, swum
+from synthetic_trials import DURATION, swum, synthetic
 
 from mjfish.data import Dataset
 from mjfish.design.fitted_models import FittedModels, ModelEstimate
@@ -45,9 +45,11 @@ def test_lambda_predicted_is_lambda_measured_once_the_run_is_swum(case: str) -> 
     A baseline that is not projected out again with the new run would predict several times as much.
     """
     truth, rival, sizes = CASES[case]
-    rivals = _rivals(planted(truth, sizes), truth, rival)
+    rivals = _rivals(synthetic(truth, sizes), truth, rival)
     runs = [
-        run for run in Menu(DURATION).runs(planted(truth, sizes)) if run.name in ("steady-30", "step-down", "steady-9")
+        run
+        for run in Menu(DURATION).runs(synthetic(truth, sizes))
+        if run.name in ("steady-30", "step-down", "steady-9")
     ]
     (apart,) = separations(rivals, runs)
     assert apart.noncentrality_of(truth) == pytest.approx(apart.margin, rel=0.05, abs=0.1)
@@ -63,7 +65,7 @@ def test_lambda_predicted_is_lambda_measured_once_the_run_is_swum(case: str) -> 
 def test_lambda_of_a_small_effect_is_that_of_the_score_tests() -> None:
     """psi_k' (I_kk - I_kl I_ll^+ I_lk) psi_k of the information after the baseline's refit."""
     truth, rival, sizes = "time_offset", "frame_misalignment", {"time_offset.offset": 0.001}
-    dataset = planted(truth, sizes)
+    dataset = synthetic(truth, sizes)
     problem = FittedModels.undiagnosed(dataset, {}, 1).problem
     evidence = gather(problem, fit(problem), [find(truth), find(rival)])
     k, l = (evidence.blocks[name] for name in (truth, rival))  # noqa: E741
@@ -77,7 +79,7 @@ def test_lambda_of_a_small_effect_is_that_of_the_score_tests() -> None:
 def test_a_repeat_doubles_lambda_and_turns_no_signature() -> None:
     """Of one trial, the repeat is the same information again: nothing that a refit hides comes to light."""
     truth, rival, sizes = CASES["current"]
-    dataset = planted(truth, sizes, ("v1",))
+    dataset = synthetic(truth, sizes, ("v1",))
     again = [run for run in Menu(DURATION).runs(dataset) if run.repeat]
     assert [run.name for run in again] == ["v1-again"]
     apart = _separation(dataset, (truth, rival), again)
@@ -88,7 +90,7 @@ def test_a_repeat_doubles_lambda_and_turns_no_signature() -> None:
 def test_a_repeat_has_a_clock_of_its_own() -> None:
     """What is a run's own is free in that run alone: the clock of the repeat is not that of the data."""
     truth, rival, sizes = CASES["current"]
-    dataset = replace(planted(truth, sizes), clock="free")
+    dataset = replace(synthetic(truth, sizes), clock="free")
     again = [run for run in Menu(DURATION).runs(dataset) if run.repeat]
     apart = _separation(dataset, (truth, rival), again)
     assert len(apart.runs) == len(again) == 2
@@ -120,7 +122,7 @@ def test_solve_leaves_out_what_nothing_moves() -> None:
 
 def test_a_run_in_which_a_rival_diverges_is_not_possible() -> None:
     truth, rival, sizes = CASES["current"]
-    dataset = planted(truth, sizes)
+    dataset = synthetic(truth, sizes)
     run = next(run for run in Menu(DURATION).runs(dataset) if run.name == "steady-30")
     broken = replace(run.trial, name="broken", drive=(replace(run.trial.drive[0], omega=4000.0),))
     apart = _separation(dataset, (truth, rival), [run, Run("broken", "", broken)])
@@ -131,7 +133,7 @@ def test_a_run_in_which_a_rival_diverges_is_not_possible() -> None:
 def test_estimates_of_some_trials_are_moved_for_the_others() -> None:
     """By one Gauss-Newton step: what a fit to all of them finds. Without it the margin is 4 % too large."""
     truth, rival, sizes = CASES["current"]
-    dataset = planted(truth, sizes)
+    dataset = synthetic(truth, sizes)
     (whole,) = separations(_rivals(dataset, truth, rival), ())
     alone = _rivals(replace(dataset, trials=dataset.trials[:1]), truth, rival)
     both = [replace(one, problem=replace(one.problem, trials=dataset.trials)) for one in alone]

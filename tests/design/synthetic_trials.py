@@ -1,4 +1,4 @@
-"""Trials of a planted truth without noise, whose dataset states a noise: what is measured on them is exact."""
+"""Trials of a known truth without noise, whose dataset states a noise: what is measured on them is exact."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def swum(like: Trial, cause: str, sizes: dict[str, float]) -> Trial:
     return replace(like, velocity=readonly(model.predict(like, model.values(sizes)).velocity))
 
 
-def planted(cause: str, sizes: dict[str, float], mode_names: Sequence[str] = ("v1", "v3")) -> Dataset:
+def synthetic(cause: str, sizes: dict[str, float], mode_names: Sequence[str] = ("v1", "v3")) -> Dataset:
     """Return a dataset of one cause."""
     time = readonly(np.arange(int(DURATION * 50) + 1) / 50.0)
     still = readonly(np.zeros((len(time), 3)))
     blanks = [Trial(mode, "fit", time, still, modes.drive(mode)) for mode in mode_names]
     trials = tuple(swum(blank, cause, sizes) for blank in blanks)
-    return Dataset("planted", load_fish("pike"), trials, noise=readonly(SIGMA))
+    return Dataset("synthetic", load_fish("pike"), trials, noise=readonly(SIGMA))
