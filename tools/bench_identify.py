@@ -23,7 +23,7 @@ from mjfish.drive import cpg, modes
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import COEFFICIENTS, load_fish
 from mjfish.model import Model
-from mjfish.mujoco import StripFluid, planar, prescribed
+from mjfish.mujoco import StripFluid, mjcf, prescribed
 from mjfish.simulation.synthetic import generate
 from plain_model import PlainModel
 
@@ -154,7 +154,7 @@ class SysidFit:
 
     @staticmethod
     def _water(spec: mujoco.MjSpec, values: dict[str, float]) -> StripFluid:
-        return StripFluid(spec.compile(), planar.strips(_PIKE, values), density=_PIKE.density)
+        return StripFluid(spec.compile(), mjcf.strips(_PIKE, values), density=_PIKE.density)
 
     def _feed(self, trial: Trial) -> tuple[FloatArray, TimeSeries]:
         """Return the initial state and, for each step, the mean acceleration of the joints: their rates are exact."""
@@ -163,7 +163,7 @@ class SysidFit:
         boundaries = np.searchsorted(motion.time, time - 0.01 * _HELD)
         rate = np.concatenate([motion.rate[:, 0], motion.rate[-1:, 2]])[boundaries]
         held = np.append(np.diff(rate, axis=0) / _HELD, np.zeros_like(rate[:1]), axis=0)
-        root = np.zeros(planar.ROOT)
+        root = np.zeros(mjcf.ROOT)
         start = sysid.create_initial_state(
             self.water.model, np.append(root, motion.angle[0, 0]), np.append(root, rate[0])
         )
@@ -183,7 +183,7 @@ def _whitened(
     """Return the residual of the nose's velocity in its own frame, by sigma; sysid's own divides by the signal."""
     every = round(1.0 / (_RATE * _HELD))
     sampled = state[every - 1 :: every]  # begins behind the first step
-    speed, yaw = sampled[:, 1 + model.nq :], sampled[:, planar.ROOT]
+    speed, yaw = sampled[:, 1 + model.nq :], sampled[:, mjcf.ROOT]
     velocity = np.column_stack([frames.to_body(speed[:, :2], yaw), speed[:, 2]])
     at_rest = np.zeros((1, len(frames.CHANNELS)))
     return (np.concatenate([at_rest, velocity]) - measured.data) / _SIGMA, measured, measured

@@ -16,16 +16,16 @@ import numpy as np
 from comparison import Comparison, Side
 from mjfish.drive import cpg, modes
 from mjfish.fish import load_fish
-from mjfish.mujoco import StripFluid, planar, reference
+from mjfish.mujoco import StripFluid, mjcf, reference
 
 _PIKE = load_fish("pike")
 _COMMAND = cpg.joint_motion(_PIKE.cpg, modes.drive("v1"), 10.0, 0.01).angle[:, 0]
 
 
-def _pike(integrator: planar.Integrator, *, commanded: bool = False) -> StripFluid:
+def _pike(integrator: mjcf.Integrator, *, commanded: bool = False) -> StripFluid:
     """The pike as a foreign user has it: a model, and water on its bodies; step 1 ms."""
-    model = planar.prepared(_PIKE, planar.spec(_PIKE), 0.001, integrator).compile()
-    return StripFluid(model, planar.strips(_PIKE), density=_PIKE.density, commanded=commanded)
+    model = mjcf.prepared(_PIKE, mjcf.spec(_PIKE), 0.001, integrator).compile()
+    return StripFluid(model, mjcf.strips(_PIKE), density=_PIKE.density, commanded=commanded)
 
 
 def _swim(fluid: StripFluid, data: mujoco.MjData, samples: int) -> None:
@@ -38,7 +38,7 @@ def _swim(fluid: StripFluid, data: mujoco.MjData, samples: int) -> None:
         raise SystemExit(f"the fish diverged: {fluid.state(data).message}")
 
 
-def _force(integrator: planar.Integrator, target: float) -> Comparison:
+def _force(integrator: mjcf.Integrator, target: float) -> Comparison:
     fluid = _pike(integrator)
     data = mujoco.MjData(fluid.model)
 

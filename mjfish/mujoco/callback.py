@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -14,32 +14,31 @@ import numpy as np
 from numba import carray, types
 
 from mjfish.compiled import c_callback, compiled
-from mjfish.hydro.load import PARAMETERS
-from mjfish.mujoco import blocks
-from mjfish.mujoco.block_layout import CARRIER, HEADER, SPATIAL_SIZE, TREE
+from mjfish.mujoco import block, written_forces
+from mjfish.mujoco.block import view
 from mjfish.mujoco.coupling import couple
-from mjfish.mujoco.layout import DATA_POINTER, MODEL_POINTER, counts, floats, links, plane_links, verify
+from mjfish.mujoco.layout import DATA_POINTER, MODEL_POINTER, counts, floats, verify
+from mjfish.mujoco.written_forces import copy_written, note_of
 
-_MAGIC = blocks.MAGIC
-_EULER, _RK4 = 0, 1  # mjtIntegrator
+_MAGIC = block.MAGIC
+_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)  # the last of the explicit ones
 
-
-#: Symbol of a function that returns the address of the table: machine code on disk must not know the number itself.
-_TABLE = "mjfish_table_of_blocks"
-_table = types.ExternalFunction(_TABLE, types.uint64())
+#: Symbols of functions that return the addresses of tables: machine code on disk must not know the numbers themselves.
+_SYMBOLS = {"mjfish_table_of_blocks": block.TABLE, "mjfish_table_of_notes": written_forces.TABLE}
+_blocks, _notes = (types.ExternalFunction(name, types.int64()) for name in _SYMBOLS)
 
 
 @compiled
-def find(model: Any) -> tuple[bool, int]:
+def find(model: Any) -> tuple[bool, Any]:
     """Return whether the model is tagged, and the address of its block; 0 where the tag leads nowhere."""
     tag = model.o_solimp
     if tag[0] != _MAGIC:
         return False, 0
-    table = _table()
+    table = _blocks()
     if tag[1] != float(carray(counts(table), 2)[0]):
         return True, 0
     row = carray(counts(table + 16 * int(tag[2])), 2)
-    return True, (row[0] if float(row[1]) == tag[3] else 0)
+    return True, (np.int64(row[0]) if float(row[1]) == tag[3] else 0)
 
 
 @compiled
@@ -62,29 +61,19 @@ def _act(model_pointer: Any, data_pointer: Any) -> None:
     if address == 0:
         _spoil(model, data)
         return
-    header = carray(floats(address), HEADER)
-    if header[5] != model.nbody or header[6] != model.nv:
+    water = view(address)
+    if water.bodies != model.nbody or water.dofs != model.nv:
         _spoil(model, data)
         return
-    n, c, t, k = int(header[0]), int(header[1]), int(header[2]), int(header[7])
-    inertia = header[3] > 0.0
-    if header[4] > 0.0:
+    if water.commanded:
         _command(model, data)
-    if not inertia and (data.nefc > 0 or model.integrator > _RK4):
+    if not water.inertia and (data.nefc > 0 or model.integrator > _RK4):
         _spoil(model, data)
         return
-    address += 8 * HEADER
-    carriers = carray(floats(address), (c, CARRIER))
-    address += 8 * CARRIER * c
-    trees = carray(floats(address), (t, TREE))
-    address += 8 * TREE * t
-    water = carray(links(address), n)
-    address += SPATIAL_SIZE * n
-    hooks = carray(counts(address), k)
-    address += 8 * k
-    parameters = carray(floats(address), (k, PARAMETERS))
-    plane = carray(plane_links(address + 8 * PARAMETERS * k), n)
-    couple(model, data, carriers, trees, water, inertia, hooks, parameters, plane, model_pointer, data_pointer)
+    address = np.int64(carray(data_pointer, 1).ctypes.data)
+    note = note_of(_notes(), address, water.bodies)
+    couple(model, data, water, model_pointer, data_pointer)
+    copy_written(note, data, water)
 
 
 @compiled
@@ -95,12 +84,16 @@ def _spoil(model: Any, data: Any) -> None:
 
 @functools.cache
 def _control() -> Any:
-    """Compile the callback, or load it from disk, for the table of this process; return both its functions."""
+    """Compile the callback, or load it from disk, for the tables of this process; return it, and what it needs."""
     verify()
-    address = blocks.TABLE.ctypes.data
-    table = c_callback(types.uint64(), cached=False)(lambda: address)
-    llvmlite.binding.add_symbol(_TABLE, table.address)
-    return c_callback(types.void(MODEL_POINTER, DATA_POINTER))(_act), table  # the second must not be collected
+    getters = [c_callback(types.int64(), cached=False)(_constant(table.ctypes.data)) for table in _SYMBOLS.values()]
+    for name, getter in zip(_SYMBOLS, getters, strict=True):
+        llvmlite.binding.add_symbol(name, getter.address)
+    return c_callback(types.void(MODEL_POINTER, DATA_POINTER))(_act), getters  # which must not be collected
+
+
+def _constant(number: int) -> Callable[[], int]:
+    return lambda: number
 
 
 def _with(before: Any) -> Any:
@@ -135,6 +128,8 @@ def installed() -> Iterator[None]:
     on no other. A control callback that was there before goes on, ahead of the water. Blocks may be nested and may
     overlap in time; the last one out restores.
 
+    Then the force of the water is taken out of `xfrc_applied` of every mjData that it acted on.
+
     Raises:
         MjfishError: this MuJoCo is not understood.
     """
@@ -145,6 +140,7 @@ def installed() -> Iterator[None]:
             mujoco.set_mjcb_control(None)  # MuJoCo compiles no model, which `verify` needs, under one in Python
             try:
                 mujoco.set_mjcb_control(_with(_before))
+                written_forces.start()
             except BaseException:
                 mujoco.set_mjcb_control(_before)
                 raise
@@ -157,3 +153,4 @@ def installed() -> Iterator[None]:
             if _users == 0:
                 mujoco.set_mjcb_control(_before)
                 _before = None
+                written_forces.take_out()

@@ -8,7 +8,7 @@ gyroscopic, Munk and buoyancy force and b_i = J_i' q' its acceleration at q'' = 
 inertia  M + sum J^T A J takes the place of M in mjData, f - A b goes into xfrc_applied: the integrator, the solver of
          constraints and the derivatives all see the added mass.
 xfrc     a is solved here, and the whole wrench f - A (J a + b) goes into xfrc_applied; MuJoCo finds a again wherever
-         its acceleration is M^-1 (forces), see `mjfish.mujoco.compatible`.
+         its acceleration is M^-1 (forces), see `mjfish.mujoco.coupling_choice`.
 
 J^T A J couples a body with its ancestors only, as M does; like M it is summed up the tree (composite bodies).
 """
@@ -22,66 +22,79 @@ from numba import carray
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, inlined
-from mjfish.mujoco.kinematics import FRAME, accelerations, add_wrench, place, to_world
 from mjfish.mujoco.layout import factor_inertia, floats, fwd_actuation, integers, make_inertia
-from mjfish.mujoco.water import added_inertia, inertial, load, other
+from mjfish.mujoco.link_force import (
+    FRAME,
+    Six,
+    add_added_inertia,
+    add_applied,
+    add_loads,
+    add_wrench,
+    fill_accelerations,
+    fill_frame,
+    fill_non_inertial,
+    take_inertial,
+    to_world,
+)
 
 _NO_RATE = np.zeros(0)
 
 
 @compiled
-def couple(
-    model: Any, data: Any, carriers: FloatArray, trees: FloatArray, water: Any, inertia: bool, hooks: Any,
-    hook_parameters: FloatArray, plane: Any, model_pointer: Any, data_pointer: Any,
-) -> None:  # fmt: skip
-    """Let the water act on one model: write `xfrc_applied` of its bodies, and with `inertia` the inertia.
+def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: Any) -> None:
+    """Let the water act on one model: write `xfrc_applied` of its bodies, and with coupling "inertia" the inertia.
 
-    `hooks` (k,), `hook_parameters` (k, PARAMETERS) and `plane`, a `LINK` record a link, are of the loads.
+    Args:
+        model, data: records of MuJoCo's structs.
+        water: `mjfish.mujoco.block.Water`.
+        model_pointer, data_pointer: the structs themselves, for MuJoCo's own functions.
     """
+    carriers = water.carriers
     c = carriers.shape[0]
-    n = water.shape[0]
+    n = water.links.shape[0]
     frame = np.empty((n, FRAME))
     wrench = np.empty((n, 6))  # f - A b of each link, in its strips' frame
     pushed = np.zeros((n, 6))  # by loads
     spatial = np.empty(6)
-    bias = np.empty((c, 6))
+    acceleration = np.empty((c, 6))
     composite = np.zeros((c, 36))
-    accelerations(data, carriers, _NO_RATE, bias)
+    fill_accelerations(data, carriers, _NO_RATE, acceleration)
     for i in range(n):
-        place(model, data, water[i], frame[i])
-        carrier = int(water[i].carrier)
-        other(model, data, water[i], frame[i], wrench[i])
-        if hooks.shape[0] > 0:
-            seen = plane[i : i + 1].copy()  # several threads may step copies of one model
-            load(model, data, water[i], frame[i], seen, hooks, hook_parameters, pushed[i])
+        link = water.links[i]
+        carrier = int(link.carrier)
+        fill_frame(model, data, link, frame[i])
+        fill_non_inertial(model, data, link, frame[i], wrench[i])
+        if water.loads.shape[0] > 0:
+            add_loads(model, data, water, i, frame[i], pushed[i])
             wrench[i] += pushed[i]
-        inertial(model, data, water[i], frame[i], bias[carrier], wrench[i])
-        added_inertia(water[i], frame[i], composite[carrier])
+        take_inertial(model, data, link, frame[i], acceleration[carrier], wrench[i])
+        add_added_inertia(link, frame[i], composite[carrier])
     for row in range(c - 1, -1, -1):
         parent = int(carriers[row, 1])
         if parent >= 0:
             for k in range(36):
                 composite[parent, k] += composite[row, k]
-    if inertia:
+    if water.inertia:
         make_inertia(model_pointer, data_pointer)
         _inject(model, data, carriers, composite)
         factor_inertia(model_pointer, data_pointer)
     else:
         fwd_actuation(model_pointer, data_pointer)  # qfrc_actuator is that of the step before
         rate = np.zeros(model.nv)
-        _pull(model, data, carriers, water, frame, wrench, rate)
-        for t in range(trees.shape[0]):
-            first = int(trees[t, 0])
-            _solve(model, data, first, first + int(trees[t, 1]), carriers, composite, rate)
-        accelerations(data, carriers, rate, bias)
+        _fill_force(model, data, water, frame, wrench, rate)
+        for t in range(water.trees.shape[0]):
+            first = int(water.trees[t, 0])
+            _solve(model, data, first, first + int(water.trees[t, 1]), carriers, composite, rate)
+        fill_accelerations(data, carriers, rate, acceleration)
         for i in range(n):
-            other(model, data, water[i], frame[i], wrench[i])
+            link = water.links[i]
+            fill_non_inertial(model, data, link, frame[i], wrench[i])
             wrench[i] += pushed[i]
-            inertial(model, data, water[i], frame[i], bias[int(water[i].carrier)], wrench[i])
+            take_inertial(model, data, link, frame[i], acceleration[int(link.carrier)], wrench[i])
     for i in range(n):
-        carray(floats(data.xfrc_applied + 48 * int(water[i].body)), 6)[:] = 0.0
+        carray(floats(data.xfrc_applied + 48 * int(water.links[i].body)), 6)[:] = 0.0
     for i in range(n):
-        body = int(water[i].body)
+        body = int(water.links[i].body)
         to_world(wrench[i], frame[i], spatial)
         add_wrench(model, data, body, spatial, carray(floats(data.xfrc_applied + 48 * body), 6))
 
@@ -99,13 +112,13 @@ def _inject(model: Any, data: Any, carriers: FloatArray, composite: FloatArray) 
             at = starts[dof] + counts[dof] - 1
             column = dof
             while column >= 0:
-                carray(floats(data.M + 8 * at), 1)[0] += _along(data, column, momentum)
+                carray(floats(data.M + 8 * at), 1)[0] += _component(data, column, momentum)
                 at -= 1
                 column = above[column]
 
 
 @compiled
-def _momentum(data: Any, dof: int, inertia: FloatArray) -> tuple[float, float, float, float, float, float]:
+def _momentum(data: Any, dof: int, inertia: FloatArray) -> Six:
     """Return the added momentum of a composite body that moves with one dof."""
     axis = carray(floats(data.cdof + 48 * dof), 6)
     a, b, c, d, e, f = axis[0], axis[1], axis[2], axis[3], axis[4], axis[5]
@@ -120,8 +133,8 @@ def _momentum(data: Any, dof: int, inertia: FloatArray) -> tuple[float, float, f
 
 
 @inlined
-def _along(data: Any, dof: int, momentum: tuple[float, float, float, float, float, float]) -> float:
-    """Return what of a spatial momentum is along one dof: an entry of J^T A J."""
+def _component(data: Any, dof: int, momentum: Six) -> float:
+    """Return the component of a spatial momentum along one dof: an entry of J^T A J."""
     axis = carray(floats(data.cdof + 48 * dof), 6)
     return (  # type: ignore[no-any-return]
         momentum[0] * axis[0] + momentum[1] * axis[1] + momentum[2] * axis[2]
@@ -130,28 +143,24 @@ def _along(data: Any, dof: int, momentum: tuple[float, float, float, float, floa
 
 
 @compiled
-def _pull(
-    model: Any, data: Any, carriers: FloatArray, water: Any, frame: FloatArray, wrench: FloatArray, force: FloatArray
-) -> None:
+def _fill_force(model: Any, data: Any, water: Any, frame: FloatArray, wrench: FloatArray, force: FloatArray) -> None:
     """Fill the generalised force of everything but the added mass, on the dofs of the carriers."""
     passive = carray(floats(data.qfrc_passive), model.nv)
     actuator = carray(floats(data.qfrc_actuator), model.nv)
     applied = carray(floats(data.qfrc_applied), model.nv)
     bias = carray(floats(data.qfrc_bias), model.nv)
-    c = carriers.shape[0]
-    total = np.zeros((c, 6))
+    carriers = water.carriers
+    total = np.zeros((carriers.shape[0], 6))
     spatial = np.empty(6)
-    wet = np.zeros(c, dtype=np.bool_)
-    for i in range(water.shape[0]):
+    wet = np.zeros(carriers.shape[0], dtype=np.bool_)
+    for i in range(water.links.shape[0]):
         to_world(wrench[i], frame[i], spatial)
-        carrier = int(water[i].carrier)
+        carrier = int(water.links[i].carrier)
         wet[carrier] = True
-        for k in range(6):
-            total[carrier, k] += spatial[k]
-    for row in range(c - 1, -1, -1):
-        body = int(carriers[row, 0])
+        total[carrier] += spatial
+    for row in range(carriers.shape[0] - 1, -1, -1):
         if not wet[row]:
-            _add_applied(model, data, body, total[row])
+            add_applied(model, data, int(carriers[row, 0]), total[row])
         first = int(carriers[row, 2])
         for dof in range(first, first + int(carriers[row, 3])):
             axis = carray(floats(data.cdof + 48 * dof), 6)
@@ -160,25 +169,7 @@ def _pull(
                 force[dof] += axis[k] * total[row, k]
         parent = int(carriers[row, 1])
         if parent >= 0:
-            for k in range(6):
-                total[parent, k] += total[row, k]
-
-
-@compiled
-def _add_applied(model: Any, data: Any, body: int, spatial: FloatArray) -> None:
-    """Add what a user applies to a body without water, as a spatial wrench about the tree's point."""
-    root = carray(integers(model.body_rootid), body + 1)[body]
-    point = carray(floats(data.subtree_com + 24 * root), 3)
-    com = carray(floats(data.xipos + 24 * body), 3)
-    applied = carray(floats(data.xfrc_applied + 48 * body), 6)
-    x = com[0] - point[0]
-    y = com[1] - point[1]
-    z = com[2] - point[2]
-    spatial[0] += applied[3] + y * applied[2] - z * applied[1]
-    spatial[1] += applied[4] + z * applied[0] - x * applied[2]
-    spatial[2] += applied[5] + x * applied[1] - y * applied[0]
-    for k in range(3):
-        spatial[3 + k] += applied[k]
+            total[parent] += total[row]
 
 
 @compiled
@@ -207,7 +198,7 @@ def _solve(
             momentum = _momentum(data, dof, composite[row])
             column = dof
             while column >= 0:
-                matrix[dof - first, column - first] += _along(data, column, momentum)
+                matrix[dof - first, column - first] += _component(data, column, momentum)
                 column = above[column]
     for k in range(end - 1, first - 1, -1):
         i = above[k]

@@ -1,9 +1,9 @@
-"""A fish as an MJCF that `mujoco` loads, with its water in custom numerics (`mjfish.mujoco.custom`).
+"""A fish as an MJCF that `mujoco` loads, with its water in custom numerics (`mjfish.mujoco.custom_numerics`).
 
     model = mujoco.MjModel.from_xml_path("fish.xml")
     fluid = mjfish.StripFluid(model)  # the water acts where this is installed
 
-swims as `mjfish.mujoco.planar.swimmer` of the fish does, but for its servos, which read `data.ctrl` as any model's do.
+swims as `mjfish.mujoco.mjcf.swimmer` of the fish does, but for its servos, which read `data.ctrl` as any model's do.
 """
 
 from __future__ import annotations
@@ -20,11 +20,10 @@ from mjfish import files
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.fish import Fish
-from mjfish.mujoco import custom, mjcf, planar
-from mjfish.mujoco import free as space
-from mjfish.mujoco.free import Trim
+from mjfish.mujoco import mjcf
+from mjfish.mujoco.custom_numerics import PROFILES, ROW, numerics_of
 from mjfish.mujoco.layout import compile_aside
-from mjfish.mujoco.mjcf import Integrator
+from mjfish.mujoco.mjcf import Integrator, Trim
 
 _END = "</mujoco>"
 _HOW = (
@@ -34,7 +33,7 @@ _HOW = (
 )
 _ROWS = (
     "Rows of sections: from, to [m from the nose], height there and there, width there and there [m], profile",
-    f"({', '.join(f'{number} {name}' for number, name in enumerate(custom.PROFILES))}).",
+    f"({', '.join(f'{number} {name}' for number, name in enumerate(PROFILES))}).",
 )
 
 
@@ -78,11 +77,9 @@ def text(
     Raises:
         InputError, UnknownNameError: MuJoCo cannot have such a fish.
     """
-    bare = planar.spec(fish) if free is None else space.spec(fish, free)
-    spec = mjcf.prepared(fish, bare, step, integrator)
+    spec = mjcf.prepared(fish, mjcf.spec(fish, free), step, integrator)
     spec.nuserdata = 0  # no commands: the servos read ctrl
-    strips = mjcf.strips(fish) if free is None else space.strips(fish, trim=free)
-    by_hand = mjcf.hand_written(fish, "planar" if free is None else "free")
+    by_hand = mjcf.hand_written(fish, free=free is not None)
     if by_hand is None:
         compile_aside(spec)  # MuJoCo writes only what it has compiled
         root = ET.fromstring(spec.to_xml())  # noqa: S314 - written by MuJoCo just now
@@ -92,7 +89,7 @@ def text(
         root = _parsed(by_hand)
     _set(root, spec, fish)
     body = ET.tostring(root, encoding="unicode").replace(" />", "/>").strip().removesuffix(_END).rstrip()
-    water = _custom(custom.described(strips, fish.density))
+    water = _custom(numerics_of(mjcf.strips(fish, free=free), fish.density))
     return "\n".join([_comment([*comments, *_HOW]), body, "", *water, _END, ""])
 
 
@@ -156,7 +153,7 @@ def _custom(numerics: dict[str, tuple[float, ...]]) -> Iterator[str]:
 def _data(name: str, numbers: Sequence[float]) -> str:
     if not name.endswith("/sections"):
         return f'"{_row(numbers)}"'
-    rows = [numbers[start : start + custom.ROW] for start in range(0, len(numbers), custom.ROW)]
+    rows = [numbers[start : start + ROW] for start in range(0, len(numbers), ROW)]
     return '"\n' + "\n".join(f"      {_row(row)}" for row in rows) + '"'
 
 

@@ -11,16 +11,30 @@ from typing import Any, Literal
 
 import mujoco
 import numpy as np
+from numba import carray
 
 from mjfish.arrays import FloatArray, readonly
+from mjfish.compiled import compiled
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.hydro.load import PARAMETERS, Load
-from mjfish.mujoco import blocks, callback, custom, strip_link
-from mjfish.mujoco.block_layout import pack
-from mjfish.mujoco.blocks import MAGIC, Block
-from mjfish.mujoco.compatible import Coupling, choose
+from mjfish.mujoco import callback, custom_numerics, strip_link
+from mjfish.mujoco.block import MAGIC, Block, numbers_of, pack, view
+from mjfish.mujoco.coupling_choice import Coupling, choose
+from mjfish.mujoco.layout import data_at, floats, model_at, verify
+from mjfish.mujoco.link_force import (
+    FRAME,
+    add_loads,
+    add_wrench,
+    fill_accelerations,
+    fill_frame,
+    non_inertial,
+    take_inertial,
+    to_world,
+)
 from mjfish.mujoco.strip_link import StripLink
-from mjfish.mujoco.wrenches import PARTS, wrenches
+
+#: Parts of the force on a link, in the order of the arrays.
+PARTS = ("drag", "added_mass", "munk", "buoyancy", "loads")
 
 
 @dataclass(frozen=True)
@@ -91,7 +105,7 @@ class StripFluid:
         """
         _check_compiled(model)
         if links is None:
-            water = custom.read(model)
+            water = custom_numerics.read(model)
             links, density = water.links, water.density if density is None else density
         self.model = model
         self.links = _made(links)
@@ -106,7 +120,7 @@ class StripFluid:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         inertia = self.coupling == "inertia"
         numbers = pack(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
-        self._block: Block = Block(numbers, kept=tuple(load for load, _ in loads))
+        self._block: Block = Block(numbers, [load for load, _ in loads])
         self._block.tag(model)
 
     @classmethod
@@ -126,7 +140,9 @@ class StripFluid:
         """Let the water act while the block runs, on this model, its copies, and all others with water.
 
         Blocks may be nested and overlap. A control callback of your own that was installed before is called first;
-        afterwards all is as it was. Do not install one inside the block: it would replace the water.
+        afterwards all is as it was. Do not install one inside the block: it would replace the water. Behind the last
+        block the force of the water is taken out of every mjData again: on its bodies, `xfrc_applied` is what it was
+        before. `mujoco.batch` copies that field into arrays of its own: set ``batch.xfrc_applied[:] = 0`` there.
 
         Raises:
             InputError: the model was changed so that the force would now be wrong, or given other water.
@@ -139,7 +155,7 @@ class StripFluid:
     def _still_there(self) -> None:
         if self.model.opt.o_solimp[0] != MAGIC:
             raise InputError("opt.o_solimp of the model was overwritten, where its water is noted; leave it alone")
-        if blocks.numbers(self.model) is not self._block.numbers:
+        if numbers_of(self.model) is not self._block.numbers:
             raise InputError(
                 "another StripFluid has taken the place of this one on its model; use that one, with the links of both"
             )
@@ -157,7 +173,9 @@ class StripFluid:
             InputError: another StripFluid has taken the place of this one.
         """
         self._still_there()
-        parts = wrenches(self.model, data, self._block.numbers)
+        verify()
+        parts = np.zeros((len(PARTS), len(self.links), 6))
+        _fill_parts(self.model._address, data._address, self._block.numbers.ctypes.data, parts)
         named = {name: readonly(part) for name, part in zip(PARTS, parts, strict=True)}
         return {**named, "total": readonly(parts.sum(axis=0))}
 
@@ -179,6 +197,33 @@ class StripFluid:
             "check the coefficients; if it never was, the StripFluid of a copied model is gone (keep it, or make a new "
             'one), or coupling "xfrc" met a constraint or an implicit integrator (use coupling="inertia")',
         )
+
+
+@compiled
+def _fill_parts(model_address: int, data_address: int, block_address: int, parts: FloatArray) -> None:
+    """Fill the parts (len(PARTS), links, 6) of the force on each link, as in `xfrc_applied`."""
+    model = carray(model_at(model_address), 1)[0]
+    data = carray(data_at(data_address), 1)[0]
+    water = view(block_address)
+    acceleration = np.empty((water.carriers.shape[0], 6))
+    fill_accelerations(data, water.carriers, carray(floats(data.qacc), model.nv), acceleration)
+    frame = np.empty(FRAME)
+    spatial = np.empty(6)
+    for i in range(water.links.shape[0]):
+        link = water.links[i]
+        wrench = np.zeros((len(PARTS), 6))
+        fill_frame(model, data, link, frame)
+        drag, gyroscopic, munk, lift = non_inertial(model, data, link, frame)
+        wrench[0] = np.array(drag)
+        wrench[1] = np.array(gyroscopic)
+        take_inertial(model, data, link, frame, acceleration[int(link.carrier)], wrench[1])
+        wrench[2, 3:] = np.array(munk)
+        wrench[3] = np.array(lift)
+        if water.loads.shape[0] > 0:
+            add_loads(model, data, water, i, frame, wrench[4])
+        for part in range(len(PARTS)):
+            to_world(wrench[part], frame, spatial)
+            add_wrench(model, data, int(link.body), spatial, parts[part, i])
 
 
 def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]]) -> None:

@@ -9,11 +9,13 @@ from __future__ import annotations
 import ctypes
 import functools
 from collections.abc import Iterable
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
 import mujoco
+import numpy as np
 from mujoco.introspect import ast_nodes
 from mujoco.introspect.structs import STRUCTS
 from numba import from_dtype, types
@@ -33,7 +35,6 @@ _C_TYPES: dict[str, Any] = {
     "uint64_t": ctypes.c_uint64,
     "uintptr_t": ctypes.c_size_t,
 }
-_NUMBA_TYPES = {ctypes.c_int: types.int32, ctypes.c_int64: types.int64, ctypes.c_double: types.float64}
 _MODEL_FIELDS = (
     "nv", "nu", "nuserdata", "nbody", "opt.timestep", "opt.gravity", "opt.wind", "opt.o_solimp", "opt.integrator",
     "opt.disableflags", "body_rootid", "dof_parentid", "M_rownnz", "M_rowadr", "M_colind",
@@ -77,23 +78,17 @@ def _c_type(place: str, node: Any) -> Any:
 
 def _record(name: str, fields: Iterable[str]) -> types.Record:
     """Return the numba record of the named fields; pointers are integers, a dot reaches into a nested struct."""
-    members = []
+    members = {}
     for field in fields:
-        holder, offset = structure(name), 0
-        *outer, last = field.split(".")
-        for part in outer:
-            offset += getattr(holder, part).offset
-            holder = dict(holder._fields_)[part]  # type: ignore[assignment, arg-type]
-        kind = _numba_type(dict(holder._fields_)[last])  # type: ignore[arg-type]
-        members.append((last, {"type": kind, "offset": offset + getattr(holder, last).offset}))
-    return types.Record(members, ctypes.sizeof(structure(name)), aligned=True)
-
-
-def _numba_type(kind: Any) -> types.Type:
-    """Return the type of a field; an address where it is a pointer."""
-    if issubclass(kind, ctypes.Array):
-        return types.NestedArray(dtype=_numba_type(kind._type_), shape=(kind._length_,))
-    return _NUMBA_TYPES.get(kind, types.uintp)
+        kind, offset = np.dtype(structure(name)), 0
+        for part in field.split("."):
+            kind, inner = dict(kind.fields or {})[part][:2]
+            offset += inner
+        members[part] = (kind, offset)
+    formats, offsets = zip(*members.values(), strict=True)
+    size = ctypes.sizeof(structure(name))
+    layout = {"names": list(members), "formats": formats, "offsets": offsets, "itemsize": size}
+    return from_dtype(np.dtype(layout, align=True))  # type: ignore[call-overload]
 
 
 MODEL = _record("mjModel", _MODEL_FIELDS)
@@ -116,10 +111,7 @@ def verify() -> None:
     for live, struct, fields in ((model, "mjModel", _MODEL_FIELDS), (data, "mjData", _DATA_FIELDS)):
         memory = structure(struct).from_address(live._address)
         for field in fields:
-            there: Any = live
-            here: Any = memory
-            for part in field.split("."):
-                there, here = getattr(there, part), getattr(here, part)
+            there, here = attrgetter(field)(live), attrgetter(field)(memory)
             found = there if isinstance(there, (int, float)) else there.ctypes.data
             expected = ctypes.addressof(here) if isinstance(here, ctypes.Array) else here
             if found != expected and getattr(there, "size", 1) > 0:
@@ -148,16 +140,17 @@ def _compile(source: str | mujoco.MjSpec) -> mujoco.MjModel:
     return source.compile() if isinstance(source, mujoco.MjSpec) else mujoco.MjModel.from_xml_string(source)
 
 
-def _load_library() -> None:
-    """Make the functions of libmujoco known to compiled code by name."""
+def _load_library() -> ctypes.CDLL:
+    """Load libmujoco, and make its functions known to compiled code by name."""
     folder = Path(mujoco.__path__[0])
     found = [path for pattern in ("libmujoco.*", "mujoco.dll") for path in folder.glob(pattern)]
     if not found:
         raise MjfishError(f"{folder}: no libmujoco there; reinstall mujoco (pip install --force-reinstall mujoco)")
     llvmlite.binding.load_library_permanently(str(found[0]))
+    return ctypes.CDLL(str(found[0]))
 
 
-_load_library()
+LIBRARY = _load_library()
 MODEL_POINTER = types.CPointer(MODEL)
 DATA_POINTER = types.CPointer(DATA)
 
@@ -191,7 +184,8 @@ def _pointer_to(target: types.Type) -> Any:
 floats = _pointer_to(types.float64)
 integers = _pointer_to(types.int32)
 counts = _pointer_to(types.uint64)
-links = _pointer_to(from_dtype(SPATIAL))
+addresses = _pointer_to(types.int64)
+spatial_links = _pointer_to(from_dtype(SPATIAL))
 plane_links = _pointer_to(from_dtype(LINK))
 model_at = _pointer_to(MODEL)
 data_at = _pointer_to(DATA)

@@ -20,10 +20,10 @@ from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.load import Load
 from mjfish.mujoco import reference
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.layout import compile_aside
-from mjfish.mujoco.planar import ROOT, Integrator, prepared, spec, strips
+from mjfish.mujoco.mjcf import ROOT, Integrator, prepared, spec, strips
 from mjfish.mujoco.rollout import DIVERGED
 
 #: Inertia of a flywheel [kg m2]: torques of the water, below 10 N m, change the asked acceleration by 1e-8 rad/s2.
@@ -45,33 +45,14 @@ class Prescribed:
     status: Literal["ok", "diverged"]
 
 
-def swimmer(
-    fish: Fish,
-    *,
-    values: Mapping[str, float] | None = None,
-    integrator: Integrator = "RK4",
-    coupling: Coupling | None = None,
-    loads: Sequence[tuple[Load, Sequence[float]]] = (),
-) -> StripFluid:
-    """Compile the planar fish with a flywheel on every joint; its commands are accelerations [rad/s2]."""
-    return StripFluid(
-        compile_aside(specification(fish, integrator)),
-        strips(fish, values),
-        density=fish.density,
-        coupling=coupling,
-        commanded=True,
-        loads=loads,
-    )
-
-
 def specification(fish: Fish, integrator: Integrator = "RK4", step: float = 0.001) -> mujoco.MjSpec:
     """Return the MJCF without water of the planar fish with a flywheel and a motor on every joint."""
-    made = prepared(fish, spec(fish), step, integrator)
-    for actuator in made.actuators:
+    changed = prepared(fish, spec(fish), step, integrator)
+    for actuator in changed.actuators:
         actuator.set_to_motor()
         actuator.gear[0] = _FLYWHEEL
-        made.joint(actuator.target).armature = _FLYWHEEL
-    return made
+        changed.joint(actuator.target).armature = _FLYWHEEL
+    return changed
 
 
 def simulate(
@@ -93,7 +74,14 @@ def simulate(
         coupling: of the water; None: the one that is right.
         loads: extra forces on every link, with their parameters.
     """
-    fluid = swimmer(fish, values=values, integrator=integrator, coupling=coupling, loads=loads)
+    fluid = StripFluid(
+        compile_aside(specification(fish, integrator)),
+        strips(fish, values),
+        density=fish.density,
+        coupling=coupling,
+        commanded=True,
+        loads=loads,
+    )
     model, data = fluid.model, mujoco.MjData(fluid.model)
     speed = np.empty((len(motion.time), ROOT))
     heading = np.empty(len(motion.time))

@@ -12,13 +12,12 @@ import numpy as np
 from mjfish.arrays import FloatArray, RecordArray
 from mjfish.hydro.load import apply_loads
 from mjfish.hydro.spatial_force import spatial_drag, spatial_gyroscopic, spatial_munk
-from mjfish.mujoco import blocks
-from mjfish.mujoco.block_layout import loads_in, unpack
+from mjfish.mujoco.block import loads_in, numbers_of, unpack
 
 
 def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Write each link's wrench into ``xfrc_applied``; the commands in ``ctrl`` are the caller's."""
-    water = unpack(blocks.numbers(model))
+    water = unpack(numbers_of(model))
     wet = np.unique(water["body"]).astype(int)
     data.xfrc_applied[wet] = 0.0
     acceleration = solve(model, data)
@@ -32,7 +31,7 @@ def solve(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     """Return q'' (nv,) of (M + sum J^T A J) q'' = tau - c + sum J^T (f - A b), dense."""
     mujoco.mj_fwdActuation(model, data)  # qfrc_actuator is that of the step before
     force = data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied - data.qfrc_bias
-    for index, link in enumerate(unpack(blocks.numbers(model))):
+    for index, link in enumerate(unpack(numbers_of(model))):
         J, b, A = jacobian_of(model, data, link), bias_of(model, data, link), inertia_of(link)
         force += J.T @ (force_of(model, data, link) + load_of(model, data, index) - A @ b)
     return np.linalg.solve(inertia(model, data), force)
@@ -42,7 +41,7 @@ def inertia(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     """Return M + sum J^T A J (nv, nv), where mjData's own inertia is without water (`mj_makeM`)."""
     total = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, total)
-    for link in unpack(blocks.numbers(model)):
+    for link in unpack(numbers_of(model)):
         J = jacobian_of(model, data, link)
         total += J.T @ inertia_of(link) @ J
     return total
@@ -101,7 +100,7 @@ def velocity_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -
 
 def load_of(model: mujoco.MjModel, data: mujoco.MjData, index: int) -> FloatArray:
     """Return the force (6,) of all loads on a link, in the strips' frame."""
-    numbers = blocks.numbers(model)
+    numbers = numbers_of(model)
     addresses, parameters, plane = loads_in(numbers)
     force = np.zeros(6)
     if len(addresses):

@@ -15,13 +15,9 @@ from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.load import Load
-from mjfish.mujoco import free as space
-from mjfish.mujoco import planar
-from mjfish.mujoco.attitude import euler_angles, yaw_rate
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.fluid import StripFluid
-from mjfish.mujoco.free import Trim
-from mjfish.mujoco.mjcf import Integrator
+from mjfish.mujoco.mjcf import ROOT, Integrator, Trim, swimmer
 
 #: A run has diverged once a velocity passes this [m/s or rad/s]: no fish does.
 DIVERGED = 1e3
@@ -45,7 +41,7 @@ class SimRollout:
         time: (n,) [s].
         velocity: (n, 3) surge, sway [m/s], yaw rate [rad/s] of the nose in the forward frame.
         pose: (n, 3) x, y [m], yaw [rad] of the nose in the world.
-        attitude: (n, 3) roll, pitch [rad] of the head and heave [m] of the nose, see `mjfish.mujoco.attitude`; zero
+        attitude: (n, 3) roll, pitch [rad] of the head and heave [m] of the nose, see `euler_angles`; zero
             in the plane. `velocity` is that of the horizontal pose also of a fish that rolls: what a camera above sees.
         joint_angle: (n, joints) realised [rad]; the deflection of a flexible tail comes on top.
         joint_rate: (n, joints) [rad/s].
@@ -140,10 +136,7 @@ def simulate(
         raise InputError(f"the command has {command.joints} joints, {fish.name} has {fish.joints}")
     if not np.all(np.isfinite(command.angle)):
         raise InputError("the command has angles that are no finite numbers; check the drive")
-    if free is None:
-        fluid = planar.swimmer(fish, values=values, integrator=integrator, coupling=coupling, loads=loads)
-    else:
-        fluid = space.swimmer(fish, values=values, trim=free, integrator=integrator, coupling=coupling, loads=loads)
+    fluid = swimmer(fish, values=values, free=free, integrator=integrator, coupling=coupling, loads=loads)
     data = mujoco.MjData(fluid.model)
     driven = fish.joints + (fish.tail_compliance > 0.0)  # the joints, and what may bend behind the last
     angles, rates = (slice(size - driven, size - driven + fish.joints) for size in (fluid.model.nq, fluid.model.nv))
@@ -178,7 +171,7 @@ def _root(position: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArr
     """Return velocity, pose and attitude (n, 3) from position and speed of the root, planar or free."""
     attitude = np.zeros((len(speed), 3))
     yaw, turning = position[:, 2], speed[:, 2]
-    if speed.shape[1] > planar.ROOT:
+    if speed.shape[1] > ROOT:
         angles = euler_angles(position[:, 3:7])
         attitude[:, :2], attitude[:, 2] = angles[:, :2], position[:, 2]
         yaw, turning = angles[:, 2], yaw_rate(angles, speed[:, 3:6])
@@ -219,3 +212,28 @@ def _swims(speed: FloatArray) -> bool:
 def _record(history: tuple[FloatArray, ...], step: int, data: mujoco.MjData) -> None:
     for rows, now in zip(history, (data.qpos, data.qvel, data.qacc), strict=True):
         rows[step] = now
+
+
+def euler_angles(quaternion: FloatArray) -> FloatArray:
+    """Return roll, pitch and yaw (n, 3) [rad] of quaternions w, x, y, z (n, 4) in time; yaw does not jump by a turn.
+
+    Yaw about z, then pitch about y, then roll about x (REP-103). With x forward, y to port and z up, roll is positive
+    with the port side up, pitch with the nose down, yaw to port. They are not defined where the nose points straight
+    up or down.
+    """
+    w, x, y, z = quaternion.T
+    roll = np.arctan2(2.0 * (w * x + y * z), w * w - x * x - y * y + z * z)
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x) / (quaternion**2).sum(axis=1), -1.0, 1.0))
+    yaw = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return np.column_stack([roll, pitch, np.unwrap(yaw)])
+
+
+def yaw_rate(angles: FloatArray, rate: FloatArray) -> FloatArray:
+    """Return yaw' = (q sin roll + r cos roll) / cos pitch (n,) [rad/s].
+
+    Args:
+        angles: (n, 3) roll, pitch, yaw [rad].
+        rate: (n, 3) angular velocity p, q, r in the body's frame [rad/s].
+    """
+    roll, pitch, _ = angles.T
+    return np.asarray((rate[:, 1] * np.sin(roll) + rate[:, 2] * np.cos(roll)) / np.cos(pitch))

@@ -1,6 +1,6 @@
 """What the water must know of a body: its sections along an axis, and its coefficients.
 
-Given in Python or TOML; in an MJCF: `mjfish.mujoco.custom`.
+Given in Python or TOML; in an MJCF: `mjfish.mujoco.custom_numerics`.
 """
 
 from __future__ import annotations

@@ -25,8 +25,8 @@ from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.frames import CHANNELS
 from mjfish.hydro.load import Load
 from mjfish.mujoco import prescribed
-from mjfish.mujoco.compatible import Coupling
-from mjfish.mujoco.planar import Integrator
+from mjfish.mujoco.coupling_choice import Coupling
+from mjfish.mujoco.mjcf import Integrator
 from mjfish.simulation.realised import Drive, cpg_of
 
 Loads = Sequence[tuple[Load, Sequence[float]]]

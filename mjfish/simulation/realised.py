@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 
-from mjfish import mujoco as sim
 from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
@@ -24,6 +23,7 @@ from mjfish.errors import InputError
 from mjfish.fish import Cpg, Fish
 from mjfish.frames import CHANNELS
 from mjfish.hydro.load import Load
+from mjfish.mujoco import simulate
 from mjfish.ode.rollout import Coriolis
 
 #: From the joint motion that is asked for to the one that the joints are given.
@@ -122,7 +122,7 @@ def check(
     message = ""
     for halving in range(halvings + 1):
         command = cpg.joint_motion(law, segments, duration, step / 2**halving)
-        run = sim.simulate(fish, command if drive is None else drive(command), values=values, loads=loads)
+        run = simulate(fish, command if drive is None else drive(command), values=values, loads=loads)
         same = ode.simulate(fish, run.motion(), values=values, coriolis=coriolis, loads=loads)
         message = run.message or same.message
         if message:

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from command_line import Run
 
-from mjfish import mujoco as sim
 from mjfish.data import read_table
 from mjfish.drive import cpg, modes
 from mjfish.fish import load_fish
+from mjfish.mujoco import Trim, simulate
 
 
 def test_a_free_run_has_roll_pitch_and_heave(run: Run, tmp_path: Path) -> None:
@@ -19,7 +19,7 @@ def test_a_free_run_has_roll_pitch_and_heave(run: Run, tmp_path: Path) -> None:
     run("simulate --engine mujoco --free --duration 1 --out a")
     table = read_table(tmp_path / "a" / "rollout.csv")
     pike = load_fish("pike")
-    there = sim.simulate(pike, cpg.joint_motion(pike.cpg, modes.drive("v1"), 1.0, 0.001), free=sim.Trim())
+    there = simulate(pike, cpg.joint_motion(pike.cpg, modes.drive("v1"), 1.0, 0.001), free=Trim())
     for name, series in (("roll", there.roll), ("pitch", there.pitch), ("heave", there.heave)):
         np.testing.assert_allclose(table[name], np.interp(table["time"], there.time, series), rtol=0, atol=1e-9)
     angle = np.interp(table["time"], there.time, there.joint_angle[:, 3])

@@ -12,7 +12,7 @@ from logs import column, entities
 from scipy.spatial.transform import Rotation
 
 from mjfish.fish import Fish
-from mjfish.mujoco import free
+from mjfish.mujoco import Trim, mjcf
 from mjfish.reporting.log import write_log
 from mjfish.reporting.log.body import link_poses
 from mjfish.reporting.log.recording import camera_path, floor_lines
@@ -26,7 +26,7 @@ def test_links_in_space_are_where_mujoco_has_them(pike: Fish) -> None:
     pose, attitude = random.uniform(-1.0, 1.0, (6, 3)), random.uniform(-1.0, 1.0, (6, 3))
     angle = random.uniform(-0.6, 0.6, (6, pike.joints))
     place, turn = link_poses(pike, pose, angle, attitude)
-    model = free.spec(pike).compile()
+    model = mjcf.spec(pike, Trim()).compile()
     data = mujoco.MjData(model)
     backwards = Rotation.from_rotvec([0.0, 0.0, np.pi])  # a link's x axis runs towards the tail
     for k in range(len(pose)):

@@ -11,7 +11,6 @@ import pytest
 
 from mjfish import fish as fishes
 from mjfish import fish_toml
-from mjfish import mujoco as sim
 from mjfish import simulation as crosscheck
 from mjfish.data import Trial
 from mjfish.drive import modes
@@ -20,6 +19,7 @@ from mjfish.errors import InputError, ParameterError, UnknownNameError
 from mjfish.fish import COEFFICIENTS, Fish, load_fish
 from mjfish.model import Model, extended
 from mjfish.model.extended import Extended
+from mjfish.mujoco import SimRollout, simulate
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
@@ -150,12 +150,12 @@ def test_both_engines_swim_alike_with_the_cause_on(pike: Fish, name: str, nomina
 
 @pytest.mark.parametrize("name", [name for name in SWIMS if find(name).load is not None])
 def test_a_load_that_one_engine_lacks_is_seen(pike: Fish, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    one, honest = _of(pike, name), sim.simulate
+    one, honest = _of(pike, name), simulate
 
-    def dry(*given: Any, **options: Any) -> sim.SimRollout:
+    def dry(*given: Any, **options: Any) -> SimRollout:
         return honest(*given, **{**options, "loads": ()})
 
-    monkeypatch.setattr(sim, "simulate", dry)
+    monkeypatch.setattr(crosscheck.realised, "simulate", dry)
     found = crosscheck.check(one.fish, "v3", loads=one.loads, duration=1.0, halvings=1)
     assert found.status == "disagrees"
     assert found.orders[0] < 0.5

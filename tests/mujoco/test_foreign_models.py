@@ -14,7 +14,7 @@ from scipy.integrate import simpson
 from mjfish import StripFluid
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 
 _PLATE = ROOT / "models" / "xml" / "towed_plate.xml"
 _RHO, _LENGTH, _HEIGHT = 1000.0, 0.3, 0.2

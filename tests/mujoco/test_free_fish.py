@@ -11,15 +11,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mjfish import fish as fishes
-from mjfish import mujoco as sim
 from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.errors import InputError
 from mjfish.fish import Fish, load_fish
 from mjfish.hydro.outline import section_at
-from mjfish.mujoco import StripFluid, Trim, free, mjcf, planar
-from mjfish.mujoco.attitude import euler_angles, yaw_rate
+from mjfish.mujoco import StripFluid, Trim, mjcf, simulate
+from mjfish.mujoco.rollout import euler_angles, yaw_rate
 
 #: Only looks decide these.
 _LOOKS = {"body_geomadr", "body_geomnum", "dof_length"}
@@ -40,7 +39,7 @@ def _still(angle: FloatArray, duration: float, step: float = 0.002) -> JointMoti
 
 def test_hand_written_and_built_free_pike_are_the_same_model(pike: Fish) -> None:
     """Catches a number of the XML that follows neither the fish's TOML nor the rule for its inertia."""
-    written, built = free.spec(pike).compile(), free.build(pike).compile()
+    written, built = mjcf.spec(pike, Trim()).compile(), mjcf.build(pike, free=True).compile()
     assert written.geom("fin_upper").id >= 0, "spec() did not take the hand-written file"
     for name in dir(built):
         value = getattr(written, name)
@@ -52,7 +51,7 @@ def test_hand_written_and_built_free_pike_are_the_same_model(pike: Fish) -> None
 
 
 def test_free_and_planar_pike_look_and_weigh_the_same(pike: Fish) -> None:
-    space, plane = free.spec(pike).compile(), planar.spec(pike).compile()
+    space, plane = mjcf.spec(pike, Trim()).compile(), mjcf.spec(pike).compile()
     np.testing.assert_array_equal(space.body_mass, plane.body_mass)
     np.testing.assert_array_equal(space.body_inertia[:, 2], plane.body_inertia[:, 2])
     for name in ("geom_pos", "geom_quat", "geom_size", "geom_rgba", "body_pos", "actuator_gainprm"):
@@ -63,7 +62,7 @@ def test_free_and_planar_pike_look_and_weigh_the_same(pike: Fish) -> None:
 def test_every_shipped_fish_floats_with_the_inertia_of_its_sections(name: str) -> None:
     """The rule from points spread over the sections; catches half axes taken for axes, or height for width."""
     fish = load_fish(name)
-    water = free.swimmer(fish)
+    water = mjcf.swimmer(fish, free=Trim())
     assert sum(strip.volume for strip in water.links) * fish.density == pytest.approx(water.model.body_mass.sum())
     front = np.cumsum([0.0, *(link.length for link in fish.links)])
     unit = np.random.default_rng(7).normal(size=(200_000, 2))
@@ -80,7 +79,7 @@ def test_every_shipped_fish_floats_with_the_inertia_of_its_sections(name: str) -
 def test_inertia_too_small_for_the_sections_draws_them_in(pike: Fish) -> None:
     """A link turns about z less than its sections alone would: MuJoCo refuses I_xx > I_yy + I_zz."""
     thin = pike.links[0].model_copy(update={"inertia": 2e-4})
-    model = free.swimmer(pike.model_copy(update={"links": (thin, *pike.links[1:])})).model
+    model = mjcf.swimmer(pike.model_copy(update={"links": (thin, *pike.links[1:])})).model
     x, y, z = model.body("head").inertia
     assert z == 2e-4
     assert 0.0 < x <= (y + z) * (1.0 + 1e-12)
@@ -90,7 +89,7 @@ def test_inertia_too_small_for_the_sections_draws_them_in(pike: Fish) -> None:
 @pytest.mark.parametrize("trim", [Trim(), Trim(arm=0.008, drop=0.002)])
 def test_fish_at_rest_hovers_level_in_every_shape(pike: Fish, bend: tuple[float, ...], trim: Trim) -> None:
     """Catches a volume or a centre of buoyancy of the outline in place of the trimmed: it sinks, or bent it rolls."""
-    run = sim.simulate(pike, _still(np.array(bend), 4.0), free=trim)
+    run = simulate(pike, _still(np.array(bend), 4.0), free=trim)
     assert run.time[-1] == pytest.approx(4.0)
     drift = np.column_stack([run.pose, run.attitude, run.joint_angle - np.array(bend)])
     assert np.abs(drift).max() < 1e-5
@@ -98,12 +97,12 @@ def test_fish_at_rest_hovers_level_in_every_shape(pike: Fish, bend: tuple[float,
 
 def _stiff(fish: Fish, trim: Trim) -> StripFluid:
     """Return the stretched fish as one rigid body in water without drag."""
-    made = mjcf.prepared(fish, free.spec(fish, trim), 0.002, "RK4")
+    made = mjcf.prepared(fish, mjcf.spec(fish, trim), 0.002, "RK4")
     for actuator in list(made.actuators):
         made.delete(actuator)
     for index in range(1, fish.joints + 1):
         made.delete(made.joint(f"joint_{index}"))
-    return StripFluid(made.compile(), free.strips(fish, _IDEAL, trim), density=fish.density)
+    return StripFluid(made.compile(), mjcf.strips(fish, _IDEAL, trim), density=fish.density)
 
 
 def _frequency(fluid: StripFluid, axis: int) -> float:
@@ -130,7 +129,7 @@ def _theory(fish: Fish, trim: Trim, values: dict[str, float], axis: int) -> floa
     x, depth d moves with (1, d, x) resp. with (1, -x, 0) up and (0, -d, 1) forward; a strip has no d.
     """
     inertia = np.zeros((3, 3))
-    model = free.spec(fish, trim).compile()
+    model = mjcf.spec(fish, trim).compile()
     points, weights = np.polynomial.legendre.leggauss(12)
     edges = np.unique([0.0, *np.cumsum([one.length for one in fish.links]), *(one.end for one in fish.sections)])
     front = np.cumsum([0.0, *(link.length for link in fish.links)])
@@ -151,7 +150,7 @@ def _theory(fish: Fish, trim: Trim, values: dict[str, float], axis: int) -> floa
                 arm = (1.0, 0.0, -s) if axis == 0 else (1.0, s, 0.0)
                 inertia += share * (h if axis == 0 else w) ** 2 / 4.0 * np.outer(arm, arm)
                 inertia[1, 1] += share * (h**2 - w**2) ** 2 / 128.0 if axis == 0 else 0.0
-    stiffness = sum(link.mass for link in fish.links) * free.GRAVITY * trim.arm
+    stiffness = sum(link.mass for link in fish.links) * mjcf.GRAVITY * trim.arm
     return float(np.sqrt(stiffness * np.linalg.inv(inertia)[1, 1]))
 
 
@@ -175,7 +174,7 @@ def test_fish_that_nothing_rolls_swims_in_the_plane(pike: Fish, trim: Trim) -> N
     """With the centres of mass on the axis of the strips v1 and a turn are those of the planar fish."""
     for mode in ("v1", "v1-t2"):
         command = _command(pike, mode, 7.0)
-        plane, space = sim.simulate(pike, command), sim.simulate(pike, command, free=trim)
+        plane, space = simulate(pike, command), simulate(pike, command, free=trim)
         np.testing.assert_allclose(space.velocity, plane.velocity, rtol=0, atol=1e-8)
         np.testing.assert_allclose(space.pose, plane.pose, rtol=0, atol=1e-8)
         np.testing.assert_allclose(space.joint_acceleration, plane.joint_acceleration, rtol=0, atol=1e-6)
@@ -186,8 +185,8 @@ def test_fish_that_nothing_rolls_swims_in_the_plane(pike: Fish, trim: Trim) -> N
 def test_start_with_way_on_is_that_of_the_plane(pike: Fish) -> None:
     """Catches a yaw rate put into the roll rate of the free joint."""
     velocity, still = np.array([0.5, -0.2, 0.3]), _still(np.zeros(4), 0.5)
-    plane = sim.simulate(pike, still, velocity=velocity)
-    space = sim.simulate(pike, still, velocity=velocity, free=Trim(drop=0.0))
+    plane = simulate(pike, still, velocity=velocity)
+    space = simulate(pike, still, velocity=velocity, free=Trim(drop=0.0))
     np.testing.assert_allclose(space.velocity, plane.velocity, rtol=0, atol=1e-8)
 
 
@@ -195,7 +194,7 @@ def test_mirrored_drive_mirrors_roll_and_leaves_pitch(pike: Fish) -> None:
     """A centre of mass below the axis rolls and pitches the fish; catches a term that knows port from starboard."""
     command = _command(pike, "v3", 1.0)
     mirrored = JointMotion(command.time, -command.angle, -command.rate, -command.acceleration)
-    run, other = (sim.simulate(pike, one, free=Trim()) for one in (command, mirrored))
+    run, other = (simulate(pike, one, free=Trim()) for one in (command, mirrored))
     assert np.abs(run.attitude[:, :2]).max(axis=0).min() > 0.1
     np.testing.assert_allclose(other.attitude, run.attitude * [-1.0, 1.0, 1.0], rtol=0, atol=1e-9)
     np.testing.assert_allclose(other.velocity, run.velocity * [1.0, -1.0, -1.0], rtol=0, atol=1e-9)
@@ -204,14 +203,14 @@ def test_mirrored_drive_mirrors_roll_and_leaves_pitch(pike: Fish) -> None:
 def test_centre_of_mass_above_the_axis_turns_the_fish_upside_down_in_effect(pike: Fish) -> None:
     """What rolls it is the height of the mass alone: with the same mass above the axis roll and pitch change sign."""
     command = _command(pike, "v1", 1.0)
-    below, above = (sim.simulate(pike, command, free=Trim(drop=drop)) for drop in (0.004, -0.004))
+    below, above = (simulate(pike, command, free=Trim(drop=drop)) for drop in (0.004, -0.004))
     np.testing.assert_allclose(above.attitude, -below.attitude, rtol=0, atol=1e-9)
     np.testing.assert_allclose(above.velocity, below.velocity, rtol=0, atol=1e-9)
 
 
 def test_both_couplings_swim_alike_in_space(pike: Fish) -> None:
     command = _command(pike, "v1-t2", 1.0)
-    runs = [sim.simulate(pike, command, coupling=coupling, free=Trim()) for coupling in ("inertia", "xfrc")]
+    runs = [simulate(pike, command, coupling=coupling, free=Trim()) for coupling in ("inertia", "xfrc")]
     assert np.abs(runs[0].attitude).max(axis=0).min() > 0.01
     np.testing.assert_allclose(runs[1].attitude, runs[0].attitude, rtol=0, atol=1e-9)
     np.testing.assert_allclose(runs[1].velocity, runs[0].velocity, rtol=0, atol=1e-9)
@@ -223,7 +222,7 @@ def test_every_integrator_rolls_alike(pike: Fish, integrator: mjcf.Integrator) -
     errors = []
     for step in (2e-4, 1e-4):
         command = _command(pike, "v1", 0.4, step)
-        exact, run = (sim.simulate(pike, command, integrator=one, free=Trim()) for one in ("RK4", integrator))
+        exact, run = (simulate(pike, command, integrator=one, free=Trim()) for one in ("RK4", integrator))
         errors.append(np.abs(run.attitude - exact.attitude).max(axis=0))
     assert np.abs(exact.roll).max() > 0.05
     np.testing.assert_allclose(np.log2(errors[0] / errors[1]), 1.0, atol=0.2)

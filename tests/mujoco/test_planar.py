@@ -16,9 +16,8 @@ from mjfish import fish as fishes
 from mjfish.errors import UnknownNameError
 from mjfish.fish import Fish, load_fish
 from mjfish.hydro.link import link_records
-from mjfish.mujoco import planar
-from mjfish.mujoco.block_layout import unpack
-from mjfish.mujoco.blocks import numbers
+from mjfish.mujoco import mjcf
+from mjfish.mujoco.block import numbers_of, unpack
 from mjfish.mujoco.mjcf import INTEGRATORS
 
 _ROOT = Path(__file__).parents[2]
@@ -28,7 +27,7 @@ _LOOKS = {"body_geomadr", "body_geomnum", "dof_length"}
 
 def test_hand_written_and_built_pike_are_the_same_model(pike: Fish) -> None:
     """Catches a number of the XML that was not changed with the fish's TOML, and a wrong frame in the builder."""
-    written, built = planar.spec(pike).compile(), planar.build(pike).compile()
+    written, built = mjcf.spec(pike).compile(), mjcf.build(pike).compile()
     assert written.geom("fin_upper").id >= 0, "spec() did not take the hand-written file"
     for name in dir(built):
         if name.partition("_")[0] in ("body", "jnt", "dof", "actuator") and "_" in name and name not in _LOOKS:
@@ -43,7 +42,7 @@ def test_hand_written_and_built_pike_are_the_same_model(pike: Fish) -> None:
 
 
 def test_bodies_carry_the_masses_of_table_i(pike: Fish) -> None:
-    model = planar.swimmer(pike).model
+    model = mjcf.swimmer(pike).model
     for link in pike.links:
         body = model.body(link.name)
         assert body.mass[0] == link.mass
@@ -54,18 +53,18 @@ def test_bodies_carry_the_masses_of_table_i(pike: Fish) -> None:
 
 def test_a_fish_of_another_body_is_built_and_not_taken_from_the_file(pike: Fish) -> None:
     heavy = pike.model_copy(update={"links": (pike.links[0].model_copy(update={"mass": 2.0}), *pike.links[1:])})
-    assert planar.swimmer(heavy).model.body("head").mass[0] == 2.0
-    assert planar.swimmer(pike).model.body("head").mass[0] == 1.528
+    assert mjcf.swimmer(heavy).model.body("head").mass[0] == 2.0
+    assert mjcf.swimmer(pike).model.body("head").mass[0] == 1.528
 
 
 @pytest.mark.parametrize("name", sorted(fishes.shipped()))
 def test_every_shipped_fish_compiles_with_its_water(name: str) -> None:
     fish = load_fish(name)
-    fluid = planar.swimmer(fish)
+    fluid = mjcf.swimmer(fish)
     assert [link.body for link in fluid.links] == [link.name for link in fish.links]
     assert fluid.coupling == "inertia"
-    assert fluid.model.nv == planar.ROOT + fish.joints
-    water, planar_water = unpack(numbers(fluid.model)), link_records(fish)
+    assert fluid.model.nv == mjcf.ROOT + fish.joints
+    water, planar_water = unpack(numbers_of(fluid.model)), link_records(fish)
     names = set(water.dtype.names) & set(planar_water.dtype.names)
     assert {"length", "c_m", "c_d", "c_f", "munk", "density", "added", "wetted", "height_moment"} <= names
     for field in names:
@@ -74,31 +73,31 @@ def test_every_shipped_fish_compiles_with_its_water(name: str) -> None:
 
 def test_default_servo_has_the_stated_decay(pike: Fish) -> None:
     """Catches an inertia without the water, or of the joints alone with the head held."""
-    servo = planar.default_servo(pike)
-    light = planar.default_servo(pike.with_values({"c_m.head": 0.01, "c_m.body": 0.01, "c_m.tail": 0.01}))
-    heavy = planar.default_servo(pike.with_values({"c_m.head": 3.0, "c_m.body": 3.0, "c_m.tail": 3.0}))
+    servo = mjcf.default_servo(pike)
+    light = mjcf.default_servo(pike.with_values({"c_m.head": 0.01, "c_m.body": 0.01, "c_m.tail": 0.01}))
+    heavy = mjcf.default_servo(pike.with_values({"c_m.head": 3.0, "c_m.body": 3.0, "c_m.tail": 3.0}))
     # 13884 1/(kg m2): the fastest mode of the pike under a servo of kv = 0.5 was seen to decay with 6942 / s.
     assert servo.kv == pytest.approx(1000.0 / 13884.0, rel=0.01)
     assert light.kv < servo.kv < heavy.kv
     bare = pike.model_copy(update={"servo": None})
-    assert planar.build(bare).compile().actuator("servo_1").gainprm[0] == pytest.approx(servo.kp)
+    assert mjcf.build(bare).compile().actuator("servo_1").gainprm[0] == pytest.approx(servo.kp)
 
 
 def test_file_that_is_not_there_lists_those_that_are() -> None:
     with pytest.raises(UnknownNameError, match=r"'shark\.xml'; known: .*pike_planar\.xml"):
-        planar.xml("shark.xml")
+        mjcf.xml("shark.xml")
 
 
 def test_unknown_integrator_and_coefficient_are_refused(pike: Fish) -> None:
     with pytest.raises(UnknownNameError, match="'Heun'; known: Euler, RK4, discrete, implicit, implicitfast"):
-        planar.swimmer(pike, integrator="Heun")  # type: ignore[arg-type]
+        mjcf.swimmer(pike, integrator="Heun")  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match=r"'c_d\.fin'; known: c_d\.body"):
-        planar.swimmer(pike, values={"c_d.fin": 1.0})
+        mjcf.swimmer(pike, values={"c_d.fin": 1.0})
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_every_integrator_takes_the_swimmer(pike: Fish, integrator: planar.Integrator) -> None:
-    model = planar.swimmer(pike, integrator=integrator, step=0.0005).model
+def test_every_integrator_takes_the_swimmer(pike: Fish, integrator: mjcf.Integrator) -> None:
+    model = mjcf.swimmer(pike, integrator=integrator, step=0.0005).model
     assert mujoco.mjtIntegrator(model.opt.integrator).name.lower() == f"mjint_{integrator}".lower()
     assert model.opt.timestep == 0.0005
 
@@ -111,9 +110,9 @@ def test_installed_wheel_finds_the_hand_written_pike(tmp_path: Path) -> None:
     with zipfile.ZipFile(next(tmp_path.glob("mjfish-*.whl"))) as wheel:
         wheel.extractall(tmp_path / "site")
     code = (
-        "from mjfish import fish; from mjfish.mujoco import planar; import mjfish; print(mjfish.__file__);"
-        "planar.spec(fish.load('pike')).compile().geom('fin_upper'); print(planar.xml('pike_planar.xml'));"
-        "print(planar.xml('pike_free.xml'))"
+        "from mjfish import fish; from mjfish.mujoco import mjcf; import mjfish; print(mjfish.__file__);"
+        "mjcf.spec(fish.load('pike')).compile().geom('fin_upper'); print(mjcf.xml('pike_planar.xml'));"
+        "print(mjcf.xml('pike_free.xml'))"
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
     ran = subprocess.run(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from proofs import derivation
 
 

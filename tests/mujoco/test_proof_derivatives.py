@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import pytest
 
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from proofs import derived, parts, stepped, trees
 
 DIFFERENTIATED = [one for one in stepped.DAMPED if one[1] != "RK4"]

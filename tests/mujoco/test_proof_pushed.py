@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from proofs import pushed
 from proofs.parts import VALID
 

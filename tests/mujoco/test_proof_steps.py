@@ -6,7 +6,7 @@ import pytest
 
 from mjfish.errors import InputError
 from mjfish.mujoco import StripFluid
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from proofs import stepped, trees
 
 

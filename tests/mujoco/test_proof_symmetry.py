@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from proofs import alike
 from proofs.parts import VALID
 

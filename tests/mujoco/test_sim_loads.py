@@ -15,9 +15,8 @@ from mjfish.errors import InputError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.link import LINK, link_records
 from mjfish.hydro.load import Load, load
-from mjfish.mujoco import StripFluid, planar, reference
-from mjfish.mujoco.block_layout import loads_in
-from mjfish.mujoco.blocks import numbers
+from mjfish.mujoco import StripFluid, mjcf, reference
+from mjfish.mujoco.block import loads_in, numbers_of
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 
@@ -25,8 +24,8 @@ VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02)
 def test_a_load_reads_the_record_that_it_reads_in_the_ode(pike: Fish) -> None:
     """Field by field. Catches a centre of mass from the wrong end, an inertia of another axis, strips not copied."""
     for fish in (pike, pike.model_copy(update={"servo": None, "munk_moment": 0.5})):  # hand-written, built
-        fluid = planar.swimmer(fish, values=VALUES, loads=[(pushing, [1.0])])
-        _, _, found = loads_in(numbers(fluid.model))
+        fluid = mjcf.swimmer(fish, values=VALUES, loads=[(pushing, [1.0])])
+        _, _, found = loads_in(numbers_of(fluid.model))
         expected = link_records(fish, VALUES)
         for field in LINK.names or ():
             np.testing.assert_allclose(found[field], expected[field], rtol=1e-12, atol=1e-15, err_msg=field)

@@ -8,16 +8,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from mjfish import mujoco as sim
 from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.errors import InputError
 from mjfish.fish import Fish, Servo
-from mjfish.mujoco import planar
-from mjfish.mujoco.compatible import Coupling
-from mjfish.mujoco.planar import Integrator
+from mjfish.mujoco import mjcf, simulate
+from mjfish.mujoco.coupling_choice import Coupling
+from mjfish.mujoco.mjcf import Integrator
 
 
 def _command(fish: Fish, mode: str, duration: float, step: float) -> JointMotion:
@@ -55,8 +54,8 @@ def _at(time: FloatArray, wanted: FloatArray) -> FloatArray:
 def test_rollout_is_what_mj_step_does(pike: Fish, integrator: Integrator, coupling: Coupling) -> None:
     """The rollout takes the two halves of mj_step apart to read the accelerations; bit for bit the same."""
     command = _command(pike, "v1", 0.2, 0.001)
-    run = sim.simulate(pike, command, integrator=integrator, coupling=coupling)
-    fluid = planar.swimmer(pike, integrator=integrator, coupling=coupling)
+    run = simulate(pike, command, integrator=integrator, coupling=coupling)
+    fluid = mjcf.swimmer(pike, integrator=integrator, coupling=coupling)
     model = fluid.model
     data = mujoco.MjData(model)
     with fluid.installed():
@@ -81,7 +80,7 @@ def test_stiffer_servos_approach_the_reference(pike: Fish, reference: Path) -> N
     for stiffer in (1.0, 4.0, 16.0):
         servo = Servo(kp=40.0 * stiffer**2, kv=0.1 * stiffer)
         step = 0.001 / stiffer
-        run = sim.simulate(pike.model_copy(update={"servo": servo}), _command(pike, "v1", 1.0, step))
+        run = simulate(pike.model_copy(update={"servo": servo}), _command(pike, "v1", 1.0, step))
         errors.append(np.abs(run.velocity[_at(run.time, expected[:, 0])] - expected[:, 1:]).max())
     assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2], errors
     assert errors[2] < 0.3
@@ -93,9 +92,9 @@ def test_stiffer_servos_approach_the_reference(pike: Fish, reference: Path) -> N
 def test_every_integrator_converges_at_its_order_to_the_same(pike: Fish, integrator: Integrator, order: float) -> None:
     """The implicit ones, too: they see the added mass. Catches a lagged force, and damping without the water's mass."""
     steps = (5e-4, 2.5e-4)  # at 1 ms the servos are too stiff for the order of RK4 to show
-    exact = sim.simulate(pike, _command(pike, "v1", 0.3, 6.25e-5)).velocity[-1]
+    exact = simulate(pike, _command(pike, "v1", 0.3, 6.25e-5)).velocity[-1]
     errors = [
-        np.abs(sim.simulate(pike, _command(pike, "v1", 0.3, step), integrator=integrator).velocity[-1] - exact).max()
+        np.abs(simulate(pike, _command(pike, "v1", 0.3, step), integrator=integrator).velocity[-1] - exact).max()
         for step in steps
     ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.25)
@@ -103,7 +102,7 @@ def test_every_integrator_converges_at_its_order_to_the_same(pike: Fish, integra
 
 def test_couplings_give_the_same_run(pike: Fish) -> None:
     command = _command(pike, "v3", 0.3, 0.001)
-    runs = [sim.simulate(pike, command, coupling=coupling).velocity for coupling in ("inertia", "xfrc")]  # type: ignore[arg-type]
+    runs = [simulate(pike, command, coupling=coupling).velocity for coupling in ("inertia", "xfrc")]  # type: ignore[arg-type]
     np.testing.assert_allclose(runs[0], runs[1], rtol=0, atol=1e-9)
 
 
@@ -111,8 +110,8 @@ def test_realised_motion_is_consistent_to_fourth_order(pike: Fish) -> None:
     """The middles of `motion` come from a quintic; a run of half the step has them as samples."""
     errors = []
     for step in (0.002, 0.001):
-        coarse = sim.simulate(pike, _sine(pike.joints, 0.5, step)).motion()
-        fine = sim.simulate(pike, _sine(pike.joints, 0.5, step / 2))
+        coarse = simulate(pike, _sine(pike.joints, 0.5, step)).motion()
+        fine = simulate(pike, _sine(pike.joints, 0.5, step / 2))
         errors.append(
             [
                 np.abs(coarse.angle[:, 1] - fine.joint_angle[1::2]).max(),
@@ -130,7 +129,7 @@ def test_steps_of_several_lengths_hit_the_change_of_the_drive(pike: Fish) -> Non
     assert pike.cpg is not None
     first, second = modes.drive("v1")[0], modes.drive("v5")[0]
     segments = (first, cpg.DriveSegment(0.2505, second.omega, second.bias))
-    run = sim.simulate(pike, cpg.joint_motion(pike.cpg, segments, 0.4, 0.001))
+    run = simulate(pike, cpg.joint_motion(pike.cpg, segments, 0.4, 0.001))
     assert len(np.unique(np.diff(run.time).round(9))) > 1
     assert 0.2505 in run.time
     difference = np.abs(ode.simulate(pike, run.motion()).state[:, 1, :3] - run.velocity[1:])
@@ -142,7 +141,7 @@ def test_start_with_way_on_agrees_with_the_ode(pike: Fish) -> None:
     time = grid(np.array([0.0, 0.5]), 0.001)
     still = np.zeros((len(time) - 1, 3, pike.joints))
     velocity = np.array([0.5, -0.2, 0.3])
-    run = sim.simulate(pike, JointMotion(time, still, still, still), velocity=velocity)
+    run = simulate(pike, JointMotion(time, still, still, still), velocity=velocity)
     np.testing.assert_array_equal(run.velocity[0], velocity)
     assert run.pose[-1, 0] > 0.1
     same = ode.simulate(pike, run.motion(), velocity=velocity)
@@ -156,7 +155,7 @@ def test_run_that_diverges_is_a_status_with_time_and_parameters(
     """Catches MuJoCo's silent reset, and the warnings and the log file that it leaves behind."""
     monkeypatch.chdir(tmp_path)
     stiff = pike.model_copy(update={"servo": Servo(kp=20.0, kv=5.0)})
-    run = sim.simulate(stiff, _command(pike, "v1", 0.5, 0.001))
+    run = simulate(stiff, _command(pike, "v1", 0.5, 0.001))
     assert run.status == "diverged"
     assert "c_m.tail = 0.06" in run.message
     assert f"diverged at {run.time[-1]:.3f} s" in run.message
@@ -170,10 +169,10 @@ def test_run_that_diverges_is_a_status_with_time_and_parameters(
 def test_command_that_does_not_fit_is_refused(pike: Fish) -> None:
     command = _command(pike, "v1", 0.1, 0.001)
     with pytest.raises(InputError, match="has 3 joints, pike has 4"):
-        sim.simulate(
+        simulate(
             pike,
             JointMotion(command.time, command.angle[..., :3], command.rate[..., :3], command.acceleration[..., :3]),
         )
     broken = np.where(command.angle > 0.02, np.nan, command.angle)
     with pytest.raises(InputError, match="no finite numbers"):
-        sim.simulate(pike, JointMotion(command.time, broken, command.rate, command.acceleration))
+        simulate(pike, JointMotion(command.time, broken, command.rate, command.acceleration))

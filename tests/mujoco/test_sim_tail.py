@@ -6,11 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from mjfish import mujoco as sim
 from mjfish import simulation as crosscheck
 from mjfish.drive import cpg, modes
 from mjfish.fish import Fish
-from mjfish.mujoco import export, planar
+from mjfish.mujoco import Trim, export, mjcf, simulate
 from mjfish.simulation import engines
 
 _SOFT = {"tail_compliance": 0.3, "tail_damping": 0.03}
@@ -23,7 +22,7 @@ def soft(pike: Fish) -> Fish:
 
 
 def test_the_hinge_has_the_stiffness_and_the_damping(soft: Fish, pike: Fish) -> None:
-    model, rigid = planar.swimmer(soft).model, planar.swimmer(pike).model
+    model, rigid = mjcf.swimmer(soft).model, mjcf.swimmer(pike).model
     hinge = model.joint("deflection")
     assert model.nv == rigid.nv + 1
     assert hinge.dofadr[0] == model.nv - 1
@@ -38,7 +37,7 @@ def test_both_engines_swim_alike_with_it(soft: Fish, pike: Fish) -> None:
     assert found.passed, found.message
     assert found.orders[0] > 3.5
     motion = cpg.joint_motion(pike.cpg, modes.drive("v3"), 3.0, 0.001)
-    rigid, bent = (sim.simulate(fish, motion).velocity for fish in (pike, soft))
+    rigid, bent = (simulate(fish, motion).velocity for fish in (pike, soft))
     assert np.abs(rigid - bent).max() > 0.1
 
 
@@ -52,9 +51,9 @@ def test_both_engines_swim_alike_with_it_on_prescribed_joints(soft: Fish, monkey
 
 def test_an_exported_fish_has_it_too(soft: Fish) -> None:
     """To the last bit, and in the free fish as well."""
-    for free in (None, sim.Trim()):
+    for free in (None, Trim()):
         read = mujoco.MjModel.from_xml_string(export.text(soft, free=free))
-        made = (planar.swimmer(soft) if free is None else sim.free.swimmer(soft)).model
+        made = (mjcf.swimmer(soft) if free is None else mjcf.swimmer(soft, free=Trim())).model
         for field in ("jnt_stiffness", "dof_damping", "dof_armature", "body_mass", "body_inertia"):
             np.testing.assert_array_equal(getattr(read, field), getattr(made, field), err_msg=field)
         assert made.jnt_stiffness.max() == 1.0 / 0.3
@@ -63,8 +62,8 @@ def test_an_exported_fish_has_it_too(soft: Fish) -> None:
 def test_a_free_fish_with_a_flexible_tail_swims(soft: Fish) -> None:
     """Catches joints read from where the deflection is."""
     motion = cpg.joint_motion(soft.cpg, modes.drive("v1"), 1.0, 0.001)
-    run = sim.simulate(soft, motion, free=sim.Trim())
+    run = simulate(soft, motion, free=Trim())
     assert run.status == "ok"
-    planar_run = sim.simulate(soft, motion)
+    planar_run = simulate(soft, motion)
     np.testing.assert_allclose(run.joint_angle, planar_run.joint_angle, atol=0.05)
     assert np.abs(planar_run.joint_angle - motion.angle_at(planar_run.time)).max() < 0.15

@@ -17,14 +17,14 @@ import pytest
 from wet_models import PLATE, PLATE_LINK, TREE, compiled, stirred, tree, tree_links
 
 from mjfish.errors import InputError, MjfishError
-from mjfish.mujoco import StripFluid, blocks
+from mjfish.mujoco import StripFluid, block
 
 _IMPLICITFAST = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
 
 def _rows() -> int:
     gc.collect()
-    return len(blocks._free)
+    return len(block._free)
 
 
 def _spoilt(model: mujoco.MjModel, fluid: StripFluid) -> mujoco.MjData:
@@ -65,7 +65,7 @@ def test_copy_that_outlives_its_water_is_spoilt() -> None:
     assert row in [int(other.model.opt.o_solimp[2]) for other in others], "the row is given away again"
     _spoilt(left, others[0])
     with pytest.raises(InputError, match=r"no water acts on this model; put it there by StripFluid\(model, links\)"):
-        blocks.numbers(left)
+        block.numbers_of(left)
     StripFluid(left, tree_links())  # as the message says
     with others[0].installed():
         mujoco.mj_step(left, data := stirred(left))
@@ -77,7 +77,7 @@ def test_model_saved_as_xml_and_read_again_is_spoilt() -> None:
     fluid = StripFluid(mujoco.MjModel.from_xml_string(TREE), tree_links())
     mujoco.mj_saveLastXML("saved.xml", fluid.model)
     model = mujoco.MjModel.from_xml_path("saved.xml")
-    assert model.opt.o_solimp[0] == blocks.MAGIC
+    assert model.opt.o_solimp[0] == block.MAGIC
     _spoilt(model, fluid)
 
 
@@ -161,7 +161,7 @@ def test_a_thousand_waters_on_one_model_leave_one() -> None:
 
 
 def test_too_many_waters_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "_free", [])
+    monkeypatch.setattr(block, "_free", [])
     with pytest.raises(MjfishError, match="models with water live at once; drop some of them"):
         tree()
 

@@ -13,8 +13,7 @@ from wet_models import PLATE, PLATE_LINK, TREE, compiled, with_custom
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.mujoco import StripFluid, StripLink
-from mjfish.mujoco.block_layout import unpack
-from mjfish.mujoco.blocks import numbers
+from mjfish.mujoco.block import numbers_of, unpack
 
 _FULL = {
     "body": "trunk",
@@ -60,9 +59,9 @@ def test_python_toml_and_custom_give_the_same_numbers(tmp_path: Path) -> None:
     custom = StripFluid(_custom(_FULL, _SHORT, density=_DENSITY))
     assert made.links == read.links == custom.links
     assert made.density == read.density == custom.density == _DENSITY
-    expected = numbers(made.model)
-    np.testing.assert_array_equal(numbers(read.model), expected)
-    np.testing.assert_array_equal(numbers(custom.model), expected)
+    expected = numbers_of(made.model)
+    np.testing.assert_array_equal(numbers_of(read.model), expected)
+    np.testing.assert_array_equal(numbers_of(custom.model), expected)
     record = unpack(expected)[0]
     assert set(StripLink.model_fields) == {*_FULL, "sections", "start"}, "a new field is missing in this test"
     assert (record["c_m"], record["c_d"], record["c_f"], record["munk"]) == (0.9, 0.7, 0.03, 0.5)
@@ -94,7 +93,7 @@ def test_arrays_and_numbers_of_numpy_are_taken() -> None:
 
 
 def _slab(**keys: Any) -> Any:
-    return unpack(numbers(StripFluid(compiled(PLATE), [{**PLATE_LINK, **keys}]).model))[0]
+    return unpack(numbers_of(StripFluid(compiled(PLATE), [{**PLATE_LINK, **keys}]).model))[0]
 
 
 def test_integrals_of_a_slab_are_those_on_paper() -> None:
@@ -120,7 +119,7 @@ def test_links_may_share_one_outline() -> None:
     sections = [{"from": 0.0, "to": 0.5, "height": [0.1, 0.2], "width": [0.02, 0.02]}]
     shared = StripLink(body="plate", length=0.25, sections=sections, start=0.25)
     own = StripLink(body="plate", length=0.25, height=[0.15, 0.2], width=0.02)
-    records = [unpack(numbers(StripFluid(compiled(PLATE), [link]).model)) for link in (shared, own)]
+    records = [unpack(numbers_of(StripFluid(compiled(PLATE), [link]).model)) for link in (shared, own)]
     for field in ("added", "added_width", "added_roll", "volume", "wetted", "height_moment", "strip_r", "center"):
         np.testing.assert_allclose(records[0][field], records[1][field], rtol=1e-9, atol=1e-15, err_msg=field)
 

@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mjfish import mujoco as sim
 from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.data import importers
 from mjfish.drive import measured, wave
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish, load_fish
-from mjfish.mujoco import planar, prescribed
+from mjfish.mujoco import mjcf, prescribed, simulate
 
 #: What only the geoms, there for looks, decide.
 _LOOKS = {"body_geomadr", "body_geomnum", "dof_length"}
@@ -43,7 +42,7 @@ def _apart(fish: Fish, motion: JointMotion) -> float:
 
 def test_hand_written_and_built_fish_are_the_same_model(tendon: Fish) -> None:
     """Catches a number of the XML that was not changed with the fish's TOML."""
-    written, built = planar.spec(tendon).compile(), planar.build(tendon).compile()
+    written, built = mjcf.spec(tendon).compile(), mjcf.build(tendon).compile()
     assert written.geom("box").id >= 0, "spec() did not take the hand-written file"
     for name in dir(built):
         if name.partition("_")[0] in ("body", "jnt", "dof", "actuator") and "_" in name and name not in _LOOKS:
@@ -60,7 +59,7 @@ def test_engines_agree_on_filmed_joint_angles_and_converge(tendon: Fish) -> None
 
 def test_ode_swims_as_the_servos_of_mujoco_realised_filmed_joint_angles(tendon: Fish) -> None:
     """The servos give way to the water by up to 0.15 rad; on what they did, bodies and water must be the same."""
-    run = sim.simulate(tendon, measured.joint_motion(*_filmed(), 0.001))
+    run = simulate(tendon, measured.joint_motion(*_filmed(), 0.001))
     assert run.status == "ok", run.message
     assert np.abs(run.joint_angle - run.command.angle_at(run.time)).max() < 0.15
     swum = ode.simulate(tendon, run.motion(), values=tendon.values).at(run.time)[:, :3]

@@ -43,12 +43,12 @@ def test_other_coefficients_agree_too(pike: Fish) -> None:
 
 def test_disagreement_in_the_water_is_seen(pike: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
     """A mutation: MuJoCo in water one per cent denser than the ODE's."""
-    simulate = crosscheck.realised.sim.simulate
+    simulate = crosscheck.realised.simulate
 
     def denser(fish: Fish, *args: object, **options: object) -> object:
         return simulate(fish.model_copy(update={"density": 1010.0}), *args, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(crosscheck.realised.sim, "simulate", denser)
+    monkeypatch.setattr(crosscheck.realised, "simulate", denser)
     found = crosscheck.check(pike, "v1", duration=2.0, halvings=1)
     assert found.status == "disagrees"
     assert found.orders[0] < 0.5

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mjfish.arrays import FloatArray
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from proofs import parts, trees
 from proofs.parts import Part
 

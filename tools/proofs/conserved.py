@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from proofs import parts
 from proofs.dense import dried
 from proofs.derivation import motion_of

@@ -14,8 +14,8 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.mujoco import blocks, reference
-from mjfish.mujoco.block_layout import unpack
+from mjfish.mujoco import reference
+from mjfish.mujoco.block import numbers_of, unpack
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def equation(model: mujoco.MjModel, data: mujoco.MjData) -> Equation:
     mujoco.mj_fullM(dry, alone, rigid)
     added = np.zeros_like(rigid)
     force = alone.qfrc_passive + alone.qfrc_actuator + alone.qfrc_applied - alone.qfrc_bias
-    for link in unpack(blocks.numbers(model)):
+    for link in unpack(numbers_of(model)):
         J = reference.jacobian_of(model, alone, link)
         A = reference.inertia_of(link)
         added += J.T @ A @ J

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from mjfish.arrays import FloatArray, RecordArray
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.spatial_force import added_momentum, spatial_drag, spatial_gyroscopic, spatial_munk
-from mjfish.mujoco.block_layout import records
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.block import records
+from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.strip_link import StripLink
 from proofs import parts, trees
 from proofs.dense import dried, state_of

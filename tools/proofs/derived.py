@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from proofs import parts, stepped, trees
 from proofs.dense import equation
 

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.mujoco import blocks, reference
-from mjfish.mujoco.block_layout import unpack
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco import reference
+from mjfish.mujoco.block import numbers_of, unpack
+from mjfish.mujoco.coupling_choice import Coupling
 from proofs import parts, trees
 from proofs.dense import dried, equation
 
@@ -82,7 +82,7 @@ class _Lagged:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._dry = dried(model)
-        self._water = unpack(blocks.numbers(model))
+        self._water = unpack(numbers_of(model))
         self._last = np.zeros(model.nv)
 
     def step(self, data: mujoco.MjData) -> None:

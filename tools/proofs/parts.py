@@ -12,7 +12,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.mujoco import StripFluid, mjcf, reference
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 
 Joint = Literal["free", "ball", "hinge", "slide", "none"]
 

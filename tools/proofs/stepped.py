@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from proofs import parts, trees
 from proofs.dense import dried, equation, state_of
 from proofs.parts import Part

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.mujoco.compatible import Coupling
+from mjfish.mujoco.coupling_choice import Coupling
 from proofs import alike, conserved, constrained, derivation, derived, lagged, pushed, stepped, trees
 from proofs.parts import VALID
 

@@ -10,7 +10,7 @@ from wet_models import with_custom
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Section
 from mjfish.mujoco import StripFluid, StripLink
-from mjfish.mujoco.custom import described
+from mjfish.mujoco.custom_numerics import numerics_of
 
 _NOSE = [0.0, 0.1, 0.0, 0.12, 0.0, 0.08, 1.0]
 _REST = [0.1, 0.6, 0.12, 0.06, 0.08, 0.03, 0.0]
@@ -54,7 +54,7 @@ LINKS = {
 @pytest.mark.parametrize("links", LINKS.values(), ids=LINKS)
 def test_described_links_are_read_back(links: list[dict[str, Any]]) -> None:
     made = tuple(StripLink(**link) for link in links)
-    fluid = StripFluid(with_custom(described(made, 998.0)))
+    fluid = StripFluid(with_custom(numerics_of(made, 998.0)))
     assert fluid.links == made
     assert fluid.density == 998.0
 
@@ -62,7 +62,7 @@ def test_described_links_are_read_back(links: list[dict[str, Any]]) -> None:
 def test_two_links_on_one_body_cannot_be_told_apart() -> None:
     link = StripLink(body="tail", length=0.2, height=0.1, width=0.004)
     with pytest.raises(InputError, match="two links share the body 'tail', an MJCF describes one a body; use a TOML"):
-        described([link, link], 1000.0)
+        numerics_of([link, link], 1000.0)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.mujoco.block_layout import carriers
+from mjfish.mujoco.block import carriers
 
 Coupling = Literal["inertia", "xfrc"]
 

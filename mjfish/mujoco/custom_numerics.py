@@ -74,7 +74,7 @@ def _rows(name: str, numbers: Sequence[float]) -> list[dict[str, object]]:
     return rows
 
 
-def described(links: Sequence[StripLink], density: float) -> dict[str, tuple[float, ...]]:
+def numerics_of(links: Sequence[StripLink], density: float) -> dict[str, tuple[float, ...]]:
     """Return the numerics by name that `read` turns into these links; sections that all links share come once.
 
     Coefficients are always there, other keys where they are not their defaults.

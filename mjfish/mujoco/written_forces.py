@@ -1,0 +1,135 @@
+"""What the water wrote into `xfrc_applied` of which mjData: to take it out again where the water acts no longer.
+
+MuJoCo keeps `xfrc_applied` until somebody writes it: the last force of the water would push for ever. MuJoCo steps any
+number of mjData in any thread and names them to the callback only. So the callback notes each mjData when it meets it
+first (`_note`, in Python, which keeps what was there before) and then what it writes there (`copy_written`). An mjData
+that is freed meanwhile must not be touched: while notes are taken, MuJoCo's hook `mju_user_free` strikes it off.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from typing import Any
+
+import llvmlite.binding
+import numpy as np
+from numba import carray, types
+
+from mjfish.arrays import FloatArray
+from mjfish.compiled import compiled
+from mjfish.mujoco.layout import LIBRARY, addresses, floats, structure
+
+#: Of a note, for each body: whether the water wrote on it, and the six numbers that it wrote last.
+_NOTE = 7
+_SLOTS = 1 << 14  # a power of two
+_FREED = 1
+#: Hash table by the address of an mjData, with open addressing: that address, 0 or _FREED; address of its note.
+TABLE = np.zeros((_SLOTS, 2), dtype=np.int64)
+#: By address of the mjData: its note, and `xfrc_applied` as it was before.
+_notes: dict[int, tuple[FloatArray, FloatArray]] = {}
+
+_FREE_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
+_hook = ctypes.c_void_p.in_dll(LIBRARY, "mju_user_free")
+_hook_before: int | None = None
+_NOTE_SYMBOL = "mjfish_note_data"
+_take_note = types.ExternalFunction(_NOTE_SYMBOL, types.void(types.int64, types.int64))
+
+
+@compiled
+def _row(table: Any, address: int) -> int:
+    """Return the row of an mjData, or -1."""
+    for probe in range(_SLOTS):
+        row = ((address >> 6) * 40503 + probe) & (_SLOTS - 1)
+        if table[row, 0] == address:
+            return row
+        if table[row, 0] == 0:
+            break
+    return -1
+
+
+@compiled
+def note_of(table_address: int, address: Any, bodies: int) -> int:
+    """Return the address of the note of an mjData, which the water is about to write to; 0 where there is no room.
+
+    Args:
+        table_address: of `TABLE`.
+        address: of the mjData.
+        bodies: number of bodies of its model.
+    """
+    table = carray(addresses(table_address), (_SLOTS, 2))
+    row = _row(table, address)
+    if row < 0:
+        _take_note(address, bodies)
+        row = _row(table, address)
+    return table[row, 1] if row >= 0 else 0
+
+
+@compiled
+def copy_written(note: int, data: Any, water: Any) -> None:
+    """Copy what the water wrote on its bodies into the note at an address."""
+    if note == 0:
+        return
+    written = carray(floats(note), (water.bodies, _NOTE))
+    for i in range(water.links.shape[0]):
+        body = int(water.links[i].body)
+        written[body, 0] = 1.0
+        written[body, 1:] = carray(floats(data.xfrc_applied + 48 * body), 6)
+
+
+def _note(address: int, bodies: int) -> None:
+    """Note an mjData that the water has not met before and is about to write to."""
+    for probe in range(_SLOTS):
+        row = ((address >> 6) * 40503 + probe) & (_SLOTS - 1)
+        if TABLE[row, 0] <= _FREED:
+            written = np.zeros((bodies, _NOTE))
+            _notes[address] = written, _applied(address, bodies).copy()
+            TABLE[row] = address, written.ctypes.data
+            return
+
+
+_note_callback = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(_note)
+llvmlite.binding.add_symbol(_NOTE_SYMBOL, ctypes.cast(_note_callback, ctypes.c_void_p).value)
+
+
+def _applied(address: int, bodies: int) -> FloatArray:
+    """Return `xfrc_applied` (bodies, 6) of the mjData at an address, a view."""
+    pointer = structure("mjData").from_address(address).xfrc_applied
+    return np.ctypeslib.as_array(ctypes.cast(pointer, ctypes.POINTER(ctypes.c_double)), (bodies, 6))
+
+
+def _free(address: int) -> None:
+    """Free memory as MuJoCo would; an mjData that lay there is struck off."""
+    if _notes.pop(address, None) is not None:
+        TABLE[_row(TABLE, address), 0] = _FREED
+    if _hook_before:
+        _FREE_TYPE(_hook_before)(address)
+    elif sys.platform == "win32":
+        ctypes.CDLL("ucrtbase")._aligned_free(ctypes.c_void_p(address))
+    else:
+        ctypes.CDLL(None).free(ctypes.c_void_p(address))
+
+
+_free_callback = _FREE_TYPE(_free)
+
+
+def start() -> None:
+    """Watch for mjData that are freed."""
+    global _hook_before
+    _hook_before = _hook.value
+    _hook.value = ctypes.cast(_free_callback, ctypes.c_void_p).value
+
+
+def take_out() -> None:
+    """Take what the water wrote out of every living mjData it met: on its bodies is again what was there before it.
+
+    A body on which somebody else has written since then is left alone.
+    """
+    _hook.value = _hook_before
+    for address, (written, before) in _notes.items():
+        applied = _applied(address, len(before))
+        same = (applied == written[:, 1:]) | (np.isnan(applied) & np.isnan(written[:, 1:]))
+        untouched = (written[:, 0] > 0.0) & same.all(axis=1)
+        applied[untouched] = before[untouched]
+    _notes.clear()
+    TABLE[:] = 0
