@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mjfish.arrays import FloatArray, robust_sigma
-from mjfish.data import Dataset, Trial
+from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.errors import InputError
 from mjfish.estimation.assessment import Assessment, assess
 from mjfish.estimation.clocks import aligned
@@ -23,6 +24,7 @@ from mjfish.estimation.residuals.residual import Residual
 from mjfish.estimation.settings import Settings
 from mjfish.frames import CHANNELS
 from mjfish.model import Model
+from mjfish.result import Result
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,8 @@ class TrialScore:
     nrmse: tuple[float, float, float]
 
 
-@dataclass(frozen=True, eq=False)
-class Identification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Identification(Result):
     """Fitted coefficients.
 
     Attributes:
@@ -65,6 +67,28 @@ class Identification:
         names, matrix = [p.name for p in self.fit.parameters], self.fit.correlation
         pairs = [(names[i], names[j], float(matrix[i, j])) for i in range(len(names)) for j in range(i)]
         return sorted((pair for pair in pairs if abs(pair[2]) > limit), key=lambda pair: -abs(pair[2]))
+
+    def summary(self) -> str:
+        """Return status, errors and coefficients, a line each; at most ten."""
+        fit, width = self.fit, max(len(p.name) for p in self.fit.parameters)
+        head = f"{self.dataset.name}: {fit.status} after {fit.evaluations} evaluations"
+        if self.starts > 1:
+            head += f", {self.reached:.0%} of {self.starts} starts reached the best optimum"
+        lines = [f"{head}; nRMSE of surge, sway, yaw rate:"]
+        for role in ("fit", "held_out"):
+            scores = [score.nrmse for score in self.scores if score.role == role]
+            if scores:
+                mean = ", ".join(f"{value:.3f}" for value in np.mean(scores, axis=0))
+                lines.append(f"  {role.replace('_', ' ')} ({len(scores)} trials): {mean}")
+        shared = [k for k, p in enumerate(fit.parameters) if ":" not in p.name]
+        for k in shared[: 9 - len(lines)]:
+            p, (low, high) = fit.parameters[k], fit.interval(fit.parameters[k].name)
+            bound = "  at its bound" if fit.at_bound[k] else ""
+            lines.append(f"  {p.name:{width}} = {fit.x[k]:.4g} ({low:.4g} to {high:.4g}) {p.unit}{bound}")
+        if len(shared) > 9 - (len(lines) - len(shared)):
+            lines = lines[:9]
+            lines.append(f"  and {len(shared) - sum('=' in line for line in lines)} more; see fit.values")
+        return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the identification as plain data."""
@@ -142,27 +166,43 @@ def check_enough(problem: Problem, name: str) -> None:
 
 
 def identify(
-    dataset: Dataset,
+    dataset: Dataset | str | Path,
     settings: Settings | None = None,
     *,
+    starts: int | None = None,
     jobs: int | None = None,
     tell: Callable[[float], None] | None = None,
 ) -> Identification:
     """Fit the nine coefficients to all fit trials at once ([Yu2016] eq. (21)).
 
-    Weights come from the noise: the stated one, or else the RMS of the residual, with which it is fitted twice more.
+    Minimised is the sum over trials, samples and channels of ((measured - simulated) / sigma)^2, with velocities in m/s
+    and rad/s. sigma is the stated noise, or else the RMS of the residual, with which the fit is repeated twice.
 
     Args:
-        dataset: its fit trials are fitted, the others scored.
-        settings: of the fit; None: everything free, 16 starts.
+        dataset: the trials, or the folder of ``dataset.toml``; fit trials are fitted, the others scored.
+        settings: of the fit (`mjfish.estimation.Settings`); None: everything free, 16 starts.
+        starts: number of starts, in place of that of the settings.
         jobs: threads; the result does not depend on them.
         tell: called with the share of the starts that is done.
 
+    Returns:
+        Estimates with intervals, scores of every trial, and what the data say about the fit. Its ``fit.status`` says
+        whether it converged.
+
     Raises:
-        MjfishError: see `pose`.
+        InputError: fewer numbers than free parameters, or a dataset that cannot be read.
+        UnknownNameError: a setting names no parameter.
+
+    Example:
+        >>> import mjfish
+        >>> pool = mjfish.generate("pike", ["v1", "v3-t1"], noise=(0.01, 0.01, 0.05), duration=6.0)
+        >>> mjfish.identify(pool, starts=1).fit.status
+        'converged'
     """
     settings = settings or Settings()
-    dataset = aligned(dataset)
+    if starts is not None:
+        settings = replace(settings, starts=starts)
+    dataset = aligned(dataset if isinstance(dataset, Dataset) else load_dataset(dataset))
     fitted, held = dataset.split()
     stated = dataset.noise
     problem = pose(dataset, settings, jobs=jobs)

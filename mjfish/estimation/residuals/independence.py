@@ -1,7 +1,7 @@
 r"""Is the residual independent of the input? Cross-correlation with the joint command, with the variance it really has.
 
-The input u is the command of the last joint or its square: the first turns with the beat, the second twice a beat
-about a mean, as sway and surge do. The covariance of the residual e with u at lag tau, r(tau) = sum_t e_t u(t - tau),
+The input u is the command of the last joint that moves, or its square: the first turns with the beat, the second twice
+a beat about a mean, as sway and surge do. The covariance of the residual e with u at lag tau, r(tau) = sum_t e_t u(t - tau),
 has, if they are independent, the variance
 
     var r(tau) = sum_{t,s} u(t - tau) R_e(t - s) u(s - tau) = N sum_k R_e(k) R_u(k)        [Ljung1999], eq. (16.70)
@@ -55,7 +55,7 @@ class CrossCorrelation(Plain):
         band: (l,) half width that 99 % of the values lie in where residual and input are independent.
         statistic: of all lags jointly.
         freedom: number of directions.
-        p_value: chance of a larger statistic; NaN where the fit has taken every direction.
+        p_value: of the statistic; NaN where the fit has taken every direction, or no joint moves.
     """
 
     trial: str
@@ -102,7 +102,8 @@ def _background(
     grids, bases = [], []
     for r, residual in enumerate(residuals):
         main = [designs[name][r].basis[:, : designs[name][r].main] for name in INPUTS]
-        bases.append(np.nan_to_num(residual.on_grid(linalg.orth(np.concatenate(main, axis=1)))))
+        joined = np.concatenate(main, axis=1)
+        bases.append(np.nan_to_num(residual.on_grid(linalg.orth(joined) if joined.shape[1] else joined)))
         grids.append(residual.on_grid(residual.values))
     lost = 0.0 if absorbed is None else absorbed.left.shape[1] / (len(CHANNELS) * len(residuals))
     rates = [tuple(bool(np.isclose(a.trial.step, b.trial.step, rtol=0.01)) for b in residuals) for a in residuals]
@@ -126,7 +127,8 @@ def _of(
 ) -> list[CrossCorrelation]:
     """Return the tests of one channel against one input: of every trial, then of all."""
     columns = _columns(channel, left, designs)
-    clear = columns if absorbed is None else absorbed.clear(columns)
+    still = columns[0].shape[2] == 0
+    clear = columns if absorbed is None or still else absorbed.clear(columns)
     sums = _Sums(
         score=np.sum([np.einsum("ncd,nc->d", block, e) for block, e in zip(clear, left, strict=True)], axis=0),
         before=_covariance(columns, residuals, noises),

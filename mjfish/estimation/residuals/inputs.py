@@ -1,4 +1,4 @@
-"""What drives the fish, as inputs that a residual may depend on: the command of the last joint, now and before."""
+"""What drives the fish, as inputs that a residual may depend on: the command of the last moving joint, with lags."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mjfish.fish import Cpg
 from mjfish.model import asked_motion
 from mjfish.ode.rollout import STEP
 
-#: Inputs by name, from the angle of the last joint [rad].
+#: Inputs by name, from the angle of the last joint that moves [rad].
 INPUTS: dict[str, Callable[[FloatArray], FloatArray]] = {"beat": lambda angle: angle, "double_beat": np.square}
 #: Lags of the residual behind the input [s]: both signs, for a clock may be ahead.
 LAG = np.linspace(-0.5, 0.5, 51)
@@ -41,18 +41,24 @@ class Lagged:
 
 
 def lagged(cpg: Cpg | None, residual: Residual, name: str) -> Lagged:
-    """Return an input of a trial at all lags; before the start and after the end its value there goes on."""
+    """Return an input of a trial at all lags; before the start and after the end its value there goes on.
+
+    The input is zero, without a direction, where no joint moves.
+    """
     motion = asked_motion(cpg, residual.trial, STEP)
     there = np.all(np.isfinite(residual.values), axis=1)
     when = np.clip(residual.trial.time[:, None] - LAG, motion.time[0], motion.time[-1])
-    angle = motion.angle_at(when.ravel())[:, -1].reshape(when.shape)
+    angles = motion.angle_at(when.ravel())
+    moving = np.flatnonzero(np.ptp(angles, axis=0) > 0.0)
+    angle = angles[:, moving[-1] if len(moving) else -1].reshape(when.shape)
+    angle = angle if len(moving) else np.zeros(when.shape)
     values = INPUTS[name](angle) * there[:, None]
     left, singular, right = np.linalg.svd(values, full_matrices=False)
-    kept = singular > _ALL * max(float(singular[0]), 1e-300)
+    kept = (singular > _ALL * singular[0]) & (singular > 0.0)
     return Lagged(
         lag=LAG,
         basis=left[:, kept],
         loading=singular[kept, None] * right[kept],
-        main=int(np.count_nonzero(singular > _MAIN * singular[0])),
+        main=int(np.count_nonzero(singular[kept] > _MAIN * singular[0])),
         power=np.asarray(np.sum(values**2, axis=0)),
     )

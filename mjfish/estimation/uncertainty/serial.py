@@ -101,18 +101,20 @@ class Serial:
             total: of the sum of the diagonal, (1,).
         """
         value, spread = 0.0, 0.0
-        for r, a in enumerate(columns):
-            n, length = len(a), self.lengths[r]
-            power = np.abs(fft.rfft(a, length, axis=0)) ** 2
-            power = power.sum(axis=2, keepdims=True) if total else power
-            own = np.einsum("lcc->lc", self.tapers[r])[:, :, None]
-            weight = fft.rfft(fft.irfft(power, length, axis=0) * own, axis=0).real
-            shares = weight * np.einsum("fcc->fc", self.spectra[r]).real[:, :, None]
-            both = np.full(len(shares), 2.0)
-            both[0] = 1.0
-            value = value + n / length * np.einsum("f,fck->k", both, shares)
-            spread = spread + 2.0 * n / length * np.einsum("f,fck->k", both, shares**2)
-        return np.asarray(2.0 * value**2 / np.maximum(spread, 1e-300))
+        with np.errstate(over="ignore", invalid="ignore"):  # columns that a fish at rest leaves without energy
+            for r, a in enumerate(columns):
+                n, length = len(a), self.lengths[r]
+                power = np.abs(fft.rfft(a, length, axis=0)) ** 2
+                power = power.sum(axis=2, keepdims=True) if total else power
+                own = np.einsum("lcc->lc", self.tapers[r])[:, :, None]
+                weight = fft.rfft(fft.irfft(power, length, axis=0) * own, axis=0).real
+                shares = weight * np.einsum("fcc->fc", self.spectra[r]).real[:, :, None]
+                both = np.full(len(shares), 2.0)
+                both[0] = 1.0
+                value = value + n / length * np.einsum("f,fck->k", both, shares)
+                spread = spread + 2.0 * n / length * np.einsum("f,fck->k", both, shares**2)
+            freedom = 2.0 * value**2 / np.maximum(spread, 1e-300)
+        return np.asarray(np.nan_to_num(freedom))
 
 
 def serial(blocks: Sequence[Block], free: BoolArray, *, apart: bool = False) -> Serial:
