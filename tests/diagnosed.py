@@ -78,7 +78,7 @@ def diagnosis(
         status="ok",
         remarks=("c_f.head of the nominal model rests on its bound",),
         checks=Inspection(),
-        blind={"mass_error": "a refit of the coefficients hides all of it"},
+        undetectable={"mass_error": "a refit of the coefficients hides all of it"},
         causes=(Cause(cause, find(cause).summary, own),) if verdict == "named" else (),
         rivals=((cause, "time_offset"),) if verdict == "cannot_tell" else (),
         alternatives={"named": ((cause,),), "cannot_tell": ((cause,), ("time_offset",))}.get(verdict, ()),
@@ -145,20 +145,20 @@ def _candidates(verdict: Verdict) -> tuple[Candidate, ...]:
     wall = Candidate("ambient_current", False, remark="the heading was not recorded")
     if not tried:
         visible = {f"{CAUSE}.time_constant": 5.8e-5}
-        return (Candidate(CAUSE, True, 0.3, 0.3, 1, 0.57, absorbed=0.4, smallest_visible=visible), wall)
+        return (Candidate(CAUSE, True, 0.3, 0.3, 1, 0.57, confounded=0.4, minimum_detectable=visible), wall)
     close = 0.4 if verdict == "cannot_tell" else 1e-7
     best = Candidate(
         name=CAUSE,
         applicable=True,
         score=812.0,
         statistic=903.4,
-        freedom=1,
+        degrees_of_freedom=1,
         p_value=1e-99,
         rival_p=1.0,
         fit_p=0.00005 if verdict == "unexplained" else 0.31,
         held_out_gain=210.0,
-        absorbed=0.12,
-        smallest_visible={f"{CAUSE}.time_constant": 5.8e-5},
+        confounded=0.12,
+        minimum_detectable={f"{CAUSE}.time_constant": 5.8e-5},
         parameters={"time_constant": LAG},
     )
     return (
@@ -169,7 +169,7 @@ def _candidates(verdict: Verdict) -> tuple[Candidate, ...]:
             statistic=640.0,
             rival_p=close,
             fit_p=best.fit_p if close > 0.05 else None,
-            absorbed=0.97,
+            confounded=0.97,
             parameters={"offset": off},
         ),
         replace(

@@ -148,7 +148,7 @@ def show(result: Diagnosis, known: Mapping[str, Effect]) -> None:
     _experiments(result, known)
     if result.candidates:
         console.out.print(_candidates(result))
-    _absorbed(result)
+    _confounded(result)
     _where(result)
     _undetectable(result)
     console.say(*(f"Data, {finding.severity}: {finding.message}" for finding in result.checks.findings))
@@ -190,7 +190,7 @@ def _candidates(result: Diagnosis) -> Table:
         if candidate.applicable:
             scores = (number(candidate.statistic), p_value(candidate.p_value), number(candidate.held_out_gain))
             chances = (p_value(candidate.rival_p), p_value(candidate.fit_p))
-            table.add_row(candidate.name, *scores, *chances, percent(candidate.absorbed, 2))
+            table.add_row(candidate.name, *scores, *chances, percent(candidate.confounded, 2))
     table.caption = (
         "LR: fall of the sum of squares; held out: log-likelihood gained there; rival p: of the margin to the best; "
         "fit p: of what is left; hidden: by a refit of the coefficients"
@@ -206,7 +206,7 @@ def _experiments(result: Diagnosis, known: Mapping[str, Effect]) -> None:
     console.say(*(f"To confirm {name}: {known[name].confirm}." for name in names))
 
 
-def _absorbed(result: Diagnosis) -> None:
+def _confounded(result: Diagnosis) -> None:
     """Say which coefficients the missing cause had moved, in units of their standard error."""
     from mjfish.estimation.fit import Z95
 
@@ -253,12 +253,12 @@ def _where(result: Diagnosis) -> None:
 
 def _undetectable(result: Diagnosis) -> None:
     """Say which causes could not have been seen, and which sizes of the others would have shown."""
-    console.say(*(f"Could not be seen: {name}, {reason}." for name, reason in result.blind.items()))
+    console.say(*(f"Could not be seen: {name}, {reason}." for name, reason in result.undetectable.items()))
     sizes = [
         f"{name} {number(size, 2)}"
         for candidate in result.candidates
-        if candidate.applicable and candidate.name not in result.blind
-        for name, size in (candidate.smallest_visible or {}).items()
+        if candidate.applicable and candidate.name not in result.undetectable
+        for name, size in (candidate.minimum_detectable or {}).items()
     ]
     if sizes:
         console.say(f"Smallest sizes that would have shown: {', '.join(sizes)}.")

@@ -90,22 +90,22 @@ def candidates(
         one, place = refitted.get(name), single.standings.get((name,))
         score = 0.0 if evidence.hidden(name) else evidence.statistic(name)
         statistic = one.gain if one else score
-        freedom = one.freedom if one else sum(not p.shape for p in effect.parameters)
+        freedom = one.degrees_of_freedom if one else sum(not p.shape for p in effect.parameters)
         result.append(
             Candidate(
                 name=name,
                 applicable=True,
                 score=score,
                 statistic=statistic,
-                freedom=freedom,
+                degrees_of_freedom=freedom,
                 p_value=chance(statistic, freedom),
                 rival_p=place.rival_p if place else None,
                 fit_p=min(place.saturated_p, place.omnibus_p) if place and place.in_set else None,
                 held_out_gain=held.gained if (held := single.held_out.get((name,))) is not None else None,
                 error=pooled_error(one.problem.raw(one.fit.x), one.problem.trials) if one else None,
                 held_out_error=held_out_errors.get(name),
-                absorbed=evidence.absorbed(name),
-                smallest_visible=_visible(evidence, effect),
+                confounded=evidence.confounded(name),
+                minimum_detectable=_visible(evidence, effect),
                 parameters=_own(one, effect) if one else None,
                 remark=_ROUGH if one and one.fit.status != "converged" else "",
             )
@@ -115,7 +115,7 @@ def candidates(
 
 def _visible(evidence: Evidence, effect: Effect) -> dict[str, float] | None:
     """Return the sizes that would have shown; None where no score says, or the coefficients hide the cause."""
-    return evidence.smallest_visible(effect.name) if effect.smooth and not evidence.hidden(effect.name) else None
+    return evidence.minimum_detectable(effect.name) if effect.smooth and not evidence.hidden(effect.name) else None
 
 
 def remarks(noise: str, evidence: Evidence, held: Sequence[Trial]) -> tuple[str, ...]:
@@ -141,7 +141,7 @@ def overlays(
     return tuple(shown)
 
 
-def blind(candidates: Sequence[Candidate], evidence: Evidence) -> dict[str, str]:
+def undetectable(candidates: Sequence[Candidate], evidence: Evidence) -> dict[str, str]:
     """Return the causes that these data cannot show, whatever their size, and why."""
     reasons = {one.name: one.remark for one in candidates if not one.applicable}
     for effect in evidence.candidates:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from mjfish.data import Dataset
+from mjfish.data import Dataset, load_dataset
 from mjfish.diagnosis import assemble, heldout, provenance
 from mjfish.diagnosis.bursts import bursts
 from mjfish.diagnosis.description import describe
@@ -34,7 +35,7 @@ from mjfish.model import Model
 
 
 def diagnose(
-    dataset: Dataset,
+    dataset: Dataset | str | Path,
     *,
     effects: Mapping[str, Effect] | None = None,
     seed: int = 0,
@@ -43,16 +44,33 @@ def diagnose(
 ) -> Diagnosis:
     """Find out what is wrong with the simulation of a dataset, name the cause, and measure the gain.
 
-    The nominal model is fitted to the fit trials; its residual is tested for anything systematic. Where there is
-    some, every candidate is fitted together with the coefficients, and `mjfish.diagnosis.verdict.rule` decides.
+    The nominal model is fitted to the fit trials, and its residual is tested for anything systematic. If there is some,
+    every candidate is fitted together with the coefficients; a likelihood ratio with simulated null distributions
+    ([Cox1961]) says which of them the data support. Velocities are in m/s and rad/s, sizes in the units of the effects.
 
     Args:
-        dataset: with its trials split into fit and held out (see `Dataset.split`).
+        dataset: the trials, split into fit and held out (see `Dataset.split`), or the folder of ``dataset.toml``.
         effects: candidates by name; None: the shipped catalogue.
         seed: of the simulated null distributions and the bootstrap; the same seed gives the same answer.
-        jobs: threads; None: one a processor. The answer does not depend on it.
-        progress: told what is being done.
+        jobs: threads; None: one per processor. The answer does not depend on it.
+        progress: called with what is being done and the share that is done.
+
+    Returns:
+        The verdict (``named``, ``nothing_wrong``, ``cannot_tell`` or ``unexplained``) with causes, sizes, the gain on
+        held-out trials, rivals, findings about the data, and both models.
+
+    Raises:
+        InputError: the dataset cannot be read, has too few numbers, or no effect applies to it.
+
+    Example:
+        >>> import mjfish
+        >>> truth = {"servo_lag.time_constant": 0.03}
+        >>> pool = mjfish.generate("pike", ["v1", "v5-v1", "v3"], values=truth, noise=(0.006, 0.006, 0.04))
+        >>> mjfish.diagnose(pool).verdict
+        'named'
     """
+    if not isinstance(dataset, Dataset):
+        dataset = load_dataset(dataset)
     with threadpool_limits(1, "blas"):  # small matrices: more threads only wait for each other
         return _diagnosed(dataset, effects, seed, jobs, progress)
 
@@ -119,7 +137,7 @@ def _diagnosed(
         alternatives=ruling.sets,
         certain=ruling.certain,
         candidates=table,
-        blind=assemble.blind(table, evidence),
+        undetectable=assemble.undetectable(table, evidence),
         best=() if best is None else best.names,
         where=locate(evidence, findings.directed) if wrong else None,
         force=missing_force(evidence.problem, evidence.fit) if wrong else (),

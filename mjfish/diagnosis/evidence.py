@@ -88,7 +88,7 @@ class Evidence:
         own = self.amplitudes_of(name)
         return {p.name: p.default + float(v) * p.scale for p, v in zip(own, psi, strict=True)}
 
-    def absorbed(self, name: str) -> float:
+    def confounded(self, name: str) -> float:
         """Return the share of the candidate's signature energy that a refit of the model swallows."""
         block = self.blocks[name]
         whole = float(np.sum(self.raw[:, block] ** 2))
@@ -118,7 +118,7 @@ class Evidence:
             values[p.name] = float(np.clip(values[p.name] - shift, p.low, p.high))
         return values
 
-    def smallest_visible(self, name: str) -> dict[str, float]:
+    def minimum_detectable(self, name: str) -> dict[str, float]:
         """Return, per amplitude, the size that would have shown with 90 % power: sqrt(18 / I)."""
         block = self.blocks[name]
         own = self.amplitudes_of(name)

@@ -61,7 +61,7 @@ class Refit:
         return tuple(effect.name for effect in self.effects)
 
     @functools.cached_property
-    def freedom(self) -> int:
+    def degrees_of_freedom(self) -> int:
         """Number of parameters that the causes add; a shape that these data do not feel is none."""
         felt = {p.name for p, slope in zip(self.fit.parameters, self.fit.jacobian.T, strict=True) if np.any(slope)}
         return sum(not p.shape or p.name in felt for effect in self.effects for p in effect.parameters)
@@ -69,7 +69,7 @@ class Refit:
     @property
     def adjusted(self) -> float:
         """The gain less two for every parameter beyond the first: what sets of different size compare on."""
-        return self.gain - 2.0 * (self.freedom - 1)
+        return self.gain - 2.0 * (self.degrees_of_freedom - 1)
 
     def less(self, out: Effect) -> Refit:
         """Refit without one of several causes, from where the others and the coefficients are."""
@@ -155,7 +155,7 @@ def abrupt(evidence: Evidence, effects: Sequence[Effect]) -> tuple[float, dict[s
     alone = with_jobs(evidence, 1)
     results = side_by_side(lambda effect: refit(alone, effect), tried, jobs)
     found = dict(zip((effect.name for effect in tried), results, strict=True))
-    chances = [chance(one.gain, one.freedom + 1) for one in found.values()]
+    chances = [chance(one.gain, one.degrees_of_freedom + 1) for one in found.values()]
     return min([1.0, *(len(found) * p for p in chances)]), found
 
 
@@ -175,7 +175,7 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
         for place, effect in enumerate(ranked)
         if place < _BEST
         or not effect.smooth
-        or (scores[effect.name] > close and evidence.absorbed(effect.name) > _HIDDEN)
+        or (scores[effect.name] > close and evidence.confounded(effect.name) > _HIDDEN)
     ]
 
 
@@ -188,7 +188,7 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
         gained: what that model gained already against the nominal one.
     """
     base = evidence.problem
-    visible = evidence.smallest_visible(effect.name) if effect.smooth else None
+    visible = evidence.minimum_detectable(effect.name) if effect.smooth else None
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, visible)})
     start = best_start(evidence, problem, effect)
     best = fit(problem, start, tolerance=TOLERANCE, evaluations=COARSE[not effect.smooth])

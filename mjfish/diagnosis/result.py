@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from mjfish.arrays import FloatArray
@@ -16,13 +15,20 @@ from mjfish.diagnosis.heldout import Gain
 from mjfish.diagnosis.locate import Where
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
-from mjfish.files import write_json
 from mjfish.inspection import Inspection
 from mjfish.model import Model
+from mjfish.result import Result
 from mjfish.serialise import plain
 
 Verdict = Literal["named", "nothing_wrong", "cannot_tell", "unexplained"]
-SCHEMA = 1
+#: Of ``diagnosis.json``; a file of another schema is refused.
+SCHEMA = 2
+_NEXT = {
+    "named": "confirm the cause on the bench, and simulate with the extended model.",
+    "nothing_wrong": "read what could not have been seen (`undetectable`), or `mjfish.plan` runs that would show more.",
+    "cannot_tell": "mend what the findings name; `mjfish.plan` has the runs that tell rivals apart.",
+    "unexplained": "look at the missing force (`force`, `description`) for a cause that is not in the catalogue.",
+}
 
 
 @dataclass(frozen=True)
@@ -54,7 +60,7 @@ class Candidate:
         applicable: whether this dataset can show it at all; `remark` says why not.
         score: T of the score test at the baseline fit.
         statistic: LR, the fall of the sum of squares when it is fitted together with the coefficients.
-        freedom: parameters it adds.
+        degrees_of_freedom: parameters it adds.
         p_value: of the statistic, were the nominal model true.
         rival_p: p value of the margin by which the best candidate beats it; it is in the set of rivals from 0.05 on.
             None where nothing was refitted.
@@ -63,9 +69,9 @@ class Candidate:
         held_out_gain: log-likelihood gained on the held-out trials; None where it was not computed.
         error, held_out_error: nRMSE over all channels of the fitted and of the held-out trials with this cause in the
             model; None where it was not refitted, or nothing is held out.
-        absorbed: share of its signature that a refit of the coefficients hides.
-        smallest_visible: size of each amplitude that would have shown; None where no score says, of what is not smooth
-            at its null, and of what the coefficients hide.
+        confounded: share of its signature that a refit of the coefficients hides.
+        minimum_detectable: size of each amplitude that would have shown; None where no score says: of what is not
+            smooth at its null, and of what the coefficients hide.
         parameters: estimates by short name.
         remark: in words.
     """
@@ -74,15 +80,15 @@ class Candidate:
     applicable: bool
     score: float = 0.0
     statistic: float = 0.0
-    freedom: int = 0
+    degrees_of_freedom: int = 0
     p_value: float = 1.0
     rival_p: float | None = None
     fit_p: float | None = None
     held_out_gain: float | None = None
     error: float | None = None
     held_out_error: float | None = None
-    absorbed: float = 0.0
-    smallest_visible: Mapping[str, float] | None = None
+    confounded: float = 0.0
+    minimum_detectable: Mapping[str, float] | None = None
     parameters: Mapping[str, Estimate] | None = None
     remark: str = ""
 
@@ -125,8 +131,8 @@ class Overlay:
     extended: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Result):
     """What is wrong with the simulation of a dataset, why, and what knowing it gains.
 
     Attributes:
@@ -141,7 +147,7 @@ class Diagnosis:
         alternatives: every set of causes that stays: the named one, or those that the data cannot tell apart.
         certain: the causes that all of these have: the named ones, or what several sets share.
         candidates: every cause scored, best first.
-        blind: causes that these data cannot show, with the reason.
+        undetectable: causes that these data cannot show, with the reason.
         best: names of the causes that the extended model has: the named ones, else the best candidate; empty where
             nothing is wrong.
         where: where the discrepancy sits.
@@ -171,7 +177,7 @@ class Diagnosis:
     alternatives: tuple[tuple[str, ...], ...]
     certain: tuple[str, ...]
     candidates: tuple[Candidate, ...]
-    blind: Mapping[str, str]
+    undetectable: Mapping[str, str]
     best: tuple[str, ...]
     where: Where | None
     force: tuple[MissingForce, ...]
@@ -189,50 +195,42 @@ class Diagnosis:
     effects: Mapping[str, Effect]
     provenance: Mapping[str, Any]
 
+    def summary(self) -> str:
+        """Return verdict, causes with sizes, gain, status and what to do next, in at most ten lines."""
+        lines = [f"{self.dataset.name}: {self.verdict}. {self.message}"]
+        if self.status != "ok":
+            lines.append("The fit has not converged: the numbers are not final; see `remarks`.")
+        for cause in self.causes:
+            for name, value in cause.parameters.items():
+                interval = f"({value.low:.4g} to {value.high:.4g})"
+                lines.append(f"  {cause.name}.{name} = {value.estimate:.4g} {interval} {value.unit}")
+        if self.verdict == "cannot_tell" and self.rivals:
+            lines.append(f"  rivals: {'; '.join(', '.join(group) for group in self.rivals)}")
+        if self.gain is not None:
+            before, after = self.gain.nominal["pooled"], self.gain.extended["pooled"]
+            lines.append(
+                f"  held-out error: {before:.3f} -> {after:.3f} of the range, {self.gain.relative_reduction:.0%} less "
+                f"({self.gain.low:.0%} to {self.gain.high:.0%})"
+            )
+        lines += [f"  {finding.severity}: {finding.message}" for finding in self.checks.blocks]
+        lines.append(f"Next: {_NEXT[self.verdict]}")
+        return "\n".join([*lines[:9], lines[-1]] if len(lines) > 10 else lines)
+
     def to_dict(self) -> dict[str, Any]:
-        """Return the diagnosis as plain data, in the layout of ``diagnosis.json``."""
+        """Return the diagnosis as plain data, the content of ``diagnosis.json``."""
+        kept = (
+            "verdict", "message", "status", "remarks", "causes", "rivals", "alternatives", "certain", "candidates",
+            "undetectable", "checks", "fingerprint", "description", "p_wrong", "where", "fits", "provenance",
+        )  # fmt: skip
         return {
             "schema": SCHEMA,
             "dataset": self.dataset.name,
-            "verdict": self.verdict,
-            "message": self.message,
-            "status": self.status,
-            "remarks": list(self.remarks),
-            "causes": [
-                {"name": c.name, "summary": c.summary, "parameters": _estimates(c.parameters)} for c in self.causes
-            ],
-            "rivals": [list(group) for group in self.rivals],
-            "alternatives": [list(names) for names in self.alternatives],
-            "certain": list(self.certain),
-            "candidates": [_candidate(candidate) for candidate in self.candidates],
-            "blind": dict(self.blind),
-            "checks": self.checks.to_dict(),
-            "missing_force": [one.summary() for one in self.force],
-            "fingerprint": asdict(self.fingerprint) if self.fingerprint else None,
-            "description": asdict(self.description) if self.description else None,
-            "p_wrong": self.p_wrong,
-            "where": self.where.to_dict() if self.where else None,
+            **{name: plain(getattr(self, name)) for name in kept},
+            "missing_force": plain([force.summary() for force in self.force]),
             "gain": _gain(self.gain) if self.gain else None,
-            "coefficients": {"nominal": _estimates(self.nominal), "extended": _estimates(self.extended)},
+            "coefficients": {"nominal": plain(self.nominal), "extended": plain(self.extended)},
             "problem": self.problem.to_dict(),
-            "fits": plain(self.fits),
-            "provenance": dict(self.provenance),
         }
-
-    def save(self, path: Path) -> None:
-        """Write ``diagnosis.json`` whole or not at all."""
-        write_json(path, self.to_dict())
-
-
-def _estimates(table: Mapping[str, Estimate]) -> dict[str, Any]:
-    return {name: vars(estimate) for name, estimate in table.items()}
-
-
-def _candidate(candidate: Candidate) -> dict[str, Any]:
-    entry = dict(vars(candidate))
-    entry["parameters"] = _estimates(candidate.parameters) if candidate.parameters else None
-    entry["smallest_visible"] = dict(candidate.smallest_visible) if candidate.smallest_visible else None
-    return entry
 
 
 def _gain(gain: Gain) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from mjfish.diagnosis.resolution import resolved
 from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
+from mjfish.estimation.multistart import hypercube
 from mjfish.estimation.smoothing import Differentiator
 from mjfish.noise.choice import noise_of
 from mjfish.noise.differentiated import Differentiated
@@ -36,6 +37,10 @@ _SAME = 0.05
 _DIRECTED, _OMNIBUS, _ABRUPT = 0.625, 0.125, 0.25
 #: P value below which a noise that is known roughly is no way out.
 _BEYOND = 1e-12
+#: Starts of the nominal fit, evaluations of those on trial, the mean square of the whitened residual below which the
+#: first will do, and the cost, over that of the first, up to which one on trial is followed to its end.
+_STARTS, _SCOUT = 4, 8
+_EXPLAINED, _PROMISING = 2.0, 1.05
 _OTHER = Misread | Stepwise | Pushed | Drifting | Differentiated
 
 
@@ -66,7 +71,7 @@ def search(
     """Fit, find the noise, test and refit; again where the noise looks otherwise with the best cause in the model."""
     progress("fitting the nominal model", 0.02)
     problem, start = resolved(problem)
-    baseline = fit(problem, start, tolerance=1e-6)
+    baseline = nominal_fit(problem, start)
     made = signatures(problem, baseline.values, candidates)
     ends = noisy_ends(saturated(problem, baseline, made).residuals)
     if ends:
@@ -89,6 +94,23 @@ def search(
     if smoothing is not None:
         remark += f"; the motion was smoothed with it, and predictions are, too: {smoothing.words}"
     return findings, remark
+
+
+def nominal_fit(problem: Problem, start: FloatArray) -> Fit:
+    """Fit from the declared start, and from others where that fit does not explain the data.
+
+    A fit at the level of the noise cannot be bettered. One that leaves more may be a local minimum: then a few points
+    of a Latin hypercube over the bounds are tried, and the best of them is followed to its end.
+    """
+    first = fit(problem, start, tolerance=1e-6)
+    if first.status == "converged" and first.cost < _EXPLAINED * len(first.residual):
+        return first
+    scouts = [fit(problem, x, tolerance=1e-3, evaluations=_SCOUT) for x in hypercube(problem, _STARTS - 1, seed=0)]
+    best = min(scouts, key=lambda scout: np.inf if scout.status == "diverged" else scout.cost)
+    if best.status == "diverged" or best.cost > _PROMISING * first.cost:
+        return first
+    other = fit(problem, best.x, tolerance=1e-6)
+    return other if other.status != "diverged" and other.cost < first.cost else first
 
 
 def _searched(

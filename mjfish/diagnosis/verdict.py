@@ -158,7 +158,7 @@ def _nearly(best: Names, hearing: Hearing) -> Ruling | None:
 
 def _alone(names: Names, one: Refit, standing: Standing) -> Ruling:
     """Rule on the only set that stays."""
-    p = chance(one.gain, one.freedom)
+    p = chance(one.gain, one.degrees_of_freedom)
     if p < _OWN:
         left = "" if standing.clean else f" It leaves {standing.left:.1%} of what there was to explain: {_OTHERWISE}."
         return Ruling("named", (names,), _named(one) + left)

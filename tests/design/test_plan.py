@@ -63,7 +63,7 @@ def test_smallest_visible_sizes_are_those_of_the_score_tests_and_shrink() -> Non
     problem = FittedModels.undiagnosed(dataset, {}, 1).problem
     evidence = gather(problem, fit(problem, tolerance=1e-6), [find(name) for name in causes])
     for pair, name in zip(found.runs[0].pairs, causes, strict=True):
-        visible = evidence.smallest_visible(name)
+        visible = evidence.minimum_detectable(name)
         assert pair.now == pytest.approx(visible[pair.first], rel=0.02)
         assert pair.after < pair.now
     again = next(option for option in found.runs if option.run is not None and option.run.repeat)

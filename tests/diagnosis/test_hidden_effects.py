@@ -89,5 +89,5 @@ def test_false_alarms_on_null_data_are_as_rare_as_stated() -> None:
 def test_a_gauge_is_said_to_be_invisible() -> None:
     """All masses off by a share: the equation is homogeneous in masses and coefficients."""
     nothing = diagnose(draw(None, "strong", 0).dataset, jobs=1)
-    assert "mass_error" in nothing.blind
-    assert "coefficients hide" in nothing.blind["mass_error"]
+    assert "mass_error" in nothing.undetectable
+    assert "coefficients hide" in nothing.undetectable["mass_error"]

@@ -38,7 +38,7 @@ def test_a_shape_that_the_data_do_not_feel_is_no_parameter(measured: bool, freed
     trials = tuple(map(_measured, dataset.trials)) if measured else dataset.trials
     problem = Problem(Model(pike), trials, Noise.white(SIGMA), jobs=1)
     one = refit(gather(problem, fit(problem), [current]), current)
-    assert one.freedom == freedom
+    assert one.degrees_of_freedom == freedom
     assert one.adjusted == one.gain - 2.0 * (freedom - 1)
 
 

@@ -32,7 +32,7 @@ class _Set:
 
     names: Names
     gain: float = 0.0
-    freedom: int = 1
+    degrees_of_freedom: int = 1
     gains: Any = None
 
     @property
@@ -41,7 +41,7 @@ class _Set:
 
     @property
     def adjusted(self) -> float:
-        return self.gain - 2.0 * (self.freedom - 1)
+        return self.gain - 2.0 * (self.degrees_of_freedom - 1)
 
     def less(self, out: Any) -> _Set:
         names = tuple(name for name in self.names if name != out.name)
@@ -109,4 +109,4 @@ def test_a_set_less_a_member_is_fitted_as_if_the_member_had_never_been() -> None
         direct = fit(replace(problem, model=Model(pike, less.effects)), tolerance=1e-7)
         assert less.fit.sse == pytest.approx(direct.sse, rel=1e-4)
         assert less.gain == pytest.approx(nominal.fit.sse - less.fit.sse)
-        assert less.freedom == 1
+        assert less.degrees_of_freedom == 1

@@ -35,7 +35,9 @@ def test_a_cause_as_likely_as_the_best_stays_however_odd_that_is() -> None:
 def _refit(names: str, gain: float) -> Any:
     """Return a refit whose last member was added first: sets go by their sorted names, not by this order."""
     effects = tuple(SimpleNamespace(name=name, summary=f"{name} acts") for name in reversed(names))
-    return SimpleNamespace(effects=effects, names=tuple(reversed(names)), gain=gain, adjusted=gain, freedom=len(names))
+    return SimpleNamespace(
+        effects=effects, names=tuple(reversed(names)), gain=gain, adjusted=gain, degrees_of_freedom=len(names)
+    )
 
 
 def _hearing(

@@ -43,9 +43,9 @@ def test_what_was_not_refitted_is_said_to_be_so_and_not_to_be_absent() -> None:
     """Catches a cause with a trace, or one that is hidden, of which no sign is said to be."""
     found = diagnosis()
     best, second, *_ = found.candidates
-    screened = replace(second, name="munk_moment", p_value=1e-9, rival_p=None, absorbed=0.2, parameters=None)
-    absent = replace(screened, name="fin_lift", p_value=0.3, smallest_visible={"fin_lift.slope": 0.8})
-    hidden = replace(screened, name="mass_error", p_value=1.0, absorbed=0.93)
+    screened = replace(second, name="munk_moment", p_value=1e-9, rival_p=None, confounded=0.2, parameters=None)
+    absent = replace(screened, name="fin_lift", p_value=0.3, minimum_detectable={"fin_lift.slope": 0.8})
+    hidden = replace(screened, name="mass_error", p_value=1.0, confounded=0.93)
     said = _said(replace(found, candidates=(best, screened, absent, hidden)))
     assert said["munk_moment"] == "Not refitted: others have better scores."
     assert said["fin_lift"] == "No sign of it. It would have shown from slope 0.80 on."
@@ -56,7 +56,7 @@ def test_each_of_several_causes_is_said_to_be_one_whether_or_not_it_was_refitted
     found = diagnosis()
     best, second, third, _ = found.candidates
     pair = ("servo_lag", "munk_moment")
-    beside = replace(second, name="munk_moment", rival_p=None, fit_p=None, absorbed=0.2, parameters=None)
+    beside = replace(second, name="munk_moment", rival_p=None, fit_p=None, confounded=0.2, parameters=None)
     cause = replace(found.causes[0], name="munk_moment")
     named = replace(
         found,

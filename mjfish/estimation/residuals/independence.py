@@ -1,8 +1,8 @@
 r"""Is the residual independent of the input? Cross-correlation with the joint command, with the variance it really has.
 
 The input u is the command of the last joint that moves, or its square: the first turns with the beat, the second twice
-a beat about a mean, as sway and surge do. The covariance of the residual e with u at lag tau, r(tau) = sum_t e_t u(t - tau),
-has, if they are independent, the variance
+a beat about a mean, as sway and surge do. The covariance of the residual e with u at lag tau,
+r(tau) = sum_t e_t u(t - tau), has, if they are independent, the variance
 
     var r(tau) = sum_{t,s} u(t - tau) R_e(t - s) u(s - tau) = N sum_k R_e(k) R_u(k)        [Ljung1999], eq. (16.70)
 

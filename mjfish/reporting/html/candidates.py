@@ -23,7 +23,7 @@ def visible(candidate: Candidate, effects: Mapping[str, Effect]) -> tuple[str, .
     units = {p.name: p.unit for p in effects[candidate.name].parameters} if candidate.name in effects else {}
     return tuple(
         f"{name.rpartition('.')[2]} {number(size, 2)} {unit(units.get(name, '-'))}".strip()
-        for name, size in (candidate.smallest_visible or {}).items()
+        for name, size in (candidate.minimum_detectable or {}).items()
     )
 
 
@@ -66,8 +66,8 @@ def judgement(candidate: Candidate, diagnosis: Diagnosis, shown: Sequence[str]) 
 def cautions(candidate: Candidate, diagnosis: Diagnosis) -> list[str]:
     """Return what to mind about the numbers of a candidate."""
     found = []
-    if candidate.applicable and candidate.absorbed > _HIDDEN and candidate.name not in diagnosis.blind:
-        share = percent(candidate.absorbed, 2)
+    if candidate.applicable and candidate.confounded > _HIDDEN and candidate.name not in diagnosis.undetectable:
+        share = percent(candidate.confounded, 2)
         found.append(f"A refit of the coefficients hides {share} of what it does: these trials say little.")
     stuck = [name for name, value in (candidate.parameters or {}).items() if value.at_bound]
     if stuck:
@@ -87,8 +87,8 @@ def _at_work(candidate: Candidate, diagnosis: Diagnosis) -> str:
 
 
 def _not_refitted(candidate: Candidate, diagnosis: Diagnosis, shown: Sequence[str]) -> str:
-    if candidate.name in diagnosis.blind:
-        return f"Could not be seen: {diagnosis.blind[candidate.name]}."
+    if candidate.name in diagnosis.undetectable:
+        return f"Could not be seen: {diagnosis.undetectable[candidate.name]}."
     if candidate.p_value < KEEP and any(other.parameters is not None for other in diagnosis.candidates):
         return "Not refitted: others have better scores."
     if not shown:
