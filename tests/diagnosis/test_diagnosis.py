@@ -114,7 +114,7 @@ def test_the_same_seed_gives_the_same_answer_for_any_number_of_jobs(named: Diagn
 def test_the_json_keeps_its_contract(named: Diagnosis, tmp_path: Path) -> None:
     named.save(tmp_path / "diagnosis.json")
     told = json.loads((tmp_path / "diagnosis.json").read_text())
-    assert told["schema"] == 1
+    assert told["schema"] == 2
     assert told["verdict"] == "named"
     cause = told["causes"][0]
     assert cause["name"] == "time_offset"

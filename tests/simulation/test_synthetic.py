@@ -134,7 +134,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "held out": ({"held_out": ["v7"]}, "unknown trial 'v7'; known: v1, v3"),
     "coefficient": ({"values": {"c_d.fin": 1.0}}, "unknown parameter 'c_d.fin'"),
-    "effect left out": ({"values": {"servo_lag.time_constant": 0.1}}, "unknown parameter 'servo_lag.time_constant'"),
+    "effect": ({"values": {"servo_lagg.time_constant": 0.1}}, "unknown parameter 'servo_lagg.time_constant'"),
     "bounds": ({"values": {"c_d.head": 9.0}}, r"c_d.head: value 9 - is outside its bounds \[0.1, 4\]"),
     "effect twice": ({"effects": [find("servo_lag")] * 2}, "one is there twice"),
 }
@@ -149,5 +149,5 @@ def test_what_cannot_be_planted_is_refused(pike: Fish, changes: dict[str, Any], 
 
 def test_a_truth_that_diverges_is_refused_with_trial_time_and_parameters(pike: Fish) -> None:
     wide = {p.name: p.rebound(high=1e9) for p in pike.parameters if p.name == "c_d.tail"}
-    with pytest.raises(InputError, match=r"v1: the planted fish diverged at 0.* with c_m.head = .*c_d.tail = 1e\+08"):
+    with pytest.raises(InputError, match=r"v1: the simulated fish diverged at 0.* with c_m.head = .*c_d.tail = 1e\+08"):
         _plant(pike.with_coefficients(wide), values={"c_d.tail": 1e8})
