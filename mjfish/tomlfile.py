@@ -93,5 +93,7 @@ def _complaint(place: str, item: object) -> str:
     text = _REMEDIES.get(item["type"], "").format(**item.get("ctx", {}))
     text = text or str(item["msg"]).removeprefix("Value error, ")
     found = item["input"]
+    if item["type"] == "float_type" and isinstance(found, tuple):
+        text = f"expected one number, found {len(found)}; correct it"
     shown = f" (found {found!r})" if isinstance(found, (int, float, str, bool)) else ""
     return ": ".join(part for part in (place, key, text + shown) if part)

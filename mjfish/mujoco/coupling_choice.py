@@ -37,14 +37,17 @@ def choose(model: mujoco.MjModel, bodies: list[int], asked: Coupling | None) -> 
     """
     if asked is not None and asked not in get_args(Coupling):
         raise UnknownNameError("coupling", asked, get_args(Coupling), "or leave the choice to mjfish")
-    common = list(_common(model, bodies))
-    reasons = {"inertia": list(_not_inertia(model, bodies)), "xfrc": list(_not_xfrc(model))}
+    reasons = list(_against_either(model, bodies))
     allowed: tuple[Coupling, ...] = ("inertia", "xfrc") if asked is None else (asked,)
-    for coupling in allowed:
-        if not common and not reasons[coupling]:
-            return coupling
-    told = [*common, *(f"coupling '{coupling}': {reason}" for coupling in allowed for reason in reasons[coupling])]
-    raise InputError("the force of the water would be wrong in this MuJoCo model:\n" + "\n".join(told))
+    against = {"inertia": list(_against_inertia(model, bodies)), "xfrc": list(_against_xfrc(model))}
+    other = {"inertia": "xfrc", "xfrc": "inertia"}
+    if all(against[coupling] for coupling in allowed):  # where one of them is right, nothing is wrong with the other
+        for coupling in allowed:
+            way_out = "" if against[other[coupling]] else f', or use coupling="{other[coupling]}"'
+            reasons += [f"coupling '{coupling}': {reason}{way_out}" for reason in against[coupling]]
+    if not reasons:
+        return next(coupling for coupling in allowed if not against[coupling])
+    raise InputError("the force of the water would be wrong in this MuJoCo model:\n" + "\n".join(reasons))
 
 
 def _disabled(model: mujoco.MjModel, bit: mujoco.mjtDisableBit) -> bool:
@@ -59,7 +62,7 @@ def _names(model: mujoco.MjModel, kind: mujoco.mjtObj, ids: _Ids) -> str:
     return ", ".join(sorted({mujoco.mj_id2name(model, kind, int(i)) or f"#{i}" for i in ids}))
 
 
-def _common(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
+def _against_either(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
     """What spoils either coupling."""
     led = [body for body in bodies if model.body_mocapid[model.body_rootid[body]] >= 0]
     if led:
@@ -73,18 +76,19 @@ def _common(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
         yield 'contact override is enabled, whose o_solimp holds the water; remove <flag override="enable"/>'
     if _enabled(model, mujoco.mjtEnableBit.mjENBL_SLEEP):
         yield 'bodies may fall asleep, and the water with them; remove <flag sleep="enable"/>'
-    if model.opt.density > 0.0 or model.opt.viscosity > 0.0:
-        yield "MuJoCo's own fluid would act as well; set density and viscosity of <option> to 0"
+    for name in ("density", "viscosity"):
+        value = getattr(model.opt, name)
+        if value > 0.0:
+            yield f"MuJoCo's own fluid of {name} {value:g} would act as well; set {name} of <option> to 0"
 
 
-def _not_inertia(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
+def _against_inertia(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
     short = [body for body in bodies if not _has_room(model, body)]
     if short:
         names = _names(model, mujoco.mjtObj.mjOBJ_BODY, np.array(short))
         yield (
             f"MuJoCo stores the inertia of {names} as a diagonal, for it moves alone about its centre of mass; "
-            "shift that by 1e-6 m in the MJCF (inertial pos), "
-            'or use coupling="xfrc" with an explicit integrator'
+            "shift that by 1e-6 m in the MJCF (inertial pos)"
         )
     possible = list(_constraints(model))
     if possible and model.opt.solver == mujoco.mjtSolver.mjSOL_PGS:
@@ -106,13 +110,12 @@ def _has_room(model: mujoco.MjModel, body: int) -> bool:
     return True
 
 
-def _not_xfrc(model: mujoco.MjModel) -> Iterator[str]:
+def _against_xfrc(model: mujoco.MjModel) -> Iterator[str]:
     integrator = model.opt.integrator
-    remedy = 'use coupling="inertia"'
     if integrator in _IMPLICIT:
         yield (
             f"integrator '{_IMPLICIT[integrator]}' treats damping implicitly, without the added mass; "
-            f'{remedy}, or integrator="RK4"'
+            'set integrator="RK4"'
         )
     elif integrator == mujoco.mjtIntegrator.mjINT_EULER and not _disabled(model, mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
         damped = np.flatnonzero((model.dof_damping > 0.0) | np.any(model.dof_dampingpoly != 0.0, axis=-1))
@@ -120,17 +123,18 @@ def _not_xfrc(model: mujoco.MjModel) -> Iterator[str]:
             names = _names(model, mujoco.mjtObj.mjOBJ_JOINT, model.dof_jntid[damped])
             yield (
                 f"integrator 'Euler' treats the damping of {names} implicitly, without the added mass; "
-                f'{remedy}, set <flag eulerdamp="disable"/> or integrator="RK4"'
+                'set <flag eulerdamp="disable"/> or integrator="RK4"'
             )
-        if np.any(model.actuator_damping > 0.0) or np.any(model.tendon_damping > 0.0):
-            yield (
-                "integrator 'Euler' treats the damping of actuators and tendons implicitly, without the added mass; "
-                f'{remedy}, set <flag eulerdamp="disable"/> or integrator="RK4"'
-            )
+        for kind, damping in (("actuators", model.actuator_damping), ("tendons", model.tendon_damping)):
+            if np.any(damping > 0.0):
+                yield (
+                    f"integrator 'Euler' treats the damping of {kind} implicitly, without the added mass; "
+                    'set <flag eulerdamp="disable"/> or integrator="RK4"'
+                )
     for constraint in _constraints(model):
-        yield f"there may be {constraint}, solved without the added mass; {remedy}, or remove them"
+        yield f"there may be {constraint}, solved without the added mass; remove them"
     if np.any(model.tendon_armature > 0.0):
-        yield f"tendons have armature, which couples branches of a tree; {remedy}"
+        yield "tendons have armature, which couples branches of a tree; remove it"
 
 
 def _constraints(model: mujoco.MjModel) -> Iterator[str]:
@@ -146,8 +150,10 @@ def _constraints(model: mujoco.MjModel) -> Iterator[str]:
         yield f"frictionloss of {_names(model, mujoco.mjtObj.mjOBJ_JOINT, model.dof_jntid[rubbing])}"
     if model.neq and not _disabled(model, bits.mjDSBL_EQUALITY):
         yield "equality constraints"
-    if np.any(model.tendon_limited) or np.any(model.tendon_frictionloss > 0.0):
-        yield "limits or frictionloss of tendons"
+    if np.any(model.tendon_limited) and not _disabled(model, bits.mjDSBL_LIMIT):
+        yield "limits of tendons"
+    if np.any(model.tendon_frictionloss > 0.0) and not _disabled(model, bits.mjDSBL_FRICTIONLOSS):
+        yield "frictionloss of tendons"
     touching = np.flatnonzero((model.geom_contype | model.geom_conaffinity) != 0)
     if (touching.size > 1 or model.npair) and not _disabled(model, bits.mjDSBL_CONTACT):
         yield "contacts"

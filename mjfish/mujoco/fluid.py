@@ -110,8 +110,11 @@ class StripFluid:
         self.model = model
         self.links = _made(links)
         density = 1000.0 if density is None else density
-        if not (isinstance(density, Real) and np.isfinite(density) and density > 0.0):
-            raise InputError(f"density is {density!r} kg/m3; expected a positive number")
+        if isinstance(density, bool) or not isinstance(density, Real) or not 0.0 < density <= strip_link.DENSEST:
+            raise InputError(
+                f"density: found {density!r}, expected a number above 0 and at most {strip_link.DENSEST:g} kg/m3; "
+                "correct it"
+            )
         self.density = float(density)
         if commanded and model.nuserdata != 1 + 3 * model.nu:
             raise InputError(f"userdata has {model.nuserdata} numbers, expected {1 + 3 * model.nu} for the commands")
@@ -227,11 +230,18 @@ def _fill_parts(model_address: int, data_address: int, block_address: int, parts
 
 
 def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]]) -> None:
-    for load, parameters in loads:
+    for number, (load, parameters) in enumerate(loads, start=1):
         if not isinstance(load, Load):
-            raise InputError(f"loads: expected a compiled Load, found {load!r}; write @mjfish.hydro.load.load above it")
-        if len(parameters) > PARAMETERS or not np.all(np.isfinite(np.asarray(parameters, dtype=np.float64))):
-            raise InputError(f"loads: parameters {tuple(parameters)}; expected {PARAMETERS} finite numbers at most")
+            raise InputError(
+                f"loads.{number}: expected a compiled Load, found {load!r}; write @mjfish.hydro.load.load above it"
+            )
+        if len(parameters) > PARAMETERS:
+            raise InputError(
+                f"loads.{number}: found {len(parameters)} parameters, expected {PARAMETERS} at most; drop some"
+            )
+        for value in parameters:
+            if not isinstance(value, Real) or not np.isfinite(float(value)):
+                raise InputError(f"loads.{number}: found the parameter {value!r}, expected a finite number; correct it")
 
 
 def _check_compiled(model: object) -> None:

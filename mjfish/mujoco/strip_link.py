@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
-from mjfish.fish import NotNegative, Positive, Section
+from mjfish.fish import NotNegative, Section
 from mjfish.parameter import Parameter
 from mjfish.tomlfile import Table
 
@@ -32,19 +32,22 @@ COEFFICIENTS = {
         Parameter("roll_damping", "-", 1.0, 0.0, 100.0, 1.0, 0.1, "drag in roll, of that of a turning plate"),
     )
 }
+#: Smallest and largest size that is taken [m], largest density [kg/m3]: within these no force overflows.
+SMALLEST, LARGEST = 1e-6, 1e4
+DENSEST = 1e5
 _EXACT = 1e-9  # stations this close are the same [m]
 
 Vector = tuple[float, float, float]
 
 
-def _plain(value: object) -> object:
+def _without_arrays(value: object) -> object:
     """Take arrays for tuples."""
     return tomlfile.frozen(value.tolist()) if isinstance(value, np.ndarray) else value
 
 
 def _extent(value: object) -> object:
     """Take a number, or one a station; said in one sentence, where pydantic would complain of either."""
-    value = _plain(value)
+    value = _without_arrays(value)
     for item in value if isinstance(value, tuple) else (value,):
         if isinstance(item, bool) or not isinstance(item, Real) or not math.isfinite(item):
             found = f"; found {value}" if isinstance(value, tuple) else ""
@@ -53,19 +56,25 @@ def _extent(value: object) -> object:
 
 
 def _point(value: object) -> object:
-    value = _plain(value)
+    value = _without_arrays(value)
     if isinstance(value, tuple) and len(value) != 3:
         raise ValueError(f"expected three numbers x, y, z in the body's frame, found {len(value)}; correct it")
     return value
 
 
-Numbers = Annotated[tuple[float, ...], BeforeValidator(_plain)]
+Size = Annotated[float, Field(ge=SMALLEST, le=LARGEST)]
+Coordinate = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Stations = Annotated[tuple[Coordinate, ...], BeforeValidator(_without_arrays)]
 Extent = Annotated[float | tuple[float, ...], BeforeValidator(_extent)]
-Point = Annotated[Vector, BeforeValidator(_point)]
+Point = Annotated[tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(_point)]
+Density = Annotated[float, Field(gt=0.0, le=DENSEST)]
 
 
 class StripLink(Table):
     """A body with strips of water on it; its sections are ellipses of a height and a width.
+
+    The force on a strip is that of slender-body theory: added mass, drag and Munk moment of [Yu2016] across the link,
+    skin friction along it; equations in `mjfish.hydro.spatial_force`. Arrays, lists and tuples are taken alike.
 
     Attributes:
         body: name of the body in the MuJoCo model.
@@ -83,16 +92,22 @@ class StripLink(Table):
         buoyancy_center: in the body's frame [m]; absent: that of the sections.
 
     Raises:
-        InputError: every broken key, by name.
+        InputError: every broken key, by name; sizes must be from 1e-6 to 1e4 m, coefficients within their bounds.
+
+    Example:
+        >>> from mjfish import StripLink
+        >>> fin = StripLink(body="fin", length=0.2, height=[0.05, 0.12], width=0.004, c_d=1.8)
+        >>> fin.outline[0].height
+        (0.05, 0.12)
     """
 
     body: str = Field(min_length=1)
-    length: Positive
-    station: Numbers = ()
+    length: Size
+    station: Stations = ()
     height: Extent = ()
     width: Extent = ()
     sections: tuple[Section, ...] = ()
-    start: NotNegative = 0.0
+    start: Annotated[NotNegative, Field(le=LARGEST)] = 0.0
     origin: Point = (0.0, 0.0, 0.0)
     axis: Point = (-1.0, 0.0, 0.0)
     up: Point = (0.0, 0.0, 1.0)
@@ -101,7 +116,7 @@ class StripLink(Table):
     c_f: float = COEFFICIENTS["c_f"].default
     munk_moment: float = COEFFICIENTS["munk_moment"].default
     roll_damping: float = COEFFICIENTS["roll_damping"].default
-    volume: NotNegative | None = None
+    volume: Annotated[NotNegative, Field(le=LARGEST**3)] | None = None
     buoyancy_center: Point | None = None
 
     def __init__(self, **keys: Any) -> None:
@@ -122,14 +137,27 @@ class StripLink(Table):
 
     @model_validator(mode="after")
     def _outlined(self) -> StripLink:
-        given = self.station or self.height != () or self.width != ()
+        by_extents = [name for name in ("station", "height", "width") if getattr(self, name) != ()]
         if self.start and not self.sections:
             raise ValueError("'start' is a station of 'sections'; without these, stations start at 0")
-        if bool(self.sections) == bool(given):
-            raise ValueError("give its sections either by height and width or by 'sections'")
+        if self.sections and by_extents:
+            raise ValueError(f"found 'sections' beside {', '.join(by_extents)}; give one or the other")
+        if not self.sections and not by_extents:
+            raise ValueError("its sections are missing; give height and width, or 'sections'")
         pieces = self.outline  # raises where stations and extents do not match
-        if any(abs(b.start - a.end) > _EXACT for a, b in pairwise(pieces)):
-            raise ValueError("sections have gaps; each must start where the last one ends")
+        for before, after in pairwise(pieces):
+            if abs(after.start - before.end) > _EXACT:
+                raise ValueError(
+                    f"sections leave a gap or overlap between {before.end:g} and {after.start:g} m; "
+                    "let each start where the last one ends"
+                )
+        for piece in pieces:
+            for name, ends in (("height", piece.height), ("width", piece.width)):
+                if not SMALLEST <= max(ends) <= LARGEST:
+                    raise ValueError(
+                        f"{name} is at most {max(ends):g} m in the piece from {piece.start:g} to {piece.end:g} m; "
+                        f"expected {SMALLEST:g} to {LARGEST:g} m at one end at least; correct it"
+                    )
         first, last, end = pieces[0].start, pieces[-1].end, self.start + self.length
         if first > self.start + _EXACT or last < end - _EXACT or (self.station and last > end + _EXACT):
             raise ValueError(
@@ -146,8 +174,11 @@ class StripLink(Table):
             return self.sections
         station = self.station or (0.0, self.length)
         heights, widths = (self._at_stations(name, len(station)) for name in ("height", "width"))
-        if len(station) < 2 or any(b <= a for a, b in pairwise(station)):
-            raise ValueError(f"stations must be two at least, and grow; found {station}; correct them")
+        if len(station) < 2:
+            raise ValueError(f"found one station, {station[0]:g} m; expected two at least; add the other end")
+        for a, b in pairwise(station):
+            if b - a <= _EXACT:
+                raise ValueError(f"stations must grow; found {b:g} m behind {a:g} m; correct them")
         return tuple(
             Section.model_validate({"from": a, "to": b, "height": h, "width": w})
             for (a, b), h, w in zip(pairwise(station), pairwise(heights), pairwise(widths), strict=True)
@@ -160,19 +191,25 @@ class StripLink(Table):
         extents = (value,) * stations if isinstance(value, float) else value
         if len(extents) != stations:
             raise ValueError(f"{len(extents)} values of {name} for {stations} stations; give one a station")
-        if min(extents) < 0.0 or any(max(ends) <= 0.0 for ends in pairwise(extents)):
-            raise ValueError(
-                f"{name} must be 0 at least, and above 0 at one end of each piece; found {value}; correct it"
-            )
+        for k, extent in enumerate(extents):
+            place = f" at station {k + 1}" if isinstance(value, tuple) else ""
+            if extent < 0.0:
+                raise ValueError(f"{name} is {extent:g} m{place}; must be at least 0; correct it")
+            if k and max(extents[k - 1 : k + 1]) <= 0.0:
+                before = f" at station {k} and" if isinstance(value, tuple) else ""
+                raise ValueError(f"{name} is 0 m{before}{place}; must be above 0; correct it")
         return tuple(extents)
 
     @property
     def frame(self) -> FloatArray:
         """The axes (3, 3) of the strips in the body's frame, row by row: along the strips, y, height."""
         x, up = np.array(self.axis), np.array(self.up)
-        z = up - x * (x @ up) / max(float(x @ x), 1e-300)
-        if not np.linalg.norm(x) > _EXACT or not np.linalg.norm(z) > 1e-6 * np.linalg.norm(up):
-            raise ValueError(f"axis {self.axis} and up {self.up} must be two directions; choose others")
+        for name, vector in (("axis", x), ("up", up)):
+            if not np.linalg.norm(vector) > _EXACT:
+                raise ValueError(f"{name} {getattr(self, name)} has no length; give a direction")
+        z = up - x * (x @ up) / (x @ x)
+        if not np.linalg.norm(z) > 1e-6 * np.linalg.norm(up):
+            raise ValueError(f"up {self.up} is along axis {self.axis}; give another direction")
         x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
         return np.array([x, np.cross(z, x), z])
 
@@ -181,7 +218,7 @@ class Water(Table):
     """A TOML of links in water: ``density`` [kg/m3] and ``[[links]]``, each a `StripLink`."""
 
     schema_: Literal[1] = Field(alias="schema", default=1)
-    density: Positive = 1000.0
+    density: Density = 1000.0
     links: tuple[StripLink, ...] = Field(min_length=1)
 
 

@@ -71,7 +71,7 @@ def test_unknown_body_lists_those_there_are_and_the_file(tmp_path: Path) -> None
         ),
         ({"strip_fluid/links": 1.0}, "unknown custom numeric 'strip_fluid/links'"),
         ({"strip_fluid/tail/c_dd": 1.0}, "custom numeric strip_fluid: links.1: link 'tail': .*c_dd: unknown key"),
-        ({"strip_fluid/tail/length": [0.3, 0.4]}, "link 'tail': length: expected a number"),
+        ({"strip_fluid/tail/length": [0.3, 0.4]}, "link 'tail': length: expected one number, found 2"),
     ],
 )
 def test_bad_custom_numeric_is_refused_by_name(entries: dict[str, Any], message: str) -> None:
@@ -79,9 +79,11 @@ def test_bad_custom_numeric_is_refused_by_name(entries: dict[str, Any], message:
         StripFluid(with_custom(entries))
 
 
-@pytest.mark.parametrize("density", [0.0, -1.0, np.nan, np.inf, "1000"])
+@pytest.mark.parametrize("density", [0.0, -1.0, np.nan, np.inf, "1000", True, 1e300])
 def test_density_must_be_positive(density: Any) -> None:
-    with pytest.raises(InputError, match=r"density is .* kg/m3; expected a positive number"):
+    with pytest.raises(
+        InputError, match=r"density: found .*, expected a number above 0 and at most 100000 kg/m3; correct it"
+    ):
         StripFluid(compiled(PLATE), [PLATE_LINK], density=density)
 
 

@@ -54,8 +54,14 @@ EITHER = {
     "actuation": (_disable(_OFF.mjDSBL_ACTUATION), r'never asks for the force; remove <flag actuation="disable"/>'),
     "override": (_enable(_ON.mjENBL_OVERRIDE), r'remove <flag override="enable"/>'),
     "sleep": (_enable(_ON.mjENBL_SLEEP), r'remove <flag sleep="enable"/>'),
-    "density": (_option("density", 1000.0), "MuJoCo's own fluid would act as well; set density and viscosity"),
-    "viscosity": (_option("viscosity", 1e-3), "set density and viscosity of <option> to 0"),
+    "density": (
+        _option("density", 1000.0),
+        "MuJoCo's own fluid of density 1000 would act as well; set density of <option> to 0$",
+    ),
+    "viscosity": (
+        _option("viscosity", 1e-3),
+        "of viscosity 0.001 would act as well; set viscosity of <option> to 0$",
+    ),
 }
 
 
@@ -85,7 +91,10 @@ XFRC = {
     "implicitfast": (_option("integrator", _INTEGRATORS.mjINT_IMPLICITFAST), r"integrator 'implicitfast' treats"),
     "discrete": (_option("integrator", _INTEGRATORS.mjINT_DISCRETE), r"integrator 'discrete' treats"),
     "Euler": (_option("integrator", _INTEGRATORS.mjINT_EULER), r"'Euler' .*damping of weight .*eulerdamp=\"disable\""),
-    "limits": (_limited, r"joint limits of tail, solved without the added mass; use coupling=\"inertia\", or remove"),
+    "limits": (
+        _limited,
+        r"limits of tail, solved without the added mass; remove them, or use coupling=\"inertia\"$",
+    ),
     "frictionloss": (_rubbing, r"frictionloss of weight, solved without"),
     "contacts": (_touching, r"there may be contacts, solved without"),
 }
@@ -109,13 +118,13 @@ def test_what_breaks_xfrc_is_refused_and_inertia_taken_instead(name: str) -> Non
 _FIXED = '<tendon><fixed {}><joint joint="tail" coef="1"/></fixed></tendon>'
 ADDED = {
     "equality": ('<equality><joint joint1="tail"/></equality>', "there may be equality constraints, solved without"),
-    "tendon limit": (_FIXED.format('limited="true" range="-1 1"'), "there may be limits or frictionloss of tendons"),
-    "tendon friction": (_FIXED.format('frictionloss=".1"'), "there may be limits or frictionloss of tendons"),
+    "tendon limit": (_FIXED.format('limited="true" range="-1 1"'), "there may be limits of tendons, solved"),
+    "tendon friction": (_FIXED.format('frictionloss=".1"'), "there may be frictionloss of tendons, solved"),
     "tendon armature": (_FIXED.format('armature=".1"'), "tendons have armature, which couples branches of a tree"),
-    "tendon damping": (_FIXED.format('damping=".1"'), "integrator 'Euler' treats the damping of actuators and tendons"),
+    "tendon damping": (_FIXED.format('damping=".1"'), "integrator 'Euler' treats the damping of tendons implicitly"),
     "actuator damping": (
         '<actuator><motor joint="tail" damping=".1"/></actuator>',
-        "integrator 'Euler' treats the damping of actuators and tendons",
+        "integrator 'Euler' treats the damping of actuators implicitly",
     ),
 }
 
@@ -222,3 +231,29 @@ def test_autoreset_is_disabled() -> None:
     assert not model.opt.disableflags & _OFF.mjDSBL_AUTORESET
     StripFluid(model, tree_links())
     assert model.opt.disableflags & _OFF.mjDSBL_AUTORESET
+
+
+_ALONE = """<mujoco><option integrator="implicitfast"/><worldbody><body name="plate"><freejoint/>
+<geom type="box" size=".1 .1 .1" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
+
+
+def _refusal(model: mujoco.MjModel, links: list[dict[str, object]], coupling: str | None = None) -> list[str]:
+    with pytest.raises(InputError) as refused:
+        StripFluid(model, links, coupling=coupling)  # type: ignore[arg-type]
+    return str(refused.value).splitlines()[1:]
+
+
+def test_refusal_names_only_what_is_wrong() -> None:
+    """What would break the coupling that is not needed is not told; neither is a remedy that is none."""
+    model = compiled(TREE, integrator="implicitfast")
+    model.opt.density = 1000.0
+    _limited(model)
+    found = _refusal(model, tree_links())
+    assert found == ["MuJoCo's own fluid of density 1000 would act as well; set density of <option> to 0"]
+    both = _refusal(compiled(_ALONE), [PLATE_LINK])
+    assert [line.partition(":")[0] for line in both] == ["coupling 'inertia'", "coupling 'xfrc'"]
+    assert both[0].endswith("shift that by 1e-6 m in the MJCF (inertial pos)")
+    assert both[1].endswith('set integrator="RK4"')
+    explicit = _refusal(compiled(_ALONE, integrator="rk4"), [PLATE_LINK], "inertia")
+    assert len(explicit) == 1
+    assert explicit[0].endswith('(inertial pos), or use coupling="xfrc"')
