@@ -215,3 +215,22 @@ def test_any_layout_of_markers_is_a_mapping(tmp_path: Path) -> None:
     mapping.write_text(plain.replace('"fin"', '"tail_9"'))
     with pytest.raises(MjfishError, match=r"unknown link in .* marker c 'tail_9'; known: fin, head"):
         importers.import_files("markers", [tmp_path / "run.csv"], mapping=mapping)
+
+
+def test_a_held_out_file_changes_no_stated_noise(tmp_path: Path) -> None:
+    """The second file is ten times as noisy. Catches a noise averaged over files that the fit must not know."""
+    time, pose, _ = _swim()
+    mapping = _map(tmp_path / "map.toml", WAVE, "poses")
+    rng = np.random.default_rng(3)
+    files = []
+    for name, sigma in (("good", 0.001), ("bad", 0.01)):
+        noisy = pose + rng.normal(size=pose.shape) * sigma
+        files.append(_table(tmp_path / f"{name}.csv", "time,x,y,yaw", np.column_stack([time, noisy])))
+    alone, _ = importers.import_files("poses", files[:1], mapping=mapping)
+    beside, _ = importers.import_files("poses", files, held_out=["bad"], mapping=mapping)
+    both, _ = importers.import_files("poses", [files[0], files[1]], held_out=["good"], mapping=mapping)
+    assert alone.noise is not None
+    assert beside.noise is not None
+    assert both.noise is not None
+    np.testing.assert_array_equal(beside.noise, alone.noise)
+    assert np.all(both.noise > 3.0 * alone.noise)

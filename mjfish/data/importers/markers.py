@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Dataset
 from mjfish.data.importers import roles, rows
 from mjfish.data.importers.mapping import MarkersMap, fish_of, read
 from mjfish.data.importers.marked import Marked, Track, fit_track
-from mjfish.data.importers.recording import Recording, record
+from mjfish.data.importers.recording import Recording, record, with_noise
 from mjfish.data.importers.report import FileReport, ImportReport
 from mjfish.errors import InputError
 from mjfish.fish import Fish
@@ -40,7 +40,7 @@ def import_files(
 
     Velocities are those of the nose in the forward frame; the world of the pose is the camera's (x to the right of the
     image, y up the image), its origin at the nose at the start of each trial. The noise of the dataset is the rms over
-    its trials.
+    its fit trials.
 
     Args:
         files: one a run.
@@ -62,14 +62,12 @@ def import_files(
     roles.distinct(names, files)
     pairs = [(run.name, trial) for run in imported for trial in run.recording.trials]
     doubtful = [not run.complete for run in imported for _ in run.recording.trials]
-    weights = [len(trial.time) for _, trial in pairs]
-    variances = [np.square(run.recording.noise) for run in imported for _ in run.recording.trials]
     dataset = Dataset(
         name=f"{importer} {', '.join(names)}",
         fish=fish,
         trials=roles.assign(pairs, held_out, doubtful),
-        noise=readonly(np.sqrt(np.average(variances, axis=0, weights=weights))),
     )
+    dataset = with_noise(dataset, [run.recording for run in imported])
     return dataset, ImportReport(importer, tuple(run.report for run in imported))
 
 

@@ -13,7 +13,7 @@ from mjfish.data import Dataset
 from mjfish.data.importers import driven, roles, rows
 from mjfish.data.importers.mapping import ANGLES, LENGTHS, TIMES, PosesMap, fish_of, read
 from mjfish.data.importers.marked import HARMONICS
-from mjfish.data.importers.recording import Recording, record
+from mjfish.data.importers.recording import Recording, record, with_noise
 from mjfish.data.importers.report import FileReport, ImportReport
 from mjfish.data.importers.smooth import batch, beat
 from mjfish.data.importers.smooth.basis import Basis
@@ -53,14 +53,12 @@ def import_files(
     imported = [_import(path, table, fish, mapping) for path in files]
     roles.distinct([run.name for run in imported], files)
     pairs = [(run.name, trial) for run in imported for trial in run.recording.trials]
-    weights = [len(trial.time) for _, trial in pairs]
-    variances = [np.square(run.recording.noise) for run in imported for _ in run.recording.trials]
     dataset = Dataset(
         name=f"poses {', '.join(run.name for run in imported)}",
         fish=fish,
         trials=roles.assign(pairs, held_out),
-        noise=readonly(np.sqrt(np.average(variances, axis=0, weights=weights))),
     )
+    dataset = with_noise(dataset, [run.recording for run in imported])
     return dataset, ImportReport("poses", tuple(run.report for run in imported))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from string import ascii_lowercase
@@ -9,7 +10,7 @@ from string import ascii_lowercase
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.data import Trial, errors
+from mjfish.data import Dataset, Trial, errors
 from mjfish.data.importers.report import Cut
 from mjfish.data.importers.smooth import stretch, velocity
 from mjfish.data.importers.smooth.batch import Fit
@@ -110,6 +111,15 @@ def record(
         bridged=int((inside & ~seen).sum()),
         starts=tuple(float(fit.basis.time[a]) for a, _ in kept),
     )
+
+
+def with_noise(dataset: Dataset, recordings: Sequence[Recording]) -> Dataset:
+    """Return the dataset with the rms of the noise over its fit trials: a held-out file must not change the fit."""
+    variance = {trial.name: np.square(one.noise) for one in recordings for trial in one.trials}
+    fitted, _ = dataset.split()
+    weights = [len(trial.time) for trial in fitted]
+    mean = np.average([variance[trial.name] for trial in fitted], axis=0, weights=weights)
+    return replace(dataset, noise=readonly(np.sqrt(mean)))
 
 
 def _trial(
