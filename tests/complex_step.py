@@ -16,10 +16,9 @@ from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, numbers_of
 from mjfish.hydro.load import load_rows
-from mjfish.ode.equation import STATES
-from mjfish.ode.integrate import integrate
-from mjfish.ode.lanes import Direction
-from mjfish.ode.rollout import Rollout, start_of, tail_of
+from mjfish.ode.equation import STATES, Joints, System, tail_of
+from mjfish.ode.rollout import Rollout, Workspace, integrate, start_of
+from mjfish.ode.tangents import Direction
 
 TINY = 1e-30
 #: The record of a link of complex numbers, in the same order.
@@ -38,25 +37,22 @@ def rollout_along(
     rate = np.zeros((3, *motion.angle.shape)) if direction.motion is None else direction.motion
     cos, sin = motion.trigonometry
     start = _along(start_of(velocity), None if direction.velocity is None else start_of(direction.velocity))
-    steps = len(motion.time) - 1
-    states = np.zeros((steps, 2, STATES), dtype=np.complex128)
-    rates = np.zeros_like(states)
-    run: Any = integrate
-    done = run(
+    states, rates = np.zeros((2, len(motion.time) - 1, 2, STATES), dtype=np.complex128)
+    system = System(
         _along(numbers_of(fish, values), direction.links).view(COMPLEX_LINK).ravel(),
-        motion.time,
+        _along(tail_of(fish), direction.tail),
+        coriolis == "printed",
+        load_rows([]),
+    )
+    joints = Joints(
         _along(cos, -sin * rate[0]),
         _along(sin, cos * rate[0]),
         _along(motion.rate, rate[1]),
         _along(motion.acceleration, rate[2]),
         _along(motion.angle[:, :, -1], rate[0][:, :, -1]),
-        start,
-        _along(tail_of(fish), direction.tail),
-        coriolis == "printed",
-        *load_rows([]),
-        states,
-        rates,
     )
+    workspace = Workspace.of(STATES, motion.joints, np.complex128)
+    done = integrate(system, joints, motion.time, motion.jumps, start, workspace, states, rates)
     return Rollout.of(motion, states, rates, done)
 
 

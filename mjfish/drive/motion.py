@@ -13,8 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
+from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.compiled import compiled
+
+#: Smallest jump of a joint's rate between two steps [rad/s]: rounding is none.
+_JUMP = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,13 @@ class JointMotion:
     def trigonometry(self) -> tuple[FloatArray, FloatArray]:
         """Cosines and sines of the angles, each (n, 3, joints); kept, because many rollouts share a motion."""
         return _trigonometry(self.angle)
+
+    @functools.cached_property
+    def jumps(self) -> BoolArray:
+        """Whether the rates jump before each step (n,)."""
+        jumps = np.zeros(len(self.rate), dtype=bool)
+        jumps[1:] = (np.abs(self.rate[1:, 0] - self.rate[:-1, 2]) > _JUMP).any(axis=1)
+        return jumps
 
     def angle_at(self, time: FloatArray) -> FloatArray:
         """Return the angles (m, joints) [rad] at any times, by cubic Hermite interpolation inside each half step."""

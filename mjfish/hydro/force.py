@@ -1,6 +1,6 @@
 """Morison force on the strips of one link, [Yu2016] eqs. (7)-(13), in the plane; exact, compiled.
 
-Everything here also works on complex numbers whose imaginary part is a derivative (`mjfish.ode.tangent`), which is why
+The forces are also compiled for complex numbers whose imaginary part is a derivative (a complex step), which is why
 signs and comparisons look at real parts.
 
 In the link's frame (x towards the tail, origin at the front joint) a strip at r moves across at q = v + w r. With
@@ -10,6 +10,8 @@ m_a = c_m rho pi h^2 / 4 per length, added momentum is p_y = INT m_a q dr, and
     gyroscopic fx = w p_y,   mz = -kappa u p_y      (eq. (7), gamma_ad; kappa = 0 a Morison slice, 1 Kirchhoff)
 
 The inertial part, -m_a q', is not here: it goes into the inertia matrix, solved and never lagged.
+
+[Squire1998] W. Squire, G. Trapp: Using complex variables to estimate derivatives of real functions, SIAM Review 40.
 """
 
 from __future__ import annotations
@@ -19,8 +21,12 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import inlined
+from mjfish.compiled import borrowing, inlined, merged
 from mjfish.hydro.outline import INTERVALS
+
+Six = tuple[float, float, float, float, float, float]
+#: Imaginary part of a complex step.
+_TINY = 1e-30
 
 
 @inlined
@@ -41,9 +47,9 @@ def gyroscopic(link: Any) -> tuple[float, float, float]:
 def drag(link: Any) -> tuple[float, float, float]:
     """Return (fx, fy, mz) [N, N, N m] of friction along and drag across one link, eqs. (9) and (10)."""
     force, moment = crossflow(link.v, link.w, link.length, link.node_height, link.height_moment)
-    across = -0.5 * link.density * link.c_d
-    along = -0.5 * link.density * link.c_f * link.wetted
-    return along * magnitude(link.u) * link.u, across * force, across * moment
+    sway = -0.5 * link.density * link.c_d
+    surge = -0.5 * link.density * link.c_f * link.wetted
+    return surge * magnitude(link.u) * link.u, sway * force, sway * moment
 
 
 @inlined
@@ -97,18 +103,94 @@ def partial_moments(r: float, length: float, node: FloatArray, table: FloatArray
     r_left = scale * left * left
     r_right = scale * (left + 1) * (left + 1)
     # dH_k/dxi = h r^k dr/dxi, dr/dxi = 2 scale xi
-    d_left = slope_left * node[left] * 2.0 * scale * left
-    d_right = slope_right * node[left + 1] * 2.0 * scale * (left + 1)
+    p = slope_left * node[left] * 2.0 * scale * left
+    q = slope_right * node[left + 1] * 2.0 * scale * (left + 1)
     a = table[left]
     b = table[left + 1]
-    h0 = keep * a[0] + (1.0 - keep) * b[0] + d_left + d_right
-    d_left *= r_left
-    d_right *= r_right
-    h1 = keep * a[1] + (1.0 - keep) * b[1] + d_left + d_right
-    d_left *= r_left
-    d_right *= r_right
-    h2 = keep * a[2] + (1.0 - keep) * b[2] + d_left + d_right
-    d_left *= r_left
-    d_right *= r_right
-    h3 = keep * a[3] + (1.0 - keep) * b[3] + d_left + d_right
+    h0 = keep * a[0] + (1.0 - keep) * b[0] + p + q
+    h1 = keep * a[1] + (1.0 - keep) * b[1] + p * r_left + q * r_right
+    h2 = keep * a[2] + (1.0 - keep) * b[2] + p * r_left * r_left + q * r_right * r_right
+    h3 = keep * a[3] + (1.0 - keep) * b[3] + p * r_left * r_left * r_left + q * r_right * r_right * r_right
     return h0, h1, h2, h3
+
+
+@merged
+def crossflow_derivatives(v: float, w: float, length: float, node: FloatArray, table: FloatArray) -> Six:
+    """Return F = INT h |q| q dr and G = INT h |q| q r dr with their derivatives: F, G, F_v, F_w, G_v, G_w.
+
+    They are the derivatives of `crossflow` as it is computed: where q changes sign at r* = -v/w, the exact integral is
+    stationary in r* (q is zero there), but its interpolation in the table is not quite.
+
+    Args:
+        v, w, length, node, table: as in `crossflow`.
+    """
+    vv = v * v
+    vw = 2.0 * v * w
+    ww = w * w
+    h = table[INTERVALS]
+    force = vv * h[0] + vw * h[1] + ww * h[2]
+    moment = vv * h[1] + vw * h[2] + ww * h[3]
+    force_v = 2.0 * (v * h[0] + w * h[1])
+    force_w = 2.0 * (v * h[1] + w * h[2])
+    moment_v = force_w
+    moment_w = 2.0 * (v * h[2] + w * h[3])
+    sign = 1.0 if v + 0.5 * w * length >= 0.0 else -1.0
+    if v * (v + w * length) < 0.0:
+        sign = 1.0 if w > 0.0 else -1.0
+        r = -v / w
+        h0, h1, h2, h3 = partial_moments(r, length, node, table)
+        d0, d1, d2, d3, xi = _partial_moment_rates(r, length, node, table)
+        move = -xi / (r * w)  # 2 d xi / d v; d xi / d w is r times that
+        force_move = move * (vv * d0 + vw * d1 + ww * d2)
+        moment_move = move * (vv * d1 + vw * d2 + ww * d3)
+        force -= 2.0 * (vv * h0 + vw * h1 + ww * h2)
+        moment -= 2.0 * (vv * h1 + vw * h2 + ww * h3)
+        force_v -= 4.0 * (v * h0 + w * h1) + force_move
+        force_w -= 4.0 * (v * h1 + w * h2) + r * force_move
+        moment_v -= 4.0 * (v * h1 + w * h2) + moment_move
+        moment_w -= 4.0 * (v * h2 + w * h3) + r * moment_move
+    return sign * force, sign * moment, sign * force_v, sign * force_w, sign * moment_v, sign * moment_w
+
+
+@merged
+def _partial_moment_rates(
+    r: float, length: float, node: FloatArray, table: FloatArray
+) -> tuple[float, float, float, float, float]:
+    """Return d H_k / d xi of the interpolation in `partial_moments`, k = 0..3, and xi."""
+    xi = INTERVALS * np.sqrt(r / length)
+    left = min(int(xi), INTERVALS - 1)
+    s = xi - left
+    turn = 6.0 * s * (1.0 - s)
+    scale = length / (INTERVALS * INTERVALS)
+    r_left = scale * left * left
+    r_right = scale * (left + 1) * (left + 1)
+    p = (1.0 - s) * (1.0 - 3.0 * s) * node[left] * 2.0 * scale * left
+    q = s * (3.0 * s - 2.0) * node[left + 1] * 2.0 * scale * (left + 1)
+    a = table[left]
+    b = table[left + 1]
+    d0 = turn * (b[0] - a[0]) + p + q
+    d1 = turn * (b[1] - a[1]) + p * r_left + q * r_right
+    d2 = turn * (b[2] - a[2]) + p * r_left * r_left + q * r_right * r_right
+    d3 = turn * (b[3] - a[3]) + p * r_left * r_left * r_left + q * r_right * r_right * r_right
+    return d0, d1, d2, d3, xi
+
+
+@borrowing
+def crossflow_tangent(
+    link: Any, length_rate: float, node_rate: FloatArray, table_rate: FloatArray
+) -> tuple[float, float]:
+    """Return the derivatives of F and G of a link along a change of its outline.
+
+    `crossflow` is linear in the tables. By the length it is a complex step, f(x + i e) = f(x) + i e f'(x) [Squire1998].
+
+    Args:
+        link: record, with its velocity.
+        length_rate, node_rate, table_rate: rates of change of length, node heights and height moments.
+    """
+    force, moment = crossflow(link.v, link.w, link.length, node_rate, table_rate)
+    if length_rate != 0.0:
+        function: Any = crossflow
+        f, g = function(link.v, link.w, complex(link.length, _TINY), link.node_height, link.height_moment)
+        force += length_rate * f.imag / _TINY
+        moment += length_rate * g.imag / _TINY
+    return force, moment

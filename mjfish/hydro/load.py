@@ -12,7 +12,7 @@ import functools
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 from llvmlite import ir
@@ -27,13 +27,40 @@ from mjfish.hydro.link import LINK, MEMORY, MOVING, column
 
 #: Most parameters a load may have.
 PARAMETERS = 8
-#: A row of the standalone engine's table: parameters; size of the memory on a link, where it begins in the state, and
-#: whether the load is special: 1 where its force needs more than the velocity, 2 where it is special and silent.
-AT_MEMORY, AT_FIRST, AT_SPECIAL, ROW = range(PARAMETERS, PARAMETERS + 4)
-#: Room for the answer of a load.
+#: A row of a `LoadTable`: parameters; number of hidden states on a link and where they begin in the state; 0 where the
+#: force depends on the velocity only, 1 where it is stateful, 2 where it is stateful and exerts nothing (inactive).
+AT_MEMORY, AT_FIRST, AT_STATEFUL, ROW = range(PARAMETERS, PARAMETERS + 4)
+#: Most numbers that a load returns.
 ANSWER = 3 + MEMORY
+LINK_SIZE = LINK.itemsize
 _RECORD = from_dtype(LINK)
 _SIGNATURE = types.void(types.CPointer(_RECORD), types.CPointer(types.float64), types.CPointer(types.float64))
+
+
+class LoadTable(NamedTuple):
+    """Loads with their parameters, for compiled code.
+
+    Attributes:
+        addresses: (k,) uint64 of the callbacks.
+        rows: (k, ROW), one row at least.
+    """
+
+    addresses: Any
+    rows: FloatArray
+
+
+class LoadBuffers(NamedTuple):
+    """Where loads find their hidden states, and where their answers go.
+
+    Attributes:
+        output: (ANSWER,) scratch of one call.
+        state: (STATES + hidden,), read.
+        rates: (STATES + hidden,), the rates of the hidden states, written.
+    """
+
+    output: FloatArray
+    state: Any
+    rates: Any
 
 
 @dataclass(frozen=True)
@@ -53,7 +80,7 @@ class Load:
     memory: int = 0
 
     @property
-    def special(self) -> bool:
+    def stateful(self) -> bool:
         """Whether its force depends on more of the motion than the velocity of the link: on its place, or its past."""
         return self.memory > 0 or not self.fields.isdisjoint(("x", "y", "heading"))
 
@@ -85,7 +112,7 @@ def load(function: Callable[[Any, Any], tuple[float, ...]] | None = None, *, mem
         ParameterError: more memory than there is.
     """
     if function is None:
-        return lambda given: load(given, memory=memory)
+        return lambda decorated: load(decorated, memory=memory)
     if not 0 <= memory <= MEMORY:
         raise ParameterError(f"a load with memory = {memory}; give 0 to {MEMORY}")
     inner = compiled(function)
@@ -115,12 +142,12 @@ def fields_read(function: Callable[..., Any]) -> frozenset[str]:
     code = list(dis.get_instructions(function))
     link = function.__code__.co_varnames[0]
     read = set()
-    for one, after in itertools.pairwise(code):
-        named = one.argval if isinstance(one.argval, tuple) else (one.argval,)
-        if one.opname.startswith(("LOAD_FAST", "LOAD_DEREF", "LOAD_CLOSURE", "STORE_FAST")) and link in named:
-            if one.opname != "LOAD_FAST" or after.opname != "LOAD_ATTR":
+    for instruction, following in itertools.pairwise(code):
+        names = instruction.argval if isinstance(instruction.argval, tuple) else (instruction.argval,)
+        if instruction.opname.startswith(("LOAD_FAST", "LOAD_DEREF", "LOAD_CLOSURE", "STORE_FAST")) and link in names:
+            if instruction.opname != "LOAD_FAST" or following.opname != "LOAD_ATTR":
                 return every
-            read.add(str(after.argval))
+            read.add(str(following.argval))
     return every & read
 
 
@@ -130,40 +157,40 @@ def load_table(loads: Sequence[tuple[Load, Sequence[float]]]) -> tuple[Any, Floa
     Raises:
         InputError: a load has a memory, or reads where the link is: only the standalone engine knows of that.
     """
-    if any(one.special for one, _ in loads):
+    if any(load_.stateful for load_, _ in loads):
         raise InputError("a load that has a memory or reads the place of its link runs in the standalone engine only")
     addresses, rows = load_rows(loads)
     return addresses, np.ascontiguousarray(rows[:, :PARAMETERS])
 
 
 def load_rows(
-    loads: Sequence[tuple[Load, Sequence[float]]], links: int = 0, first: int = 0, silent: Sequence[Load] = ()
-) -> tuple[Any, FloatArray]:
-    """Return addresses (k,) uint64 and rows (k, ROW) of loads with their parameters, for `loads_on`.
+    loads: Sequence[tuple[Load, Sequence[float]]], links: int = 0, first: int = 0, inactive: Sequence[Load] = ()
+) -> LoadTable:
+    """Return the table of loads with their parameters, for `loads_on`.
 
     Args:
         loads: with their parameters.
-        links: of the fish.
-        first: where the memory of the loads begins in the state: load by load, then link by link.
-        silent: those of the loads that exert nothing now.
+        links: number of links of the fish.
+        first: where the hidden states of the loads begin in the state: load by load, then link by link.
+        inactive: those of the loads that exert nothing now.
     """
-    addresses = np.array([one.address for one, _ in loads], dtype=np.uint64)
+    addresses = np.array([load_.address for load_, _ in loads], dtype=np.uint64)
     rows = np.zeros((max(len(loads), 1), ROW))
-    for row, (one, given) in zip(rows, loads, strict=False):
-        if len(given) > PARAMETERS:
+    for row, (load_, numbers) in zip(rows, loads, strict=False):
+        if len(numbers) > PARAMETERS:
             raise ParameterError(
-                f"a load with {len(given)} numbers; parameters and constants may be {PARAMETERS} at most"
+                f"a load with {len(numbers)} numbers; parameters and constants may be {PARAMETERS} at most"
             )
-        row[: len(given)] = given
-        row[AT_MEMORY], row[AT_FIRST] = one.memory, first
-        row[AT_SPECIAL] = (2.0 if one in silent else 1.0) if one.special else 0.0
-        first += links * one.memory
-    return addresses, rows
+        row[: len(numbers)] = numbers
+        row[AT_MEMORY], row[AT_FIRST] = load_.memory, first
+        row[AT_STATEFUL] = (2.0 if load_ in inactive else 1.0) if load_.stateful else 0.0
+        first += links * load_.memory
+    return LoadTable(addresses, rows)
 
 
 def memory_of(loads: Sequence[tuple[Load, Sequence[float]]], links: int) -> int:
     """Return how many hidden states the loads have on all links."""
-    return links * sum(one.memory for one, _ in loads)
+    return links * sum(load_.memory for load_, _ in loads)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -185,9 +212,7 @@ def apply_loads(
     links: Any, index: int, addresses: Any, parameters: FloatArray, force: FloatArray
 ) -> tuple[float, float, float]:
     """Sum all loads on link `index`; `addresses` (k,) uint64, `parameters` (k, PARAMETERS), `force` (3,) scratch."""
-    fx = 0.0
-    fy = 0.0
-    mz = 0.0
+    fx, fy, mz = 0.0, 0.0, 0.0
     for k in range(addresses.shape[0]):
         _call(
             addresses[k],
@@ -203,44 +228,37 @@ def apply_loads(
 
 @merged
 def loads_on(
-    links: Any, at: int, link: int, addresses: Any, rows: FloatArray, plain: bool, force: FloatArray, state: Any,
-    rates: Any,
-) -> tuple[float, float, float]:  # fmt: skip
-    """Sum all loads on a link, with their memory.
+    links: Any, record: int, link: int, table: LoadTable, velocity_only: bool, buffers: LoadBuffers
+) -> tuple[float, float, float]:
+    """Sum all loads on a link; write the rates of their hidden states.
 
     Args:
         links: `LINK` records.
-        at: which of them to call with.
-        link: which link of the fish it is.
-        addresses, rows: (k,), (k, ROW) of `load_rows`.
-        plain: leave out the special ones.
-        force: (ANSWER,) scratch.
-        state: hidden states are in here.
-        rates: their rates are written in here.
+        record: index of the record that the loads are called with.
+        link: index of the link of the fish that it stands for.
+        table: the loads.
+        velocity_only: leave out the stateful ones.
+        buffers: hidden states and their rates.
     """
-    fx = 0.0
-    fy = 0.0
-    mz = 0.0
-    one = links[at]
+    fx, fy, mz = 0.0, 0.0, 0.0
+    addresses, rows = table.addresses, table.rows
+    called = links[record]
     for k in range(addresses.shape[0]):
         memory = int(rows[k, AT_MEMORY])
-        if (plain and rows[k, AT_SPECIAL] > 0.0) or (memory == 0 and rows[k, AT_SPECIAL] > 1.0):
+        if (velocity_only and rows[k, AT_STATEFUL] > 0.0) or (memory == 0 and rows[k, AT_STATEFUL] > 1.0):
             continue
         first = int(rows[k, AT_FIRST]) + link * memory
         for m in range(memory):
-            one.memory[m] = state[first + m]
+            called.memory[m] = buffers.state[first + m]
         _call(
             addresses[k],
-            np.uint64(links.ctypes.data + at * LINK_SIZE),
+            np.uint64(links.ctypes.data + record * LINK_SIZE),
             np.uint64(rows.ctypes.data + 8 * k * rows.shape[1]),
-            np.uint64(force.ctypes.data),
+            np.uint64(buffers.output.ctypes.data),
         )
         for m in range(memory):
-            rates[first + m] = force[3 + m]
-        fx += force[0]
-        fy += force[1]
-        mz += force[2]
+            buffers.rates[first + m] = buffers.output[3 + m]
+        fx += buffers.output[0]
+        fy += buffers.output[1]
+        mz += buffers.output[2]
     return fx, fy, mz
-
-
-LINK_SIZE = LINK.itemsize

@@ -50,10 +50,10 @@ def spatial_drag(link: Any, vx: float, vy: float, vz: float, wx: float, wy: floa
             mz += r * dy
             fz += dz
             mz_vertical += r * dz
-    across = -0.5 * link.density * link.c_d
-    along = -0.5 * link.density * link.c_f * link.wetted
-    roll = across * link.roll_damping * link.roll_drag
-    return along * abs(vx) * vx, across * fy, across * fz, roll * abs(wx) * wx, -across * mz_vertical, across * mz
+    sway = -0.5 * link.density * link.c_d
+    surge = -0.5 * link.density * link.c_f * link.wetted
+    roll = sway * link.roll_damping * link.roll_drag
+    return surge * abs(vx) * vx, sway * fy, sway * fz, roll * abs(wx) * wx, -sway * mz_vertical, sway * mz
 
 
 @inlined

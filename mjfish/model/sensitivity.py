@@ -21,9 +21,9 @@ from mjfish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
 from mjfish.model import Model, Prepared, asked_motion, headed, pose_of
-from mjfish.ode.lanes import Direction
-from mjfish.ode.rollout import tail_of
-from mjfish.ode.tangents import simulate_along
+from mjfish.ode.equation import tail_of
+from mjfish.ode.rollout import Conditions
+from mjfish.ode.tangents import Direction, simulate_tangents
 from mjfish.parameter import Parameter
 
 #: Effects with their values by short name.
@@ -59,21 +59,27 @@ def sensitivities(
     run = model.prepare(trial, values, velocity=velocity, offset=offset)
     acting = {effect.name for effect, _ in run.active}
     owners = [owner for owner in model.effects if owner in {_owner(model, name) for name in names}]
-    silent = [owner for owner in owners if owner.name not in acting and owner.load is not None]
-    loaded = [*(effect.name for effect, _ in run.active if effect.load is not None), *(one.name for one in silent)]
+    inactive = [owner for owner in owners if owner.name not in acting and owner.load is not None]
+    loaded = [
+        *(effect.name for effect, _ in run.active if effect.load is not None),
+        *(owner.name for owner in inactive),
+    ]
     at = _At(model, trial, values, velocity, offset, run, loaded)
     directions = [_direction(at, name) for name in names]
     times = np.minimum(run.time, run.motion.time[-1])
     moving = [k for k, (direction, _) in enumerate(directions) if direction is not None]
-    rollout, lanes = simulate_along(
-        run.fish, run.motion, [one for one, _ in directions if one is not None], times, values=run.coefficients,
-        velocity=run.velocity, pose=pose_of(trial), coriolis=model.coriolis, loads=run.loads,
-        silent=[
-            (one.load, [*_own(one, values).values(), *one.constants(trial)]) for one in silent if one.load is not None
+    conditions = Conditions(run.coefficients, run.velocity, pose_of(trial), model.coriolis, run.loads)
+    rollout, tangents = simulate_tangents(
+        run.fish, run.motion, [direction for direction, _ in directions if direction is not None], times,
+        conditions=conditions,
+        inactive=[
+            (effect.load, [*_own(effect, values).values(), *effect.constants(trial)])
+            for effect in inactive
+            if effect.load is not None
         ],
     )  # fmt: skip
-    along = np.zeros((len(times), lanes.shape[1], len(names)))
-    along[:, :, moving] = lanes
+    along = np.zeros((len(times), tangents.shape[1], len(names)))
+    along[:, :, moving] = tangents
     ahead = rollout.rate_at(times) * (run.time < run.motion.time[-1])[:, None]
     for k, (_, rate) in enumerate(directions):
         if rate is not None:

@@ -27,10 +27,9 @@ from numba import carray
 from mjfish.arrays import FloatArray, RecordArray
 from mjfish.compiled import compiled
 from mjfish.errors import InputError, MjfishError
-from mjfish.hydro.link import LINK
+from mjfish.hydro.link import LINK, SPATIAL
 from mjfish.hydro.load import PARAMETERS, Load, load_table
 from mjfish.hydro.outline import outline
-from mjfish.hydro.spatial_link import SPATIAL
 from mjfish.mujoco.layout import counts, floats, plane_links, spatial_links
 from mjfish.mujoco.strip_link import StripLink
 

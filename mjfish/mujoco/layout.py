@@ -22,8 +22,7 @@ from numba import from_dtype, types
 from numba.extending import intrinsic
 
 from mjfish.errors import MjfishError
-from mjfish.hydro.link import LINK
-from mjfish.hydro.spatial_link import SPATIAL
+from mjfish.hydro.link import LINK, SPATIAL
 
 _C_TYPES: dict[str, Any] = {
     "int": ctypes.c_int,

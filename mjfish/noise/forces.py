@@ -26,7 +26,7 @@ from mjfish.estimation import Fit, Noise, Problem
 from mjfish.noise.coloured import grid
 from mjfish.noise.kalman import Gains, gains, whitened
 from mjfish.noise.spectrum import Spectrum, spectrum
-from mjfish.ode.linearised import growth
+from mjfish.ode.jacobians import state_jacobian
 from mjfish.serialise import unsaved
 
 #: Correlation times that are tried [s].
@@ -100,7 +100,7 @@ def along(problem: Problem, values: Mapping[str, float]) -> dict[str, FloatArray
     for i, trial in enumerate(problem.trials):
         run = problem.model.prepare(trial, values)
         rollout = problem.prediction(trial, values).rollout
-        a = growth(run.fish, rollout, values=run.coefficients, loads=run.loads)
+        a = state_jacobian(run.fish, rollout, values=run.coefficients, loads=run.loads)
         mask = problem.mask(i)
         step = trial.step
         first, count = float(trial.time[0]), len(grid(trial.time, mask))

@@ -25,7 +25,7 @@ from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.frames import CHANNELS
 from mjfish.noise.stepwise import Model, Stepwise
-from mjfish.ode.linearised import deviations, growth, steered
+from mjfish.ode.jacobians import input_jacobian, linear_response, state_jacobian
 from mjfish.serialise import unsaved
 
 #: Cosines that stand for white errors of a joint, for every degree of freedom of its spline: faster ones do not pass.
@@ -139,7 +139,7 @@ def _loadings(problem: Problem, trial: Trial, values: dict[str, float]) -> Float
     rollout = problem.prediction(trial, values).rollout
     if rollout.message:  # nothing is linear about a run that diverges
         return read
-    a, b = (of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (growth, steered))
+    a, b = (of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (state_jacobian, input_jacobian))
     time = rollout.time[: len(a)]
     joints = [smoothing(trial.time, trial.joint_angle[:, j]) for j in range(trial.joint_angle.shape[1])]
     if trial.errors is not None:
@@ -149,7 +149,7 @@ def _loadings(problem: Problem, trial: Trial, values: dict[str, float]) -> Float
     else:
         sigma = float(np.median([one.sigma for one in joints]))
         push = np.concatenate([_push(b[..., j], time, _white(one, sigma)) for j, one in enumerate(joints)], axis=2)
-    moved = make_interp_spline(time, deviations(a, push, time), k=3)
+    moved = make_interp_spline(time, linear_response(a, push, time), k=3)
     return np.asarray(read - moved(trial.time))
 
 

@@ -8,104 +8,109 @@ printed form is asked for, which exists only to show the disagreement (see docs/
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled, inlined
+from mjfish.compiled import borrowing, inlined
+from mjfish.fish import Fish
 from mjfish.hydro.force import added_mass, drag, gyroscopic
-from mjfish.hydro.load import AT_SPECIAL, loads_on
+from mjfish.hydro.load import AT_STATEFUL, LoadBuffers, LoadTable, loads_on
 
 #: u, v, w [m/s, m/s, rad/s] of the nose, x, y [m], yaw [rad], tail deflection [rad], its rate [rad/s]; model's frame.
 STATES = 8
 
 
-def _derivative(
-    links: Any,
-    cos: FloatArray,
-    sin: FloatArray,
-    rate: FloatArray,
-    acceleration: FloatArray,
-    angle_last: float,
-    state: FloatArray,
-    tail: FloatArray,
-    printed: bool,
-    hooks: Any,
-    hook_parameters: FloatArray,
-    scratch: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Write the time derivative of `state` into `out`.
+class System(NamedTuple):
+    """What does not change while the fish swims.
+
+    Attributes:
+        links: (n,) `mjfish.hydro.link.LINK` records; their velocities and poses are overwritten.
+        tail: (3,) flexible (0 or 1), stiffness [N m/rad], damping [N m s/rad] of the last joint's deflection.
+        printed: whether c m w u is dropped from the moments, as the paper prints gamma_i.
+        loads: extra forces, of `mjfish.hydro.load.load_rows`.
+    """
+
+    links: Any
+    tail: FloatArray
+    printed: bool
+    loads: LoadTable
+
+
+class Joints(NamedTuple):
+    """The joints at one instant; with (steps, 3) in front of all shapes, at start, middle and end of every step.
+
+    Attributes:
+        cos, sin: (joints,) of the angles.
+        rate, acceleration: (joints,) [rad/s, rad/s2].
+        angle_last: () angle of the last joint [rad], used where the tail is flexible.
+    """
+
+    cos: FloatArray
+    sin: FloatArray
+    rate: FloatArray
+    acceleration: FloatArray
+    angle_last: Any
+
+
+def tail_of(fish: Fish) -> FloatArray:
+    """Return flexible (0 or 1), stiffness [N m/rad] and damping [N m s/rad] of the last joint's deflection (3,)."""
+    flexible = fish.tail_compliance > 0.0
+    return np.array([float(flexible), 1.0 / fish.tail_compliance if flexible else 0.0, fish.tail_damping])
+
+
+@inlined
+def next_link(c: Any, s: Any, length: Any, u: Any, v: Any, w: Any) -> tuple[Any, Any]:
+    """Return u, v of a link's origin in its own frame, from those of the link in front; c, s of the joint's angle."""
+    sway = v + length * w
+    return c * u + s * sway, c * sway - s * u
+
+
+def _derivative(system: System, joints: Joints, state: FloatArray, output: FloatArray, out: FloatArray) -> None:
+    """Write the time derivative of the state.
 
     Args:
-        links: (n,) `LINK` records; their u, v, w are overwritten.
-        cos, sin: (n - 1,) of the joint angles.
-        rate, acceleration: (n - 1,) of the joints [rad/s, rad/s2].
-        angle_last: angle of the last joint [rad], used where the tail is flexible.
+        system: fish and loads; the records of the links get their velocities.
+        joints: at this instant.
         state: (STATES + hidden,), the hidden states of the loads behind those of the fish.
-        tail: (3,) flexible (0 or 1), stiffness [N m/rad], damping [N m s/rad] of the last joint's deflection.
-        printed: drop c m w u from the moments, as the paper prints gamma_i.
-        hooks, hook_parameters: addresses (k,) and rows (k, ROW) of the loads, `mjfish.hydro.load.load_rows`.
-        scratch: (ANSWER,).
-        out: (STATES + hidden,).
+        output: (ANSWER,) scratch.
+        out: (STATES + hidden,), written.
     """
+    links, tail, loads = system.links, system.tail, system.loads
     n = links.shape[0]
-    u = state[0]
-    v = state[1]
-    w = state[2]
-    bu = 0.0  # acceleration of the link's origin that joints and rotation cause, b_i
-    bv = 0.0
-    bw = 0.0
-    x = 0.0  # origin of the link and its direction in the head's frame
-    y = 0.0
-    c = 1.0
-    s = 0.0
-    m00 = 0.0
-    m01 = 0.0
-    m02 = 0.0
-    m11 = 0.0
-    m12 = 0.0
-    m22 = 0.0
-    g0 = 0.0
-    g1 = 0.0
-    g2 = 0.0
-    mz = 0.0
-    gx = 0.0
-    gy = 0.0
-    j = 0.0
+    u, v, w = state[0], state[1], state[2]
+    bu, bv, bw = 0.0, 0.0, 0.0  # acceleration of the link's origin that joints and rotation cause, b_i
+    x, y, c, s = 0.0, 0.0, 1.0, 0.0  # origin of the link and its direction in the head's frame
+    m00, m01, m02, m11, m12, m22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    g0, g1, g2 = 0.0, 0.0, 0.0
+    mz, gx, gy, j = 0.0, 0.0, 0.0, 0.0
     flexible = tail[0].real > 0.0
     yaw = state[5].real
-    ahead = state[5] - yaw  # of a complex state, its derivative; else 0
-    heading_cos = np.cos(yaw) - np.sin(yaw) * ahead
-    heading_sin = np.sin(yaw) + np.cos(yaw) * ahead
+    yaw_change = state[5] - yaw  # of a complex state, its derivative; else 0
+    heading_cos = np.cos(yaw) - np.sin(yaw) * yaw_change
+    heading_sin = np.sin(yaw) + np.cos(yaw) * yaw_change
     placed = False
-    for i in range(hooks.shape[0]):
-        placed = placed or hook_parameters[i, AT_SPECIAL] > 0.0
+    for i in range(loads.addresses.shape[0]):
+        placed = placed or loads.rows[i, AT_STATEFUL] > 0.0
     for i in range(n):
         if i > 0:
-            joint = i - 1
-            cj = cos[joint]
-            sj = sin[joint]
-            turn = rate[joint]
+            cj, sj, turn = joints.cos[i - 1], joints.sin[i - 1], joints.rate[i - 1]
             if flexible and i == n - 1:
-                cj = np.cos(angle_last + state[6])
-                sj = np.sin(angle_last + state[6])
+                cj = np.cos(joints.angle_last + state[6])
+                sj = np.sin(joints.angle_last + state[6])
                 turn += state[7]
-            length = links[joint].length
+            length = links[i - 1].length
             x += c * length
             y += s * length
             c, s = c * cj - s * sj, s * cj + c * sj
-            vy = v + length * w
-            u, v = cj * u + sj * vy, cj * vy - sj * u
-            by = bv + length * bw
-            bu, bv = cj * bu + sj * by + turn * v, cj * by - sj * bu - turn * u  # eq. (4)
+            u, v = next_link(cj, sj, length, u, v, w)
+            bu, bv = next_link(cj, sj, length, bu, bv, bw)
+            bu, bv = bu + turn * v, bv - turn * u  # eq. (4)
             w += turn
-            bw += acceleration[joint]
+            bw += joints.acceleration[i - 1]
         link = links[i]
-        link.u = u
-        link.v = v
-        link.w = w
+        link.u, link.v, link.w = u, v, w
         a0, a1, a2 = added_mass(link)
         mass = link.mass
         mc = mass * link.com
@@ -117,14 +122,14 @@ def _derivative(
         fx = w * (mass * v + mc * w) + gyro_x + drag_x
         fy = -mass * w * u + gyro_y + drag_y
         mz = gyro_z + drag_z
-        if not printed:
+        if not system.printed:
             mz -= mc * w * u
-        if hooks.shape[0] > 0:
+        if loads.addresses.shape[0] > 0:
             if placed:
                 link.x = -(state[3] + heading_cos * x - heading_sin * y)  # of the forward frame: half a turn away
                 link.y = -(state[4] + heading_sin * x + heading_cos * y)
                 link.heading = state[5] + np.arctan2(s.real, c.real)
-            load_x, load_y, load_z = loads_on(links, i, i, hooks, hook_parameters, False, scratch, state, out)
+            load_x, load_y, load_z = loads_on(links, i, i, loads, False, LoadBuffers(output, state, out))
             fx += load_x
             fy += load_y
             mz += load_z
@@ -150,14 +155,9 @@ def _derivative(
         m02 += gx + px
         m12 += gy + py
         m22 += j + 2.0 * (x * gy - y * gx) + x * py - y * px
-    k0 = 0.0
-    k1 = 0.0
-    k2 = 0.0
-    torque = 0.0
+    k0, k1, k2, torque = 0.0, 0.0, 0.0, 0.0
     if flexible:  # eliminate the deflection: row and column of the last link's own rotation
-        k0 = gx
-        k1 = gy
-        k2 = j + x * gy - y * gx
+        k0, k1, k2 = gx, gy, j + x * gy - y * gx
         torque = mz - tail[1] * state[6] - tail[2] * state[7]
         m00 -= k0 * k0 / j
         m01 -= k0 * k1 / j
@@ -182,14 +182,12 @@ def _derivative(
     out[3] = heading_cos * state[0] - heading_sin * state[1]
     out[4] = heading_sin * state[0] + heading_cos * state[1]
     out[5] = state[2]
+    out[6], out[7] = 0.0, 0.0
     if flexible:
         out[6] = state[7]
         out[7] = (torque - k0 * out[0] - k1 * out[1] - k2 * out[2]) / j
-    else:
-        out[6] = 0.0
-        out[7] = 0.0
 
 
 #: Compiled on its own; and as a part of the innermost loop, which takes longer to compile and is a sixth faster.
-derivative = compiled(_derivative)
+derivative = borrowing(_derivative)
 derivative_inlined = inlined(_derivative)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -20,9 +19,9 @@ from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.force import added_mass, drag, gyroscopic
-from mjfish.hydro.link import link_records
-from mjfish.hydro.load import ANSWER, Load, load_rows, loads_on, memory_of
-from mjfish.ode.equation import STATES, derivative
+from mjfish.hydro.load import ANSWER, Load, LoadBuffers, load_rows, loads_on, memory_of
+from mjfish.ode.equation import STATES, Joints, System, derivative, next_link
+from mjfish.ode.rollout import system_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +47,8 @@ class LinkForces:
 
         Where it passes beside the link, the nearer end of the link.
         """
-        across = self.axis[..., 0] * wrench[..., 1] - self.axis[..., 1] * wrench[..., 0]
-        safe = np.where(np.abs(across) > 1e-12, across, np.inf)
+        lateral = self.axis[..., 0] * wrench[..., 1] - self.axis[..., 1] * wrench[..., 0]
+        safe = np.where(np.abs(lateral) > 1e-12, lateral, np.inf)
         r = np.clip(wrench[..., 2] / safe, 0.0, self.length)
         return np.asarray(self.joint + r[..., None] * self.axis)
 
@@ -86,13 +85,11 @@ def link_forces(
         np.concatenate([samples[:, 0], samples[-1:, 2]])[: len(state)]
         for samples in (motion.angle, motion.rate, motion.acceleration)
     )
-    addresses, parameters = load_rows(loads, len(fish.links), STATES)
-    links = link_records(fish, values)
-    wrench = np.zeros((3, len(state), len(links), 3))
-    flexible = fish.tail_compliance > 0.0
-    tail = np.array([float(flexible), 1.0 / fish.tail_compliance if flexible else 0.0, fish.tail_damping])
-    _wrenches(links, angle, rate, acceleration, full, tail, addresses, parameters, wrench)
-    if flexible:
+    system = system_of(fish, values, "corrected", load_rows(loads, len(fish.links), STATES))
+    wrench = np.zeros((3, len(state), len(fish.links), 3))
+    joints = Joints(np.cos(angle), np.sin(angle), rate, acceleration, angle[:, -1].copy())
+    _wrenches(system, joints, full, wrench)
+    if fish.tail_compliance > 0.0:
         angle[:, -1] += full[:, 6]
     heading = full[:, 5:6] + np.concatenate([np.zeros((len(state), 1)), np.cumsum(angle, axis=1)], axis=1)
     axis = -np.stack([np.cos(heading), np.sin(heading)], axis=2)  # half a turn from the model's frame
@@ -107,59 +104,35 @@ def link_forces(
 
 
 @compiled
-def _wrenches(
-    links: Any,
-    angle: FloatArray,
-    rate: FloatArray,
-    acceleration: FloatArray,
-    states: FloatArray,
-    tail: FloatArray,
-    hooks: Any,
-    hook_parameters: FloatArray,
-    out: FloatArray,
-) -> None:
+def _wrenches(system: System, joints: Joints, states: FloatArray, out: FloatArray) -> None:
     """Write drag, added mass and loads (3, n, links, 3) in the frames of the links; `states` in the model's frame."""
+    links, loads = system.links, system.loads
     count = links.shape[0]
-    moved = np.empty(states.shape[1])
-    scratch = np.zeros(ANSWER)
+    flexible = system.tail[0] > 0.0
+    rates = np.empty(states.shape[1])
+    output = np.zeros(ANSWER)
     for k in range(states.shape[0]):
         state = states[k]
-        cos = np.cos(angle[k])
-        sin = np.sin(angle[k])
-        last = angle[k, count - 2]
-        derivative(
-            links, cos, sin, rate[k], acceleration[k], last, state, tail, False, hooks, hook_parameters, scratch, moved
-        )  # leaves the velocities of the links in their records
-        if tail[0] > 0.0:
-            cos[count - 2] = np.cos(last + state[6])
-            sin[count - 2] = np.sin(last + state[6])
-        u = moved[0]
-        v = moved[1]
-        w = moved[2]
+        at = Joints(joints.cos[k], joints.sin[k], joints.rate[k], joints.acceleration[k], joints.angle_last[k])
+        derivative(system, at, state, output, rates)  # leaves the velocities of the links in their records
+        u, v, w = rates[0], rates[1], rates[2]
         for i in range(count):
             link = links[i]
             if i > 0:
+                c, s = at.cos[i - 1], at.sin[i - 1]
+                if flexible and i == count - 1:
+                    c, s = np.cos(at.angle_last + state[6]), np.sin(at.angle_last + state[6])
                 turn = link.w - links[i - 1].w
-                across = v + links[i - 1].length * w
-                c = cos[i - 1]
-                s = sin[i - 1]
-                u, v = c * u + s * across + turn * link.v, c * across - s * u - turn * link.u  # eq. (4)
-                w += acceleration[k, i - 1]
-                if tail[0] > 0.0 and i == count - 1:
-                    w += moved[7]
+                u, v = next_link(c, s, links[i - 1].length, u, v, w)
+                u, v = u + turn * link.v, v - turn * link.u  # eq. (4)
+                w += at.acceleration[i - 1]
+                if flexible and i == count - 1:
+                    w += rates[7]
             a0, a1, a2 = added_mass(link)
             gyro_x, gyro_y, gyro_z = gyroscopic(link)
-            drag_x, drag_y, drag_z = drag(link)
-            out[0, k, i, 0] = drag_x
-            out[0, k, i, 1] = drag_y
-            out[0, k, i, 2] = drag_z
-            out[1, k, i, 0] = gyro_x
-            out[1, k, i, 1] = gyro_y - a0 * v - a1 * w
+            out[0, k, i, 0], out[0, k, i, 1], out[0, k, i, 2] = drag(link)
+            out[1, k, i, 0], out[1, k, i, 1] = gyro_x, gyro_y - a0 * v - a1 * w
             out[1, k, i, 2] = gyro_z - a1 * v - a2 * w
-            if hooks.shape[0] > 0:
-                load_x, load_y, load_z = loads_on(
-                    links, i, i, hooks, hook_parameters, False, scratch, state, moved
-                )  # fmt: skip
-                out[2, k, i, 0] = load_x
-                out[2, k, i, 1] = load_y
-                out[2, k, i, 2] = load_z
+            if loads.addresses.shape[0] > 0:
+                buffers = LoadBuffers(output, state, rates)
+                out[2, k, i, 0], out[2, k, i, 1], out[2, k, i, 2] = loads_on(links, i, i, loads, False, buffers)

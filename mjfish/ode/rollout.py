@@ -1,24 +1,31 @@
-"""Rollouts of the head-frame model: joint motion in, velocity and pose of the nose out."""
+"""Rollouts of the head-frame model: joint motion in, velocity and pose of the nose out.
+
+`simulate` prepares the arrays, `integrate` is the compiled loop over the steps of the joint motion.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from mjfish import frames
-from mjfish.arrays import FloatArray
+from mjfish.arrays import BoolArray, FloatArray
+from mjfish.compiled import borrowing, merged
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import Load, load_rows, memory_of
-from mjfish.ode.equation import STATES
-from mjfish.ode.integrate import integrate
+from mjfish.hydro.load import ANSWER, Load, LoadTable, load_rows, memory_of
+from mjfish.ode.equation import STATES, Joints, System, derivative_inlined, tail_of
 
 Coriolis = Literal["corrected", "printed"]
+#: A rollout has diverged once a velocity passes this [m/s or rad/s]: no fish does.
+DIVERGED = 1e3
+#: Phases of a step: the end of the step before and the jump, where joint rates jump, then the four Runge-Kutta stages.
+PHASE_END, PHASE_JUMP = -2, -1
 #: Default step of the model [s]. The nominal fish's rms error is then below 3e-5 m/s and 1.5e-4 rad/s, at start-up up
 #: to 4e-4 m/s and 2e-3 rad/s (omega 26); it falls sixteenfold with each halving (docs/theory.md).
 STEP = 0.005
@@ -82,7 +89,7 @@ class Rollout:
 
     @classmethod
     def of(cls, motion: JointMotion, states: FloatArray, rates: FloatArray, done: int) -> Rollout:
-        """Return what `mjfish.ode.integrate` wrote, of which `done` steps are good, in the forward frame."""
+        """Return what `integrate` wrote, of which `done` steps are good, in the forward frame."""
         kept = max(done, 1)
         ok = done == len(motion.time) - 1
         return cls(
@@ -107,6 +114,25 @@ def hermite(s: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray, F
     return (1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2 * width, s**2 * (3 - 2 * s), s**2 * (s - 1) * width
 
 
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """What a rollout is simulated under.
+
+    Attributes:
+        values: coefficients by name that replace the fish's.
+        velocity: (3,) surge, sway [m/s], yaw rate [rad/s] at the start; None: at rest.
+        pose: (3,) x, y [m], yaw [rad] of the nose at the start; NaN or None: 0.
+        coriolis: ``printed`` drops the term U x p as the paper does (an error; see docs/theory.md).
+        loads: extra forces on every link, with their parameters.
+    """
+
+    values: Mapping[str, float] | None = None
+    velocity: FloatArray | None = None
+    pose: FloatArray | None = None
+    coriolis: Coriolis = "corrected"
+    loads: Sequence[tuple[Load, Sequence[float]]] = ()
+
+
 def simulate(
     fish: Fish,
     motion: JointMotion,
@@ -122,30 +148,37 @@ def simulate(
     Args:
         fish: the fish.
         motion: joint motion on the half-step grid.
-        values: coefficients by name that replace the fish's.
-        velocity: (3,) surge, sway [m/s], yaw rate [rad/s] at the start; None: at rest.
-        pose: (3,) x, y [m], yaw [rad] of the nose at the start; NaN or None: 0.
-        coriolis: ``printed`` drops the term U x p as the paper does (an error; see docs/theory.md).
-        loads: extra forces on every link, with their parameters.
+        values, velocity, pose, coriolis, loads: see `Conditions`.
 
     Returns:
         The rollout; one that diverges has ``status == "diverged"`` and ends there.
+
+    Raises:
+        InputError: the motion has not as many joints as the fish.
     """
     if motion.joints != fish.joints:
         raise InputError(f"the motion has {motion.joints} joints, {fish.name} has {fish.joints}")
-    steps = len(motion.time) - 1
     start = start_of(velocity, pose, memory_of(loads, len(fish.links)))
-    states, rates = np.zeros((steps, 2, len(start))), np.zeros((steps, 2, len(start)))
-    done = integrate(
-        link_records(fish, values), motion.time, *motion.trigonometry, motion.rate, motion.acceleration,
-        np.ascontiguousarray(motion.angle[:, :, -1]), start, tail_of(fish), coriolis == "printed",
-        *load_rows(loads, len(fish.links), STATES), states, rates,
-    )  # fmt: skip
+    states, rates = np.zeros((2, len(motion.time) - 1, 2, len(start)))
+    system = system_of(fish, values, coriolis, load_rows(loads, len(fish.links), STATES))
+    workspace = Workspace.of(len(start), motion.joints)
+    done = integrate(system, joints_of(motion), motion.time, motion.jumps, start, workspace, states, rates)
     rollout = Rollout.of(motion, states, rates, done)
     if rollout.status == "ok":
         return rollout
     named = ", ".join(f"{name} = {value:g}" for name, value in {**fish.values, **(values or {})}.items())
     return replace(rollout, message=f"{rollout.message} with {named}; check the coefficients and the drive")
+
+
+def system_of(fish: Fish, values: Mapping[str, float] | None, coriolis: Coriolis, loads: LoadTable) -> System:
+    """Return fish and loads for compiled code; `values` replaces coefficients by name."""
+    return System(link_records(fish, values), tail_of(fish), coriolis == "printed", loads)
+
+
+def joints_of(motion: JointMotion) -> Joints:
+    """Return the joint motion for compiled code."""
+    cos, sin = motion.trigonometry
+    return Joints(cos, sin, motion.rate, motion.acceleration, np.ascontiguousarray(motion.angle[:, :, -1]))
 
 
 def start_of(velocity: FloatArray | None, pose: FloatArray | None = None, hidden: int = 0) -> FloatArray:
@@ -161,7 +194,140 @@ def start_of(velocity: FloatArray | None, pose: FloatArray | None = None, hidden
     return start
 
 
-def tail_of(fish: Fish) -> FloatArray:
-    """Return flexible (0 or 1), stiffness [N m/rad] and damping [N m s/rad] of the last joint's deflection (3,)."""
-    flexible = fish.tail_compliance > 0.0
-    return np.array([float(flexible), 1.0 / fish.tail_compliance if flexible else 0.0, fish.tail_damping])
+class Workspace(NamedTuple):
+    """Scratch of an integration: state, trial state, weighted sum of the stages, rates; output of a load; joints."""
+
+    state: FloatArray
+    trial: FloatArray
+    total: FloatArray
+    rates: FloatArray
+    output: FloatArray
+    joint_rate: FloatArray
+    joint_acceleration: FloatArray
+    tail: FloatArray
+
+    @classmethod
+    def of(cls, states: int, joints: int, kind: Any = np.float64) -> Workspace:
+        """Return scratch for a number of states and joints; `kind` of numbers is real or complex."""
+        state, trial, total, rates = (np.zeros(states, dtype=kind) for _ in range(4))
+        rate, acceleration = (np.zeros(joints, dtype=kind) for _ in range(2))
+        return cls(state, trial, total, rates, np.zeros(ANSWER), rate, acceleration, np.zeros(3, dtype=kind))
+
+
+@borrowing
+def integrate(
+    system: System, joints: Joints, time: FloatArray, jumps: BoolArray, start: FloatArray, workspace: Workspace,
+    states: FloatArray, rates: FloatArray,
+) -> int:  # fmt: skip
+    """Integrate by classical Runge-Kutta steps; return the number of steps done before divergence.
+
+    Where the joint rates jump between two steps, the head's velocity jumps with them: no impulse acts on the fish, so
+    that sum_i T_i^T (M_i + M_ad,i) dV_i = 0.
+
+    Args:
+        system: fish and loads.
+        joints: at start, middle and end of every step.
+        time: (steps + 1,) [s].
+        jumps: (steps,) whether the joint rates jump before a step.
+        start: (STATES + hidden,).
+        workspace: scratch.
+        states, rates: (steps, 2, STATES + hidden), written: state and derivative at start and end of each step.
+    """
+    steps = time.shape[0] - 1
+    state, trial, k = workspace.state, workspace.trial, workspace.rates
+    copy(start, state)
+    for step in range(steps + 1):
+        over = step == steps
+        jump = step > 0 and (over or jumps[step])
+        for phase in range(PHASE_END if jump else 0, PHASE_JUMP if over else 4):
+            if phase <= 0:
+                copy(state, trial)
+            now, stage = sample_of(step, phase)
+            at = joints_in(joints, now, stage, workspace)
+            copy(system.tail, workspace.tail)
+            acting = system.loads.addresses.shape[0]
+            if phase == PHASE_JUMP:
+                acting = 0
+                rest(trial, workspace.tail)
+                strike(joints, step, workspace)
+            loads = LoadTable(system.loads.addresses[:acting], system.loads.rows)
+            now_system = System(system.links, workspace.tail, system.printed, loads)
+            derivative_inlined(now_system, at, trial, workspace.output, k)
+            if phase == PHASE_JUMP:
+                for row in (0, 1, 2, 7):
+                    state[row] += k[row]
+                continue
+            if phase == PHASE_END or (phase == 0 and step > 0 and not jump):
+                copy(k, rates[step - 1, 1])
+            if phase == PHASE_END:
+                continue
+            if phase == 0:
+                copy(state, states[step, 0])
+                copy(k, rates[step, 0])
+            advance(phase, time[step + 1] - time[step], k, workspace.total, trial, state)
+        if not over:
+            copy(state, states[step, 1])
+            if not (abs(state[0]) < DIVERGED and abs(state[1]) < DIVERGED and abs(state[2]) < DIVERGED):
+                return step
+    return int(steps)
+
+
+@merged
+def sample_of(step: int, phase: int) -> tuple[int, int]:
+    """Return of which step, and where in it (0 start, 1 middle, 2 end), the joints are taken in a phase."""
+    if phase == PHASE_END:
+        return step - 1, 2
+    return step, 0 if phase <= 0 else (2 if phase == 3 else 1)
+
+
+@merged
+def joints_in(joints: Joints, step: int, stage: int, workspace: Workspace) -> Joints:
+    """Return the joints at one sample; their rates and accelerations are copies in the workspace."""
+    copy(joints.rate[step, stage], workspace.joint_rate)
+    copy(joints.acceleration[step, stage], workspace.joint_acceleration)
+    return Joints(
+        joints.cos[step, stage], joints.sin[step, stage], workspace.joint_rate, workspace.joint_acceleration,
+        joints.angle_last[step, stage],
+    )  # fmt: skip
+
+
+@merged
+def rest(state: FloatArray, tail: FloatArray) -> None:
+    """Keep heading and deflection only: the fish on which a jump of the joint rates acts is at rest, its tail loose."""
+    tail[1] = 0.0
+    tail[2] = 0.0
+    for row in (0, 1, 2, 3, 4, 7):
+        state[row] = 0.0
+
+
+@merged
+def strike(joints: Joints, step: int, workspace: Workspace) -> None:
+    """Make the jump of the rates before a step an acceleration that acts on joints at rest."""
+    for j in range(workspace.joint_rate.shape[0]):
+        workspace.joint_rate[j] = 0.0
+        workspace.joint_acceleration[j] = joints.rate[step, 0, j] - joints.rate[step - 1, 2, j]
+
+
+@merged
+def advance(phase: int, h: float, k: FloatArray, total: FloatArray, trial: FloatArray, state: FloatArray) -> None:
+    """Take up the rates `k` of a Runge-Kutta stage; after the last one, advance the state by the step `h`."""
+    if phase == 0:
+        copy(k, total)
+    else:
+        weight = 1.0 if phase == 3 else 2.0
+        for i in range(state.shape[0]):
+            total[i] += weight * k[i]
+    if phase < 3:
+        reach = h if phase == 2 else 0.5 * h
+        for i in range(state.shape[0]):
+            trial[i] = state[i] + reach * k[i]
+    else:
+        for i in range(state.shape[0]):
+            state[i] += h / 6.0 * total[i]
+
+
+@merged
+def copy(source: FloatArray, target: FloatArray) -> None:
+    """Copy vectors."""
+    for i in range(target.shape[0]):
+        target[i] = source[i]

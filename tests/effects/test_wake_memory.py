@@ -11,7 +11,7 @@ from mjfish.effects.wake_memory import WakeMemory
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import ANSWER, load_rows, loads_on
+from mjfish.hydro.load import ANSWER, LoadBuffers, load_rows, loads_on
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
 
@@ -25,8 +25,8 @@ def _call(pike: Fish, remembered: tuple[float, float]) -> tuple[np.ndarray, np.n
     assert WakeMemory.load is not None
     state, rates = np.zeros(10), np.zeros(10)
     state[4:6] = remembered
-    addresses, rows = load_rows([(WakeMemory.load, (0.4, 0.2))], 5)
-    pushed = loads_on(records, 2, 2, addresses, rows, False, np.zeros(ANSWER), state, rates)
+    table = load_rows([(WakeMemory.load, (0.4, 0.2))], 5)
+    pushed = loads_on(records, 2, 2, table, False, LoadBuffers(np.zeros(ANSWER), state, rates))
     return np.array(pushed), rates, drag(records[2])
 
 

@@ -12,7 +12,7 @@ from mjfish.effects.wall_effect import WallEffect
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import ANSWER, load_rows, loads_on
+from mjfish.hydro.load import ANSWER, LoadBuffers, load_rows, loads_on
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
 from mjfish.simulation.synthetic import generate
@@ -41,8 +41,8 @@ def test_the_nearest_wall_counts_from_the_middle_of_the_link(
     )
     assert WallEffect.load is not None
     numbers = (1.5, 0.2, *WallEffect().constants(_trial(TANK, np.zeros((2, 3)))))
-    addresses, rows = load_rows([(WallEffect.load, numbers)], 5)
-    pushed = loads_on(records, 1, 1, addresses, rows, False, np.zeros(ANSWER), np.zeros(8), np.zeros(8))
+    table = load_rows([(WallEffect.load, numbers)], 5)
+    pushed = loads_on(records, 1, 1, table, False, LoadBuffers(np.zeros(ANSWER), np.zeros(8), np.zeros(8)))
     np.testing.assert_allclose(pushed, 1.5 * np.exp(-distance / 0.2) * np.array(drag(link)), rtol=1e-12)
 
 

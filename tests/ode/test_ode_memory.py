@@ -16,8 +16,8 @@ from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.link import NUMBERS, column, numbers_of
 from mjfish.hydro.load import PARAMETERS, Load, load, load_table
 from mjfish.ode.forces import link_forces
-from mjfish.ode.lanes import Direction
-from mjfish.ode.tangents import simulate_along
+from mjfish.ode.rollout import Conditions
+from mjfish.ode.tangents import Direction, simulate_tangents
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 POSE = np.array([1.2, -0.7, 2.5])
@@ -116,9 +116,9 @@ def test_derivatives_go_through_place_and_memory(
     fish = pike.model_copy(update={"tail_compliance": compliance})
     motion, start, numbers = waving(0.4, 160), np.array([0.3, 0.02, -0.4]), [0.7, 0.15]
     directions = _directions(motion)
-    _, found = simulate_along(
-        fish, motion, [one for _, one in directions], motion.time, values=VALUES, velocity=start, pose=POSE,
-        loads=[(nothing, []), (everything, numbers)],
+    _, found = simulate_tangents(
+        fish, motion, [direction for _, direction in directions], motion.time,
+        conditions=Conditions(VALUES, start, POSE, loads=[(nothing, []), (everything, numbers)]),
     )  # fmt: skip
 
     def moved(kind: str, one: Direction, size: float) -> FloatArray:
@@ -153,7 +153,7 @@ def _record() -> Any:
     return LINK
 
 
-def test_a_silent_load_remembers(pike: Fish) -> None:
+def test_an_inactive_load_has_hidden_states(pike: Fish) -> None:
     """At the null value of its amplitude a load exerts nothing; its derivative needs what it would have remembered."""
 
     @load(memory=1)
@@ -163,9 +163,9 @@ def test_a_silent_load_remembers(pike: Fish) -> None:
 
     motion = waving(0.4, 160)
     direction = Direction(loads=np.eye(1, PARAMETERS))
-    rollout, found = simulate_along(
-        pike, motion, [direction], motion.time, values=VALUES, silent=[(late, [0.0])]
-    )  # fmt: skip
+    rollout, found = simulate_tangents(
+        pike, motion, [direction], motion.time, conditions=Conditions(VALUES), inactive=[(late, [0.0])]
+    )
     assert np.array_equal(rollout.state, ode.simulate(pike, motion, values=VALUES).state)
     h = 1e-3
     right, left = (ode.simulate(pike, motion, values=VALUES, loads=[(late, [s])]).at(motion.time) for s in (h, -h))

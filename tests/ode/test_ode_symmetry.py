@@ -10,8 +10,9 @@ from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
-from mjfish.hydro.link import link_records
-from mjfish.ode.equation import STATES, derivative
+from mjfish.hydro.load import ANSWER, load_rows
+from mjfish.ode.equation import STATES, Joints, derivative
+from mjfish.ode.rollout import system_of
 
 BIAS = np.array([0.1, -0.2, 0.3, 0.1])
 MIRROR = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
@@ -39,11 +40,9 @@ def test_heading_does_not_matter_to_the_water(pike: Fish) -> None:
     for yaw in (0.0, 0.7, -2.5):
         state = np.array([-0.4, 0.1, 0.8, 3.0, -2.0, yaw, 0.0, 0.0])
         out = np.empty(STATES)
-        derivative(
-            link_records(pike), np.cos(motion.angle[3, 1]), np.sin(motion.angle[3, 1]), motion.rate[3, 1],
-            motion.acceleration[3, 1], motion.angle[3, 1, -1], state, np.zeros(3), False,
-            np.zeros(0, dtype=np.uint64), np.zeros((1, 8)), np.zeros(3), out,
-        )  # fmt: skip
+        angle, rate, acceleration = motion.angle[3, 1], motion.rate[3, 1], motion.acceleration[3, 1]
+        joints = Joints(np.cos(angle), np.sin(angle), rate, acceleration, angle[-1])
+        derivative(system_of(pike, None, "corrected", load_rows([])), joints, state, np.zeros(ANSWER), out)
         turned = complex(out[3], out[4]) * np.exp(-1j * yaw)
         rates.append([*out[:3], turned.real, turned.imag])
     assert rates[1][:3] == rates[0][:3] == rates[2][:3]

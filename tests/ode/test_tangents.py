@@ -12,8 +12,8 @@ from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.link import LINK, NUMBERS, column, numbers_of
-from mjfish.ode.lanes import Direction
-from mjfish.ode.tangents import simulate_along
+from mjfish.ode.rollout import Conditions
+from mjfish.ode.tangents import Direction, simulate_tangents
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 START = np.array([0.3, 0.02, -0.4])
@@ -66,7 +66,7 @@ def _worst(found: FloatArray, fish: Fish, motion: JointMotion, directions: list[
 
 @pytest.mark.parametrize("compliance", [0.0, 0.4])
 def test_every_number_of_a_link_joint_tail_and_start(pike: Fish, compliance: float) -> None:
-    """A term that is missing in a product rule, a sign, a lever arm, a jump without its lanes, a lane out of order."""
+    """A term missing in a product rule, a sign, a lever arm, a jump without its tangents, a direction out of order."""
     fish, motion, time = _swim(pike, compliance)
     fields = ("mass", "com", "inertia", "length", "density", "c_m", "c_d", "c_f", "munk", "wetted", "added",
               "node_height", "height_moment")  # fmt: skip
@@ -79,7 +79,7 @@ def test_every_number_of_a_link_joint_tail_and_start(pike: Fish, compliance: flo
     ]
     if compliance:
         directions += [Direction(tail=np.array([0.0, 1.0, 0.0])), Direction(tail=np.array([0.0, 0.0, 1.0]))]
-    rollout, found = simulate_along(fish, motion, directions, time, values=VALUES, velocity=START)
+    rollout, found = simulate_tangents(fish, motion, directions, time, conditions=Conditions(VALUES, START))
     plain = ode.simulate(fish, motion, values=VALUES, velocity=START)
     assert np.array_equal(rollout.state, plain.state)
     assert np.array_equal(rollout.derivative, plain.derivative)
@@ -95,7 +95,7 @@ def test_coefficients_to_eleven_digits(pike: Fish) -> None:
         row = np.zeros_like(numbers_of(fish))
         row[[link.group == group for link in fish.links], column(kind)] = 1.0
         rows.append(Direction(links=row))
-    _, found = simulate_along(fish, motion, rows, time, values=VALUES, velocity=START)
+    _, found = simulate_tangents(fish, motion, rows, time, conditions=Conditions(VALUES, START))
     assert _worst(found, fish, motion, rows, time) < 1e-11
 
 
@@ -105,7 +105,7 @@ def test_rates_that_jump_in_a_direction_only(pike: Fish) -> None:
     kick = np.array([0.5, -0.2, 0.3, 1.0])
     rates = np.zeros((3, *motion.angle.shape))
     rates[1, 80:] = kick
-    _, found = simulate_along(pike, motion, [Direction(motion=rates)], motion.time, values=VALUES)
+    _, found = simulate_tangents(pike, motion, [Direction(motion=rates)], motion.time, conditions=Conditions(VALUES))
 
     def at(size: float) -> FloatArray:
         moved = JointMotion(motion.time, motion.angle, motion.rate + size * rates[1], motion.acceleration)
@@ -119,17 +119,19 @@ def test_rates_that_jump_in_a_direction_only(pike: Fish) -> None:
 def test_the_printed_form(pike: Fish) -> None:
     fish, motion, time = _swim(pike)
     directions = [_of_links("mass"), _of_links("c_d")]
-    _, found = simulate_along(fish, motion, directions, time, values=VALUES, velocity=START, coriolis="printed")
+    _, found = simulate_tangents(
+        fish, motion, directions, time, conditions=Conditions(VALUES, START, coriolis="printed")
+    )
     for k, one in enumerate(directions):
         exact = rollout_along(fish, motion, one, VALUES, START, "printed").at(time).imag / TINY
         np.testing.assert_allclose(found[:, :, k], exact, rtol=1e-9, atol=1e-10 * np.abs(exact).max())
 
 
 def test_after_a_divergence_there_is_nothing(pike: Fish) -> None:
-    """Lanes of a rollout that blew up must not be read as numbers."""
+    """Tangents of a rollout that blew up must not be read as numbers."""
     fish, motion, time = _swim(pike)
     wild = VALUES | {"c_d.tail": -10.0}
-    rollout, found = simulate_along(fish, motion, [_of_links("c_d")], time, values=wild, velocity=START)
+    rollout, found = simulate_tangents(fish, motion, [_of_links("c_d")], time, conditions=Conditions(wild, START))
     assert rollout.status == "diverged"
     assert np.isnan(found[time > rollout.time[-1]]).all()
     assert np.isfinite(found[0]).all()

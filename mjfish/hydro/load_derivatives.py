@@ -1,0 +1,170 @@
+"""Derivatives of loads, by central differences of second order: a load is compiled for real numbers only.
+
+Where a load is smooth, the error is about 1e-10 of the derivative. Derivatives by velocity, pose and hidden states are
+taken once, whatever the number of tangent directions. Those along a direction that changes the parameters of a load, or
+what it reads of its link, are taken for each such direction.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from mjfish.arrays import FloatArray
+from mjfish.compiled import compiled
+from mjfish.hydro.load import AT_FIRST, AT_MEMORY, ROW, LoadBuffers, LoadTable, loads_on
+
+#: Step by parameters and constants, relative to their size.
+RELATIVE_STEP = 1e-5
+#: Step by parameters of inactive loads, to one side.
+INACTIVE_STEP = 1e-8
+#: Columns behind a row of `LoadTable` in `LoadChanges`.
+AT_DIRECTION, AT_STEP = ROW, ROW + 1
+#: Relative step by velocities: shorter, as the second derivative of a power of |q| may be singular where a strip stops.
+_VELOCITY_STEP = 2e-6
+_LEAST_SPEED = 1e-3  # the step is not shorter than that of this speed [m/s]
+_POSE_STEP = 1e-6  # [m, rad]
+_LEAST_MEMORY = 1e-2  # the step is not shorter than that of this hidden state
+
+
+class LoadChanges(NamedTuple):
+    """What tangent directions change of the parameters of loads: q changes.
+
+    Attributes:
+        addresses: (q,) of the loads that change.
+        rows: (2 q, ROW + 2): pairs of rows moved forward and back along a change, the tangent direction, and the step;
+            it is negative where the load is inactive: it exerts nothing at the row itself, and one side is enough.
+    """
+
+    addresses: Any
+    rows: FloatArray
+
+
+@compiled
+def _step_of(link: Any, column: int, hidden: float) -> Any:
+    """Return the step by u, v, w, x, y, heading (columns 0 to 5) or a hidden state."""
+    if column < 3:
+        speed = max(abs(link.u), abs(link.v), abs(link.w) * link.length, _LEAST_SPEED)
+        return _VELOCITY_STEP * speed if column < 2 else _VELOCITY_STEP * speed / link.length
+    return _POSE_STEP if column < 6 else RELATIVE_STEP * max(abs(hidden), _LEAST_MEMORY)
+
+
+@compiled
+def _move(link: Any, column: int, by: float) -> None:
+    if column == 0:
+        link.u += by
+    elif column == 1:
+        link.v += by
+    elif column == 2:
+        link.w += by
+    elif column == 3:
+        link.x += by
+    elif column == 4:
+        link.y += by
+    else:
+        link.heading += by
+
+
+@compiled
+def velocity_derivatives(
+    links: Any, index: int, table: LoadTable, velocity_only: bool, buffers: LoadBuffers, out: FloatArray
+) -> None:
+    """Write into `out` (3, 3) the derivatives of the loads on a link: rows fx, fy, mz, columns u, v, w.
+
+    Args:
+        links, table, velocity_only, buffers: as in `mjfish.hydro.load.loads_on`.
+        index: of the link.
+        out: written.
+    """
+    link = links[index]
+    u, v, w = link.u, link.v, link.w
+    for column in range(3):
+        h = _step_of(link, column, 0.0)
+        _move(link, column, h)
+        right = loads_on(links, index, index, table, velocity_only, buffers)
+        link.u, link.v, link.w = u, v, w
+        _move(link, column, -h)
+        left = loads_on(links, index, index, table, velocity_only, buffers)
+        link.u, link.v, link.w = u, v, w
+        for row in range(3):
+            out[row, column] = (right[row] - left[row]) / (2.0 * h)
+
+
+@compiled
+def stateful_derivatives(links: Any, index: int, table: LoadTable, buffers: LoadBuffers, out: FloatArray) -> None:
+    """Write into `out` the derivatives of a stateful load on a link.
+
+    Args:
+        links, buffers: as in `mjfish.hydro.load.loads_on`; hidden states are moved and put back.
+        index: of the link.
+        table: of this load alone.
+        out: (ANSWER, 6 + MEMORY), written: rows fx, fy, mz and the rates of the hidden states, columns u, v, w, x, y,
+            heading and the hidden states.
+    """
+    link = links[index]
+    state = buffers.state
+    memory = int(table.rows[0, AT_MEMORY])
+    first = int(table.rows[0, AT_FIRST]) + index * memory
+    u, v, w, x, y, heading = link.u, link.v, link.w, link.x, link.y, link.heading
+    for column in range(6 + memory):
+        hidden = state[first + column - 6] if column >= 6 else 0.0
+        h = _step_of(link, column, hidden)
+        for side in range(2):
+            by = -h if side == 0 else h
+            if column < 6:
+                _move(link, column, by)
+            else:
+                state[first + column - 6] = hidden + by
+            loads_on(links, index, index, table, False, buffers)
+            for k in range(3 + memory):
+                out[k, column] = buffers.output[k] if side == 0 else (buffers.output[k] - out[k, column]) / (2.0 * h)
+            link.u, link.v, link.w, link.x, link.y, link.heading = u, v, w, x, y, heading
+            if column >= 6:
+                state[first + column - 6] = hidden
+
+
+@compiled
+def record_derivative(
+    moved: Any, links: Any, index: int, table: LoadTable, step: float, right: LoadBuffers, left: LoadBuffers
+) -> tuple[float, float, float]:
+    """Return the derivative of all loads on a link along a change of its record.
+
+    Args:
+        moved: (2,) the link's record moved forward and back along the change; velocity and pose are written.
+        links, table: as in `mjfish.hydro.load.loads_on`.
+        index: of the link.
+        step: how far the records are moved.
+        right, left: buffers of both sides.
+    """
+    link = links[index]
+    for side in range(2):
+        record = moved[side]
+        record.u, record.v, record.w = link.u, link.v, link.w
+        record.x, record.y, record.heading = link.x, link.y, link.heading
+    right_x, right_y, right_z = loads_on(moved, 0, index, table, False, right)
+    left_x, left_y, left_z = loads_on(moved, 1, index, table, False, left)
+    scale = 0.5 / step
+    return scale * (right_x - left_x), scale * (right_y - left_y), scale * (right_z - left_z)
+
+
+@compiled
+def parameter_derivative(
+    links: Any, index: int, changes: LoadChanges, change: int, right: LoadBuffers, left: LoadBuffers
+) -> tuple[float, float, float]:
+    """Return the derivative of one load on a link along a change of its parameters.
+
+    Args:
+        links: as in `mjfish.hydro.load.loads_on`.
+        index: of the link.
+        changes: of the parameters.
+        change: which of them.
+        right, left: buffers of both sides.
+    """
+    address, row = changes.addresses[change : change + 1], 2 * change
+    step = changes.rows[row, AT_STEP]
+    forward, back = LoadTable(address, changes.rows[row : row + 1]), LoadTable(address, changes.rows[row + 1 : row + 2])
+    right_x, right_y, right_z = loads_on(links, index, index, forward, False, right)
+    if step < 0.0:
+        return right_x / -step, right_y / -step, right_z / -step
+    left_x, left_y, left_z = loads_on(links, index, index, back, False, left)
+    scale = 0.5 / step
+    return scale * (right_x - left_x), scale * (right_y - left_y), scale * (right_z - left_z)
