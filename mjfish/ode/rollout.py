@@ -59,6 +59,11 @@ class Rollout:
         """Boundaries of the steps (n + 1,) [s], as far as the rollout went."""
         return self.motion.time[: len(self.state) + 1]
 
+    def at_steps(self) -> FloatArray:
+        """Return states, the memory of loads behind them, (n + 1, 8 + hidden) at the boundaries, after each jump."""
+        states = self.state if self.memory is None else np.concatenate([self.state, self.memory], axis=2)
+        return np.concatenate([states[:, 0], states[-1:, 1]])
+
     def at(self, time: FloatArray) -> FloatArray:
         """Return the state (m, 8) at any times, by cubic Hermite interpolation; at a jump, the value after it.
 

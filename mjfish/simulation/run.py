@@ -16,6 +16,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial, check, columns, read_table, write_table
 from mjfish.data.schema import Law
 from mjfish.drive import modes
+from mjfish.drive.motion import JointMotion
 from mjfish.drive.wave import Wave
 from mjfish.effects import Effect
 from mjfish.errors import InputError
@@ -49,7 +50,9 @@ class Simulation(Result):
         joint_angle: (n, joints) [rad].
         attitude: (n, 3) roll, pitch [rad], heave [m] of a fish that is free in space; None: in the plane.
         prepared: what was simulated.
-        rollout: of the ODE; None of MuJoCo.
+        motion: of the joints, as the engine realised it.
+        states: (m, 6 or more) velocity and pose at the boundaries of the steps of `motion`, for forces
+            (`mjfish.ode.forces.link_forces`).
     """
 
     fish: str
@@ -64,7 +67,8 @@ class Simulation(Result):
     joint_angle: FloatArray
     attitude: FloatArray | None
     prepared: Prepared = unsaved()
-    rollout: ode.Rollout | None = unsaved(default=None)
+    motion: JointMotion = unsaved()
+    states: FloatArray = unsaved()
 
     def summary(self) -> str:
         """Return fish, drive, engine and mean surge of the second half, then the effects; at most ten lines."""
@@ -158,7 +162,8 @@ def simulate(
         joint_angle=simulated.joint_angle[kept],
         attitude=simulated.attitude[kept] if free else None,
         prepared=run,
-        rollout=simulated.rollout,
+        motion=simulated.motion,
+        states=simulated.states,
     )
 
 
@@ -227,15 +232,16 @@ class _Swum:
     attitude: FloatArray
     status: Literal["ok", "diverged"]
     message: str
-    rollout: ode.Rollout | None = None
+    motion: JointMotion
+    states: FloatArray
 
 
 def _in_ode(run: Prepared, free: bool) -> _Swum:
     del free  # refused before
     rollout = ode.simulate(run.fish, run.motion, values=run.coefficients, velocity=run.velocity, loads=run.loads)
     time = np.minimum(run.time, run.motion.time[-1])
-    none = np.zeros((len(time), 3))
-    return _Swum(rollout.at(time), run.motion.angle_at(time), none, rollout.status, rollout.message, rollout)
+    angle, still = run.motion.angle_at(time), np.zeros((len(time), 3))
+    return _Swum(rollout.at(time), angle, still, rollout.status, rollout.message, run.motion, rollout.at_steps())
 
 
 def _in_mujoco(run: Prepared, free: bool) -> _Swum:
@@ -247,4 +253,5 @@ def _in_mujoco(run: Prepared, free: bool) -> _Swum:
     tail = np.zeros((len(swum.time), 2))
     series = np.column_stack([swum.velocity, swum.pose, tail, swum.attitude, swum.joint_angle])
     at = np.column_stack([np.interp(time, swum.time, column, right=np.nan) for column in series.T])
-    return _Swum(at[:, :8], at[:, 11:], at[:, 8:11], swum.status, swum.message)
+    states = np.column_stack([swum.velocity, swum.pose])
+    return _Swum(at[:, :8], at[:, 11:], at[:, 8:11], swum.status, swum.message, swum.motion(), states)

@@ -57,7 +57,7 @@ def test_camera_and_floor_follow_a_fish_that_sinks(pike: Fish) -> None:
 def test_log_shows_roll_pitch_and_heave_and_no_planar_forces(pike: Fish, tmp_path: Path) -> None:
     time = np.arange(20) / 100.0
     attitude = np.column_stack([0.1 * time, 0.2 * time, -0.3 * time])
-    plane = replace(simulate(pike, duration=0.19), rollout=None)
+    plane = simulate(pike, duration=0.19)
     write_log(replace(plane, attitude=attitude), tmp_path / "a.rrd")
     for k, name in enumerate(("roll", "pitch", "heave")):
         at, values = column(tmp_path / "a.rrd", f"/v1/attitude/{name}/simulated", "Scalars:scalars")

@@ -124,9 +124,7 @@ def _expected_load(found: Diagnosis, values: dict[str, float]) -> FloatArray:
     trial, model = found.overlays[1].trial, found.extended_model
     run = model.prepare(trial, model.values(values))
     rollout = model.predict(trial, model.values(values)).rollout
-    state = rollout.state if rollout.memory is None else np.concatenate([rollout.state, rollout.memory], axis=2)
-    at_steps = np.concatenate([state[:, 0], state[-1:, 1]])
-    forces = link_forces(run.fish, rollout.motion, at_steps, values=run.coefficients, loads=run.loads)
+    forces = link_forces(run.fish, rollout.motion, rollout.at_steps(), values=run.coefficients, loads=run.loads)
     size = np.linalg.norm(forces.load[..., :2], axis=2)
     return np.stack([np.interp(trial.time, rollout.time, column) for column in size.T], axis=1)
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from mjfish import ode
 from mjfish.arrays import FloatArray
@@ -25,9 +24,6 @@ from mjfish.reporting.log.recording import write_runs
 from mjfish.reporting.log.scene import Run, Swim, Swimmer, placed, travelled
 from mjfish.reporting.words import VERDICTS, percent
 from mjfish.simulation import Simulation
-
-#: Degree of the spline through joint angles.
-_DEGREE = 5
 
 
 @functools.singledispatch
@@ -120,39 +116,30 @@ def simulated(swimmer: Swimmer, model: Model, values: Mapping[str, float], trial
     pose = travelled(trial.time[reached], velocity[reached], _start(trial))
     angle = rollout.motion.angle_at(time[reached])
     angle[:, -1] += state[reached, 6]
-    shown = _forces(run, rollout, time[reached], pose)
+    shown = _forces(run, rollout.motion, rollout.at_steps(), time[reached], pose)
     return Swim(swimmer, trial.time[reached], velocity[reached], pose, angle, shown)
-
-
-def _forces(run: Prepared, rollout: ode.Rollout, time: FloatArray, pose: FloatArray) -> LinkForces:
-    """Return the forces of a rollout at times (n,) on a fish at `pose` (n, 3), with the memory of what remembers."""
-    steps = rollout.state if rollout.memory is None else np.concatenate([rollout.state, rollout.memory], axis=2)
-    at_steps = np.concatenate([steps[:, 0], steps[-1:, 1]])
-    forces = link_forces(run.fish, rollout.motion, at_steps, values=run.coefficients, loads=run.loads)
-    return placed(forces, rollout.time, at_steps[:, 3:6], time, pose)
 
 
 @write_log.register
 def _(result: Simulation, path: Path) -> None:
-    run, rollout = result.prepared, result.rollout
     forces = None
-    if rollout is not None and len(rollout.state):
-        time = np.minimum(run.time[: len(result.time)], rollout.time[-1])
-        forces = _forces(run, rollout, time, result.pose)
-    elif result.attitude is None and len(result.time) > _DEGREE:
-        forces = _forces_of_samples(run, result)
+    if result.attitude is None and len(result.states) > 1:
+        time = result.prepared.time[: len(result.time)]
+        forces = _forces(result.prepared, result.motion, result.states, time, result.pose)
     swim = Swim("simulated", result.time, result.velocity, result.pose, result.joint_angle, forces, result.attitude)
-    write_runs(path, [Run(result.drive, run.fish, (swim,))], name=result.fish, about=result.summary())
+    runs = [Run(result.drive, result.prepared.fish, (swim,))]
+    write_runs(path, runs, name=result.fish, about=result.summary())
 
 
-def _forces_of_samples(run: Prepared, result: Simulation) -> LinkForces:
-    """Return the forces of a run of MuJoCo at its samples, without those of a load.
+def _forces(run: Prepared, motion: JointMotion, states: FloatArray, time: FloatArray, pose: FloatArray) -> LinkForces:
+    """Return the forces on the links at times (n,) of a fish at `pose` (n, 3).
 
-    They follow from velocity and joint motion by the equation of motion; rates and accelerations of the joints are
-    those of the quintic spline through their angles, so the samples must be dense (100 a second will do).
+    Args:
+        run: what was simulated.
+        motion: of the joints.
+        states: (m, 6 or more) at the boundaries of the steps of `motion`, see `mjfish.ode.forces.link_forces`.
+        time: (n,) [s].
+        pose: (n, 3) x, y [m], yaw [rad] of the nose at these times.
     """
-    time = result.time
-    spline = make_interp_spline(time, result.joint_angle, k=_DEGREE)
-    stages = np.stack([time[:-1], 0.5 * (time[:-1] + time[1:]), time[1:]], axis=1)
-    motion = JointMotion(time, *(spline(stages, nu=order) for order in range(3)))
-    return link_forces(run.fish, motion, np.column_stack([result.velocity, result.pose]), values=run.coefficients)
+    forces = link_forces(run.fish, motion, states, values=run.coefficients, loads=run.loads)
+    return placed(forces, motion.time[: len(states)], states[:, 3:6], time, pose)
