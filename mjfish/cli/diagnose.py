@@ -131,7 +131,7 @@ def _leave(result: Diagnosis) -> None:
 
 
 def show(result: Diagnosis, known: Mapping[str, Effect]) -> None:
-    """Print a diagnosis: verdict, cause, gain, rivals, what a refit hides, what could not have been seen.
+    """Print a diagnosis: verdict, cause, gain, rivals, candidates, where the misfit sits, what is undetectable.
 
     Args:
         result: to print.
@@ -148,7 +148,7 @@ def show(result: Diagnosis, known: Mapping[str, Effect]) -> None:
     _experiments(result, known)
     if result.candidates:
         console.out.print(_candidates(result))
-    _confounded(result)
+    _biased(result)
     _where(result)
     _undetectable(result)
     console.say(*(f"Data, {finding.severity}: {finding.message}" for finding in result.checks.findings))
@@ -183,7 +183,7 @@ def _gain(result: Diagnosis) -> Table:
 
 
 def _candidates(result: Diagnosis) -> Table:
-    headings = ("cause", "LR", "p", "held out", "rival p", "fit p", "hidden")
+    headings = ("cause", "LR", "p", "held out", "rival p", "fit p", "confounded")
     table = console.table("Candidates, each fitted together with the coefficients", headings, ("cause",))
     table.columns[0].no_wrap = True
     for candidate in result.candidates:
@@ -193,7 +193,7 @@ def _candidates(result: Diagnosis) -> Table:
             table.add_row(candidate.name, *scores, *chances, percent(candidate.confounded, 2))
     table.caption = (
         "LR: fall of the sum of squares; held out: log-likelihood gained there; rival p: of the margin to the best; "
-        "fit p: of what is left; hidden: by a refit of the coefficients"
+        "fit p: of what is left; confounded: share of its signature that a refit of the coefficients removes"
     )
     return table
 
@@ -206,8 +206,8 @@ def _experiments(result: Diagnosis, known: Mapping[str, Effect]) -> None:
     console.say(*(f"To confirm {name}: {known[name].confirm}." for name in names))
 
 
-def _confounded(result: Diagnosis) -> None:
-    """Say which coefficients the missing cause had moved, in units of their standard error."""
+def _biased(result: Diagnosis) -> None:
+    """List the coefficients that the missing cause had biased by more than their standard error."""
     from mjfish.estimation.fit import Z95
 
     moved = []
@@ -219,7 +219,7 @@ def _confounded(result: Diagnosis) -> None:
         if abs(after.estimate - before.estimate) > _MOVED * error:
             moved.append(f"{name} {number(before.estimate)} to {number(after.estimate)}")
     if moved:
-        console.say(f"The refit had absorbed part of it; without the cause, with it: {', '.join(moved)}.")
+        console.say(f"Coefficients that had absorbed part of it, without and with the cause: {', '.join(moved)}.")
 
 
 def _where(result: Diagnosis) -> None:
@@ -252,8 +252,8 @@ def _where(result: Diagnosis) -> None:
 
 
 def _undetectable(result: Diagnosis) -> None:
-    """Say which causes could not have been seen, and which sizes of the others would have shown."""
-    console.say(*(f"Could not be seen: {name}, {reason}." for name, reason in result.undetectable.items()))
+    """List the causes that these data cannot show, and the minimum detectable effects of the others."""
+    console.say(*(f"Undetectable: {name}, {reason}." for name, reason in result.undetectable.items()))
     sizes = [
         f"{name} {number(size, 2)}"
         for candidate in result.candidates
@@ -261,4 +261,4 @@ def _undetectable(result: Diagnosis) -> None:
         for name, size in (candidate.minimum_detectable or {}).items()
     ]
     if sizes:
-        console.say(f"Smallest sizes that would have shown: {', '.join(sizes)}.")
+        console.say(f"Minimum detectable effects: {', '.join(sizes)}.")

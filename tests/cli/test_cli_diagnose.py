@@ -1,4 +1,4 @@
-"""``mjfish diagnose``, from a planted dataset to a fish that swims with what was found."""
+"""``mjfish diagnose``, from a synthetic dataset to a fish that swims with what was found."""
 
 from __future__ import annotations
 

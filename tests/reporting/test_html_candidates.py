@@ -24,12 +24,12 @@ def test_every_candidate_is_judged_in_words() -> None:
     named = _remarks("named")
     assert named["servo_lag"] == "The cause: with it in the model nothing systematic is left."
     assert named["time_offset"].startswith("Ruled out: servo_lag explains")
-    assert "hides 97" in named["time_offset"]
+    assert "removes 97" in named["time_offset"]
     assert named["tail_compliance"].endswith("On its bound: damping.")
     assert named["ambient_current"] == "Not tried: the heading was not recorded."
     assert _remarks("cannot_tell")["time_offset"].startswith("Possible: the data cannot tell it")
     assert "something systematic is left" in _remarks("unexplained")["servo_lag"]
-    assert _remarks("nothing_wrong")["servo_lag"].startswith("No sign of it.")
+    assert _remarks("nothing_wrong")["servo_lag"].startswith("No sign of it; ")
 
 
 def test_a_candidate_that_fits_but_gains_nothing_is_said_to_do_so() -> None:
@@ -48,8 +48,8 @@ def test_what_was_not_refitted_is_said_to_be_so_and_not_to_be_absent() -> None:
     hidden = replace(screened, name="mass_error", p_value=1.0, confounded=0.93)
     said = _said(replace(found, candidates=(best, screened, absent, hidden)))
     assert said["munk_moment"] == "Not refitted: others have better scores."
-    assert said["fin_lift"] == "No sign of it. It would have shown from slope 0.80 on."
-    assert said["mass_error"] == "Could not be seen: a refit of the coefficients hides all of it."
+    assert said["fin_lift"] == "No sign of it; the minimum detectable effect is slope 0.80."
+    assert said["mass_error"] == "Undetectable: a refit of the coefficients hides all of it."
 
 
 def test_each_of_several_causes_is_said_to_be_one_whether_or_not_it_was_refitted_alone() -> None:

@@ -108,7 +108,7 @@ def test_when_nothing_is_wrong_only_the_nominal_model_is_shown() -> None:
     for figure in page.figures():
         assert {trace.get("name") for trace in figure["data"]} <= {"measured", "nominal", None}
     assert "extended model" not in page.text
-    assert "It would have shown from time_constant 5.8 × 10⁻⁵ s on." in page.text
+    assert "the minimum detectable effect is time_constant 5.8 × 10⁻⁵ s." in page.text
 
 
 def test_rivals_are_listed_each_with_the_experiment_that_tells_them_apart() -> None:

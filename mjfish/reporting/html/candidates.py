@@ -9,8 +9,8 @@ from mjfish.diagnosis.select import GOODNESS, KEEP
 from mjfish.effects import Effect, catalogue
 from mjfish.reporting.words import number, percent, unit
 
-#: A refit that hides more of a signature than this leaves little to see.
-_HIDDEN = 0.9
+#: With a larger confounded share a signature says little.
+_CONFOUNDED = 0.9
 
 
 def known_effects(diagnosis: Diagnosis) -> dict[str, Effect]:
@@ -18,8 +18,8 @@ def known_effects(diagnosis: Diagnosis) -> dict[str, Effect]:
     return {**catalogue(), **{effect.name: effect for effect in diagnosis.extended_model.effects}}
 
 
-def visible(candidate: Candidate, effects: Mapping[str, Effect]) -> tuple[str, ...]:
-    """Return, per amplitude, the size that would have shown, with its unit."""
+def detectable(candidate: Candidate, effects: Mapping[str, Effect]) -> tuple[str, ...]:
+    """Return the minimum detectable effect of each amplitude, with its unit."""
     units = {p.name: p.unit for p in effects[candidate.name].parameters} if candidate.name in effects else {}
     return tuple(
         f"{name.rpartition('.')[2]} {number(size, 2)} {unit(units.get(name, '-'))}".strip()
@@ -29,17 +29,17 @@ def visible(candidate: Candidate, effects: Mapping[str, Effect]) -> tuple[str, .
 
 def remark(candidate: Candidate, diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
     """Return all that is said of a candidate: the judgement, then what to mind about its numbers."""
-    said = judgement(candidate, diagnosis, visible(candidate, effects))
+    said = judgement(candidate, diagnosis, detectable(candidate, effects))
     return " ".join(filter(None, [said, *cautions(candidate, diagnosis)]))
 
 
-def judgement(candidate: Candidate, diagnosis: Diagnosis, shown: Sequence[str]) -> str:
+def judgement(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) -> str:
     """Say in a sentence why the candidate is, or is not, the cause.
 
     Args:
         candidate: to judge.
         diagnosis: that it is of.
-        shown: the sizes of it that would have shown.
+        sizes: its minimum detectable effects.
     """
     if not candidate.applicable:
         return f"Not tried: {candidate.remark}."
@@ -49,7 +49,7 @@ def judgement(candidate: Candidate, diagnosis: Diagnosis, shown: Sequence[str]) 
         left = f", and with it {_left(candidate)}" if (candidate.name,) in diagnosis.alternatives else ""
         return f"Possible: the data cannot tell it from its rivals{left}."
     if candidate.parameters is None:
-        return _not_refitted(candidate, diagnosis, shown)
+        return _not_refitted(candidate, diagnosis, sizes)
     if diagnosis.verdict == "cannot_tell" and (candidate.name,) in diagnosis.alternatives:
         if _clean(candidate):
             return "Possible: it explains no more than chance might, and with it nothing systematic is left."
@@ -66,9 +66,9 @@ def judgement(candidate: Candidate, diagnosis: Diagnosis, shown: Sequence[str]) 
 def cautions(candidate: Candidate, diagnosis: Diagnosis) -> list[str]:
     """Return what to mind about the numbers of a candidate."""
     found = []
-    if candidate.applicable and candidate.confounded > _HIDDEN and candidate.name not in diagnosis.undetectable:
+    if candidate.applicable and candidate.confounded > _CONFOUNDED and candidate.name not in diagnosis.undetectable:
         share = percent(candidate.confounded, 2)
-        found.append(f"A refit of the coefficients hides {share} of what it does: these trials say little.")
+        found.append(f"A refit of the coefficients removes {share} of its signature: these trials say little about it.")
     stuck = [name for name, value in (candidate.parameters or {}).items() if value.at_bound]
     if stuck:
         found.append(f"On its bound: {', '.join(stuck)}.")
@@ -86,14 +86,14 @@ def _at_work(candidate: Candidate, diagnosis: Diagnosis) -> str:
     return f"The cause: with it in the model {_left(candidate)}."
 
 
-def _not_refitted(candidate: Candidate, diagnosis: Diagnosis, shown: Sequence[str]) -> str:
+def _not_refitted(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) -> str:
     if candidate.name in diagnosis.undetectable:
-        return f"Could not be seen: {diagnosis.undetectable[candidate.name]}."
+        return f"Undetectable: {diagnosis.undetectable[candidate.name]}."
     if candidate.p_value < KEEP and any(other.parameters is not None for other in diagnosis.candidates):
         return "Not refitted: others have better scores."
-    if not shown:
+    if not sizes:
         return "No sign of it."
-    return f"No sign of it. It would have shown from {' and '.join(shown)} on."
+    return f"No sign of it; the minimum detectable effect is {' and '.join(sizes)}."
 
 
 def _ruled_out(diagnosis: Diagnosis) -> str:

@@ -10,7 +10,7 @@ from mjfish.diagnosis.locate import FIFTHS
 from mjfish.diagnosis.select import GOODNESS, KEEP
 from mjfish.files import write_text
 from mjfish.frames import CHANNELS
-from mjfish.reporting.html.candidates import known_effects, remark, visible
+from mjfish.reporting.html.candidates import detectable, known_effects, remark
 from mjfish.reporting.html.figures import beat_figure, force_figure, overlay_figure
 from mjfish.reporting.html.pages import render
 from mjfish.reporting.words import CHANNEL_NAMES, VERDICTS
@@ -47,7 +47,7 @@ def render_diagnosis(diagnosis: Diagnosis) -> str:
         effects=effects,
         chosen={*diagnosis.certain, *(name for group in diagnosis.rivals for name in group)},
         remark=lambda candidate: remark(candidate, diagnosis, effects),
-        visible=lambda candidate: visible(candidate, effects),
+        detectable=lambda candidate: detectable(candidate, effects),
         keep=KEEP,
         goodness=GOODNESS,
         experiments=[effects[name] for name in possible if name in effects],

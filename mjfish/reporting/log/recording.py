@@ -9,6 +9,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -110,14 +111,11 @@ def _water(recording: rr.RecordingStream, root: str, run: Run) -> None:
 
 def _swim(recording: rr.RecordingStream, root: str, run: Run, swim: Swim, scale: float) -> None:
     """Log the body (or the nose alone), the path of the nose and the arrows of the forces."""
-    colour = COLOURS[swim.swimmer]
-    path = swim.nose
+    colour, path = COLOURS[swim.swimmer], swim.nose
     recording.log(f"{root}/path", rr.LineStrips3D([path], colors=[colour], radii=rr.Radius.ui_points(1.2)), static=True)
-    at = [rr.TimeColumn(TIMELINE, duration=swim.time)]
     if swim.joint_angle is None:
-        radius = 0.02 * run.fish.length
-        recording.log(f"{root}/nose", rr.Points3D.from_fields(colors=[colour], radii=[radius]), static=True)
-        recording.send_columns(f"{root}/nose", at, rr.Points3D.columns(positions=path))
+        point = rr.Points3D.from_fields(colors=[colour], radii=[0.02 * run.fish.length])
+        _columns(recording, f"{root}/nose", point, swim.time, rr.Points3D.columns(positions=path))
         return
     place, turn = link_poses(run.fish, swim.pose, swim.joint_angle, swim.attitude)
     for k in range(len(run.fish.links)):
@@ -125,10 +123,8 @@ def _swim(recording: rr.RecordingStream, root: str, run: Run, swim: Swim, scale:
         body = rr.Mesh3D(
             vertex_positions=vertices, triangle_indices=triangles, vertex_normals=normals, albedo_factor=colour
         )
-        recording.log(f"{root}/link_{k}", body, static=True)
-        recording.send_columns(
-            f"{root}/link_{k}", at, rr.Transform3D.columns(translation=place[:, k], quaternion=turn[:, k])
-        )
+        moves = rr.Transform3D.columns(translation=place[:, k], quaternion=turn[:, k])
+        _columns(recording, f"{root}/link_{k}", body, swim.time, moves)
     if swim.forces is not None:
         _arrows(recording, f"{root}/force", swim.time, swim.forces, scale)
 
@@ -139,19 +135,12 @@ def _arrows(recording: rr.RecordingStream, root: str, time: FloatArray, forces: 
         if not np.any(wrench):
             continue
         count, links = wrench.shape[:2]
-        flat = np.zeros((count, links, 3))
-        origins, vectors = flat.copy(), flat
+        origins, vectors = np.zeros((2, count, links, 3))
         origins[..., :2] = forces.point(wrench)
         vectors[..., :2] = scale * wrench[..., :2]
         style = rr.Arrows3D.from_fields(colors=[colour], radii=rr.Radius.ui_points(2.5))
-        recording.log(f"{root}/{kind}", style, static=True)
-        recording.send_columns(
-            f"{root}/{kind}",
-            [rr.TimeColumn(TIMELINE, duration=time)],
-            rr.Arrows3D.columns(origins=origins.reshape(-1, 3), vectors=vectors.reshape(-1, 3)).partition(
-                [links] * count
-            ),
-        )
+        arrows = rr.Arrows3D.columns(origins=origins.reshape(-1, 3), vectors=vectors.reshape(-1, 3))
+        _columns(recording, f"{root}/{kind}", style, time, arrows.partition([links] * count))
 
 
 def _series(
@@ -163,13 +152,15 @@ def _series(
     channels: Sequence[str] = CHANNELS,
 ) -> None:
     """Log one curve a channel."""
+    style = rr.SeriesLines(names=swimmer, colors=COLOURS[swimmer], widths=1.6)
     for k, channel in enumerate(channels):
-        entity = f"{root}/{channel}/{swimmer}"
-        style = rr.SeriesLines(names=swimmer, colors=COLOURS[swimmer], widths=1.6)
-        recording.log(entity, style, static=True)
-        recording.send_columns(
-            entity, [rr.TimeColumn(TIMELINE, duration=time)], rr.Scalars.columns(scalars=values[:, k])
-        )
+        _columns(recording, f"{root}/{channel}/{swimmer}", style, time, rr.Scalars.columns(scalars=values[:, k]))
+
+
+def _columns(recording: rr.RecordingStream, entity: str, style: Any, time: FloatArray, columns: Any) -> None:
+    """Log what of an entity stays, and what changes over time (n,) [s]."""
+    recording.log(entity, style, static=True)
+    recording.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=time)], columns)
 
 
 def arrow_scale(runs: Sequence[Run]) -> float:
