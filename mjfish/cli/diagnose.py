@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +10,6 @@ from rich.padding import Padding
 from rich.table import Table
 
 import mjfish
-from mjfish import reporting
 from mjfish.cli import console
 from mjfish.errors import InputError
 from mjfish.files import check_file, check_folder, make_folder
@@ -56,7 +54,7 @@ def diagnose(
     with console.progress_bar() as tell:
         result = mjfish.diagnose(measured, effects=known, seed=seed, jobs=jobs, progress=tell)
     _write(result, json_, report, rrd, extended)
-    show(result, known)
+    show(result)
     _leave(result)
 
 
@@ -67,12 +65,11 @@ def demo(
 ) -> None:
     """Run the main job on a shipped dataset with a hidden effect."""
     check_folder(out)
-    known = _catalogue(None)
     with console.progress_bar() as tell:
-        result = mjfish.diagnose(mjfish.load_dataset(DEMO), effects=known, progress=tell)
+        result = mjfish.diagnose(mjfish.load_dataset(DEMO), progress=tell)
     make_folder(out)
     _write(result, *(out / name for name in ("diagnosis.json", "report.html", "fish.rrd", "extended.toml")))
-    show(result, known)
+    show(result)
     program = console.program()
     console.say(
         f"\nThe numbers:  {out}/diagnosis.json",
@@ -107,9 +104,9 @@ def _write(result: Diagnosis, json_: Path | None, report: Path | None, rrd: Path
     if json_ is not None:
         result.save(json_)
     if report is not None:
-        reporting.write_report(result, report)
+        result.report(report)
     if rrd is not None:
-        reporting.write_log(result, rrd)
+        result.log(rrd)
     if extended is not None:
         from mjfish.model.extended import write
 
@@ -130,13 +127,8 @@ def _leave(result: Diagnosis) -> None:
         raise typer.Exit(console.NOT_GOOD)
 
 
-def show(result: Diagnosis, known: Mapping[str, Effect]) -> None:
-    """Print a diagnosis: verdict, cause, gain, rivals, candidates, where the misfit sits, what is undetectable.
-
-    Args:
-        result: to print.
-        known: causes that were candidates, by name.
-    """
+def show(result: Diagnosis) -> None:
+    """Print a diagnosis: verdict, cause, gain, rivals, candidates, where the misfit sits, what is undetectable."""
     console.out.print(result.verdict, style=f"bold {_COLOURS[result.verdict]}", end="  ")
     console.say(result.message)
     if result.status != "ok":
@@ -145,7 +137,7 @@ def show(result: Diagnosis, known: Mapping[str, Effect]) -> None:
         console.out.print(_cause(result))
     if result.gain is not None:
         console.out.print(_gain(result))
-    _experiments(result, known)
+    _experiments(result)
     if result.candidates:
         console.out.print(_candidates(result))
     _biased(result)
@@ -198,12 +190,12 @@ def _candidates(result: Diagnosis) -> Table:
     return table
 
 
-def _experiments(result: Diagnosis, known: Mapping[str, Effect]) -> None:
+def _experiments(result: Diagnosis) -> None:
     names = [cause.name for cause in result.causes] or [name for group in result.rivals for name in group]
     if result.rivals:
         apart = " from ".join(names)
         console.say(f"To tell {apart}: `mjfish plan` on this dataset ranks runs by how far they set them apart.")
-    console.say(*(f"To confirm {name}: {known[name].confirm}." for name in names))
+    console.say(*(f"To confirm {name}: {result.effects[name].confirm}." for name in names))
 
 
 def _biased(result: Diagnosis) -> None:

@@ -42,7 +42,7 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
         >>> import mjfish
         >>> dataset = mjfish.generate("pike", ["v1", "v3-t1"], noise=(0.01, 0.01, 0.05))
         >>> [finding.code for finding in mjfish.inspect(dataset).findings]
-        []
+        ['design-one-frequency', 'design-no-turn']
     """
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)

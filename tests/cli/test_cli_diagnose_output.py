@@ -12,6 +12,7 @@ from rich.console import ColorSystem
 
 from mjfish.cli import console
 from mjfish.cli.diagnose import show
+from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.result import Verdict
 from mjfish.effects import catalogue
 
@@ -24,14 +25,14 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(console.out, "_width", 200)
 
 
-def _told(capsys: pytest.CaptureFixture[str], result: object, known: object = None) -> str:
-    show(result, known or catalogue())  # type: ignore[arg-type]
+def _printed(capsys: pytest.CaptureFixture[str], result: Diagnosis) -> str:
+    show(result)
     return capsys.readouterr().out.replace("\N{NO-BREAK SPACE}", " ")
 
 
 @pytest.mark.parametrize("verdict", get_args(Verdict))
 def test_every_verdict_is_told_with_its_message(capsys: pytest.CaptureFixture[str], verdict: Verdict) -> None:
-    shown = _told(capsys, diagnosis(verdict))
+    shown = _printed(capsys, diagnosis(verdict))
     assert shown.startswith(f"{verdict}  Something to say about {verdict}.")
     assert "c_f.head of the nominal model rests on its bound" in shown
 
@@ -39,7 +40,7 @@ def test_every_verdict_is_told_with_its_message(capsys: pytest.CaptureFixture[st
 def test_a_named_cause_comes_with_estimate_interval_gain_and_confirming_experiment(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    shown = _told(capsys, diagnosis("named"))
+    shown = _printed(capsys, diagnosis("named"))
     for text in (f"{CAUSE}.time_constant", "0.02010", "0.01950 to 0.02070", "57.0 % to 66.0 %", "3.14 %", "1.20 %"):
         assert text in shown
     assert "mean speed error [m/s]" in shown
@@ -47,13 +48,13 @@ def test_a_named_cause_comes_with_estimate_interval_gain_and_confirming_experime
 
 
 def test_without_held_out_trials_there_is_no_gain_to_tell(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "before and after" not in _told(capsys, diagnosis("named", held_out=False))
+    assert "before and after" not in _printed(capsys, diagnosis("named", held_out=False))
 
 
 def test_a_rival_from_a_users_file_is_told_apart_too(capsys: pytest.CaptureFixture[str]) -> None:
     """It is in no shipped catalogue. Its text may hold brackets."""
-    result = replace(diagnosis("cannot_tell"), rivals=((CAUSE, "camera_scale"),))
-    shown = _told(capsys, result, catalogue([OWN]))
+    result = replace(diagnosis("cannot_tell"), rivals=((CAUSE, "camera_scale"),), effects=catalogue([OWN]))
+    shown = _printed(capsys, result)
     assert "To confirm camera_scale: film a ruler." in shown
     assert "mean speed error [m/s]" in shown
     assert f"To confirm {CAUSE}: " in shown
@@ -64,7 +65,7 @@ def test_a_fit_that_has_not_converged_is_said_so_in_red_with_what_to_do(
 ) -> None:
     monkeypatch.setattr(console.err, "_force_terminal", True)
     monkeypatch.setattr(console.err, "_color_system", ColorSystem.STANDARD)
-    show(replace(diagnosis("named"), status="fit_not_converged"), catalogue())
+    show(replace(diagnosis("named"), status="fit_not_converged"))
     shown = capsys.readouterr().err
     assert "\x1b[1;31mfit_not_converged:" in shown
     assert "mjfish identify DATASET --starts 16" in shown

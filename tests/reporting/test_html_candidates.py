@@ -8,12 +8,11 @@ from diagnosed import diagnosis
 
 from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.result import Verdict
-from mjfish.reporting.html.candidates import known_effects, remark
+from mjfish.reporting.html.candidates import remark
 
 
 def _said(found: Diagnosis) -> dict[str, str]:
-    effects = known_effects(found)
-    return {candidate.name: remark(candidate, found, effects) for candidate in found.candidates}
+    return {candidate.name: remark(candidate, found) for candidate in found.candidates}
 
 
 def _remarks(verdict: Verdict) -> dict[str, str]:

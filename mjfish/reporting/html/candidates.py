@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from mjfish.diagnosis import Candidate, Diagnosis
 from mjfish.diagnosis.select import GOODNESS, KEEP
-from mjfish.effects import Effect, catalogue
 from mjfish.reporting.words import number, percent, unit
 
 #: With a larger confounded share a signature says little.
 _CONFOUNDED = 0.9
 
 
-def known_effects(diagnosis: Diagnosis) -> dict[str, Effect]:
-    """Return the effects by name as far as they are known here: the shipped ones and those of the extended model."""
-    return {**catalogue(), **{effect.name: effect for effect in diagnosis.extended_model.effects}}
-
-
-def detectable(candidate: Candidate, effects: Mapping[str, Effect]) -> tuple[str, ...]:
+def detectable(candidate: Candidate, diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return the minimum detectable effect of each amplitude, with its unit."""
-    units = {p.name: p.unit for p in effects[candidate.name].parameters} if candidate.name in effects else {}
+    effect = diagnosis.effects.get(candidate.name)
+    units = {p.name: p.unit for p in effect.parameters} if effect else {}
     return tuple(
         f"{name.rpartition('.')[2]} {number(size, 2)} {unit(units.get(name, '-'))}".strip()
         for name, size in (candidate.minimum_detectable or {}).items()
     )
 
 
-def remark(candidate: Candidate, diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
+def remark(candidate: Candidate, diagnosis: Diagnosis) -> str:
     """Return all that is said of a candidate: the judgement, then what to mind about its numbers."""
-    said = judgement(candidate, diagnosis, detectable(candidate, effects))
+    said = judgement(candidate, diagnosis, detectable(candidate, diagnosis))
     return " ".join(filter(None, [said, *cautions(candidate, diagnosis)]))
 
 

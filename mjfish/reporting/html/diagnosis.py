@@ -10,7 +10,7 @@ from mjfish.diagnosis.locate import FIFTHS
 from mjfish.diagnosis.select import GOODNESS, KEEP
 from mjfish.files import write_text
 from mjfish.frames import CHANNELS
-from mjfish.reporting.html.candidates import detectable, known_effects, remark
+from mjfish.reporting.html.candidates import detectable, remark
 from mjfish.reporting.html.figures import beat_figure, force_figure, overlay_figure
 from mjfish.reporting.html.pages import render
 from mjfish.reporting.words import CHANNEL_NAMES, VERDICTS
@@ -29,7 +29,6 @@ def write_diagnosis(diagnosis: Diagnosis, path: Path) -> None:
 
 def render_diagnosis(diagnosis: Diagnosis) -> str:
     """Return the page of a diagnosis as HTML: self-contained, everything that came from a user escaped."""
-    effects = known_effects(diagnosis)
     overlays = sorted(diagnosis.overlays, key=lambda overlay: not overlay.held_out)
     declared = {p.name: p for p in (*diagnosis.nominal_model.parameters, *diagnosis.extended_model.parameters)}
     possible = [cause.name for cause in diagnosis.causes] or [name for group in diagnosis.rivals for name in group]
@@ -44,13 +43,13 @@ def render_diagnosis(diagnosis: Diagnosis) -> str:
         beat=beat_figure(diagnosis),
         where=shares(diagnosis),
         force=force_figure(diagnosis),
-        effects=effects,
+        effects=diagnosis.effects,
         chosen={*diagnosis.certain, *(name for group in diagnosis.rivals for name in group)},
-        remark=lambda candidate: remark(candidate, diagnosis, effects),
-        detectable=lambda candidate: detectable(candidate, effects),
+        remark=lambda candidate: remark(candidate, diagnosis),
+        detectable=lambda candidate: detectable(candidate, diagnosis),
         keep=KEEP,
         goodness=GOODNESS,
-        experiments=[effects[name] for name in possible if name in effects],
+        experiments=[diagnosis.effects[name] for name in possible if name in diagnosis.effects],
         declared=declared,
         names=[*diagnosis.nominal, *(name for name in diagnosis.extended if name not in diagnosis.nominal)],
         whiskers=whiskers,
