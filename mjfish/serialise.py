@@ -49,5 +49,5 @@ def plain(value: Any) -> Any:
 
 def fields_of(value: Any) -> dict[str, Any]:
     """Return the fields of a dataclass as plain data, but for those declared by `unsaved`."""
-    kept = [one.name for one in fields(value) if one.metadata.get("saved", True)]
+    kept = [entry.name for entry in fields(value) if entry.metadata.get("saved", True)]
     return {name: plain(getattr(value, name)) for name in kept}

@@ -112,9 +112,9 @@ def assign(against: Sequence[Path], trials: Sequence[Trial]) -> tuple[dict[str, 
             _check_own(file, trial, found.get(trial.name))
             found[trial.name] = file
     if not found:
-        told = ", ".join(sorted(file.name for file in unused)[:5]) or "no tables"
+        listed = ", ".join(sorted(_shown(file) for file in unused)[:5]) or "no tables"
         where = ", ".join(map(str, against))
-        raise InputError(f"{where}: no rollout of any trial; found {told}; {_expected(trials)}")
+        raise InputError(f"{where}: no rollout of any trial; found {listed}; {_expected(trials)}")
     return found, tuple(unused)
 
 
@@ -133,9 +133,13 @@ def _name(file: Path) -> str:
     return file.resolve().parent.name if file.stem == _ANONYMOUS else file.stem
 
 
+def _shown(file: Path) -> str:
+    return f"{_name(file)}/{file.name}" if file.stem == _ANONYMOUS else file.name
+
+
 def _expected(trials: Sequence[Trial]) -> str:
     listed = ", ".join(f"{trial.name}.csv" for trial in trials[:5]) + (", ..." if len(trials) > 5 else "")
-    return f"expected files named as the trials: {listed}"
+    return f"expected files named as the trials: {listed}, or folders so named with a {_ANONYMOUS}.csv"
 
 
 def _check_own(file: Path, trial: Trial, other: Path | None) -> None:

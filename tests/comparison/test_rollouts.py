@@ -62,6 +62,9 @@ def test_what_cannot_be_assigned_is_refused(pool: Dataset, trials: tuple[Trial, 
     _touch(tmp_path / "others" / "b.csv")
     with pytest.raises(InputError, match=r"no rollout of any trial; found a\.csv, b\.csv"):
         assign([tmp_path / "others"], trials)
+    _touch(tmp_path / "turn" / "rollout.csv")
+    with pytest.raises(InputError, match=r"found turn/rollout\.csv; .* or folders so named with a rollout\.csv"):
+        assign([tmp_path / "turn"], trials)
     _touch(tmp_path / "two" / "v1.csv")
     _touch(tmp_path / "two" / "v1.parquet")
     with pytest.raises(InputError, match=r"v1\.parquet: '.*v1\.csv' is a rollout of the trial 'v1' already"):
