@@ -21,13 +21,21 @@ KINDS = {"c_m": "inertia (added mass)", "c_d": "drag across the body", "c_f": "s
 #: The nine coefficients of [Yu2016], Table III, in its order.
 COEFFICIENTS: tuple[str, ...] = tuple(f"{kind}.{group}" for kind in KINDS for group in GROUPS)
 
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
+# Limits beyond which no swimmer is, and within which nothing that is computed overflows.
+Positive = Annotated[float, Field(gt=0.0, le=1e9)]
+NotNegative = Annotated[float, Field(ge=0.0, le=1e9)]
+Length = Annotated[float, Field(ge=1e-6, le=1e3)]
+Station = Annotated[float, Field(ge=-1e3, le=1e3)]
+Mass = Annotated[float, Field(ge=1e-9, le=1e9)]
+Inertia = Annotated[float, Field(ge=1e-18, le=1e12)]
+Constant = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
 def _not_negative_pair(pair: tuple[float, float]) -> tuple[float, float]:
     if min(pair) < 0.0 or max(pair) <= 0.0:
         raise ValueError("both ends must be at least 0 and one above 0 m")
+    if max(pair) > 1e3:
+        raise ValueError(f"found {max(pair):g} m, expected at most 1000 m")
     return pair
 
 
@@ -41,8 +49,8 @@ class Section(Table):
     (a, b) the ends given in `height` and `width` [m].
     """
 
-    start: NotNegative = Field(alias="from")
-    end: Positive = Field(alias="to")
+    start: Station = Field(alias="from", ge=0.0)
+    end: Length = Field(alias="to")
     profile: Literal["linear", "elliptic"] = "linear"
     height: Ends
     width: Ends
@@ -68,10 +76,10 @@ class Link(Table):
 
     name: str = Field(min_length=1)
     group: Group
-    length: Positive
-    mass: Positive
-    com: float
-    inertia: Positive
+    length: Length
+    mass: Mass
+    com: Station
+    inertia: Inertia
 
 
 class Cpg(Table):
@@ -87,11 +95,11 @@ class Cpg(Table):
     """
 
     amplitude: tuple[Positive, ...]
-    h1: float
-    h2: float
+    h1: Constant
+    h2: Constant
     beta: Positive
     unit: Positive
-    phase: float
+    phase: Constant
 
 
 class Servo(Table):
@@ -151,10 +159,10 @@ class Fish(Table):
     schema_: Literal[1] = Field(alias="schema")
     name: str = Field(min_length=1)
     about: str = ""
-    density: Positive = 1000.0
+    density: Positive = Field(default=1000.0, le=1e6)
     munk_moment: float = Field(default=0.0, ge=-2.0, le=3.0)
-    tail_compliance: NotNegative = 0.0
-    tail_damping: NotNegative = 0.02
+    tail_compliance: NotNegative = Field(default=0.0, le=1e6)
+    tail_damping: NotNegative = Field(default=0.02, le=1e6)
     links: tuple[Link, ...] = Field(min_length=2)
     sections: tuple[Section, ...] = Field(min_length=1)
     coefficients: Coefficients

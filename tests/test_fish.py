@@ -104,11 +104,20 @@ BROKEN = {
     "unknown key": ([("density = ", "viscosity = 1.0\ndensity = ")], "viscosity: unknown key; remove it or correct"),
     "unknown key of a link": ([("mass = 1.528", "mas = 1.528")], "links.1.mas: unknown key"),
     "missing key": ([("mass = 1.528\n", "")], "links.1.mass: this key is missing; add it"),
-    "negative mass": ([("mass = 0.171", "mass = -0.171")], "links.4.mass: must be above 0; correct it (found -0.171)"),
-    "mass zero": ([("mass = 0.171", "mass = 0.0")], "links.4.mass: must be above 0"),
+    "negative mass": (
+        [("mass = 0.171", "mass = -0.171")],
+        "mass: must be at least 1e-09; correct it (found -0.171)",
+    ),
+    "mass zero": ([("mass = 0.171", "mass = 0.0")], "links.4.mass: must be at least 1e-09"),
+    "length absurd": (
+        [("length = 0.291", "length = 1e300")],
+        "length: must be at most 1000; correct it",
+    ),
+    "mass absurd": ([("mass = 0.171", "mass = 1e300")], "links.4.mass: must be at most 1e+09"),
+    "mass of nothing": ([("mass = 0.171", "mass = 1e-300")], "links.4.mass: must be at least 1e-09"),
     "mass NaN": ([("mass = 0.171", "mass = nan")], "links.4.mass: expected a finite number"),
     "mass quoted": ([("mass = 0.171", 'mass = "0.171"')], "links.4.mass: expected a number; write it without quotes"),
-    "inertia": ([("inertia = 290e-4", "inertia = -1")], "links.1.inertia: must be above 0"),
+    "inertia": ([("inertia = 290e-4", "inertia = -1")], "links.1.inertia: must be at least 1e-18"),
     "density": ([("density = 1000.0", "density = 0")], "density: must be above 0"),
     "schema": ([("schema = 1", "schema = 2")], "schema: expected 1 (found 2)"),
     "group": (

@@ -31,15 +31,16 @@ def generate(
     import numpy as np
 
     from mjfish.data import check_folder, save
-    from mjfish.effects import catalogue, find
+    from mjfish.effects import catalogue, find, of_fish
 
     settings = console.effect_settings(effect or [])
-    known = catalogue(tuple(effects or ()))
+    body = mjfish.load_fish(fish)
+    known = of_fish(catalogue(tuple(effects or ())), body)
     hidden = {name: find(name, known) for name in settings}
     values = {hidden[name].declaration(short).name: v for name, own in settings.items() for short, v in own.items()}
     check_folder(out)
     dataset = mjfish.generate(
-        mjfish.load_fish(fish),
+        body,
         list(console.names(modes)),
         values={**console.assignments(set_ or [], "--set"), **values},
         effects=list(hidden.values()),

@@ -58,12 +58,13 @@ def simulate(
 ) -> None:
     """Simulate a fish with its effects and write rollout.csv and rollout.rrd."""
     from mjfish import effects as causes
+    from mjfish.fish import read as read_fish
     from mjfish.simulation import parse_wave
 
     if wave is not None and joints is not None:
         raise InputError("--wave: found with --joints, expected one drive; drop one")
     check_folder(out)
-    known = causes.catalogue(tuple(effects or ()))
+    known = causes.of_fish(causes.catalogue(tuple(effects or ())), read_fish(fish)[0])
     values = console.assignments(set_ or [], "--set")
     for name, settings in console.effect_settings(effect or []).items():
         values |= {causes.find(name, known).declaration(short).name: value for short, value in settings.items()}

@@ -25,7 +25,7 @@ from mjfish.diagnosis.search import search
 from mjfish.diagnosis.select import standings
 from mjfish.diagnosis.several import several
 from mjfish.diagnosis.verdict import ALARM, Hearing, Ruling, rule
-from mjfish.effects import Effect, catalogue
+from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.errors import InputError
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.clocks import aligned
@@ -79,7 +79,7 @@ def _diagnosed(
     dataset: Dataset, effects: Mapping[str, Effect] | None, seed: int, jobs: int | None, progress: Progress
 ) -> Diagnosis:
     rng = np.random.default_rng(seed)
-    candidates = tuple((catalogue() if effects is None else dict(effects)).values())
+    candidates = tuple(of_fish(catalogue() if effects is None else effects, dataset.fish).values())
     reasons = {effect.name: effect.not_applicable(dataset) for effect in candidates}
     applicable = tuple(effect for effect in candidates if not reasons[effect.name])
     dataset = aligned(dataset)

@@ -8,13 +8,14 @@ import importlib.util
 import pkgutil
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 
 from mjfish.data import place
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, MjfishError, UnknownNameError
+from mjfish.fish import Fish
 
 
 @functools.cache
@@ -42,6 +43,11 @@ def catalogue(files: Sequence[Path] = ()) -> dict[str, Effect]:
                     raise InputError(f"an effect named '{effect.name}' is there already; give yours another name")
                 known[effect.name] = effect
     return known
+
+
+def of_fish(effects: Mapping[str, Effect], fish: Fish) -> dict[str, Effect]:
+    """Return the effects with the parameters that they have for `fish`: some have one per joint."""
+    return {name: effect.for_fish(fish) or effect for name, effect in effects.items()}
 
 
 def find(name: str, known: dict[str, Effect] | None = None) -> Effect:

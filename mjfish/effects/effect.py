@@ -127,6 +127,12 @@ class Effect(ABC):
         return state
 
     @classmethod
+    def for_fish(cls, fish: Fish) -> Effect | None:
+        """Return the effect as `fish` has it, where its parameters depend on the fish; None where they do not."""
+        del fish
+        return None
+
+    @classmethod
     def unclear_under(cls, code: str) -> bool:
         """Return whether data with a finding of this code cannot tell or show this cause."""
         shown = {"design-no-turn": "turn", "design-no-start": "start-up"}

@@ -13,7 +13,7 @@ from mjfish import fish as fishes
 from mjfish import fish_toml, tomlfile
 from mjfish.data import place
 from mjfish.drive.motion import JointMotion
-from mjfish.effects import catalogue
+from mjfish.effects import catalogue, of_fish
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import COEFFICIENTS, Fish
@@ -116,6 +116,7 @@ def load(
     known = catalogue() if effects is None else effects
     source = fish.name if isinstance(fish, Fish) else str(fish)
     fish, tables = (fish, {}) if isinstance(fish, Fish) else fishes.read(fish)
+    known = of_fish(known, fish)
     added = dict.fromkeys(name.partition(".")[0] for name in given if name not in COEFFICIENTS)
     if not tables:
         return Extended(Model(fish, tuple(known[name] for name in added if name in known)), given)

@@ -72,7 +72,9 @@ class Model:
     coriolis: Coriolis = "corrected"
 
     def __post_init__(self) -> None:
-        """Refuse an effect that is there twice: its parameters could not be told apart."""
+        """Give each effect the parameters that this fish has; refuse one that is there twice."""
+        effects = tuple(effect.for_fish(self.fish) or effect for effect in self.effects)
+        object.__setattr__(self, "effects", effects)
         names = [effect.name for effect in self.effects]
         if len(set(names)) < len(names):
             raise InputError(f"effects {', '.join(names)}: one is there twice; give each once")

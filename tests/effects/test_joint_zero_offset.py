@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from recovery import derivative_error, deviations, planted, refitted, strength
 
 from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
+from mjfish.drive.motion import JointMotion
 from mjfish.effects import find
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
@@ -37,12 +40,28 @@ def test_a_fish_bent_to_one_side_turns_and_bent_to_the_other_turns_the_other_way
     assert turned[0] + turned[2] == pytest.approx(2.0 * turned[1], abs=0.2 * abs(turned[0] - turned[2]))
 
 
-def test_a_fish_with_another_number_of_joints_is_told_why_it_is_no_candidate(pike: Fish, straight: Trial) -> None:
+@pytest.mark.parametrize("joints", [1, 2, 5, 9])
+def test_it_has_an_offset_for_every_joint(joints: int, straight: Trial) -> None:
+    """Catches a declaration for four joints alone."""
+    fish = SimpleNamespace(joints=joints)
+    own = ZERO.for_fish(fish)  # type: ignore[arg-type]
+    assert own is ZERO.for_fish(fish)  # type: ignore[arg-type]
+    assert own is not None
+    assert [p.short for p in own.parameters] == [f"joint_{k}" for k in range(1, joints + 1)]
+    own.check_declaration()
+    still = np.zeros((3, 3, joints))
+    motion = JointMotion(np.linspace(0.0, 1.0, 4), still, still, still)
+    bend = {f"joint_{k}": 0.01 * k for k in range(1, joints + 1)}
+    np.testing.assert_allclose(own.drive(motion, bend).angle[0, 0], list(bend.values()))
+
+
+def test_a_fish_of_five_joints_has_it(straight: Trial) -> None:
+    """By its full names, in the model, too. Catches a fish that is refused for its number of joints."""
     tendon = load_fish("eth_tendon")
-    assert tendon.joints != pike.joints
-    said = ZERO.not_applicable(Dataset("d", tendon, (straight,)))
-    assert said == f"it is declared for 4 joints, {tendon.name} has {tendon.joints}"
-    assert ZERO.not_applicable(Dataset("d", pike, (straight,))) == ""
+    assert tendon.joints == 5
+    assert ZERO.not_applicable(Dataset("d", tendon, (straight,))) == ""
+    names = [p.name for p in Model(tendon, (ZERO,)).parameters]
+    assert names[-1] == "joint_zero_offset.joint_5"
 
 
 @pytest.mark.parametrize("short", BEND)
