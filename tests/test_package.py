@@ -16,7 +16,7 @@ import mjfish
 NAMES = [name for name in mjfish.__all__ if name != "__version__"]
 #: Whose docstrings are not complete yet.
 INCOMPLETE = {
-    "Dataset", "Effect", "Fish", "Model", "Parameter", "StripFluid", "StripLink", "Trial", "load_dataset",
+    "Dataset", "Effect", "Fish", "Model", "Parameter", "Trial", "load_dataset",
     "load_fish",
 }  # fmt: skip
 EACH = [pytest.param(name, marks=[pytest.mark.xfail(strict=False)] if name in INCOMPLETE else []) for name in NAMES]

@@ -89,7 +89,8 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
         for i in range(n):
             link = water.links[i]
             fill_non_inertial(model, data, link, frame[i], wrench[i])
-            wrench[i] += pushed[i]
+            for k in range(6):
+                wrench[i, k] += pushed[i, k]
             take_inertial(model, data, link, frame[i], acceleration[int(link.carrier)], wrench[i])
     for i in range(n):
         carray(floats(data.xfrc_applied + 48 * int(water.links[i].body)), 6)[:] = 0.0
@@ -157,7 +158,8 @@ def _fill_force(model: Any, data: Any, water: Any, frame: FloatArray, wrench: Fl
         to_world(wrench[i], frame[i], spatial)
         carrier = int(water.links[i].carrier)
         wet[carrier] = True
-        total[carrier] += spatial
+        for k in range(6):
+            total[carrier, k] += spatial[k]
     for row in range(carriers.shape[0] - 1, -1, -1):
         if not wet[row]:
             add_applied(model, data, int(carriers[row, 0]), total[row])
@@ -169,7 +171,8 @@ def _fill_force(model: Any, data: Any, water: Any, frame: FloatArray, wrench: Fl
                 force[dof] += axis[k] * total[row, k]
         parent = int(carriers[row, 1])
         if parent >= 0:
-            total[parent] += total[row]
+            for k in range(6):
+                total[parent, k] += total[row, k]
 
 
 @compiled

@@ -120,12 +120,12 @@ def _sharpen(root: ET.Element, spec: mujoco.MjSpec) -> None:
             inertial.set("mass", _number(body.mass))
             inertial.set("diaginertia", _row(body.inertia))
         for joint in element.iterfind("joint"):
-            made = spec.joint(joint.get("name"))
-            for name, value in (("stiffness", made.stiffness[0]), ("damping", made.damping[0])):
+            built = spec.joint(joint.get("name"))
+            for name, value in (("stiffness", built.stiffness[0]), ("damping", built.damping[0])):
                 if value > 0.0:
                     joint.set(name, _number(value))
-            if made.armature > 0.0:
-                joint.set("armature", _number(made.armature))
+            if built.armature > 0.0:
+                joint.set("armature", _number(built.armature))
     actuators = root.find("actuator")
     for servo in list(actuators if actuators is not None else ()):
         actuator = spec.actuator(servo.get("name"))

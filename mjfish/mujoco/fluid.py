@@ -51,11 +51,16 @@ class State:
 
 
 class StripFluid:
-    """Water on bodies of a MuJoCo model, exact at any added mass: see `mjfish.hydro.spatial_force` for the force.
+    """Water on bodies of a MuJoCo model, exact at any added mass.
 
-        fluid = StripFluid(model, [{"body": "plate", "length": 0.3, "height": 0.2, "width": 0.004, "c_d": 1.9}])
-        with fluid.installed():
-            mujoco.mj_step(model, data)
+    With M, c, tau MuJoCo's inertia, bias and other forces, J_i the Jacobian of link i, A_i its added mass, f_i its
+    drag, gyroscopic force, Munk moment and buoyancy, and b_i its acceleration at zero joint acceleration, the
+    acceleration a is the solution of
+
+        (M + sum_i J_i^T A_i J_i) a = tau - c + sum_i J_i^T (f_i - A_i b_i)
+
+    in the same step, not one step late (`mjfish.mujoco.coupling`). A_i and f_i are integrals of the Morison force over
+    the strips of a link, with the Munk moment of [Lamb, art. 124] (`mjfish.hydro.spatial_force`).
 
     The water owns `xfrc_applied` of its bodies: push these by `qfrc_applied`. A current is MuJoCo's `opt.wind`; gravity
     and its flag are MuJoCo's too, and buoyancy follows them. The water is part of the model from now on: of its copies,
@@ -75,6 +80,26 @@ class StripFluid:
         links: `StripLink` by link, in the order of every array about links.
         density: of the water [kg/m3].
         coupling: ``inertia`` or ``xfrc``, see `mjfish.mujoco.coupling`.
+
+    Raises:
+        InputError: a link is not described well, or the force would be wrong in this model; with the remedy.
+        UnknownNameError: the model has no body of that name.
+
+    Example:
+        >>> import mujoco
+        >>> model = mujoco.MjModel.from_xml_string('''
+        ... <mujoco><option gravity="0 0 0"/><worldbody><body name="plate"><joint type="slide" axis="0 1 0"/>
+        ... <geom type="box" size=".15 .002 .1" pos="-.15 0 0" density="2000"/></body></worldbody></mujoco>''')
+        >>> link = mjfish.StripLink(body="plate", length=0.3, height=0.2, width=0.004, c_d=1.9)
+        >>> fluid = mjfish.StripFluid(model, [link])
+        >>> data = mujoco.MjData(model)
+        >>> data.qvel[0] = 1.0
+        >>> with fluid.installed():
+        ...     mujoco.mj_forward(model, data)
+        >>> fluid.wrenches(data)["drag"].shape
+        (1, 6)
+        >>> print(f"{fluid.wrenches(data)['drag'][0, 1]:.1f} N")  # 1/2 rho c_d h L v^2
+        -57.0 N
     """
 
     def __init__(
@@ -108,7 +133,7 @@ class StripFluid:
             water = custom_numerics.read(model)
             links, density = water.links, water.density if density is None else density
         self.model = model
-        self.links = _made(links)
+        self.links = _strip_links(links)
         density = 1000.0 if density is None else density
         if isinstance(density, bool) or not isinstance(density, Real) or not 0.0 < density <= strip_link.DENSEST:
             raise InputError(
@@ -252,19 +277,19 @@ def _check_compiled(model: object) -> None:
 def _bodies(model: mujoco.MjModel, links: Iterable[StripLink], kind: str = "body") -> list[int]:
     """Return the ids of the bodies; `kind` says of an unknown one what it is."""
     ids = {model.body(index).name: index for index in range(1, model.nbody)}
-    for one in links:
-        if one.body not in ids:
-            raise UnknownNameError(kind, one.body, filter(None, ids), "name a body of this model")
-    return [ids[one.body] for one in links]
+    for link in links:
+        if link.body not in ids:
+            raise UnknownNameError(kind, link.body, filter(None, ids), "name a body of this model")
+    return [ids[link.body] for link in links]
 
 
-def _made(links: Sequence[StripLink | Mapping[str, Any]]) -> tuple[StripLink, ...]:
+def _strip_links(links: Sequence[StripLink | Mapping[str, Any]]) -> tuple[StripLink, ...]:
     if isinstance(links, (str, Mapping, StripLink)) or not isinstance(links, Iterable):
         raise InputError(f"links: expected a list of StripLink or of tables, found a {type(links).__name__}")
     links = tuple(links)
     if not links:
         raise InputError("no links; name at least one body that the water acts on")
-    for number, one in enumerate(links, start=1):
-        if not isinstance(one, (StripLink, Mapping)):
-            raise InputError(f"links.{number}: expected a StripLink or a table of its keys, found {one!r}; correct it")
-    return tuple(one if isinstance(one, StripLink) else StripLink(**one) for one in links)
+    for number, link in enumerate(links, start=1):
+        if not isinstance(link, (StripLink, Mapping)):
+            raise InputError(f"links.{number}: expected a StripLink or a table of its keys, found {link!r}; correct it")
+    return tuple(link if isinstance(link, StripLink) else StripLink(**link) for link in links)

@@ -1,4 +1,4 @@
-"""MuJoCo's fish with joints that do what they are told: what the head-frame model assumes, for comparison with it.
+"""MuJoCo's fish with prescribed joint motion: what the head-frame model assumes, for comparison with it.
 
 Each joint carries a flywheel, an armature so large that nothing in the water disturbs it, driven by a torque of
 armature times asked acceleration. A jump of the joints' rate sets the root off as momentum demands: no force acts from

@@ -73,8 +73,10 @@ Density = Annotated[float, Field(gt=0.0, le=DENSEST)]
 class StripLink(Table):
     """A body with strips of water on it; its sections are ellipses of a height and a width.
 
-    The force on a strip is that of slender-body theory: added mass, drag and Munk moment of [Yu2016] across the link,
-    skin friction along it; equations in `mjfish.hydro.spatial_force`. Arrays, lists and tuples are taken alike.
+    On a strip of height h and width w that moves at q across the link act, per length [N/m], the inertial force
+    c_m rho pi h^2 / 4 q' and the drag 1/2 rho c_d h |q| q across the height, the same with w across the width, and
+    friction 1/2 rho c_f P u^2 along the link, P the perimeter ([Yu2016]; all of it in `mjfish.hydro.spatial_force`).
+    Where a list is expected, arrays and tuples do as well.
 
     Attributes:
         body: name of the body in the MuJoCo model.
@@ -87,7 +89,11 @@ class StripLink(Table):
         origin: where the link's first station lies in the body's frame [m].
         axis: direction of growing stations in the body's frame.
         up: direction of the height in the body's frame; what of it is along `axis` is taken off.
-        c_m, c_d, c_f, munk_moment, roll_damping: see `COEFFICIENTS`.
+        c_m: added mass across both axes and in roll, 1 for an ellipse in potential flow.
+        c_d: drag across both axes.
+        c_f: skin friction along the link.
+        munk_moment: share of the Munk moment: 0 Morison, 1 Kirchhoff.
+        roll_damping: drag in roll, of that of a turning plate.
         volume: displaced [m3]; absent: that of the sections.
         buoyancy_center: in the body's frame [m]; absent: that of the sections.
 
@@ -95,8 +101,7 @@ class StripLink(Table):
         InputError: every broken key, by name; sizes must be from 1e-6 to 1e4 m, coefficients within their bounds.
 
     Example:
-        >>> from mjfish import StripLink
-        >>> fin = StripLink(body="fin", length=0.2, height=[0.05, 0.12], width=0.004, c_d=1.8)
+        >>> fin = mjfish.StripLink(body="fin", length=0.2, height=[0.05, 0.12], width=0.004, c_d=1.8)
         >>> fin.outline[0].height
         (0.05, 0.12)
     """

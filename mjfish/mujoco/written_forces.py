@@ -73,8 +73,10 @@ def copy_written(note: int, data: Any, water: Any) -> None:
     written = carray(floats(note), (water.bodies, _NOTE))
     for i in range(water.links.shape[0]):
         body = int(water.links[i].body)
+        applied = carray(floats(data.xfrc_applied + 48 * body), 6)
         written[body, 0] = 1.0
-        written[body, 1:] = carray(floats(data.xfrc_applied + 48 * body), 6)
+        for k in range(6):
+            written[body, 1 + k] = applied[k]
 
 
 def _note(address: int, bodies: int) -> None:

@@ -6,9 +6,9 @@ import mujoco
 import pytest
 
 from mjfish.mujoco.coupling_choice import Coupling
-from proofs import derived, parts, stepped, trees
+from proofs import derivatives, integrator_steps, parts, trees
 
-DIFFERENTIATED = [one for one in stepped.DAMPED if one[1] != "RK4"]
+DIFFERENTIATED = [one for one in integrator_steps.DAMPED if one[1] != "RK4"]
 
 
 @pytest.mark.parametrize(("coupling", "integrator", "euler_damp"), DIFFERENTIATED)
@@ -17,19 +17,19 @@ def test_transition_matrices_are_the_slopes_of_the_step(coupling: Coupling, inte
 
     Catches water that lags, or that keeps something from one evaluation to the next.
     """
-    assert derived.transition_difference(coupling, integrator, euler_damp=euler_damp) < 1e-7
+    assert derivatives.transition_difference(coupling, integrator, euler_damp=euler_damp) < 1e-7
 
 
 def test_mujoco_has_no_transition_matrices_of_rk4() -> None:
     """Said in the docs; a MuJoCo that has them gets a row of its own."""
     with pytest.raises(mujoco.FatalError, match="RK4"):
-        derived.transition_difference("inertia", "RK4")
+        derivatives.transition_difference("inertia", "RK4")
 
 
 @pytest.mark.parametrize("coupling", ["inertia", "xfrc"])
 def test_inverse_dynamics_lacks_the_water_until_it_is_taken_off(coupling: Coupling) -> None:
     """Said in the docs: `qfrc_inverse` holds the water's force; less `wrenches`, it is what was applied."""
-    found = derived.inverse(coupling)
+    found = derivatives.inverse(coupling)
     assert found.applied > 0.1
     assert found.corrected < 1e-12
     assert found.rigid < 1e-6
@@ -42,5 +42,5 @@ def test_the_chain_has_water_enough_to_see() -> None:
     parts.wet(model, trees.chain())
     data = mujoco.MjData(model)
     parts.stir(model, data)
-    exact = derived.equation(model, data)
+    exact = derivatives.equation(model, data)
     assert abs(exact.added).max() > 0.5 * abs(exact.rigid).max()

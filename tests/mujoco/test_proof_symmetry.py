@@ -7,12 +7,12 @@ from collections.abc import Callable
 import pytest
 
 from mjfish.mujoco.coupling_choice import Coupling
-from proofs import alike
+from proofs import symmetry
 from proofs.parts import VALID
 
 
 @pytest.mark.parametrize(("coupling", "integrator"), VALID)
-@pytest.mark.parametrize("of", [alike.mirror, alike.turned_world, alike.drifting])
+@pytest.mark.parametrize("of", [symmetry.mirror, symmetry.turned_world, symmetry.drifting])
 def test_chain_swims_alike(of: Callable[[Coupling, str], float], coupling: Coupling, integrator: str) -> None:
     """300 steps with gravity, buoyancy, drag and a current.
 
@@ -26,10 +26,10 @@ def test_chain_swims_alike(of: Callable[[Coupling, str], float], coupling: Coupl
 @pytest.mark.parametrize(
     ("of", "with_drag"),
     [
-        (alike.from_the_other_end, 1e-7),  # table of moments
-        (alike.width_for_height, 1e-12),
-        (alike.round_section, 5e-5),  # Gauss strips
-        (alike.in_two_pieces, 5e-5),  # Gauss strips
+        (symmetry.from_the_other_end, 1e-7),  # table of moments
+        (symmetry.width_for_height, 1e-12),
+        (symmetry.round_section, 5e-5),  # Gauss strips
+        (symmetry.in_two_pieces, 5e-5),  # Gauss strips
     ],
 )
 def test_strips_may_be_told_in_any_way(of: Callable[..., float], with_drag: float, coupling: Coupling) -> None:

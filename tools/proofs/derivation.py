@@ -16,7 +16,7 @@ from mjfish.mujoco.block import records
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.strip_link import StripLink
 from proofs import parts, trees
-from proofs.dense import dried, state_of
+from proofs.dense_equation import dried, state_of
 from proofs.slices import Motion, Strips, drag_wrench, inertial_wrench, strips
 
 #: A link that tapers differently in height and width; the strips' frame is the body's.

@@ -1,4 +1,4 @@
-"""Models to prove things on, built from parts: so that a model can be mirrored, turned or told in another way."""
+"""Models to prove things on, built from parts: so that a model can be mirrored, turned or described in another way."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Water as slices, told once more: no formula of `mjfish.hydro` or `mjfish.mujoco`, slow, differentiated numerically.
+"""Water as slices, a second time: no formula of `mjfish.hydro` or `mjfish.mujoco`, slow, differentiated numerically.
 
 A slice at station r is a thin plate of water that only knows the momentum mu = m_y q_y e_y + m_z q_z e_z and the spin
 j w_x e_x, seen from a frame that drifts with the water. Its force is minus their rate. With kappa = 0 each slice pushes

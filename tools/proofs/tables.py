@@ -8,7 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from mjfish.mujoco.coupling_choice import Coupling
-from proofs import alike, conserved, constrained, derivation, derived, lagged, pushed, stepped, trees
+from proofs import (
+    closed_forms,
+    conservation,
+    constraints,
+    derivation,
+    derivatives,
+    integrator_steps,
+    lagged_added_mass,
+    symmetry,
+    trees,
+)
 from proofs.parts import VALID
 
 COUPLINGS: tuple[Coupling, Coupling] = ("inertia", "xfrc")
@@ -51,7 +61,7 @@ def _worst(of: Callable[..., float], **options: bool) -> list[str]:
 def push_table() -> Table:
     """A pushed link."""
     worst = {
-        one: _most(pushed.difference(c_m, one, name) for c_m in (0.06, 1.0, 30.0) for name in _integrators(one))
+        one: _most(closed_forms.difference(c_m, one, name) for c_m in (0.06, 1.0, 30.0) for name in _integrators(one))
         for one in COUPLINGS
     }
     rows = [(name, *(_small(worst[one][name]) for one in COUPLINGS)) for name in worst["inertia"]]
@@ -96,9 +106,9 @@ def derivation_table() -> Table:
 def sweep_table() -> Table:
     """Light to heavy added mass."""
     rows = []
-    for ratio in lagged.RATIOS:
-        ours = [_small(lagged.run(ratio, one).error) for one in COUPLINGS]
-        behind = lagged.run(ratio, None)
+    for ratio in lagged_added_mass.RATIOS:
+        ours = [_small(lagged_added_mass.run(ratio, one).error) for one in COUPLINGS]
+        behind = lagged_added_mass.run(ratio, None)
         told = f"diverged at step {behind.diverged}" if behind.diverged >= 0 else f"error {_small(behind.error)}"
         rows.append((f"{ratio:g}", *ours, told))
     return Table(
@@ -116,9 +126,9 @@ def conservation_table() -> Table:
     for name, free in (("body", (trees.CROOKED,)), ("chain", trees.chain())):
         for current in (False, True):
             for one in COUPLINGS:
-                found = conserved.drifts(free, one, current=current)
+                found = conservation.drifts(free, one, current=current)
                 fluid = "current" if current else "still water"
-                for k, kept in enumerate(conserved.KEPT):
+                for k, kept in enumerate(conservation.KEPT):
                     coarse, fine = found.relative[0, k], found.relative[-1, k]
                     cells = (f"{name}, {fluid}", one, kept, _small(coarse), _small(fine), f"{found.orders[k]:.2f}")
                     rows.append(cells)
@@ -133,15 +143,17 @@ def conservation_table() -> Table:
 def step_table() -> Table:
     """A step of every integrator."""
     rows = []
-    for one, integrator, euler_damp in stepped.DAMPED:
+    for one, integrator, euler_damp in integrator_steps.DAMPED:
         named = integrator if euler_damp else f"{integrator}, eulerdamp disabled"
         dense = ["-", "-"]
-        if one == "inertia" and euler_damp and integrator in stepped.ONE_STEP:
-            dense = [_small(stepped.step_difference(tree, integrator)) for tree in ((trees.CROOKED,), trees.chain())]
-        order, error = stepped.convergence(one, integrator, euler_damp=euler_damp)
+        if one == "inertia" and euler_damp and integrator in integrator_steps.ONE_STEP:
+            dense = [
+                _small(integrator_steps.step_difference(tree, integrator)) for tree in ((trees.CROOKED,), trees.chain())
+            ]
+        order, error = integrator_steps.convergence(one, integrator, euler_damp=euler_damp)
         slopes = "-"
         if integrator != "RK4":
-            slopes = _small(derived.transition_difference(one, integrator, euler_damp=euler_damp))
+            slopes = _small(derivatives.transition_difference(one, integrator, euler_damp=euler_damp))
         rows.append((named, one, *dense, f"{order:.2f}", _small(error), slopes))
     return Table(
         "Joints damped, sprung and served, water with drag, in a current. The step (v⁺ - v) / h against the dense "
@@ -155,13 +167,13 @@ def step_table() -> Table:
 def refused_table() -> Table:
     """What is refused."""
     rows = [
-        (f"xfrc with {name} and damped, served joints", _small(stepped.refused_difference(name)))
-        for name in stepped.ONE_STEP
+        (f"xfrc with {name} and damped, served joints", _small(integrator_steps.refused_difference(name)))
+        for name in integrator_steps.ONE_STEP
     ]
-    for case in constrained.CASES:
+    for case in constraints.CASES:
         active = "limits, frictionloss and contact" if case == "all" else case
-        rows.append((f"xfrc with {active}", _small(constrained.balance(case, "Newton").xfrc)))
-        rows.append((f"inertia and solver PGS with {active}", _small(constrained.pgs_error(case))))
+        rows.append((f"xfrc with {active}", _small(constraints.balance(case, "Newton").xfrc)))
+        rows.append((f"inertia and solver PGS with {active}", _small(constraints.pgs_error(case))))
     return Table(
         "What is refused, and how wrong the acceleration (the step) would have been, relative to the largest:",
         ("refused", "error"),
@@ -172,8 +184,8 @@ def refused_table() -> Table:
 def constraint_table() -> Table:
     """Constraints."""
     rows = []
-    for case in constrained.CASES:
-        found = [constrained.balance(case, solver) for solver in ("Newton", "CG")]
+    for case in constraints.CASES:
+        found = [constraints.balance(case, solver) for solver in ("Newton", "CG")]
         law = "-" if case == "contact" else _small(max(one.law for one in found))
         rows.append((case, str(found[0].active), *(_small(one.balance) for one in found), law))
     return Table(
@@ -187,15 +199,15 @@ def constraint_table() -> Table:
 def symmetry_table() -> Table:
     """Symmetries."""
     rows = [
-        ("mirror in the x-z plane", *_worst(alike.mirror)),
-        ("world turned, gravity and current with it", *_worst(alike.turned_world)),
-        ("drift with a current against still water", *_worst(alike.drifting)),
+        ("mirror in the x-z plane", *_worst(symmetry.mirror)),
+        ("world turned, gravity and current with it", *_worst(symmetry.turned_world)),
+        ("drift with a current against still water", *_worst(symmetry.drifting)),
     ]
     told = {
-        "stations told from the other end": alike.from_the_other_end,
-        "width called height, a quarter of a turn on": alike.width_for_height,
-        "`up` turned about the axis of circular sections": alike.round_section,
-        "one link told as two": alike.in_two_pieces,
+        "stations counted from the other end": symmetry.from_the_other_end,
+        "width called height, a quarter of a turn on": symmetry.width_for_height,
+        "`up` turned about the axis of circular sections": symmetry.round_section,
+        "one link described as two": symmetry.in_two_pieces,
     }
     for name, of in told.items():
         for drag in (False, True):
@@ -211,7 +223,7 @@ def symmetry_table() -> Table:
 
 def inverse_table() -> Table:
     """Inverse dynamics."""
-    found = [derived.inverse(one) for one in COUPLINGS]
+    found = [derivatives.inverse(one) for one in COUPLINGS]
     told = {
         "`qfrc_inverse` against the forces applied": "applied",
         'the same less `wrenches(data)["total"]`': "corrected",

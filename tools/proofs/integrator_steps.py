@@ -10,7 +10,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.mujoco.coupling_choice import Coupling
 from proofs import parts, trees
-from proofs.dense import dried, equation, state_of
+from proofs.dense_equation import dried, equation, state_of
 from proofs.parts import Part
 
 #: Integrators whose step is the solution of one linear equation.

@@ -9,7 +9,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from proofs import parts, trees
-from proofs.dense import equation
+from proofs.dense_equation import equation
 
 #: What is active, by name.
 CASES = ("limits", "frictionloss", "contact", "all")

@@ -9,8 +9,8 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.mujoco.coupling_choice import Coupling
-from proofs import parts, stepped, trees
-from proofs.dense import equation
+from proofs import integrator_steps, parts, trees
+from proofs.dense_equation import equation
 
 _STEP = 2e-3
 
@@ -21,7 +21,7 @@ def transition_difference(coupling: Coupling, integrator: str, *, euler_damp: bo
     Both are centred differences, of unlike widths; states are in the tangent space of the pose. MuJoCo has none of RK4.
     """
     tree = trees.chain()
-    model = stepped.model(tree, integrator, _STEP, euler_damp=euler_damp)
+    model = integrator_steps.model(tree, integrator, _STEP, euler_damp=euler_damp)
     fluid = parts.wet(model, tree, coupling)
     data = mujoco.MjData(model)
     parts.stir(model, data, seed=5)

@@ -94,7 +94,11 @@ def test_what_is_no_load_is_refused() -> None:
         InputError, match=r"expected a compiled Load, found <function .*write @mjfish\.hydro\.load\.load"
     ):
         StripFluid(compiled(PLATE), [PLATE_LINK], loads=[(lambda link, parameters: None, [1.0])])  # type: ignore[list-item]
-    for parameters in ([0.0] * 9, [np.nan]):
-        with pytest.raises(InputError, match="expected 8 finite numbers at most"):
-            StripFluid(compiled(PLATE), [PLATE_LINK], loads=[(pushing, parameters)])
+    for parameters, message in (
+        ([0.0] * 9, "loads.1: found 9 parameters, expected 8 at most"),
+        ([0.0, np.nan], "loads.1: found the parameter nan, expected a finite number"),
+        (["a"], "loads.1: found the parameter 'a', expected a finite number"),
+    ):
+        with pytest.raises(InputError, match=message):
+            StripFluid(compiled(PLATE), [PLATE_LINK], loads=[(pushing, parameters)])  # type: ignore[list-item]
     assert len(PUSHES) == 2

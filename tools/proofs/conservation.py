@@ -11,7 +11,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.mujoco.coupling_choice import Coupling
 from proofs import parts
-from proofs.dense import dried
+from proofs.dense_equation import dried
 from proofs.derivation import motion_of
 from proofs.parts import Part
 from proofs.slices import energy, impulse, strips

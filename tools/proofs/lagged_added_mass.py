@@ -12,7 +12,7 @@ from mjfish.mujoco import reference
 from mjfish.mujoco.block import numbers_of, unpack
 from mjfish.mujoco.coupling_choice import Coupling
 from proofs import parts, trees
-from proofs.dense import dried, equation
+from proofs.dense_equation import dried, equation
 
 #: Added mass across the height over the mass of the plate.
 RATIOS = (0.1, 0.3, 0.9, 1.0, 1.1, 3.0, 10.0, 30.0, 100.0)
