@@ -6,7 +6,8 @@ never an exception: it is a ``status`` on the result.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+from collections.abc import Iterable, Iterator
 
 
 class MjfishError(Exception):
@@ -36,3 +37,13 @@ class UnknownNameError(MjfishError, LookupError):
 
 class ParameterError(MjfishError, ValueError):
     """A parameter outside its bounds, or given a value that is no number."""
+
+
+@contextlib.contextmanager
+def located(place: str) -> Iterator[None]:
+    """Put `place`, a file and key, before the message of any error of mjfish raised inside; its type stays."""
+    try:
+        yield
+    except MjfishError as error:
+        error.args = (f"{place}: {error}",)
+        raise

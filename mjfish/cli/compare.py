@@ -40,7 +40,7 @@ def compare(
     table: Annotated[Path | None, typer.Option(help="Write a row a trial, channel and part: .csv or .parquet.")] = None,
 ) -> None:
     """Compare measured trials with rollouts of any simulation: columns time [s], surge [m/s], sway [m/s], ..."""
-    from mjfish.data.table import check_suffix
+    from mjfish.data.tables import check_suffix
     from mjfish.estimation.rows import write_rows
 
     for path in (json_, table):

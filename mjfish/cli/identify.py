@@ -44,7 +44,7 @@ def identify(
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Fit the hydrodynamic coefficients to all fit trials at once, say what the data say, score held-out trials."""
-    from mjfish.data.table import check_suffix
+    from mjfish.data.tables import check_suffix
     from mjfish.estimation.report import pose
     from mjfish.estimation.settings import Settings
 

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.data import Trial, check, columns, read_table
-from mjfish.data.table import SUFFIXES, check_suffix
+from mjfish.data import Trial, columns, read_table, validation
+from mjfish.data.tables import SUFFIXES, check_suffix
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 
@@ -77,7 +77,7 @@ def read(path: Path) -> SimulatedRun:
         )
     if len(table["time"]) < 2:
         raise InputError(f"{path}: has 1 row, expected a run over the time of its trial; simulate longer")
-    check.increasing(table["time"], path)
+    validation.check_increasing(table["time"], path)
     velocity = np.stack([table[name] for name in channels], axis=1)
     return SimulatedRun(path, table["time"], velocity, channels)
 

@@ -1,8 +1,8 @@
 """Measured swimming: trials, datasets of them, and the files they live in."""
 
 from mjfish.data.read import load_dataset
-from mjfish.data.table import read_table, write_table
-from mjfish.data.types import Clock, Dataset, Role, Tank, Trial
+from mjfish.data.tables import read_table, write_table
+from mjfish.data.trial import Clock, Dataset, Role, Tank, Trial
 from mjfish.data.write import check_folder, save
 
 __all__ = [

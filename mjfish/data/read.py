@@ -10,13 +10,13 @@ import numpy as np
 
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray, readonly
-from mjfish.data import check, columns, errors, place, schema
-from mjfish.data.schema import DatasetTable, Law, Noise, TrialTable
-from mjfish.data.table import read_table
-from mjfish.data.types import Dataset, Tank, Trial
+from mjfish.data import columns, dataset_toml, error_modes, validation
+from mjfish.data.dataset_toml import DatasetTable, Law, Noise, TrialTable
+from mjfish.data.tables import read_table
+from mjfish.data.trial import Dataset, Tank, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
-from mjfish.errors import InputError
+from mjfish.errors import InputError, located
 from mjfish.fish import Fish, load_fish
 from mjfish.frames import CHANNELS
 
@@ -33,22 +33,24 @@ def load_dataset(path: str | Path) -> Dataset:
     """
     file = Path(path)
     if file.is_dir():
-        file = file / schema.FILE
+        file = file / dataset_toml.FILE
         if not file.is_file():
-            raise InputError(f"{path}: has no {schema.FILE}, expected the folder of a dataset; give another folder")
+            raise InputError(
+                f"{path}: has no {dataset_toml.FILE}, expected the folder of a dataset; give another folder"
+            )
     table = tomlfile.read(file, DatasetTable)
-    schema.check(table, file)
-    fish = schema.with_start(_fish(table.fish, file), table.start, file)
+    dataset_toml.check(table, file)
+    fish = dataset_toml.with_start(_fish(table.fish, file), table.start, file)
     tank = None if table.tank is None else Tank(table.tank.x, table.tank.y)
     trials = []
     for number, entry in enumerate(table.trials, start=1):
         source = file.parent / entry.file
-        with place.named(f"{file}: trials.{number}"):
+        with located(f"{file}: trials.{number}"):
             numbers = read_table(source, missing=CHANNELS if entry.gaps else ())
             modes = None if entry.errors is None else read_table(file.parent / entry.errors)
         trial = build_trial(entry, numbers, fish, source, f"{file}: trials.{number}", tank)
         if modes is not None:
-            trial = replace(trial, errors=errors.modes(modes, trial, file.parent / str(entry.errors)))
+            trial = replace(trial, errors=error_modes.from_columns(modes, trial, file.parent / str(entry.errors)))
         trials.append(trial)
     return Dataset(
         name=table.name,
@@ -93,21 +95,21 @@ def build_trial(
     if entry.gaps:
         numbers = _recorded(numbers, source)
     time = numbers["time"]
-    check.times(time, source, gaps=entry.gaps)
+    validation.check_times(time, source, gaps=entry.gaps)
     drive = tuple(DriveSegment(segment.start, segment.omega, segment.bias) for segment in entry.drive)
     joints = _joints(numbers, fish, source)
     wave = None if entry.wave is None else wave_of(entry.wave, fish, f"{key}.drive")
     _check_one_drive(bool(drive) or wave is not None, joints, fish, source, key)
     if wave is not None:
-        check.waved(time, wave, source, f"{key}.drive")
+        validation.check_wave(time, wave, source, f"{key}.drive")
     if drive:
-        check.segments(drive, fish, f"{key}.drive")
-        check.driven(time, drive, source, f"{key}.drive")
+        validation.check_segments(drive, fish, f"{key}.drive")
+        validation.check_cpg_time(time, drive, source, f"{key}.drive")
     if joints is not None:
-        check.angles(time, joints, source)
+        validation.check_angles(time, joints, source)
     pose = _pose(numbers, source)
     if tank is not None and pose is not None:
-        check.inside(pose, tank, source)
+        validation.check_in_tank(pose, tank, source)
     return Trial(
         name=entry.name,
         role=entry.role,
@@ -165,7 +167,7 @@ def _check_one_drive(driven: bool, joints: FloatArray | None, fish: Fish, source
 
 
 def _fish(name: str, file: Path) -> Fish:
-    with place.named(f"{file}: fish"):
+    with located(f"{file}: fish"):
         try:
             return load_fish(name, relative_to=file.parent)
         except OSError as error:

@@ -12,12 +12,12 @@ import numpy as np
 from mjfish import files, fish_toml, toml_text, tomlfile
 from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
-from mjfish.data import columns, errors, place, schema
+from mjfish.data import columns, dataset_toml, error_modes
+from mjfish.data.dataset_toml import Bounds, DatasetTable
 from mjfish.data.read import build_trial
-from mjfish.data.schema import Bounds, DatasetTable
-from mjfish.data.table import check_finite, write_table
-from mjfish.data.types import Dataset, Trial
-from mjfish.errors import InputError, MjfishError
+from mjfish.data.tables import check_finite, write_table
+from mjfish.data.trial import Dataset, Trial
+from mjfish.errors import InputError, MjfishError, located
 from mjfish.fish import Fish, load_fish
 from mjfish.frames import CHANNELS
 
@@ -54,13 +54,13 @@ def save(dataset: Dataset, folder: str | Path, *, suffix: Literal[".csv", ".parq
             write_table(partial / file, {columns.header(name): values for name, values in table.items()})
         if raw["fish"] == _FISH_FILE:
             (partial / _FISH_FILE).write_text(fish_toml.text(dataset.fish), encoding="utf-8")
-        (partial / schema.FILE).write_text(f"{MARK}\n{toml_text.dumps(raw)}", encoding="utf-8")
+        (partial / dataset_toml.FILE).write_text(f"{MARK}\n{toml_text.dumps(raw)}", encoding="utf-8")
         _publish(partial, folder, stale)
     except (OSError, UnicodeEncodeError) as error:
         raise InputError(f"{folder}: the dataset cannot be written: {error}; choose another place") from None
     finally:
         shutil.rmtree(partial, ignore_errors=True)
-    return folder / schema.FILE
+    return folder / dataset_toml.FILE
 
 
 def check_folder(folder: str | Path) -> None:
@@ -84,7 +84,7 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
             "file": f"{trial.name}{suffix}",
             "role": trial.role,
             "gaps": trial.gaps,
-            "errors": None if trial.errors is None else errors.file(trial.name),
+            "errors": None if trial.errors is None else error_modes.file_name(trial.name),
             "drive": [
                 {"start": float(part.start), "omega": float(part.omega), "bias": [float(bias) for bias in part.bias]}
                 for part in trial.drive
@@ -134,17 +134,17 @@ def _fish_entry(fish: Fish) -> tuple[str, dict[str, dict[str, float]]]:
             }
             if bounds:
                 start[new.name] = bounds
-        if schema.with_start(shipped, {name: Bounds(**bounds) for name, bounds in start.items()}, Path()) == fish:
+        if dataset_toml.with_start(shipped, {name: Bounds(**bounds) for name, bounds in start.items()}, Path()) == fish:
             return fish.name, start
     return _FISH_FILE, {}
 
 
 def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, FloatArray]]:
     """Return the columns of every file, having passed them through all that `load` checks."""
-    file = Path(schema.FILE)
-    with place.named("the dataset cannot be saved"):
+    file = Path(dataset_toml.FILE)
+    with located("the dataset cannot be saved"):
         table = tomlfile.parse(raw, DatasetTable, str(file))
-        schema.check(table, file)
+        dataset_toml.check(table, file)
         if raw["fish"] == _FISH_FILE:
             tomlfile.parse(dataset.fish.model_dump(by_alias=True), Fish, _FISH_FILE)
         tables = {}
@@ -156,7 +156,7 @@ def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, Flo
                 entry, tables[entry.file], dataset.fish, Path(entry.file), f"{file}: trials.{number}", trial.tank
             )
             if entry.errors is not None:
-                tables[entry.errors] = errors.table(trial)
+                tables[entry.errors] = error_modes.to_columns(trial)
     return tables
 
 
@@ -191,10 +191,12 @@ def _replaceable(folder: Path) -> list[Path]:
         raise InputError(f"{folder}: is a file, expected a folder; choose another name")
     if not any(folder.iterdir()):
         return []
-    file = folder / schema.FILE
+    file = folder / dataset_toml.FILE
     remedy = "choose another folder, or empty this one yourself"
     if not file.is_file():
-        raise InputError(f"{folder}: holds files and no {schema.FILE}, expected an empty folder or a dataset; {remedy}")
+        raise InputError(
+            f"{folder}: holds files and no {dataset_toml.FILE}, expected an empty folder or a dataset; {remedy}"
+        )
     try:
         old = tomlfile.read(file, DatasetTable)
     except MjfishError as error:
@@ -202,7 +204,7 @@ def _replaceable(folder: Path) -> list[Path]:
     if not file.read_text(encoding="utf-8").startswith(MARK.partition(".")[0]):
         raise InputError(f"{folder}: holds a dataset that mjfish did not write, expected one that it did; {remedy}")
     names = [
-        schema.FILE,
+        dataset_toml.FILE,
         *(file for trial in old.trials for file in (trial.file, trial.errors) if file),
         *([_FISH_FILE] if old.fish == _FISH_FILE else []),
     ]
@@ -214,7 +216,7 @@ def _publish(partial: Path, folder: Path, stale: list[Path]) -> None:
     if not folder.exists():
         partial.rename(folder)
         return
-    fresh = sorted(partial.iterdir(), key=lambda file: file.name == schema.FILE)
+    fresh = sorted(partial.iterdir(), key=lambda file: file.name == dataset_toml.FILE)
     for file in fresh:
         target = folder / file.name
         if target.exists() and target not in stale:

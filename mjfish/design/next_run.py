@@ -15,7 +15,7 @@ import numpy as np
 from mjfish import fish as fishes
 from mjfish import fish_toml, toml_text
 from mjfish.data import Dataset, columns, write_table
-from mjfish.data.schema import FILE
+from mjfish.data.dataset_toml import FILE
 from mjfish.design.menu import Run
 from mjfish.design.planning import Plan
 from mjfish.drive import cpg as hopf

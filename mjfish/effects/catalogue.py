@@ -12,9 +12,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 
-from mjfish.data import place
 from mjfish.effects.effect import Effect
-from mjfish.errors import InputError, MjfishError, UnknownNameError
+from mjfish.errors import InputError, MjfishError, UnknownNameError, located
 from mjfish.fish import Fish
 
 
@@ -35,7 +34,7 @@ def catalogue(files: Sequence[Path] = ()) -> dict[str, Effect]:
     """
     known = dict(_shipped())
     for path in map(Path, files):
-        with place.named(str(path)):
+        with located(str(path)):
             if not path.is_file():
                 raise InputError("no such file of effects; correct the path")
             for effect in _from_file(path.resolve(), path.stat().st_mtime_ns):

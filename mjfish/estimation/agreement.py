@@ -24,7 +24,7 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Role, Trial
-from mjfish.data.types import seen_of
+from mjfish.data.trial import seen_of
 from mjfish.estimation.forecast import forecast
 from mjfish.estimation.noise import Noise, estimate
 from mjfish.estimation.residuals.residual import Residual

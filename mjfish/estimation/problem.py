@@ -12,7 +12,7 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Trial
-from mjfish.data.check import GAP
+from mjfish.data.validation import GAP
 from mjfish.estimation import clocks
 from mjfish.estimation.noise import Noise
 from mjfish.estimation.smoothing import Differentiator

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from mjfish.data.table import check_suffix, whole
+from mjfish.data.tables import check_suffix, whole
 from mjfish.errors import InputError
 
 

@@ -32,7 +32,7 @@ from scipy.interpolate import make_interp_spline
 from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
-from mjfish.data.check import GAP
+from mjfish.data.validation import GAP
 from mjfish.frames import UNITS
 from mjfish.inspection.finding import Finding
 from mjfish.inspection.runs import beats

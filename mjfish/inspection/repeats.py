@@ -13,7 +13,7 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset, Trial
-from mjfish.data.types import seen_of
+from mjfish.data.trial import seen_of
 from mjfish.estimation.noise import Noise, estimate
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from mjfish.data import Dataset, Trial, beat
+from mjfish.data import Dataset, Trial, validation
 from mjfish.effects import Effect
 from mjfish.inspection.finding import Finding
 
@@ -83,7 +83,7 @@ def beats(trial: Trial) -> list[float]:
         return [trial.wave.frequency]
     if trial.joint_angle is None:
         return []
-    count = beat.count(trial.time, trial.joint_angle)
+    count = validation.count_beats(trial.time, trial.joint_angle)
     return [] if count is None else [count / float(np.ptp(trial.time))]
 
 

@@ -16,7 +16,7 @@ from scipy import stats
 
 from mjfish.arrays import BoolArray, FloatArray, robust_sigma
 from mjfish.data import Trial
-from mjfish.data.check import GAP
+from mjfish.data.validation import GAP
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
 

@@ -11,11 +11,10 @@ from pydantic import Field
 
 from mjfish import fish as fishes
 from mjfish import fish_toml, tomlfile
-from mjfish.data import place
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import catalogue, of_fish
 from mjfish.effects.effect import Effect, Values
-from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.load import Load
 from mjfish.model import Model
@@ -120,7 +119,7 @@ def load(
     added = dict.fromkeys(name.partition(".")[0] for name in given if name not in COEFFICIENTS)
     if not tables:
         return Extended(Model(fish, tuple(known[name] for name in added if name in known)), given)
-    with place.named(source):
+    with located(source):
         entries = tomlfile.parse({"effects": tables}, _Effects, "").effects
         for name in entries:
             if name not in known:

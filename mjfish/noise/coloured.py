@@ -10,7 +10,7 @@ from scipy import linalg
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Trial
-from mjfish.data.types import rows_of, seen_of
+from mjfish.data.trial import rows_of, seen_of
 from mjfish.estimation import Noise
 from mjfish.noise.kalman import Gains, gains, whitened_channels
 

@@ -3,8 +3,8 @@
     y - y^ = e + sum_m a_m h_m,   a_m ~ N(0, 1),   h_m = v_m - dv_m,   dv' = A(t) dv + B(t) (dq_m, dq_m', dq_m'')
 
 with (v_m, dq_m) a mode of the errors of velocities and joint angles that came out of one smoother
-(`mjfish.data.errors`), and e what these leave out. Where the record does not come with its errors, e is the noise of
-the velocities, v_m = 0, and every joint has white errors of the size that its smoothing left over, smoothed as the
+(`mjfish.data.error_modes`), and e what these leave out. Where the record does not come with its errors, e is the noise
+of the velocities, v_m = 0, and every joint has white errors of the size that its smoothing left over, smoothed as the
 angles were (`mjfish.drive.measured.smoothing`). With the h_m whitened as e is, H = Q S V', rows are made white by
 
     (I + H H')^(-1/2) = I + Q ((1 + S^2)^(-1/2) - 1) Q'

@@ -13,8 +13,8 @@ import numpy as np
 
 from mjfish import mujoco, ode, tomlfile
 from mjfish.arrays import FloatArray, readonly
-from mjfish.data import Trial, check, columns, read_table, write_table
-from mjfish.data.schema import Law
+from mjfish.data import Trial, columns, read_table, validation, write_table
+from mjfish.data.dataset_toml import Law
 from mjfish.drive import modes
 from mjfish.drive.motion import JointMotion
 from mjfish.drive.wave import Wave
@@ -217,9 +217,9 @@ def _trial(fish: Fish, mode: str, drive: Wave | str | Path | None, duration: flo
             f"{path}: {wrong}; expected the time and {fish.joints} joints, those of {fish.name}; correct it"
         )
     time = table["time"]
-    check.times(time, path)
+    validation.check_times(time, path)
     angle = readonly(np.stack([table[name] for name in names[1:]], axis=1))
-    check.angles(time, angle, path)
+    validation.check_angles(time, angle, path)
     return Trial(path.stem, None, time, readonly(np.zeros((len(time), 3))), joint_angle=angle)
 
 

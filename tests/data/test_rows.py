@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mjfish.data.types import rows_of
+from mjfish.data.trial import rows_of
 from mjfish.noise.coloured import grid
 
 

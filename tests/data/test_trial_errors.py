@@ -10,7 +10,7 @@ import pytest
 
 from mjfish import data as trials
 from mjfish.data import Dataset, Trial
-from mjfish.data.errors import principal
+from mjfish.data.error_modes import principal
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 

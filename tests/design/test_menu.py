@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from synthetic_trials import synthetic
 
-from mjfish.data import Dataset, check
+from mjfish.data import Dataset, validation
 from mjfish.design.menu import Menu
 from mjfish.drive import cpg, modes
 from mjfish.errors import InputError
@@ -44,8 +44,8 @@ def test_every_run_is_one_that_a_dataset_may_hold(dataset: Dataset) -> None:
     for run in runs:
         np.testing.assert_allclose(np.diff(run.trial.time), 0.02)
         assert run.seconds == pytest.approx(4.0)
-        check.segments(run.trial.drive, dataset.fish, run.name)
-        check.driven(run.trial.time, run.trial.drive, Path("run.csv"), run.name)
+        validation.check_segments(run.trial.drive, dataset.fish, run.name)
+        validation.check_cpg_time(run.trial.time, run.trial.drive, Path("run.csv"), run.name)
     kinds = {run.name.split("-")[0] for run in runs}
     assert {"steady", "turn", "into", "step", "chirp", "zigzag", "burst", "coast"} <= kinds
 

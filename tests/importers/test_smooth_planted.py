@@ -11,10 +11,9 @@ from filmed_swimming import Swim
 
 from mjfish.arrays import FloatArray
 from mjfish.data import importers
-from mjfish.data.importers import FileReport, marked, markers
-from mjfish.data.importers.layouts import layout
-from mjfish.data.importers.mapping import MarkersMap, read
-from mjfish.data.importers.smooth import velocity
+from mjfish.data.importers import FileReport, markers
+from mjfish.data.importers.mapping import MarkersMap, layout, read_mapping
+from mjfish.data.importers.trials import nose_velocities
 from mjfish.errors import InputError
 from mjfish.fish import load_fish
 
@@ -35,10 +34,10 @@ class Errors:
 
 
 def _errors(swim: Swim, folder: Path) -> Errors:
-    table = read(layout("fishsim"), MarkersMap, "fishsim")
-    where = marked.Marked.of(table, load_fish("eth_tendon"), layout("fishsim"))
+    table = read_mapping(layout("fishsim"), MarkersMap, "fishsim")
+    where = markers.Marked.of(table, load_fish("eth_tendon"), layout("fishsim"))
     path = swim.write(folder / "markers_run.csv")
-    found = velocity.of(marked.fit_track(markers.metres(path, table, where)[0], where, table.rate, path).fit)
+    found = nose_velocities(markers.fit_track(markers.metres(path, table, where)[0], where, table.rate, path).fit)
     inner = slice(_EDGE, -_EDGE)
     true = swim.truth[1][inner]
     return Errors(

@@ -1,19 +1,23 @@
 """The mapping file: how a laboratory's columns, units and axes become those of mjfish.
 
-One TOML for all files of an import. What is common to all kinds is in `Mapping`; each importer has a table of its own.
+One TOML for all files of an import. Common keys are in `MappingTable`; each importer has a table of its own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from mjfish import tomlfile
-from mjfish.data import place
-from mjfish.data.schema import Law, NotNegative, Number, Positive
-from mjfish.errors import InputError
+from mjfish.arrays import FloatArray, readonly
+from mjfish.data.dataset_toml import Law, NotNegative, Number, Positive
+from mjfish.data.read import wave_of
+from mjfish.drive.wave import Wave
+from mjfish.errors import InputError, located
 from mjfish.fish import Fish, load_fish
 from mjfish.tomlfile import Table
 
@@ -44,7 +48,7 @@ class JointColumns(Table):
     sign: Literal[1, -1] = 1
 
 
-class Mapping(Table):
+class MappingTable(Table):
     """What every kind of import needs."""
 
     schema_: Literal[1] = Field(alias="schema")
@@ -53,7 +57,7 @@ class Mapping(Table):
     prefix: str = ""
 
 
-class Driven(Mapping):
+class Driven(MappingTable):
     """A record whose joint angles are columns of the file, or given by a law."""
 
     joints: JointColumns | None = None
@@ -95,7 +99,7 @@ class PlaneEntry(Table):
         return self
 
 
-class MarkersMap(Mapping):
+class MarkersMap(MappingTable):
     """``kind = "markers"``: pixels or coordinates of markers, one row a frame."""
 
     kind: Literal["markers"]
@@ -154,13 +158,13 @@ class VelocitiesMap(Driven):
     noise: tuple[Positive, Positive, Positive] | None = None
 
 
-def fish_of(mapping: Mapping, path: Path) -> Fish:
+def fish_of(mapping: MappingTable, path: Path) -> Fish:
     """Return the fish that a mapping file names, relative to it."""
-    with place.named(f"{path}: fish"):
+    with located(f"{path}: fish"):
         return load_fish(mapping.fish, relative_to=path.parent)
 
 
-def read(path: Path | None, model: type[M], importer: str) -> M:
+def read_mapping(path: Path | None, model: type[M], importer: str) -> M:
     """Read the mapping file of an importer that cannot do without one.
 
     Raises:
@@ -171,3 +175,36 @@ def read(path: Path | None, model: type[M], importer: str) -> M:
             f"importer '{importer}' needs a mapping file that names its columns and units; give --map FILE"
         )
     return tomlfile.read(path, model)
+
+
+def measured_angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish, mapping: Path) -> FloatArray | None:
+    """Return the measured joint angles (n, joints) [rad], None where a law gives them."""
+    if table.joints is None:
+        return None
+    names = table.joints.columns
+    if len(names) != fish.joints:
+        raise InputError(
+            f"{mapping}: joints.columns: {len(names)} columns, expected {fish.joints}, one for each joint of fish "
+            f"'{fish.name}'; correct it"
+        )
+    factor = ANGLES[table.joints.unit] * table.joints.sign
+    return readonly(factor * np.column_stack([numbers[name] for name in names]))
+
+
+def wave_drive(table: Driven, fish: Fish, mapping: Path) -> Wave | None:
+    """Return the law of the joints, None where their angles were measured."""
+    law = table.wave
+    return None if law is None else wave_of(law, fish, f"{mapping}: wave", ANGLES[law.unit])
+
+
+def angle_columns(table: Driven) -> tuple[str, ...]:
+    """Return the columns that the joint angles are in."""
+    return () if table.joints is None else table.joints.columns
+
+
+_FOLDER = Path(__file__).parent / "layouts"
+
+
+def layout(name: str) -> Path:
+    """Return the mapping file of a shipped layout."""
+    return _FOLDER / f"{name}.toml"

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Protocol
 
 from mjfish.data import Dataset
-from mjfish.data.importers import fishsim, markers, poses, velocities
+from mjfish.data.importers.markers import import_fishsim, import_markers
 from mjfish.data.importers.report import ImportReport
+from mjfish.data.importers.tables import import_poses, import_velocities
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 
 
@@ -34,10 +35,10 @@ class Importer(Protocol):
 
 
 IMPORTERS: Mapping[str, Importer] = {
-    "fishsim": fishsim.import_files,
-    "markers": markers.import_files,
-    "poses": poses.import_files,
-    "velocities": velocities.import_files,
+    "fishsim": import_fishsim,
+    "markers": import_markers,
+    "poses": import_poses,
+    "velocities": import_velocities,
 }
 #: What a file with an importer must define.
 FUNCTION = "import_files"

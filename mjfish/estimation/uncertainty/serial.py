@@ -16,7 +16,7 @@ import numpy as np
 from scipy import fft
 
 from mjfish.arrays import BoolArray, FloatArray, RecordArray
-from mjfish.data.types import rows_of
+from mjfish.data.trial import rows_of
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
 

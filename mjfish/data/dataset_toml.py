@@ -9,9 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from mjfish.data import place
-from mjfish.data.types import Clock, Role
-from mjfish.errors import InputError, UnknownNameError
+from mjfish.data.trial import Clock, Role
+from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.tomlfile import Table
 
@@ -108,7 +107,7 @@ class TrialTable(Table):
     """One entry of ``[[trials]]``; `file` is relative to the folder of dataset.toml.
 
     `gaps`: samples are missing, rows or velocities in rows; only where a CPG drives the fish, whose motion is known.
-    `errors`: file of the modes of the errors of velocities and joint angles, see `mjfish.data.errors`.
+    `errors`: file of the modes of the errors of velocities and joint angles, see `mjfish.data.error_modes`.
     """
 
     name: Annotated[str, AfterValidator(_safe)]
@@ -208,7 +207,7 @@ def with_start(fish: Fish, start: Mapping[str, Bounds], file: Path) -> Fish:
     declared = {parameter.name: parameter for parameter in fish.parameters}
     changed = {}
     for name, bounds in start.items():
-        with place.named(f"{file}: start"):
+        with located(f"{file}: start"):
             if name not in declared:
                 raise UnknownNameError("coefficient", name, COEFFICIENTS)
             changed[name] = declared[name].rebound(low=bounds.low, high=bounds.high, start=bounds.start)

@@ -1,4 +1,4 @@
-"""Is a recording usable: its times, its joint angles, its drive."""
+"""Validation of a recording: its times, its joint angles, its drive, its tank."""
 
 from __future__ import annotations
 
@@ -9,12 +9,57 @@ from pathlib import Path
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.data import beat, columns, place
-from mjfish.data.types import Tank
+from mjfish.data import columns
+from mjfish.data.tables import row_name
+from mjfish.data.trial import Tank
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+
+#: Joints that move less than this do not beat [rad].
+_STILL = 1e-6
+#: Beats that a periodogram tells apart from a drift; below it, sinusoids are fitted.
+_RESOLVED = 3
+_STEP = 0.05
+
+
+def count_beats(time: FloatArray, angle: FloatArray) -> float | None:
+    """Return the number of beats: the dominant frequency of the joint angles times the duration.
+
+    With three beats or more that is the largest line of the periodogram of all joints, their linear drift removed.
+    With fewer, a line of the periodogram cannot be told from a drift: there it is the frequency at which the least
+    squares fit of mean, drift and one sinusoid leaves the smallest residual.
+
+    Args:
+        time: (n,) increasing, n > 6 [s].
+        angle: (n, joints) [rad].
+
+    Returns:
+        The number of beats, or None where the joints are still.
+    """
+    share = (time - time[0]) / (time[-1] - time[0])
+    drift = np.stack([np.ones_like(share), share], axis=1)
+    rest = _residual(drift, angle)
+    if np.ptp(rest, axis=0).max() < _STILL:
+        return None
+    lines = np.square(np.abs(np.fft.rfft(rest, axis=0))).sum(axis=1)
+    strongest = int(np.argmax(lines))
+    if strongest >= _RESOLVED:
+        return float(strongest)
+    beats = np.arange(2 * _STEP, _RESOLVED + 1, _STEP)
+    left = [np.square(_residual(_with_sinusoid(drift, share, turns), angle)).sum() for turns in beats]
+    return float(beats[int(np.argmin(left))])
+
+
+def _with_sinusoid(drift: FloatArray, share: FloatArray, turns: float) -> FloatArray:
+    phase = 2.0 * np.pi * turns * share
+    return np.column_stack([drift, np.cos(phase), np.sin(phase)])
+
+
+def _residual(design: FloatArray, signal: FloatArray) -> FloatArray:
+    return np.asarray(signal - design @ np.linalg.lstsq(design, signal)[0], dtype=np.float64)
+
 
 #: A step longer than this many median steps is a gap: one lost sample makes 2, jitter of the clock far less than 1.5.
 GAP = 1.5
@@ -24,7 +69,7 @@ _FEWEST = 7
 _BEAT_TOLERANCE = 0.05
 
 
-def times(time: FloatArray, path: Path, *, gaps: bool = False) -> None:
+def check_times(time: FloatArray, path: Path, *, gaps: bool = False) -> None:
     """Refuse times that do not increase, repeat, or, unless `gaps` are allowed, leave a gap.
 
     Args:
@@ -33,20 +78,20 @@ def times(time: FloatArray, path: Path, *, gaps: bool = False) -> None:
     """
     if len(time) < 2:
         raise InputError(f"{path}: has 1 row, expected a recording of at least one beat; record longer")
-    steps = increasing(time, path)
+    steps = check_increasing(time, path)
     median = float(np.median(steps))
     wide = np.flatnonzero(steps > GAP * median)
     if wide.size and not gaps:
         index = int(wide[0]) + 1
         raise InputError(
-            f"{place.row(path, index)}: a gap of {steps[index - 1]:.6g} s from row {index} ({time[index - 1]:.9g} s) "
+            f"{row_name(path, index)}: a gap of {steps[index - 1]:.6g} s from row {index} ({time[index - 1]:.9g} s) "
             f"to row {index + 1} ({time[index]:.9g} s), expected steps of about {median:.6g} s; cut the recording "
             f"there into two trials, fill in the missing rows, or, where a CPG drives the fish, say gaps = true in its "
             f"entry ({wide.size} gaps in the file)"
         )
 
 
-def increasing(time: FloatArray, path: Path) -> FloatArray:
+def check_increasing(time: FloatArray, path: Path) -> FloatArray:
     """Refuse times (n,) [s] that do not increase or repeat; return the steps (n - 1,) between them."""
     with np.errstate(over="ignore"):
         steps = np.diff(time)
@@ -57,17 +102,17 @@ def increasing(time: FloatArray, path: Path) -> FloatArray:
         how = "repeats that of" if here == before else f"is before the {before:.9g} s of"
         what = "remove one of the two rows" if here == before else "sort the rows by time"
         raise InputError(
-            f"{place.row(path, index)}, column 'time [s]': {here:.9g} s {how} row {index}, expected increasing times; "
+            f"{row_name(path, index)}, column 'time [s]': {here:.9g} s {how} row {index}, expected increasing times; "
             f"{what}"
         )
     return np.asarray(steps)
 
 
-def angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
+def check_angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
     """Refuse joint angles that must be degrees, and recordings shorter than one beat.
 
     Args:
-        time: (n,) checked by `times` [s].
+        time: (n,) checked by `check_times` [s].
         angle: (n, joints) finite [rad].
         path: the file, for messages.
     """
@@ -76,14 +121,14 @@ def angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
         index, joint = int(far[0, 0]), int(far[0, 1])
         header = columns.header(columns.joint(joint + 1))
         raise InputError(
-            f"{place.row(path, index)}, column '{header}': {angle[index, joint]:g} rad is more than half a turn, "
+            f"{row_name(path, index)}, column '{header}': {angle[index, joint]:g} rad is more than half a turn, "
             "expected radians; if these are degrees, multiply by pi/180"
         )
     if len(time) < _FEWEST:
         raise InputError(
             f"{path}: has {len(time)} rows, expected {_FEWEST} or more where joint angles are measured; record longer"
         )
-    beats = beat.count(time, angle)
+    beats = count_beats(time, angle)
     if beats is not None and beats < 1.0 - _BEAT_TOLERANCE:
         raise InputError(
             f"{path}: lasts {time[-1] - time[0]:.4g} s, which is {beats:.2g} of a beat of the joint angles, expected "
@@ -91,7 +136,7 @@ def angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
         )
 
 
-def segments(drive: tuple[DriveSegment, ...], fish: Fish, key: str) -> None:
+def check_segments(drive: tuple[DriveSegment, ...], fish: Fish, key: str) -> None:
     """Refuse a drive that the CPG of the fish cannot follow.
 
     Args:
@@ -123,18 +168,18 @@ def segments(drive: tuple[DriveSegment, ...], fish: Fish, key: str) -> None:
             )
 
 
-def driven(time: FloatArray, drive: tuple[DriveSegment, ...], path: Path, key: str) -> None:
+def check_cpg_time(time: FloatArray, drive: tuple[DriveSegment, ...], path: Path, key: str) -> None:
     """Refuse a recording that does not fit its CPG drive in time.
 
     Args:
-        time: (n,) checked by `times` [s].
-        drive: checked by `segments`.
+        time: (n,) checked by `check_times` [s].
+        drive: checked by `check_segments`.
         path: the file, for messages.
         key: of the drive in its file, for messages.
     """
     if time[0] < 0.0:
         raise InputError(
-            f"{place.row(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for the CPG starts at "
+            f"{row_name(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for the CPG starts at "
             "0 s; remove the rows before, or shift the times"
         )
     period = 2.0 * math.pi / drive[0].omega
@@ -151,18 +196,18 @@ def driven(time: FloatArray, drive: tuple[DriveSegment, ...], path: Path, key: s
         )
 
 
-def waved(time: FloatArray, wave: Wave, path: Path, key: str) -> None:
+def check_wave(time: FloatArray, wave: Wave, path: Path, key: str) -> None:
     """Refuse a recording that does not fit the wave that drives it.
 
     Args:
-        time: (n,) checked by `times` [s].
+        time: (n,) checked by `check_times` [s].
         wave: one of everything a joint.
         path: the file, for messages.
         key: of the drive in its file, for messages.
     """
     if wave.ramp > 0.0 and time[0] < 0.0:
         raise InputError(
-            f"{place.row(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for a wave with a ramp "
+            f"{row_name(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for a wave with a ramp "
             "starts at 0 s; remove the rows before, or shift the times"
         )
     far = [number for number, angle in enumerate(wave.amplitude, start=1) if abs(angle) > np.pi]
@@ -178,13 +223,13 @@ def waved(time: FloatArray, wave: Wave, path: Path, key: str) -> None:
         )
 
 
-def inside(pose: FloatArray, tank: Tank, source: Path) -> None:
+def check_in_tank(pose: FloatArray, tank: Tank, source: Path) -> None:
     """Refuse a nose outside of the tank: its walls, or the poses, are then not what they seem."""
     outside = np.flatnonzero(tank.distance(pose) < 0.0)
     if len(outside):
         first = int(outside[0])
         x, y = pose[first, :2]
         raise InputError(
-            f"{place.row(source, first)}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
+            f"{row_name(source, first)}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
             f"{tank.x[0]:g} to {tank.x[1]:g} m, y from {tank.y[0]:g} to {tank.y[1]:g} m; correct tank or poses"
         )

@@ -17,7 +17,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from mjfish.arrays import FloatArray, readonly
-from mjfish.data import columns, place
+from mjfish.data import columns
 from mjfish.errors import InputError
 
 SUFFIXES = (".csv", ".parquet")
@@ -141,7 +141,7 @@ def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
             raise
         row = ragged[0]
         raise InputError(
-            f"{place.row(path, row.number - 2)}: {row.actual_columns} cells, expected {row.expected_columns} as in the "
+            f"{row_name(path, row.number - 2)}: {row.actual_columns} cells, expected {row.expected_columns} as in the "
             f"header; found '{_short(row.text)}'; complete or remove the row"
         ) from None
     return {name: _numbers(name, table.column(name), path, name in missing) for name in names}
@@ -170,7 +170,7 @@ def _numbers(name: str, cells: Any, path: Path, missing: bool) -> FloatArray:
 
 
 def _number(name: str, cell: str, index: int, path: Path) -> float:
-    where = f"{place.row(path, index)}, column '{columns.header(name)}'"
+    where = f"{row_name(path, index)}, column '{columns.header(name)}'"
     if not cell.strip():
         raise InputError(f"{where}: the cell is empty, expected a number; fill it in or remove the row")
     try:
@@ -209,6 +209,12 @@ def check_finite(name: str, values: FloatArray, path: Path) -> None:
     wrong = np.flatnonzero(~np.isfinite(values))
     if wrong.size:
         raise InputError(
-            f"{place.row(path, int(wrong[0]))}, column '{columns.header(name)}': {values[wrong[0]]}, expected a finite "
+            f"{row_name(path, int(wrong[0]))}, column '{columns.header(name)}': {values[wrong[0]]}, expected a finite "
             f"number; fill in or remove the row ({wrong.size} of {values.size} rows are like this)"
         )
+
+
+def row_name(path: Path, index: int) -> str:
+    """Return the name of the row of data `index` (from 0): rows count from 1, and row 1 of a CSV is line 2."""
+    line = f" (line {index + 2})" if path.suffix.lower() == ".csv" else ""
+    return f"{path}: row {index + 1}{line}"

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.data.importers.smooth.observation import IntArray, Linearised
+from mjfish.data.importers.smoothing import IntArray, Linearised
 
 ComplexArray = NDArray[np.complex128]
 

@@ -77,7 +77,7 @@ class Trial:
         wave: the wave that drives the joints, or None.
         tank: its walls, or None where they are not known.
         errors: (modes, n, 3 + joints) what is known of the errors of `velocity` and `joint_angle`: their sum, each mode
-            times an independent standard normal number (`mjfish.data.errors`); None: not known.
+            times an independent standard normal number (`mjfish.data.error_modes`); None: not known.
     """
 
     name: str

@@ -15,7 +15,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import columns
-from mjfish.data.types import Trial
+from mjfish.data.trial import Trial
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 
@@ -23,12 +23,12 @@ from mjfish.frames import CHANNELS
 _LEFT_OUT = 1e-3
 
 
-def file(name: str) -> str:
+def file_name(name: str) -> str:
     """Return the name of the file of a trial's modes; nobody edits them, and Parquet keeps them small."""
     return f"{name}.errors.parquet"
 
 
-def principal(root: FloatArray) -> FloatArray:
+def principal_modes(root: FloatArray) -> FloatArray:
     """Return the principal modes (modes, n, series) of errors, without those that hold a thousandth of the variance.
 
     Args:
@@ -44,7 +44,7 @@ def principal(root: FloatArray) -> FloatArray:
     return np.asarray(modes.transpose(2, 1, 0))
 
 
-def table(trial: Trial) -> dict[str, FloatArray]:
+def to_columns(trial: Trial) -> dict[str, FloatArray]:
     """Return the modes of a trial as columns by name.
 
     Raises:
@@ -62,7 +62,7 @@ def table(trial: Trial) -> dict[str, FloatArray]:
     return dict(zip(_names(trial), rows, strict=True))
 
 
-def modes(numbers: Mapping[str, FloatArray], trial: Trial, source: Path) -> FloatArray:
+def from_columns(numbers: Mapping[str, FloatArray], trial: Trial, source: Path) -> FloatArray:
     """Return the modes (modes, n, 3 + joints) of a table: surge, sway [m/s], yaw rate [rad/s], joints [rad].
 
     Raises:

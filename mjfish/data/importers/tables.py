@@ -1,0 +1,217 @@
+"""Importers of tables of poses or velocities, in the units and axes of the laboratory.
+
+Poses (time, x, y and yaw of a point of the head) are smoothed as marker tracks are; velocities are taken as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.data import Dataset, Trial
+from mjfish.data.importers import rows
+from mjfish.data.importers.mapping import (
+    ANGLES,
+    LENGTHS,
+    TIMES,
+    PosesMap,
+    VelocitiesMap,
+    angle_columns,
+    fish_of,
+    measured_angles,
+    read_mapping,
+    wave_drive,
+)
+from mjfish.data.importers.markers import HARMONICS
+from mjfish.data.importers.report import FileReport, ImportReport
+from mjfish.data.importers.smoothing import Basis, Fit, MeasuredCoordinates, beat_frequency, smooth
+from mjfish.data.importers.trials import Recording, assign_roles, check_distinct, record, with_noise
+from mjfish.errors import InputError
+from mjfish.fish import Fish
+
+_FEWEST_POSES = 20
+#: Noise to begin with, of lengths [m] and angles [rad].
+_SIGMA = 3e-3
+
+
+@dataclass(frozen=True, eq=False)
+class _Imported:
+    name: str
+    recording: Recording
+    report: FileReport
+
+
+def import_poses(
+    files: Sequence[Path], held_out: Sequence[str] = (), mapping: Path | None = None
+) -> tuple[Dataset, ImportReport]:
+    """Turn pose tables into a dataset; joint angles are columns of the table, or a wave.
+
+    Args:
+        files: one a run; cells may be empty where nothing was tracked.
+        held_out: names of trials or runs not to be fitted.
+        mapping: the mapping file, of ``kind = "poses"``.
+
+    Raises:
+        MjfishError: the mapping or a file is not what it must be, or no stretch is long enough.
+    """
+    table = read_mapping(mapping, PosesMap, "poses")
+    assert mapping is not None  # noqa: S101 - read refuses None
+    fish = fish_of(table, mapping)
+    imported = [_import_pose_table(path, table, fish, mapping) for path in files]
+    check_distinct([run.name for run in imported], files)
+    pairs = [(run.name, trial) for run in imported for trial in run.recording.trials]
+    dataset = Dataset(
+        name=f"poses {', '.join(run.name for run in imported)}",
+        fish=fish,
+        trials=assign_roles(pairs, held_out),
+    )
+    dataset = with_noise(dataset, [run.recording for run in imported])
+    return dataset, ImportReport("poses", tuple(run.report for run in imported))
+
+
+def _import_pose_table(path: Path, table: PosesMap, fish: Fish, mapping: Path) -> _Imported:
+    names = [table.time, table.x, table.y, table.yaw, *angle_columns(table)]
+    numbers = rows.read(path, names, header=True, fewest=_FEWEST_POSES, missing=True)
+    time = _increasing(numbers[table.time] * TIMES[table.time_unit], path)
+    pose = _at_nose(table, np.column_stack([numbers[name] for name in (table.x, table.y, table.yaw)]))
+    joints = measured_angles(table, numbers, fish, mapping)
+    measured = pose if joints is None else np.column_stack([pose, joints])
+    count = 0 if joints is None else joints.shape[1]
+    fit = _fit(time, measured)
+    seen: BoolArray = np.asarray(np.isfinite(measured).all(axis=1))
+    name = path.stem.removeprefix(table.prefix)
+    recording = record(fit, count, seen, {int(frame): "pose" for frame in np.flatnonzero(~seen)}, name, path)
+    law = wave_drive(table, fish, mapping)
+    recording = recording.driven_by(law)
+    report = FileReport(
+        path=path,
+        trials=tuple(trial.name for trial in recording.trials),
+        frames=len(time),
+        usable=int(seen.sum()),
+        kept=sum(len(trial.time) for trial in recording.trials),
+        beat=fit.beat,
+        speed=float(np.concatenate([trial.velocity[:, 0] for trial in recording.trials]).mean()),
+        noise=(float(recording.noise[0]), float(recording.noise[1]), float(recording.noise[2])),
+        alike=recording.alike,
+        joint_noise=recording.joint_noise,
+        cuts=recording.cuts,
+        notes=(f"{recording.bridged} frames without a pose bridged",) if recording.bridged else (),
+    )
+    return _Imported(name, recording, report)
+
+
+def _increasing(time: FloatArray, path: Path) -> FloatArray:
+    """Refuse times that do not increase."""
+    wrong = np.flatnonzero(~(np.diff(time) > 0.0))
+    if wrong.size:
+        raise InputError(
+            f"{path}: row {int(wrong[0]) + 3}: its time is not after that of the row before; sort the rows"
+        )
+    return readonly(time)
+
+
+def _at_nose(table: PosesMap, raw: FloatArray) -> FloatArray:
+    """Return x, y [m], yaw [rad] of the nose (n, 3), y up, from those of the tracked point in its own axes."""
+    length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
+    mirror = 1.0 if table.axes == "y_up" else -1.0
+    yaw = mirror * angle * (raw[:, 2] - table.yaw_zero)
+    known = np.isfinite(yaw)
+    yaw[known] = np.unwrap(yaw[known])
+    x = length * raw[:, 0] + table.behind_nose * np.cos(yaw)
+    y = mirror * length * raw[:, 1] + table.behind_nose * np.sin(yaw)
+    return np.column_stack([x, y, yaw])
+
+
+def _fit(time: FloatArray, measured: FloatArray) -> Fit:
+    rate = np.arange(len(time))
+    start = np.column_stack(
+        [np.interp(rate, rate[np.isfinite(own)], own[np.isfinite(own)]) for own in np.transpose(measured)]
+    )
+    hertz, periodic = beat_frequency(time, start[:, 2])
+    first = hertz if periodic else None
+    return smooth(MeasuredCoordinates(measured[:, :, None]), Basis.of(time, first, HARMONICS), first, start, _SIGMA)
+
+
+_FEWEST_VELOCITIES = 7
+
+
+@dataclass(frozen=True, eq=False)
+class _Source:
+    """The mapping, the fish that it names, and its file."""
+
+    table: VelocitiesMap
+    fish: Fish
+    file: Path
+
+
+def import_velocities(
+    files: Sequence[Path], held_out: Sequence[str] = (), mapping: Path | None = None
+) -> tuple[Dataset, ImportReport]:
+    """Turn velocity tables into a dataset.
+
+    Velocities of a point d behind the nose are carried to the nose, sway_nose = sway + d yaw_rate. Nothing is smoothed.
+
+    Args:
+        files: one a run.
+        held_out: names of trials not to be fitted.
+        mapping: the mapping file, of ``kind = "velocities"``.
+
+    Raises:
+        MjfishError: the mapping or a file is not what it must be.
+    """
+    table = read_mapping(mapping, VelocitiesMap, "velocities")
+    assert mapping is not None  # noqa: S101 - read refuses None
+    source = _Source(table, fish_of(table, mapping), mapping)
+    trials = [_velocity_trial(path, source) for path in files]
+    check_distinct([trial.name for trial in trials], files)
+    dataset = Dataset(
+        name=f"velocities {', '.join(trial.name for trial in trials)}",
+        fish=source.fish,
+        trials=assign_roles([(trial.name, trial) for trial in trials], held_out),
+        noise=None if table.noise is None else readonly(table.noise),
+    )
+    return dataset, ImportReport("velocities", tuple(_velocity_report(trial, table) for trial in trials))
+
+
+def _velocity_trial(path: Path, source: _Source) -> Trial:
+    table = source.table
+    names = (table.time, table.surge, table.sway, table.yaw_rate)
+    joints = angle_columns(table)
+    numbers = rows.read(path, [*names, *joints], header=True, fewest=_FEWEST_VELOCITIES)
+    length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
+    surge = numbers[table.surge] * (length if table.surge_to == "front" else -length)
+    sway = numbers[table.sway] * (length if table.sway_to == "port" else -length)
+    turn = numbers[table.yaw_rate] * (angle if table.turn_to == "port" else -angle)
+    time = numbers[table.time] * TIMES[table.time_unit]
+    if not np.all(np.diff(time) > 0.0):
+        row = int(np.flatnonzero(np.diff(time) <= 0.0)[0]) + 3
+        raise InputError(f"{path}: row {row}, column '{table.time}': not after the row before; sort the rows by time")
+    return Trial(
+        name=path.stem.removeprefix(table.prefix),
+        role=None,
+        time=readonly(time),
+        velocity=readonly(np.column_stack([surge, sway + table.behind_nose * turn, turn])),
+        joint_angle=measured_angles(table, numbers, source.fish, source.file),
+        wave=wave_drive(table, source.fish, source.file),
+        source=path,
+    )
+
+
+def _velocity_report(trial: Trial, table: VelocitiesMap) -> FileReport:
+    assert trial.source is not None  # noqa: S101 - set in _trial
+    samples = len(trial.time)
+    return FileReport(
+        path=trial.source,
+        trials=(trial.name,),
+        frames=samples,
+        usable=samples,
+        kept=samples,
+        beat=None,
+        speed=float(trial.velocity[:, 0].mean()),
+        noise=table.noise,
+        notes=() if table.noise is not None else ("noise not stated: estimated from the fit",),
+    )

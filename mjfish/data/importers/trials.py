@@ -1,0 +1,331 @@
+"""From a smoothed run to trials: velocities of the nose, stretches that are kept, sampling, noise and roles.
+
+    surge = cos(yaw) x' + sin(yaw) y',   sway = cos(yaw) y' - sin(yaw) x',   yaw rate = yaw'
+
+Kept are the frames at which the motion is known nearly as well as in the middle of the run. In a gap the smooth part of
+a motion is soon unknown and its periodic part is not: this rule bridges gaps of periodic motion, with the uncertainty
+that the fit states, and cuts all others. It trims the ends too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from string import ascii_lowercase
+
+import numpy as np
+
+from mjfish import frames
+from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.data import Dataset, Role, Trial
+from mjfish.data.error_modes import principal_modes
+from mjfish.data.importers.report import Cut
+from mjfish.data.importers.smoothing import Fit
+from mjfish.drive.wave import Wave
+from mjfish.errors import InputError, UnknownNameError
+
+#: Correlation below which errors count as independent.
+_INDEPENDENT = 0.3
+_X, _Y, _YAW = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Velocities:
+    """Velocities at the frames.
+
+    Attributes:
+        value: (n, 3) surge, sway [m/s], yaw rate [rad/s] of the nose.
+        sigma: (n, 3) of their errors.
+        correlation: (lags, 3) of the errors of frames so many apart, mean over the middle of the run; lag 0 first.
+    """
+
+    value: FloatArray
+    sigma: FloatArray
+    correlation: FloatArray
+
+    @property
+    def apart(self) -> int:
+        """How many frames apart the errors of all channels are nearly independent."""
+        far = np.flatnonzero((self.correlation < _INDEPENDENT).all(axis=1))
+        return int(far[0]) if far.size else len(self.correlation)
+
+
+def nose_velocities(fit: Fit) -> Velocities:
+    """Return the velocities of a fit whose first coordinates are x, y [m] and yaw [rad]."""
+    yaw, rate = fit.coordinates()[:, _YAW], fit.coordinates(1)
+    lags = max(len(yaw) // 4, 1)
+    pairs = [_sigma_and_correlation(slope, fit.covariance, lags) for slope in velocity_gradients(fit)]
+    return Velocities(
+        value=np.column_stack([frames.to_body(rate[:, :2], yaw), rate[:, _YAW]]),
+        sigma=np.column_stack([sigma for sigma, _ in pairs]),
+        correlation=np.column_stack([correlation for _, correlation in pairs]),
+    )
+
+
+def velocity_gradients(fit: Fit) -> list[FloatArray]:
+    """Return the derivatives (n, unknowns) of surge, sway and yaw rate by all unknowns of a fit."""
+    yaw, rate = fit.coordinates()[:, _YAW], fit.coordinates(1)
+    cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    body = frames.to_body(rate[:, :2], yaw)
+    along, to_port = fit.gradient(_X, 1), fit.gradient(_Y, 1)
+    turned = fit.gradient(_YAW)
+    return [
+        cos * along + sin * to_port + body[:, 1:] * turned,
+        cos * to_port - sin * along - body[:, :1] * turned,
+        fit.gradient(_YAW, 1),
+    ]
+
+
+def _sigma_and_correlation(slope: FloatArray, covariance: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
+    """Return sigma (n,) and the correlation (lags,) of errors with derivatives `slope` (n, unknowns)."""
+    spread = slope @ covariance
+    variance = np.einsum("nu,nu->n", spread, slope)
+    inner = slice(len(slope) // 8, len(slope) - len(slope) // 8)
+    products = [
+        float(np.einsum("nu,nu->", spread[inner][lag:], slope[inner][: len(slope[inner]) - lag]))
+        / max(len(slope[inner]) - lag, 1)
+        for lag in range(min(lags, len(slope[inner]) - 1))
+    ]
+    return np.sqrt(np.maximum(variance, 0.0)), np.asarray(products) / max(products[0], 1e-300)
+
+
+def coordinate_sigma(fit: Fit, coordinate: int) -> FloatArray:
+    """Return sigma (n,) of one coordinate."""
+    slope = fit.gradient(coordinate)
+    return np.asarray(np.sqrt(np.maximum(np.einsum("nu,nu->n", slope @ fit.covariance, slope), 0.0)))
+
+
+#: Sigma may be so many times its median.
+_KNOWN = 2.0
+#: Joint angles known better than this are good enough, whatever the median [rad].
+_ANGLE = 0.02
+
+
+def well_known(velocity: FloatArray, angle: FloatArray, seen: BoolArray) -> BoolArray:
+    """Return the frames (n,) to keep.
+
+    Args:
+        velocity: (n, 3) sigma of the velocities.
+        angle: (n, joints) sigma of the joint angles [rad]; no columns where there are none.
+        seen: (n,) frames in which the points were seen; the medians are theirs.
+    """
+    seen = seen if seen.any() else np.ones_like(seen)
+    keep = (velocity <= _KNOWN * np.median(velocity[seen], axis=0)).all(axis=1)
+    if angle.shape[1]:
+        keep &= (angle <= np.maximum(_KNOWN * np.median(angle[seen], axis=0), _ANGLE)).all(axis=1)
+    return np.asarray(keep)
+
+
+def runs(flags: BoolArray) -> list[tuple[int, int]]:
+    """Return the stretches [start, end) in which `flags` (n,) is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def longest(candidates: Sequence[tuple[int, int]]) -> int:
+    """Return the length of the longest stretch, 0 without any."""
+    return max((b - a for a, b in candidates), default=0)
+
+
+#: Shortest stretch that is kept: beats, or seconds where there is no beat.
+BEATS, SECONDS = 2.0, 1.0
+#: Samples a beat that measured joint angles need, so that a spline through them keeps the accelerations.
+_SAMPLES = 24.0
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """The trials of one run and what is known of them.
+
+    Attributes:
+        trials: without roles.
+        noise: (3,) sigma of surge, sway [m/s], yaw rate [rad/s], rms over what is kept.
+        joint_noise: rms sigma of the joint angles [rad]; None without joints.
+        alike: how long the errors stay alike [s].
+        cuts: what was not kept, and why.
+        bridged: frames kept in which points were lost.
+        starts: when each trial begins in the file [s].
+    """
+
+    trials: tuple[Trial, ...]
+    noise: FloatArray
+    joint_noise: float | None
+    alike: float
+    cuts: tuple[Cut, ...]
+    bridged: int
+    starts: tuple[float, ...]
+
+    def driven_by(self, wave: Wave | None) -> Recording:
+        """Return the recording with its trials driven by a wave, whose clock is that of the file."""
+        if wave is None:
+            return self
+        trials = (
+            replace(trial, time=readonly(trial.time + at), wave=wave)
+            for trial, at in zip(self.trials, self.starts, strict=True)
+        )
+        return replace(self, trials=tuple(trials))
+
+
+def record(
+    fit: Fit,
+    joints: int,
+    seen: BoolArray,
+    reasons: dict[int, str],
+    name: str,
+    source: Path,
+    roll: FloatArray | None = None,
+) -> Recording:
+    """Turn a fit into trials.
+
+    Args:
+        fit: coordinates x, y, yaw, then joint angles.
+        joints: how many joint angles there are.
+        seen: (n,) frames in which enough points were seen.
+        reasons: what was lost, by frame.
+        name: of the run.
+        source: the file.
+        roll: (n,) [rad], where it was measured.
+
+    Raises:
+        InputError: no stretch is long enough.
+    """
+    moved = nose_velocities(fit)
+    angle_sigma = np.column_stack([np.zeros((len(seen), 0)), *(coordinate_sigma(fit, 3 + i) for i in range(joints))])
+    keep = well_known(moved.sigma, angle_sigma, seen)
+    step = float(np.median(np.diff(fit.basis.time)))
+    fewest = int(np.ceil((SECONDS if fit.beat is None else BEATS / fit.beat) / step))
+    kept = [(a, b) for a, b in runs(keep) if b - a >= fewest]
+    if not kept:
+        found = longest(runs(keep))
+        what = f"{BEATS:g} beats" if fit.beat is not None else f"{SECONDS:g} s"
+        raise InputError(
+            f"{source}: the longest usable stretch has {found} frames, expected {fewest} or more ({what})"
+            f"{_lost(reasons)}; record longer, track again, or leave this file out"
+        )
+    every = _every(moved.apart, joints, fit.beat, step)
+    place = fit.coordinates()
+    names = [name] if len(kept) == 1 else [f"{name}-{letter}" for letter in _letters(len(kept))]
+    trials = [
+        _trial(label, fit, place, moved.value, slice(a, b, every), joints, source, roll)
+        for label, (a, b) in zip(names, kept, strict=True)
+    ]
+    inside = np.zeros(len(seen), dtype=np.bool_)
+    for a, b in kept:
+        inside[a:b] = True
+    return Recording(
+        trials=tuple(trials),
+        noise=np.sqrt(np.square(moved.sigma[inside]).mean(axis=0)),
+        joint_noise=float(np.sqrt(np.square(angle_sigma[inside]).mean())) if joints else None,
+        alike=moved.apart * step,
+        cuts=tuple(Cut(a * step, b * step, _reason(reasons, a, b, len(seen), keep)) for a, b in runs(~inside)),
+        bridged=int((inside & ~seen).sum()),
+        starts=tuple(float(fit.basis.time[a]) for a, _ in kept),
+    )
+
+
+def with_noise(dataset: Dataset, recordings: Sequence[Recording]) -> Dataset:
+    """Return the dataset with the rms of the noise over its fit trials: a held-out file must not change the fit."""
+    variance = {trial.name: np.square(one.noise) for one in recordings for trial in one.trials}
+    fitted, _ = dataset.split()
+    weights = [len(trial.time) for trial in fitted]
+    mean = np.average([variance[trial.name] for trial in fitted], axis=0, weights=weights)
+    return replace(dataset, noise=readonly(np.sqrt(mean)))
+
+
+def _trial(
+    name: str,
+    fit: Fit,
+    place: FloatArray,
+    value: FloatArray,
+    rows: slice,
+    joints: int,
+    source: Path,
+    roll: FloatArray | None,
+) -> Trial:
+    time = fit.basis.time
+    pose = place[rows, :3] - [*place[rows.start, :2], 0.0]
+    return Trial(
+        name=name,
+        role=None,
+        time=readonly(time[rows] - time[rows.start]),
+        velocity=readonly(value[rows]),
+        joint_angle=readonly(place[rows, 3 : 3 + joints]) if joints else None,
+        pose=readonly(pose),
+        roll=None if roll is None else readonly(roll[rows]),
+        source=source,
+        errors=readonly(_error_modes(fit, rows, joints)) if joints else None,
+    )
+
+
+def _error_modes(fit: Fit, rows: slice, joints: int) -> FloatArray:
+    """Return the modes (modes, n, 3 + joints) of the errors of velocities and joint angles."""
+    values, vectors = np.linalg.eigh(fit.covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    slopes = [*velocity_gradients(fit), *(fit.gradient(3 + i) for i in range(joints))]
+    return principal_modes(np.stack([slope[rows] @ root for slope in slopes]))
+
+
+def _every(apart: int, joints: int, beat: float | None, step: float) -> int:
+    """Return how many frames a sample takes: errors independent, but joint angles dense enough for a spline."""
+    if not joints:
+        return max(apart, 1)
+    dense = 1.0 / (_SAMPLES * beat * step) if beat is not None else 1.0
+    return max(min(apart, int(dense)), 1)
+
+
+def _reason(reasons: dict[int, str], start: int, end: int, frames: int, keep: BoolArray) -> str:
+    lost = {reasons[frame] for frame in range(start, end) if frame in reasons}
+    if lost and not keep[start:end].all():
+        return f"{', '.join(sorted(lost))} lost"
+    if keep[start:end].all():
+        return f"shorter than {BEATS:g} beats"
+    return "end of the record, motion half as well known" if start == 0 or end == frames else "motion not known"
+
+
+def _lost(reasons: dict[int, str]) -> str:
+    counts: dict[str, int] = {}
+    for reason in reasons.values():
+        counts[reason] = counts.get(reason, 0) + 1
+    return "".join(f"; {reason} lost in {count} frames" for reason, count in sorted(counts.items()))
+
+
+def _letters(count: int) -> list[str]:
+    """Return suffixes a, b, ... for several trials of a file; numbers where letters run out."""
+    return list(ascii_lowercase[:count]) if count <= len(ascii_lowercase) else [str(i + 1) for i in range(count)]
+
+
+def assign_roles(
+    trials: Sequence[tuple[str, Trial]], held_out: Sequence[str], doubtful: Sequence[bool] = ()
+) -> tuple[Trial, ...]:
+    """Return the trials with roles.
+
+    Args:
+        trials: each with the name of its file's run.
+        held_out: names of trials or runs not to be fitted.
+        doubtful: per trial, whether something had to be left out of it; where nothing is named, those are held out if
+            there are others.
+
+    Raises:
+        UnknownNameError: `held_out` names nothing.
+        InputError: nothing is left to fit.
+    """
+    known = {name for run, trial in trials for name in (run, trial.name)}
+    for name in held_out:
+        if name not in known:
+            raise UnknownNameError("trial to hold out", name, known)
+    if held_out:
+        out = [run in held_out or trial.name in held_out for run, trial in trials]
+        if all(out):
+            raise InputError("all trials are held out, expected one or more to fit; name fewer of them to hold out")
+    else:
+        out = list(doubtful) or [False] * len(trials)
+    roles: list[Role | None] = [None if not any(out) or all(out) else "held_out" if apart else "fit" for apart in out]
+    return tuple(replace(trial, role=role) for (_, trial), role in zip(trials, roles, strict=True))
+
+
+def check_distinct(names: Sequence[str], places: Sequence[object]) -> None:
+    """Refuse two files whose runs share a name."""
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise InputError(f"{places[index]}: its trial '{name}' has the name of another file's; rename one file")
