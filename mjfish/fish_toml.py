@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-from mjfish import files, toml_text, tomlfile
+from mjfish import files, tomlfile
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 
@@ -28,7 +28,7 @@ def text(
     if tomlfile.parse(table, Fish, f"fish '{fish.name}'") != fish:
         raise InputError(f"fish '{fish.name}' holds values of types that TOML does not keep; build it by Fish(...)")
     lines = [f"# {line}".rstrip() for comment in comments for line in _printable(comment).splitlines()]
-    return "\n".join([*lines, toml_text.dumps({**table, "effects": effects} if effects else table)])
+    return "\n".join([*lines, tomlfile.text({**table, "effects": effects} if effects else table)])
 
 
 def write(

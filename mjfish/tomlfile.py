@@ -1,4 +1,4 @@
-"""Reading TOML into validated models; every complaint names the file, the key, the expectation and the remedy."""
+"""TOML: files read into validated models, with complaints that name file, key, expectation and remedy; text written."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+import tomlkit
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from mjfish.errors import InputError
@@ -58,6 +59,22 @@ def table(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: cannot be read as text: {error}") from None
     except (ValueError, RecursionError) as error:  # of which the first is also raised for endless integers
         raise InputError(f"{path}: not valid TOML: {error}") from None
+
+
+def text(table: Mapping[str, Any]) -> str:
+    """Return `table` as TOML.
+
+    Args:
+        table: of strings, booleans, numbers, sequences of these, tables, and sequences of tables; None is left out.
+    """
+    return tomlkit.dumps(_writable(table))
+
+
+def _writable(value: Any) -> Any:
+    """Return tables as dicts without None, for which TOML has no name, and sequences as lists."""
+    if isinstance(value, Mapping):
+        return {key: _writable(item) for key, item in value.items() if item is not None}
+    return [_writable(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def parse(raw: object, model: type[T], place: str) -> T:

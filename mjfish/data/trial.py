@@ -18,6 +18,8 @@ from mjfish.fish import Fish
 
 Role = Literal["fit", "held_out"]
 Clock = Literal["synchronised", "free"]
+#: Trials that the text of a dataset lists.
+_TRIALS_SHOWN = 8
 
 
 def rows_of(time: FloatArray) -> NDArray[np.intp]:
@@ -94,6 +96,15 @@ class Trial:
     tank: Tank | None = None
     errors: FloatArray | None = None
 
+    def __repr__(self) -> str:
+        """Return one line: name, role, samples, duration, rate and what moves the joints."""
+        sampling = f"{len(self.time)} samples"
+        if len(self.time) > 1:
+            sampling += f" in {float(self.time[-1] - self.time[0]):.4g} s ({1.0 / self.step:.4g} Hz)"
+        drive = "a wave" if self.wave is not None else "the CPG" if self.drive else "measured joint angles"
+        role = self.role or "not assigned"
+        return f"<Trial '{self.name}', role {role}: {sampling}, driven by {drive}>"
+
     @cached_property
     def step(self) -> float:
         """Step between samples [s]: the median, for gaps may be among them."""
@@ -141,6 +152,26 @@ class Dataset:
     noise: FloatArray | None = None
     clock: Clock = "synchronised"
     source: Path | None = None
+
+    def __repr__(self) -> str:
+        """Return at most ten lines: fish, stated noise, clock and the first trials."""
+        noise = "not stated"
+        if self.noise is not None:
+            surge, sway, yaw_rate = map(float, self.noise)
+            noise = f"surge {surge:.3g} m/s, sway {sway:.3g} m/s, yaw rate {yaw_rate:.3g} rad/s"
+        shown = self.trials if len(self.trials) <= _TRIALS_SHOWN else self.trials[: _TRIALS_SHOWN - 1]
+        more = len(self.trials) - len(shown)
+        return (
+            "\n".join(
+                [
+                    f"<Dataset '{self.name}': fish '{self.fish.name}', {len(self.trials)} trials, clock {self.clock}",
+                    f"  noise: {noise}",
+                    *(f"  {trial!r}" for trial in shown),
+                    *([f"  and {more} more trials"] if more else []),
+                ]
+            )
+            + ">"
+        )
 
     def split(self) -> tuple[tuple[Trial, ...], tuple[Trial, ...]]:
         """Return the trials to fit and the trials held out.

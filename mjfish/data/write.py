@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mjfish import files, fish_toml, toml_text, tomlfile
+from mjfish import files, fish_toml, tomlfile
 from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
 from mjfish.data import columns, dataset_toml, error_modes
@@ -54,7 +54,7 @@ def save(dataset: Dataset, folder: str | Path, *, suffix: Literal[".csv", ".parq
             write_table(partial / file, {columns.header(name): values for name, values in table.items()})
         if raw["fish"] == _FISH_FILE:
             (partial / _FISH_FILE).write_text(fish_toml.text(dataset.fish), encoding="utf-8")
-        (partial / dataset_toml.FILE).write_text(f"{MARK}\n{toml_text.dumps(raw)}", encoding="utf-8")
+        (partial / dataset_toml.FILE).write_text(f"{MARK}\n{tomlfile.text(raw)}", encoding="utf-8")
         _publish(partial, folder, stale)
     except (OSError, UnicodeEncodeError) as error:
         raise InputError(f"{folder}: the dataset cannot be written: {error}; choose another place") from None

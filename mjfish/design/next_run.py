@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mjfish import fish as fishes
-from mjfish import fish_toml, toml_text
+from mjfish import fish_toml, tomlfile
 from mjfish.data import Dataset, columns, write_table
 from mjfish.data.dataset_toml import FILE
 from mjfish.design.menu import Run
@@ -79,7 +79,7 @@ def write_next_run(dataset: Dataset, plan: Plan, folder: Path) -> Path:
             raw["fish"] = _FISH
             (partial / _FISH).write_text(fish_toml.text(own_fish), encoding="utf-8")
         raw["trials"] = _trials(raw["trials"], dataset, dataset.source.parent.resolve(), run, folder)
-        (partial / FILE).write_text(toml_text.dumps(raw), encoding="utf-8")
+        (partial / FILE).write_text(tomlfile.text(raw), encoding="utf-8")
         (partial / _LIST).write_text("\n".join(_list(plan, run)) + "\n", encoding="utf-8")
         write_table(partial / f"{run.name}.command.csv", _command(dataset.fish.cpg, run))
         if folder.exists():

@@ -10,7 +10,7 @@ import pytest
 
 from mjfish import data as trials
 from mjfish.data import Dataset, Trial
-from mjfish.data.error_modes import principal
+from mjfish.data.error_modes import principal_modes
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 
@@ -72,7 +72,7 @@ def test_principal_modes_have_the_covariance_of_the_errors() -> None:
     """Modes without their size, or a series of small numbers that is lost among large ones."""
     rng = np.random.default_rng(5)
     root = rng.standard_normal((3, 15, 6)) * np.array([1e-3, 1.0, 30.0])[:, None, None]
-    modes = principal(root)
+    modes = principal_modes(root)
     for series in range(3):
         expected = root[series] @ root[series].T
         np.testing.assert_allclose(modes[:, :, series].T @ modes[:, :, series], expected, atol=5e-3 * expected.max())

@@ -1,4 +1,4 @@
-"""Which trials are held out."""
+"""Which trials are held out; the text of a dataset."""
 
 from __future__ import annotations
 
@@ -34,3 +34,14 @@ def test_a_role_of_fit_alone_holds_nothing_out(pike: Fish) -> None:
     fit, out = dataset(pike, [None, "fit", None]).split()
     assert [trial.name for trial in fit] == ["0", "1", "2"]
     assert out == ()
+
+
+def test_a_dataset_prints_at_most_ten_lines_and_no_arrays(pike: Fish) -> None:
+    time = np.linspace(0.0, 5.0, 101)
+    trials = tuple(Trial(f"t{number}", "fit", time, np.zeros((101, 3))) for number in range(12))
+    lines = repr(Dataset("pool", pike, trials, noise=np.array([0.01, 0.02, 0.3]))).splitlines()
+    assert len(lines) == 10
+    assert lines[0] == "<Dataset 'pool': fish 'pike', 12 trials, clock synchronised"
+    assert lines[1] == "  noise: surge 0.01 m/s, sway 0.02 m/s, yaw rate 0.3 rad/s"
+    assert lines[2] == "  <Trial 't0', role fit: 101 samples in 5 s (20 Hz), driven by measured joint angles>"
+    assert lines[-1] == "  and 5 more trials>"
