@@ -1,10 +1,18 @@
-"""The code blocks of README and docs: no test, but what tests run them by."""
+"""The code blocks of README and docs, and how they are run: in this process, in a folder of their own."""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
+import shlex
 from pathlib import Path
 from types import ModuleType
+
+from click.testing import Result
+from typer.testing import CliRunner
+
+from mjfish.cli import application
 
 ROOT = Path(__file__).parents[1]
 
@@ -14,9 +22,31 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
+def commands(page: Path) -> list[str]:
+    """Return the command lines of the page's shell blocks that call mjfish, in order."""
+    lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
+    return [line for line in lines if line.startswith("mjfish ")]
+
+
+def run_command(line: str, folder: Path, exit_code: int = 0) -> str:
+    """Run a command line of a page in `folder`; return what it printed to standard output."""
+    with contextlib.chdir(folder):
+        result: Result = CliRunner().invoke(application(), shlex.split(line)[1:])
+    assert result.exit_code == exit_code, f"{line}\n{result.output}\n{result.exception!r}"
+    return result.stdout
+
+
+def run_python(block: str, folder: Path) -> str:
+    """Run a Python block of a page in `folder`; return what it printed."""
+    printed = io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(printed):
+        exec(compile(block, f"{folder}/block.py", "exec"), {"__name__": "block"})  # noqa: S102 - our own page
+    return printed.getvalue()
+
+
 def module(page: Path, name: str) -> ModuleType:
     """Return the Python block that begins with the comment ``# name.py``, run as a module of that name."""
     (source,) = (block for block in blocks(page, "python") if block.startswith(f"# {name}.py\n"))
-    made = ModuleType(name)
-    exec(compile(source, f"{page.name}: {name}.py", "exec"), made.__dict__)  # noqa: S102 - our own page
-    return made
+    imported = ModuleType(name)
+    exec(compile(source, f"{page.name}: {name}.py", "exec"), imported.__dict__)  # noqa: S102 - our own page
+    return imported

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -12,40 +11,36 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from doc_blocks import ROOT, blocks
+from doc_blocks import ROOT, blocks, commands, run_command, run_python
 
+from mjfish.cli import console
 from mjfish.data import load_dataset
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
-def _run(command: str, folder: Path, codes: tuple[int, ...] = (0,)) -> str:
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    done = subprocess.run(
-        command, shell=True, cwd=folder, capture_output=True, text=True, env={**os.environ, "PATH": path}, check=False
-    )
-    assert done.returncode in codes, f"{command}\n{done.stdout}\n{done.stderr}"
-    return done.stdout
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no table break a line: what is searched for stands in one."""
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(console.out, "_width", 200)
 
 
 def test_readme_commands_and_python_run(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
-    commands = [line for line in blocks(ROOT / "README.md", "sh")[1].splitlines() if line]
-    assert all(command.startswith("mjfish ") for command in commands)
-    for command in commands:
-        told = _run(command, tmp_path)
+    for command in commands(ROOT / "README.md"):
+        printed = run_command(command, tmp_path)
         if " diagnose " in command:
-            assert "The cause is servo_lag" in told
+            assert "The cause is servo_lag" in printed
     for name in ("diagnosis.json", "report.html", "fish.rrd", "turn/rollout.csv", "turn/rollout.rrd"):
         assert (tmp_path / "out" / name).stat().st_size > 0, name
-    plate, script = blocks(ROOT / "README.md", "python")
-    (tmp_path / "plate.py").write_text(plate)
-    assert _run("python plate.py", tmp_path) == "0.35 m/s2, added-mass force -0.82 N\n"  # 1 / (0.5 + rho pi/4 h^2 L)
-    (tmp_path / "example.py").write_text(script)
-    told = _run("python example.py", tmp_path)
-    assert "The cause is servo_lag" in told
-    assert re.search(r"servo_lag.time_constant = 0.0(19|20)\d+ ", told)
-    assert "held-out error falls by" in told
+    script, plate = blocks(ROOT / "README.md", "python")
+    assert run_python(plate, tmp_path) == "0.35 m/s2, added-mass force -0.82 N\n"  # 1 / (0.5 + rho pi/4 h^2 L)
+    printed = run_python(script, tmp_path)
+    assert "The cause is servo_lag" in printed
+    assert re.search(r"servo_lag.time_constant = 0.0(19|20)\d+ ", printed)
+    assert "held-out error falls by" in printed
+    assert (tmp_path / "out" / "diagnosis.html").stat().st_size > 0
 
 
 def test_readme_makes_targets_that_exist() -> None:
@@ -57,8 +52,8 @@ def test_readme_makes_targets_that_exist() -> None:
 def test_the_dataset_that_is_described_can_be_read(tmp_path: Path) -> None:
     """Every key of the page, with recordings that fit it; a command writes one as well."""
     page = ROOT / "docs" / "datasets.md"
-    (command,) = blocks(page, "sh")
-    _run(command, tmp_path)
+    (command,) = commands(page)
+    run_command(command, tmp_path)
     assert (tmp_path / "out" / "pool" / "dataset.toml").is_file()
     (described,) = blocks(page, "toml")
     (tmp_path / "dataset.toml").write_text(described)
@@ -88,9 +83,8 @@ def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
     """Its commands and its Python, in their order; what it says of their output is so."""
     page = ROOT / "docs" / "identification.md"
     (tmp_path / "out").mkdir()
-    commands = [line for block in blocks(page, "sh") for line in block.splitlines()]
-    told = [_run(command, tmp_path, (1,) if " compare " in command else (0,)) for command in commands]
-    fitted, compared = told[1], told[-1]
+    printed = [run_command(line, tmp_path, exit_code=int(" compare " in line)) for line in commands(page)]
+    fitted, compared = printed[1], printed[-1]
     assert fitted.count("rests on its") == 5
     assert "residuals: passed" in fitted
     assert "4 of 4 starts reached the best optimum" in fitted
@@ -98,24 +92,43 @@ def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
     for name in ("coefficients.csv", "identified.json", "my_fish.toml", "figures/profiles.html"):
         assert (tmp_path / "out" / name).stat().st_size > 0, name
     (script,) = blocks(page, "python")
-    (tmp_path / "own.py").write_text(script)
-    assert "'c_m.tail': np.float64(0.061)" in _run("python own.py", tmp_path)
+    assert "'c_m.tail': np.float64(0.061)" in run_python(script, tmp_path)
 
 
 def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
     """A clock or the servos: the data cannot tell, and the plan knows what would."""
     page = ROOT / "docs" / "diagnosis.md"
     (tmp_path / "out").mkdir()
-    _, diagnosed, planned = (_run(command, tmp_path) for command in blocks(page, "sh")[0].splitlines())
+    _, diagnosed, planned = (run_command(line, tmp_path) for line in commands(page))
     assert diagnosed.startswith("cannot_tell")
     assert "To confirm servo_lag" in diagnosed
     assert "Verdict" not in planned
     assert "The data cannot tell" in planned
     (script,) = blocks(page, "python")
-    (tmp_path / "own.py").write_text(script)
-    told = _run("python own.py", tmp_path)
-    assert told.startswith("cannot_tell servo_lag time_offset\n")
-    assert "section_height" in told
+    printed = run_python(script, tmp_path)
+    assert printed.startswith("cannot_tell servo_lag time_offset\n")
+    assert "section_height" in printed
+
+
+def test_the_page_of_the_next_experiment_runs(tmp_path: Path) -> None:
+    """Bench first, the best repeat in the table and below the best run, a folder that lacks one recording."""
+    page = ROOT / "docs" / "plan.md"
+    (tmp_path / "out").mkdir()
+    _, printed = (run_command(line, tmp_path) for line in commands(page))
+    assert "First sync-flash" in printed
+    assert "v1-again" in printed
+    plan = json.loads((tmp_path / "out" / "plan.json").read_text())
+    runs = [option for option in plan["options"] if option["kind"] == "run"]
+    repeat = next(option for option in runs if option["name"] == "v1-again")
+    pair, again = (option["pairs"][0] for option in (runs[0], repeat))
+    assert again["probability_now"] < 0.01
+    assert pair["probability_after"] > 0.9 > again["probability_after"]
+    named = tomllib.loads((tmp_path / "out" / "next" / "dataset.toml").read_text())["trials"][-1]
+    assert named["name"] == runs[0]["name"]
+    assert not (tmp_path / "out" / "next" / named["file"]).exists()
+    assert named["file"] in (tmp_path / "out" / "next" / "RECORD.md").read_text()
+    (script,) = blocks(page, "python")
+    assert run_python(script, tmp_path).endswith(" True\n")
 
 
 def test_a_cause_of_ones_own_goes_through_all_of_it(tmp_path: Path) -> None:
@@ -123,55 +136,57 @@ def test_a_cause_of_ones_own_goes_through_all_of_it(tmp_path: Path) -> None:
     page = ROOT / "docs" / "own-cause.md"
     source, *forces = blocks(page, "python")
     (tmp_path / "my_effects.py").write_text(source)
-    (tmp_path / "force.py").write_text("\n".join(forces))
     (tmp_path / "out").mkdir()
-    _run("python force.py", tmp_path)
-    told = [_run(command, tmp_path) for command in blocks(page, "sh")[0].splitlines()]
-    assert "gyro_gain" in told[0]
-    assert "The cause is gyro_gain" in told[2]
-    estimate = re.search(r"gyro_gain\.error +│ +(\S+)", told[2])
+    run_python("\n".join(forces), tmp_path)
+    listed, _, diagnosed = (run_command(line, tmp_path) for line in commands(page))
+    assert "gyro_gain" in listed
+    assert "The cause is gyro_gain" in diagnosed
+    estimate = re.search(r"gyro_gain\.error +│ +(\S+)", diagnosed)
     assert estimate is not None
     assert abs(float(estimate[1]) - 0.06) < 0.002
 
 
-def _told(page: Path, folder: Path) -> list[str]:
-    """Run a page's Python blocks one after another, from the root; return what each of them printed.
+def _printed_by_blocks(page: Path, folder: Path) -> list[str]:
+    """Run a page's Python blocks from the root, each in a process of its own; return what each of them printed.
 
-    A block that begins with a comment ``# name.py`` is a file that others import.
+    A block that begins with a comment ``# name.py`` is a file that others import. Warnings are errors.
     """
-    told = []
+    printed = []
     for number, block in enumerate(blocks(page, "python")):
         named = re.match(r"# (\w+\.py)\n", block)
         path = folder / (named[1] if named else f"block_{number}.py")
         path.write_text(block)
         if not named:
-            told.append(_run(f"{sys.executable} -W error {path}", ROOT))
-    return told
+            line = [sys.executable, "-W", "error", str(path)]
+            done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, done.stderr
+            printed.append(done.stdout)
+    return printed
 
 
-def _assert_alike(told: str, written: str) -> None:
+def _assert_same_text(printed: str, written: str) -> None:
     """The same words; numbers to a unit or so of the last digit, and below 1e-12 if they are rounding errors."""
     number = r"-?\d+(?:\.\d+)?(?:e-?\d+)?"
-    assert re.sub(number, "#", told) == re.sub(number, "#", written)
-    pairs = [[float(text) for text in re.findall(number, page)] for page in (told, written)]
+    assert re.sub(number, "#", printed) == re.sub(number, "#", written)
+    pairs = [[float(text) for text in re.findall(number, page)] for page in (printed, written)]
     np.testing.assert_allclose(*pairs, rtol=5e-3, atol=1e-12)
 
 
 def test_plug_in_page_does_what_it_says(tmp_path: Path) -> None:
     """Its scripts print what the page shows; the three ways to describe a plate describe the same one."""
     page = ROOT / "docs" / "mujoco-plugin.md"
-    _, swimmer, plate = _told(page, tmp_path)
+    _, swimmer, plate = _printed_by_blocks(page, tmp_path)
     shown = blocks(page, "text")
-    _assert_alike(swimmer, shown[0])
-    _assert_alike(plate, shown[1])
+    _assert_same_text(swimmer, shown[0])
+    _assert_same_text(plate, shown[1])
 
 
 def test_fitter_page_recovers_what_it_says(tmp_path: Path) -> None:
     """The fitter prints its iterations first."""
     page = ROOT / "docs" / "mujoco-sysid.md"
-    (told,) = _told(page, tmp_path)
-    found = "".join(line for line in told.splitlines(keepends=True) if line.startswith("c_"))
-    _assert_alike(found, blocks(page, "text")[0])
+    (printed,) = _printed_by_blocks(page, tmp_path)
+    found = "".join(line for line in printed.splitlines(keepends=True) if line.startswith("c_"))
+    _assert_same_text(found, blocks(page, "text")[0])
     for (value, half), truth in zip(re.findall(r"= (\S+) \+- (\S+)", found), (1.9, 1.0), strict=True):
         assert abs(float(value) - truth) < 2.0 * float(half) < 0.03
 
@@ -208,12 +223,12 @@ def test_the_measured_fish_is_imported_and_diagnosed(fishsim: Path, tmp_path: Pa
     """The import page's commands, on the measured files; f1_25 is held out."""
     for file in fishsim.glob("markers_*.csv"):
         (tmp_path / file.name).symlink_to(file)
-    imported, diagnosed = blocks(ROOT / "docs" / "import-fishsim.md", "sh")[0].splitlines()
-    _run(imported, tmp_path)
+    imported, diagnosed = commands(ROOT / "docs" / "import-fishsim.md")
+    run_command(imported, tmp_path)
     roles = tomllib.loads((tmp_path / "swimming" / "dataset.toml").read_text())["trials"]
     assert {trial["name"]: trial["role"] for trial in roles} == {"f0_50": "fit", "f1_00": "fit", "f1_25": "held_out"}
-    told = _run(f"{diagnosed} --json found.json", tmp_path, codes=(0, 1))
-    assert "mean speed error" in told
+    printed = run_command(f"{diagnosed} --json found.json", tmp_path)
+    assert "mean speed error" in printed
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["verdict"] != "nothing_wrong"
     held = found["gain"]["held_out"]
