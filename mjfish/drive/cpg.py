@@ -12,11 +12,12 @@ from __future__ import annotations
 import functools
 import itertools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled, inlined
+from mjfish.compiled import compiled, merged
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.errors import InputError
 from mjfish.fish import Cpg
@@ -32,6 +33,16 @@ class DriveSegment:
     start: float
     omega: float
     bias: tuple[float, ...]
+
+
+class _Chain(NamedTuple):
+    """Constants of the oscillators: amplitudes A_i (joints,), couplings h1 and h2, cosine and sine of the phase."""
+
+    amplitude: FloatArray
+    h1: float
+    h2: float
+    cos: float
+    sin: float
 
 
 @functools.lru_cache(maxsize=256)
@@ -65,9 +76,8 @@ def joint_motion(cpg: Cpg, segments: tuple[DriveSegment, ...], duration: float, 
     index = np.searchsorted([segment.start for segment in active], 0.5 * (time[:-1] + time[1:])) - 1
     omega = np.array([segment.omega for segment in active])[index]
     bias = np.array([segment.bias for segment in active])[index]
-    psi, rate, acceleration = _sample(
-        np.diff(time), omega, bias, np.array(cpg.amplitude), cpg.h1, cpg.h2, np.cos(cpg.phase), np.sin(cpg.phase)
-    )
+    chain = _Chain(np.array(cpg.amplitude), cpg.h1, cpg.h2, np.cos(cpg.phase), np.sin(cpg.phase))
+    psi, rate, acceleration = _sample(np.diff(time), omega, bias, chain)
     gain = cpg.beta * cpg.unit
     return JointMotion(time=time, angle=gain * psi, rate=gain * rate, acceleration=gain * acceleration)
 
@@ -77,11 +87,7 @@ def _sample(
     steps: FloatArray,
     omega: FloatArray,
     bias: FloatArray,
-    amplitude: FloatArray,
-    h1: float,
-    h2: float,
-    cos: float,
-    sin: float,
+    chain: _Chain,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate eq. (20) by Runge-Kutta steps of half a step; return psi, psi', psi'' (n, 3, joints)."""
     n, joints = bias.shape
@@ -102,70 +108,62 @@ def _sample(
                 changed = changed or shift != 0.0
         for stage in range(3):
             if stage > 0:
-                _advance(zeta, delta, 0.5 * steps[step], omega[step], amplitude, h1, h2, cos, sin)
+                _advance(zeta, delta, 0.5 * steps[step], omega[step], chain)
             if stage > 0 or changed:  # else the rates at the end of the step before still hold
-                _rates(zeta, delta, 0, 2, omega[step], amplitude, h1, h2, cos, sin)
+                _rates(zeta, delta, 0, 2, omega[step], chain)
             for i in range(joints):
                 psi[step, stage, i] = delta[0, i] + bias[step, i]
                 rate[step, stage, i] = delta[2, i]
-                growth = amplitude[i] - zeta[0, i] ** 2 - delta[0, i] ** 2
+                growth = chain.amplitude[i] - zeta[0, i] ** 2 - delta[0, i] ** 2
                 growth_rate = -2.0 * (zeta[0, i] * zeta[2, i] + delta[0, i] * delta[2, i])
                 second = omega[step] * zeta[2, i] + delta[2, i] * growth + delta[0, i] * growth_rate
                 if i < joints - 1:
-                    second += h2 * (zeta[2, i + 1] * sin + delta[2, i + 1] * cos)
+                    second += chain.h2 * (zeta[2, i + 1] * chain.sin + delta[2, i + 1] * chain.cos)
                 acceleration[step, stage, i] = second
     return psi, rate, acceleration
 
 
-@inlined
+@merged
 def _advance(
     zeta: FloatArray,
     delta: FloatArray,
     h: float,
     omega: float,
-    amplitude: FloatArray,
-    h1: float,
-    h2: float,
-    cos: float,
-    sin: float,
+    chain: _Chain,
 ) -> None:
     """Advance row 0 by `h` with one classical Runge-Kutta step; row 2 holds its rates already."""
-    joints = amplitude.shape[0]
+    joints = chain.amplitude.shape[0]
     for stage in range(3):
         ahead = h if stage == 2 else 0.5 * h
         for i in range(joints):
             zeta[1, i] = zeta[0, i] + ahead * zeta[2 + stage, i]
             delta[1, i] = delta[0, i] + ahead * delta[2 + stage, i]
-        _rates(zeta, delta, 1, 3 + stage, omega, amplitude, h1, h2, cos, sin)
+        _rates(zeta, delta, 1, 3 + stage, omega, chain)
     for i in range(joints):
         zeta[0, i] += h / 6.0 * (zeta[2, i] + 2.0 * zeta[3, i] + 2.0 * zeta[4, i] + zeta[5, i])
         delta[0, i] += h / 6.0 * (delta[2, i] + 2.0 * delta[3, i] + 2.0 * delta[4, i] + delta[5, i])
 
 
-@inlined
+@merged
 def _rates(
     zeta: FloatArray,
     delta: FloatArray,
     row: int,
     out: int,
     omega: float,
-    amplitude: FloatArray,
-    h1: float,
-    h2: float,
-    cos: float,
-    sin: float,
+    chain: _Chain,
 ) -> None:
     """Right-hand side of eq. (20) at row `row`, into row `out`."""
-    joints = amplitude.shape[0]
+    joints = chain.amplitude.shape[0]
     for i in range(joints):
         z = zeta[row, i]
         d = delta[row, i]
-        growth = amplitude[i] - z * z - d * d
+        growth = chain.amplitude[i] - z * z - d * d
         zeta_rate = -omega * d + z * growth
         delta_rate = omega * z + d * growth
         if i > 0:
-            zeta_rate += h1 * (zeta[row, i - 1] * cos + delta[row, i - 1] * sin)
+            zeta_rate += chain.h1 * (zeta[row, i - 1] * chain.cos + delta[row, i - 1] * chain.sin)
         if i < joints - 1:
-            delta_rate += h2 * (zeta[row, i + 1] * sin + delta[row, i + 1] * cos)
+            delta_rate += chain.h2 * (zeta[row, i + 1] * chain.sin + delta[row, i + 1] * chain.cos)
         zeta[out, i] = zeta_rate
         delta[out, i] = delta_rate

@@ -1,4 +1,4 @@
-"""Load hooks: forces on a link that come from outside the Morison model, called from compiled code by address.
+"""Loads: forces on a link that come from outside the Morison model, called from compiled code by address.
 
 An effect writes ``load(link, parameters) -> (fx, fy, mz)``, the extra force [N] and the moment about the link's front
 joint [N m] in the link's frame (x towards the tail), from a `mjfish.hydro.link.LINK` record. Calling by address keeps

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import borrowing, inlined
+from mjfish.compiled import borrowing, inlined, merged
 from mjfish.fish import Fish
 from mjfish.hydro.force import added_mass, drag, gyroscopic
 from mjfish.hydro.load import AT_STATEFUL, LoadBuffers, LoadTable, loads_on
@@ -188,6 +188,6 @@ def _derivative(system: System, joints: Joints, state: FloatArray, output: Float
         out[7] = (torque - k0 * out[0] - k1 * out[1] - k2 * out[2]) / j
 
 
-#: Compiled on its own; and as a part of the innermost loop, which takes longer to compile and is a sixth faster.
+#: Compiled on its own; and as a part of the innermost loop, which is a sixth faster.
 derivative = borrowing(_derivative)
-derivative_inlined = inlined(_derivative)
+derivative_merged = merged(_derivative)

@@ -1,4 +1,4 @@
-"""Load hooks: forces plugged in by address."""
+"""Loads: forces plugged in by address."""
 
 from __future__ import annotations
 
