@@ -67,14 +67,28 @@ def text(table: Mapping[str, Any]) -> str:
     Args:
         table: of strings, booleans, numbers, sequences of these, tables, and sequences of tables; None is left out.
     """
-    return tomlkit.dumps(_writable(table))
+    return tomlkit.dumps(_writable(table, 0))
 
 
-def _writable(value: Any) -> Any:
-    """Return tables as dicts without None, for which TOML has no name, and sequences as lists."""
+def _writable(value: Any, depth: int) -> Any:
+    """Return tables without None, for which TOML has no name, and sequences as lists.
+
+    A table of plain values in another one takes one line, as in ``c_d.head = {low = 0.1}``.
+    """
     if isinstance(value, Mapping):
-        return {key: _writable(item) for key, item in value.items() if item is not None}
-    return [_writable(item) for item in value] if isinstance(value, (list, tuple)) else value
+        table = {key: _writable(item, depth + 1) for key, item in value.items() if item is not None}
+        if depth < 2 or any(_holds_tables(item) for item in table.values()):
+            return table
+        line = tomlkit.inline_table()
+        line.update(table)
+        return line
+    if isinstance(value, (list, tuple)):
+        return [_writable(item, 1 if isinstance(item, Mapping) else depth) for item in value]
+    return value
+
+
+def _holds_tables(value: Any) -> bool:
+    return isinstance(value, dict) or (isinstance(value, list) and any(isinstance(item, dict) for item in value))
 
 
 def parse(raw: object, model: type[T], place: str) -> T:

@@ -49,7 +49,7 @@ def test_comments_stand_at_the_top_and_change_nothing(pike: Fish, tmp_path: Path
 def test_the_file_reads_like_one_made_by_hand(pike: Fish) -> None:
     lines = fish_toml.text(pike).splitlines()
     assert "[coefficients.c_d]" in lines
-    assert "head = { value = 4.0, start = 2.0, low = 0.1, high = 4.0 }" in lines
+    assert "head = {value = 4.0, start = 2.0, low = 0.1, high = 4.0}" in lines
     assert lines.count("[[links]]") == 5
     assert 'profile = "elliptic"' in lines
 

@@ -35,7 +35,7 @@ def test_nothing_is_written_for_none_and_numbers_keep_their_type_and_sign() -> N
 def test_layout_is_the_one_a_person_would_write() -> None:
     table = {"a": {"b.c": {"low": 0.1}}, "t": [{"name": "x", "drive": [{"start": 0.0, "bias": [0, 1]}]}]}
     assert tomlfile.text(table) == (
-        '[a."b.c"]\nlow = 0.1\n\n[[t]]\nname = "x"\n\n[[t.drive]]\nstart = 0.0\nbias = [0, 1]\n'
+        '[a]\n"b.c" = {low = 0.1}\n\n[[t]]\nname = "x"\n\n[[t.drive]]\nstart = 0.0\nbias = [0, 1]\n'
     )
 
 

@@ -45,7 +45,7 @@ def test_a_shipped_fish_is_written_by_name_with_what_was_changed_for_the_fit(dat
     assert sorted(content(tmp_path / "out")) == ["cpg.csv", "dataset.toml", "measured.csv"]
     text = file.read_text(encoding="utf-8")
     assert 'fish = "pike"' in text
-    assert '[start."c_d.head"]\nstart = 1.5\n' in text
+    assert '[start]\n"c_d.head" = {start = 1.5}\n' in text
     assert text.splitlines()[0] == writing.MARK
     assert (tmp_path / "out" / "cpg.csv").read_text().splitlines()[:2] == [
         "time [s],surge [m/s],sway [m/s],yaw_rate [rad/s]",
