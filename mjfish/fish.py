@@ -152,8 +152,17 @@ class Fish(Table):
         links: nose first.
         sections: the outline, nose to tip, without gaps.
         coefficients: the nine hydrodynamic coefficients.
+        schema_: of the file, 1.
         cpg: the oscillator that drives the joints; absent where joint angles are always measured.
         servo: of the joints, in MuJoCo only.
+
+    Example:
+        >>> import mjfish
+        >>> fish = mjfish.load_fish("pike")
+        >>> print(f"{fish.length:.3f} m, {sum(link.mass for link in fish.links):.2f} kg")
+        0.614 m, 2.11 kg
+        >>> fish.values["c_m.tail"]
+        0.06
     """
 
     schema_: Literal[1] = Field(alias="schema")
@@ -287,6 +296,11 @@ def load_fish(name_or_path: str | Path, relative_to: Path | None = None) -> Fish
     Raises:
         UnknownNameError: no shipped fish of that name and no such file.
         InputError: the file breaks the schema, every broken key is named; or it has effects, which would be lost.
+
+    Example:
+        >>> import mjfish
+        >>> mjfish.load_fish("pike").joints
+        4
     """
     fish, effects = read(name_or_path, relative_to)
     if effects:

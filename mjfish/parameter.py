@@ -26,6 +26,15 @@ class Parameter:
         scale: a change that is neither negligible nor large, used to scale fits and finite differences.
         about: one line for tables and reports.
         shape: of a cause: matters only where an amplitude of the cause is off its null (e.g. a damping).
+
+    Raises:
+        ParameterError: bounds, start, default and scale contradict each other.
+
+    Example:
+        >>> import mjfish
+        >>> drag = mjfish.Parameter("c_d.head", "-", default=1.0, low=0.1, high=4.0, start=1.0, scale=0.1)
+        >>> drag.check(2.0)
+        2.0
     """
 
     name: str

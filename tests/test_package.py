@@ -14,12 +14,6 @@ import pytest
 import mjfish
 
 NAMES = [name for name in mjfish.__all__ if name != "__version__"]
-#: Whose docstrings are not complete yet.
-INCOMPLETE = {
-    "Dataset", "Effect", "Fish", "Model", "Parameter", "Trial", "load_dataset",
-    "load_fish",
-}  # fmt: skip
-EACH = [pytest.param(name, marks=[pytest.mark.xfail(strict=False)] if name in INCOMPLETE else []) for name in NAMES]
 
 
 def test_import_is_light_until_the_water_is_asked_for() -> None:
@@ -68,7 +62,7 @@ def _described(text: str, section: str) -> dict[str, str]:
     return entries
 
 
-@pytest.mark.parametrize("name", EACH)
+@pytest.mark.parametrize("name", NAMES)
 def test_every_public_name_is_described_in_full(name: str) -> None:
     """Each argument or attribute; the shape and unit of arrays; the errors of functions; an example."""
     value = getattr(mjfish, name)
@@ -90,7 +84,7 @@ def test_every_public_name_is_described_in_full(name: str) -> None:
             assert re.search(r"\(\w+,.*?\)", entries[field]), f"the shape of {field}"
 
 
-@pytest.mark.parametrize("name", EACH)
+@pytest.mark.parametrize("name", NAMES)
 def test_the_example_of_every_public_name_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     text = inspect.getdoc(getattr(mjfish, name)) or ""

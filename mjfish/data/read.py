@@ -27,9 +27,19 @@ def load_dataset(path: str | Path) -> Dataset:
     Args:
         path: the folder, or its dataset.toml.
 
+    Returns:
+        The trials with times (n,) [s] and velocities (n, 3) [m/s, rad/s] of the nose, and the fish.
+
     Raises:
         MjfishError: something is not what it must be; the message names the file, the row or key, what was found,
             what was expected and what to do.
+
+    Example:
+        >>> import mjfish
+        >>> from mjfish.data import save
+        >>> path = save(mjfish.generate("pike", ["v1"], duration=2.0), "pool")
+        >>> [trial.name for trial in mjfish.load_dataset("pool").trials]
+        ['v1']
     """
     file = Path(path)
     if file.is_dir():

@@ -80,6 +80,12 @@ class Trial:
         tank: its walls, or None where they are not known.
         errors: (modes, n, 3 + joints) what is known of the errors of `velocity` and `joint_angle`: their sum, each mode
             times an independent standard normal number (`mjfish.data.error_modes`); None: not known.
+
+    Example:
+        >>> import mjfish
+        >>> (trial,) = mjfish.generate("pike", ["v1"], duration=2.0).trials
+        >>> trial.velocity.shape, round(trial.step, 3)
+        ((101, 3), 0.02)
     """
 
     name: str
@@ -144,6 +150,13 @@ class Dataset:
         noise: (3,) sigma of the measured surge [m/s], sway [m/s], yaw rate [rad/s]; None: estimate it from the data.
         clock: ``synchronised``, or ``free`` where the velocity clock has an unknown offset in each trial.
         source: the dataset.toml it was read from.
+
+    Example:
+        >>> import mjfish
+        >>> pool = mjfish.generate("pike", ["v1", "v3"], held_out=["v3"], duration=2.0)
+        >>> fitted, held_out = pool.split()
+        >>> [trial.name for trial in held_out]
+        ['v3']
     """
 
     name: str

@@ -68,6 +68,21 @@ class Effect(ABC):
         least: share of its scale that an amplitude which cannot be negative keeps from zero in a refit.
         load: force on every link from outside the Morison model, compiled; its parameters come in declared order.
         mujoco: whether MuJoCo's fish can have it too; not where its load reads what only the ODE's records hold.
+
+    Example:
+        A cause in a file of your own has the same form as those of the catalogue.
+
+        >>> import mjfish
+        >>> class GyroGain(mjfish.Effect):
+        ...     name, family, summary = "gyro_gain", "data", "the gyro's gain is off"
+        ...     parameters = (mjfish.Parameter("gyro_gain.error", "-", 0.0, -0.3, 0.3, 0.0, 0.02),)
+        ...     source, signature, confirm = "data sheet", "the yaw rate is off by a factor", "turn it by hand"
+        ...     def reading(self, state, values, trial):
+        ...         return state * [1.0, 1.0, 1.0 + values["error"], 1.0, 1.0, 1.0, 1.0, 1.0]
+        >>> GyroGain.check_declaration()
+        >>> own, off = {"gyro_gain": GyroGain()}, {"gyro_gain.error": 0.1}
+        >>> mjfish.simulate("pike", effects=own, values=off, duration=1.0).status
+        'ok'
     """
 
     name: ClassVar[str]

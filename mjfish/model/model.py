@@ -63,7 +63,14 @@ class Model:
         fish: with its nominal coefficients.
         effects: the causes that extend it, none for the nominal model.
         step: longest integration step [s].
-        coriolis: form of the gyroscopic terms.
+        coriolis: form of the gyroscopic terms: ``corrected``, or ``printed`` as in [Yu2016].
+
+    Example:
+        >>> import mjfish
+        >>> pool = mjfish.generate("pike", ["v1"], duration=2.0)
+        >>> model = mjfish.Model(pool.fish)
+        >>> model.predict(pool.trials[0], model.values({"c_d.tail": 1.5})).velocity.shape
+        (101, 3)
     """
 
     fish: Fish
