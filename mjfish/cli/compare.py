@@ -41,7 +41,7 @@ def compare(
 ) -> None:
     """Compare measured trials with rollouts of any simulation: columns time [s], surge [m/s], sway [m/s], ..."""
     from mjfish.data.tables import check_suffix
-    from mjfish.estimation.rows import write_rows
+    from mjfish.estimation.tables import write_rows
 
     for path in (json_, table):
         if path is not None:

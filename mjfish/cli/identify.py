@@ -13,13 +13,13 @@ from mjfish.cli import console
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.files import check_file, write_json
 from mjfish.reporting.words import number, p_value, percent
+from mjfish.serialise import plain
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from mjfish.estimation.assessment import Assessment
-    from mjfish.estimation.report import Identification
-    from mjfish.estimation.uncertainty.profile import Profile
+    from mjfish.estimation.identification import Assessment, Identification
+    from mjfish.estimation.profile import Profile
 
 
 def identify(
@@ -45,7 +45,7 @@ def identify(
 ) -> None:
     """Fit the hydrodynamic coefficients to all fit trials at once, say what the data say, score held-out trials."""
     from mjfish.data.tables import check_suffix
-    from mjfish.estimation.report import pose
+    from mjfish.estimation.identification import pose
     from mjfish.estimation.settings import Settings
 
     for file in (json_, table, fish):
@@ -101,7 +101,7 @@ def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:
 
 
 def _profiles(result: Identification, names: list[str], tell: Any) -> list[Profile]:
-    from mjfish.estimation.uncertainty.profile import profile
+    from mjfish.estimation.profile import profile
 
     if result.assessment is None or result.problem is None:
         return []
@@ -118,7 +118,7 @@ def _write(result: Identification, profiles: list[Profile], outputs: dict[str, P
     written: list[Path] = []
     for kind, path in outputs.items():
         if kind == "json":
-            write_json(path, {**result.to_dict(), "profiles": [profile.to_dict() for profile in profiles]})
+            write_json(path, {**result.to_dict(), "profiles": plain(profiles)})
         elif kind == "table":
             from mjfish.estimation.tables import write_coefficients
 
@@ -129,7 +129,7 @@ def _write(result: Identification, profiles: list[Profile], outputs: dict[str, P
             from mjfish.reporting.html.identification import write_identification_figures
 
             name, residuals = result.dataset.name, assessment.residuals
-            written += write_identification_figures(path, name, residuals, assessment.tests, profiles)
+            written += write_identification_figures(path, name, residuals, assessment.residual_tests, profiles)
         if kind != "figures":
             written.append(path)
     return written
@@ -137,7 +137,7 @@ def _write(result: Identification, profiles: list[Profile], outputs: dict[str, P
 
 def _write_fish(result: Identification, file: Path) -> None:
     from mjfish import fish_toml
-    from mjfish.estimation.identified import identified_fish, origin
+    from mjfish.estimation.identification import identified_fish, origin
 
     fixed = result.problem.fixed if result.problem is not None else {}
     fish = identified_fish(result.dataset.fish, result.fit, fixed)
@@ -192,21 +192,21 @@ def _fits(assessment: Assessment) -> Table:
     headings = ("simulated" if horizon is None else str(horizon) for horizon in horizons)
     title = "fit in percent: simulated, and predicted so many samples ahead"
     table = console.table(title, ("trial", "channel", *headings), ("trial", "channel"))
-    scores = {(a.trial, a.channel, a.horizon): a.fit for a in assessment.agreements if a.part == "whole"}
-    for trial in dict.fromkeys(a.trial for a in assessment.agreements):
+    scores = {(a.trial, a.channel, a.horizon): a.fit for a in assessment.agreement if a.part == "whole"}
+    for trial in dict.fromkeys(a.trial for a in assessment.agreement):
         for channel in CHANNELS:
             table.add_row(trial, channel, *(number(scores.get((trial, channel, horizon))) for horizon in horizons))
     return table
 
 
 def _words(result: Identification, profiles: Sequence[Profile]) -> Iterator[str]:
-    from mjfish.estimation.score import PREFIX
+    from mjfish.estimation.held_out import PREFIX
 
     assessment = result.assessment
     if assessment is not None:
         yield from (f"- {weakness.text}" for weakness in assessment.weaknesses)
         yield f"- {assessment.stability.text}"
-        tests, rank = assessment.tests, assessment.criteria
+        tests, rank = assessment.residual_tests, assessment.criteria
         yield (
             f"- residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the drive "
             f"{p_value(tests.p_independent)}"

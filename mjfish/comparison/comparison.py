@@ -16,11 +16,11 @@ from mjfish.comparison.shift import Shift, best_shift, reach
 from mjfish.data import Dataset, Role, Trial
 from mjfish.errors import InputError
 from mjfish.estimation.agreement import Agreement, agreement
-from mjfish.estimation.noise import Noise
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.residuals.residual import Residual
+from mjfish.estimation.residual import Residual
 from mjfish.frames import CHANNELS
 from mjfish.model import Model
+from mjfish.noise import Noise
 from mjfish.result import Result
 from mjfish.serialise import fields_of
 
@@ -113,7 +113,7 @@ class Comparison(Result):
         for trial in self.trials:
             for score in trial.scores:
                 shift = trial.shifts.get(score.channel) if score.part == "whole" else None
-                row = {key: value for key, value in score.to_dict().items() if key != "horizon"}
+                row = {key: value for key, value in fields_of(score).items() if key != "horizon"}
                 row["shift [s]"] = None if shift is None else shift.time
                 row["rmse_shifted"] = None if shift is None else shift.rmse
                 row["nrmse_shifted"] = None if shift is None else shift.nrmse

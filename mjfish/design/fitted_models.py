@@ -23,11 +23,11 @@ from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
-from mjfish.estimation.noise import estimate
-from mjfish.estimation.report import first_sigma
+from mjfish.estimation.identification import first_sigma
+from mjfish.estimation.noise_of_fit import restore
 from mjfish.estimation.smoothing import Differentiator
 from mjfish.model import Model
-from mjfish.noise.restore import restore
+from mjfish.noise.autoregressive import estimate
 
 _TOLERANCE = 1e-6
 

@@ -11,12 +11,12 @@ from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.heldout import pooled_error
 from mjfish.diagnosis.refit import Refit
 from mjfish.diagnosis.result import Candidate, Cause, Estimate, FittedModel, Overlay
+from mjfish.diagnosis.score_test import p_value_of
 from mjfish.diagnosis.verdict import Hearing, Ruling
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Problem
-from mjfish.estimation.algebra import chance
 from mjfish.estimation.fit import Z95
-from mjfish.estimation.score import Score
+from mjfish.estimation.held_out import Score
 from mjfish.model import Model
 
 #: Said of a refit that was too far behind the best to be followed.
@@ -98,7 +98,7 @@ def candidates(
                 score=score,
                 statistic=statistic,
                 degrees_of_freedom=freedom,
-                p_value=chance(statistic, freedom),
+                p_value=p_value_of(statistic, freedom),
                 rival_p=place.rival_p if place else None,
                 fit_p=min(place.saturated_p, place.omnibus_p) if place and place.in_set else None,
                 held_out_gain=held.gained if (held := single.held_out.get((name,))) is not None else None,

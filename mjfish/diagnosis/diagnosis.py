@@ -29,7 +29,7 @@ from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.errors import InputError
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.clocks import aligned
-from mjfish.estimation.report import check_enough, first_sigma
+from mjfish.estimation.identification import check_enough, first_sigma
 from mjfish.inspection import Inspection, inspect, inspect_fit
 from mjfish.model import Model
 

@@ -9,9 +9,12 @@ import numpy as np
 from scipy import stats
 
 from mjfish.arrays import FloatArray
+from mjfish.diagnosis.score_test import amplitudes, log_tail, one_sided_statistic
 from mjfish.effects.effect import Effect
-from mjfish.estimation import Fit, Noise, Problem, algebra, basis
+from mjfish.estimation import Fit, Noise, Problem
+from mjfish.estimation.omnibus import omnibus
 from mjfish.parameter import Parameter
+from mjfish.projection import blocks_of, orthonormal, project_out
 
 #: Draws of the simulated null distributions.
 DRAWS = 4000
@@ -52,14 +55,12 @@ class Evidence:
     @property
     def blocks(self) -> dict[str, slice]:
         """Where each candidate's amplitudes stand in `score`."""
-        slices = algebra.blocks_of([len(own) for own in self.amplitudes])
+        slices = blocks_of([len(own) for own in self.amplitudes])
         return {effect.name: block for effect, block in zip(self.candidates, slices, strict=True)}
 
     def rows_by_trial(self) -> list[slice]:
         """Return where the rows of each trial stand."""
-        return algebra.blocks_of(
-            [3 * int(np.count_nonzero(self.problem.mask(i))) for i in range(len(self.problem.trials))]
-        )
+        return blocks_of([3 * int(np.count_nonzero(self.problem.mask(i))) for i in range(len(self.problem.trials))])
 
     def amplitudes_of(self, name: str) -> tuple[Parameter, ...]:
         """Return the amplitude parameters of one candidate."""
@@ -79,12 +80,12 @@ class Evidence:
 
     def _statistics(self, name: str, draws: FloatArray) -> FloatArray:
         block = self.blocks[name]
-        return algebra.one_sided_statistic(draws[:, block], self.information[block, block], self.positive(name))
+        return one_sided_statistic(draws[:, block], self.information[block, block], self.positive(name))
 
     def first_guess(self, name: str) -> dict[str, float]:
         """Return the one-step estimate of a candidate's amplitudes by name."""
         block = self.blocks[name]
-        psi = algebra.amplitudes(self.score[block], self.information[block, block], self.positive(name))
+        psi = amplitudes(self.score[block], self.information[block, block], self.positive(name))
         own = self.amplitudes_of(name)
         return {p.name: p.default + float(v) * p.scale for p, v in zip(own, psi, strict=True)}
 
@@ -100,7 +101,7 @@ class Evidence:
         What shows of such a gauge shows only because a bound is in the way.
         """
         block = self.blocks[name]
-        left = algebra.project_out(algebra.orthonormal(self.fit.jacobian), self.raw[:, block])
+        left = project_out(orthonormal(self.fit.jacobian), self.raw[:, block])
         return float(np.sum(left**2)) < _GAUGE * float(np.sum(self.raw[:, block] ** 2))
 
     def refitted(self, name: str, amplitudes: Mapping[str, float]) -> dict[str, float]:
@@ -141,9 +142,9 @@ class Evidence:
         seen = [name for name in self.blocks if not self.hidden(name)]
         if not seen:
             return 1.0
-        observed = min(float(algebra.log_tail(self.statistic(name), self._freedom(name))) for name in seen)
+        observed = min(float(log_tail(self.statistic(name), self._freedom(name))) for name in seen)
         simulated = self.statistics(self.null_draws(rng))
-        smallest = np.min([algebra.log_tail(simulated[name], self._freedom(name)) for name in seen], axis=0)
+        smallest = np.min([log_tail(simulated[name], self._freedom(name)) for name in seen], axis=0)
         p = float(np.mean(smallest <= observed))
         # Beyond the reach of the draws, Bonferroni bounds it.
         return p if p > 0.0 else min(len(seen) * float(np.exp(observed)), 1.0 / DRAWS)
@@ -190,10 +191,10 @@ def gather(
     kept = tuple(effect for effect in candidates if effect.name not in held)
     amplitudes = tuple(tuple(p for p in effect.parameters if not p.shape) for effect in kept)
     free = fit.jacobian[:, ~fit.at_bound]
-    span = algebra.orthonormal(free)
-    z = algebra.project_out(span, fit.residual[:, None])[:, 0]
+    span = orthonormal(free)
+    z = project_out(span, fit.residual[:, None])[:, 0]
     raw = problem.whiten(signatures(problem, fit.values, kept) if made is None else made)
-    projected = algebra.project_out(span, raw)
+    projected = project_out(span, raw)
     waves = whitened_omnibus(problem)
     return Evidence(
         problem=problem,
@@ -239,7 +240,7 @@ def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequen
 def whitened_omnibus(problem: Problem) -> FloatArray:
     """Return the omnibus basis (n, columns) in the problem's whitened space; every column touches one trial only."""
     rows = []
-    parts = basis.omnibus(problem.model.fish.cpg, problem.trials)
+    parts = omnibus(problem.model.fish.cpg, problem.trials)
     width = sum(block.shape[2] for blocks in parts for block in blocks)
     column = 0
     for index, blocks in enumerate(parts):

@@ -23,7 +23,8 @@ from scipy import optimize, stats
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.refit import Refit
 from mjfish.effects.effect import Fingerprint
-from mjfish.estimation import Problem, basis
+from mjfish.estimation import Problem
+from mjfish.estimation.omnibus import beat_phase
 
 HARMONICS = 3
 #: Beats that a stretch must last, and beats after a start or step that are not steady yet.
@@ -79,7 +80,7 @@ def _stretches(problem: Problem, index: int, raw: FloatArray) -> list[_Stretch]:
     trial = problem.trials[index]
     if trial.joint_angle is not None:
         return []
-    mask, phase = problem.mask(index), basis.beat_phase(problem.model.fish.cpg, trial)
+    mask, phase = problem.mask(index), beat_phase(problem.model.fish.cpg, trial)
     edges = [*(segment.start for segment in trial.drive), float(trial.time[-1])]
     found = []
     for segment, end in zip(trial.drive, edges[1:], strict=True):

@@ -1,6 +1,6 @@
 """The missing generalised force over time, with its band: a picture of the misfit in the units of the equation.
 
-Random accelerations as in `mjfish.noise.forces` are assumed behind the residual of the nominal model; given
+Random accelerations as in `mjfish.noise.process` are assumed behind the residual of the nominal model; given
 all samples of a run, a Kalman smoother ([Rauch1965]) says what they were. Times the inertia of the stretched fish they
 are the force and moment at the nose that the model lacks. It is shrunk towards zero and neighbouring samples are not
 independent: for pictures, never data for a test.
@@ -19,11 +19,12 @@ import numpy as np
 from mjfish import frames
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.estimation import Fit, Problem
+from mjfish.estimation.noise_of_fit import noise_sample, state_jacobians
 from mjfish.fish import Fish
 from mjfish.hydro.outline import outlines
-from mjfish.noise.coloured import grid
-from mjfish.noise.forces import Pushed, pushed
-from mjfish.noise.stepwise import parts
+from mjfish.noise.autoregressive import grid
+from mjfish.noise.by_rate import by_step
+from mjfish.noise.process import ProcessNoise, process_noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,22 +59,22 @@ class MissingForce:
 
 def missing_force(problem: Problem, fit: Fit) -> tuple[MissingForce, ...]:
     """Return the missing force of every trial of a fit."""
-    residuals = problem.raw(fit.x)
+    left, jacobians = noise_sample(problem, problem.raw(fit.x)), state_jacobians(problem, fit.values)
     found: dict[int, MissingForce] = {}
-    for here, part in parts(problem).values():
-        noise = pushed(part, fit, [residuals[i] for i in here])
-        found.update({i: _of_trial(problem, i, fit.values, noise, residuals[i]) for i in here})
+    for index in by_step(problem.trials).values():
+        noise = process_noise(left.of_trials(index), jacobians)
+        found.update({i: _of_trial(problem, i, fit.values, noise, left.residuals[i]) for i in index})
     return tuple(found[i] for i in range(len(problem.trials)))
 
 
 def _of_trial(
-    problem: Problem, index: int, values: Mapping[str, float], noise: Pushed, residual: FloatArray
+    problem: Problem, index: int, values: Mapping[str, float], noise: ProcessNoise, residual: FloatArray
 ) -> MissingForce:
     inertia = stretched(problem.model.fish, values)
     trial, mask = problem.trials[index], problem.mask(index)
     seen = grid(trial.time, mask)
     step = trial.step
-    mean, covariance = _smoothed(noise, noise.growth[trial.name], step, seen, residual)
+    mean, covariance = _smoothed(noise, noise.jacobians[trial.name], step, seen, residual)
     variance = np.einsum("ij,njk,ik->ni", inertia, covariance, inertia)
     band = np.sqrt(np.maximum(variance, 0.0))  # next to nothing is left below 0 by rounding
     rollout = problem.prediction(trial, values).rollout
@@ -110,7 +111,7 @@ def stretched(fish: Fish, values: Mapping[str, float]) -> FloatArray:
 
 
 def _smoothed(
-    noise: Pushed, growing: FloatArray, step: float, seen: BoolArray, residual: FloatArray
+    noise: ProcessNoise, growing: FloatArray, step: float, seen: BoolArray, residual: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean (n, 3) and covariance (n, 3, 3) of the accelerations, given all samples."""
     n = len(seen)

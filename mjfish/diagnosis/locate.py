@@ -14,8 +14,9 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence, whitened_omnibus
-from mjfish.estimation import algebra, basis
+from mjfish.estimation.omnibus import beat_phase
 from mjfish.frames import CHANNELS
+from mjfish.projection import orthonormal, project_out
 
 #: Beats that count as start-up, and as transition after a change of the drive.
 _BEATS = 3.0
@@ -61,10 +62,10 @@ def locate(evidence: Evidence, directed: bool) -> Where:
     """
     problem = evidence.problem
     free = evidence.fit.jacobian[:, ~evidence.fit.at_bound]
-    coefficients = algebra.orthonormal(free)
-    z = algebra.project_out(coefficients, evidence.fit.residual[:, None])
-    pattern = evidence.signatures if directed else algebra.project_out(coefficients, whitened_omnibus(problem))
-    span = algebra.orthonormal(pattern)
+    coefficients = orthonormal(free)
+    z = project_out(coefficients, evidence.fit.residual[:, None])
+    pattern = evidence.signatures if directed else project_out(coefficients, whitened_omnibus(problem))
+    span = orthonormal(pattern)
     energy = ((span @ (span.T @ z))[:, 0] ** 2).reshape(-1, 3)
     labels = [_labels(problem.model.fish.cpg, trial) for trial in problem.trials]
     counted = [problem.mask(i) for i in range(len(problem.trials))]
@@ -110,7 +111,7 @@ def _densest(labels: np.ndarray[Any, Any], energy: FloatArray) -> str:
 
 def _labels(cpg: Any, trial: Trial) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
     """Return, per sample, the part of the run and the eighth of the beat."""
-    phase = basis.beat_phase(cpg, trial)
+    phase = beat_phase(cpg, trial)
     beats = abs(phase[-1] - phase[0]) / (2.0 * np.pi)
     lasting = _BEATS * float(trial.time[-1] - trial.time[0]) / max(beats, 1.0)
     part = np.full(len(trial.time), "steady", dtype=object)

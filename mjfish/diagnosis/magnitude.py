@@ -8,9 +8,7 @@ from scipy import ndimage
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection import Finding, Repeats
-from mjfish.noise.coloured import Coloured
-from mjfish.noise.drifting import Drifting
-from mjfish.noise.forces import Pushed
+from mjfish.noise import Autoregressive, GaussMarkov, ProcessNoise
 
 #: Share of a channel, both rms, up to which slow noise is believed; of cameras over a tank it is a few hundredths.
 _LARGEST = 0.06
@@ -59,4 +57,4 @@ def too_large(problem: Problem, fit: Fit, repeats: Repeats | None) -> Finding | 
 
 def _slow(noise: Noise) -> bool:
     """Return whether a noise is slow enough that a misfit could pass for it: not white, nor that of differentiation."""
-    return isinstance(noise, Drifting | Pushed) or (isinstance(noise, Coloured) and noise.order > 0)
+    return isinstance(noise, GaussMarkov | ProcessNoise) or (isinstance(noise, Autoregressive) and noise.order > 0)

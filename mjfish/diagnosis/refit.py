@@ -12,11 +12,11 @@ from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.progress import Progress, silent
 from mjfish.diagnosis.resolution import finer
+from mjfish.diagnosis.score_test import p_value_of
 from mjfish.diagnosis.side_by_side import side_by_side, with_jobs
 from mjfish.diagnosis.starts import best_start, off_null, other_valleys
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem, fit
-from mjfish.estimation.algebra import chance
 
 #: Relative change of the sum of squares at which a refit stops.
 TOLERANCE = 1e-5
@@ -155,7 +155,7 @@ def abrupt(evidence: Evidence, effects: Sequence[Effect]) -> tuple[float, dict[s
     alone = with_jobs(evidence, 1)
     results = side_by_side(lambda effect: refit(alone, effect), tried, jobs)
     found = dict(zip((effect.name for effect in tried), results, strict=True))
-    chances = [chance(one.gain, one.degrees_of_freedom + 1) for one in found.values()]
+    chances = [p_value_of(one.gain, one.degrees_of_freedom + 1) for one in found.values()]
     return min([1.0, *(len(found) * p for p in chances)]), found
 
 

@@ -19,16 +19,10 @@ from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.multistart import hypercube
+from mjfish.estimation.noise_of_fit import noise_of, saturated, smoothing_of
 from mjfish.estimation.smoothing import Differentiator
-from mjfish.noise.choice import noise_of
-from mjfish.noise.differentiated import Differentiated
-from mjfish.noise.drifting import Drifting
-from mjfish.noise.edges import noisy_ends
-from mjfish.noise.forces import Pushed
-from mjfish.noise.misread import Misread
-from mjfish.noise.saturated import saturated
-from mjfish.noise.smoothed import smoothing_of
-from mjfish.noise.stepwise import Stepwise
+from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
+from mjfish.noise.sample import noisy_ends
 
 #: A change of sigma by less than this share leaves the weights as they are; of other numbers of a noise by four times.
 _SAME = 0.05
@@ -41,7 +35,7 @@ _BEYOND = 1e-12
 #: first will do, and the cost, over that of the first, up to which one on trial is followed to its end.
 _STARTS, _SCOUT = 4, 8
 _EXPLAINED, _PROMISING = 2.0, 1.05
-_OTHER = Misread | Stepwise | Pushed | Drifting | Differentiated
+_OTHER = ErrorsInVariables | NoiseByRate | ProcessNoise | GaussMarkov | DifferentiationNoise
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +179,7 @@ class _Look:
         if p_wrong >= ALARM:
             p_abrupt, found = abrupt(evidence, self.candidates)
             p_wrong = min(p_wrong, p_abrupt / _ABRUPT)
-        elif isinstance(noise, Drifting) and p_wrong > _BEYOND:
+        elif isinstance(noise, GaussMarkov) and p_wrong > _BEYOND:
             p_wrong = max(
                 p_wrong, float(np.mean([self._chance(one)[1] for one in under(evidence, noise.likely, made)]))
             )
@@ -204,14 +198,14 @@ class _Look:
 
 def _same(new: Noise, old: Noise) -> bool:
     """Return whether two noise models have the same spectrum, nearly."""
-    if isinstance(new, Misread) and isinstance(old, Misread):
+    if isinstance(new, ErrorsInVariables) and isinstance(old, ErrorsInVariables):
         return _same(new.base, old.base)
-    if isinstance(new, Stepwise) and isinstance(old, Stepwise):
+    if isinstance(new, NoiseByRate) and isinstance(old, NoiseByRate):
         return new.models.keys() == old.models.keys() and all(_same(new.models[k], old.models[k]) for k in new.models)
-    if isinstance(new, Differentiated) and isinstance(old, Differentiated):
+    if isinstance(new, DifferentiationNoise) and isinstance(old, DifferentiationNoise):
         filters = (new.window, new.degree) == (old.window, old.degree)
         return filters and bool(np.allclose(new.numbers(), old.numbers(), rtol=4.0 * _SAME))
-    if isinstance(new, Pushed | Drifting) and isinstance(old, type(new)):
+    if isinstance(new, ProcessNoise | GaussMarkov) and isinstance(old, type(new)):
         return bool(np.allclose(new.numbers(), old.numbers(), rtol=4.0 * _SAME))
     if isinstance(new, _OTHER) or isinstance(old, _OTHER):
         return False

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from mjfish.diagnosis.heldout import Confirmation
 from mjfish.diagnosis.refit import Refit
 from mjfish.diagnosis.result import Verdict
+from mjfish.diagnosis.score_test import p_value_of
 from mjfish.diagnosis.select import LEFT, RESEMBLES, Standing
-from mjfish.estimation.algebra import chance
 from mjfish.inspection import Finding
 
 #: Something is wrong where the nominal model's p value is below this: 1.2 false alarms in a hundred.
@@ -158,7 +158,7 @@ def _nearly(best: Names, hearing: Hearing) -> Ruling | None:
 
 def _alone(names: Names, one: Refit, standing: Standing) -> Ruling:
     """Rule on the only set that stays."""
-    p = chance(one.gain, one.degrees_of_freedom)
+    p = p_value_of(one.gain, one.degrees_of_freedom)
     if p < _OWN:
         left = "" if standing.clean else f" It leaves {standing.left:.1%} of what there was to explain: {_OTHERWISE}."
         return Ruling("named", (names,), _named(one) + left)

@@ -1,14 +1,14 @@
-"""Identification: bounded least squares on all fit trials at once."""
+"""Identification: bounded least squares on all fit trials at once, and what the data say about the estimates."""
 
 from mjfish.estimation.agreement import Part, parts_of_trial
-from mjfish.estimation.callable import residual_function
 from mjfish.estimation.fit import Fit, fit
-from mjfish.estimation.noise import Noise
+from mjfish.estimation.held_out import PREFIX, Score, held_out_doubt, predict_held_out
+from mjfish.estimation.identification import Identification, identify
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.report import Identification, identify
-from mjfish.estimation.score import PREFIX, Score, held_out_doubt, predict_held_out
+from mjfish.estimation.residual_function import residual_function
 from mjfish.estimation.settings import Settings
 from mjfish.estimation.table_iv import PAPER
+from mjfish.noise import Noise
 
 __all__ = [
     "PAPER",

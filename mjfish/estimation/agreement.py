@@ -17,18 +17,17 @@ state. It errs on the side of the simulation: with white residuals it is the sim
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Role, Trial
 from mjfish.data.trial import seen_of
-from mjfish.estimation.forecast import forecast
-from mjfish.estimation.noise import Noise, estimate
-from mjfish.estimation.residuals.residual import Residual
+from mjfish.estimation.residual import Residual
 from mjfish.frames import CHANNELS, UNITS
+from mjfish.noise import Autoregressive, estimate
 
 Part = Literal["whole", "start_up", "change", "steady"]
 #: Samples ahead that are scored by default: the next one, a part of a beat, and more than one (at 50 Hz).
@@ -70,16 +69,12 @@ class Agreement:
     fit: float
     unit: str
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return asdict(self)
-
 
 def agreement(
     residuals: Sequence[Residual],
     *,
     horizons: Sequence[int] = HORIZONS,
-    noise: Noise | None = None,
+    noise: Autoregressive | None = None,
     settling: float = SETTLING,
 ) -> tuple[Agreement, ...]:
     """Score simulation and prediction of every trial and channel, whole and in parts.
@@ -100,9 +95,7 @@ def agreement(
         if own is None and horizons and not residual.diverged:
             own = noise_at(residuals, residual.trial.step)
         where = parts_of_trial(residual.trial, settling)
-        left: dict[int | None, FloatArray] = {None: residual.values}
-        for k in horizons:
-            left[k] = residual.values - _known(residual, own, k)
+        left: dict[int | None, FloatArray] = {None: residual.values, **_unforecast(residual, own, horizons)}
         for channel in range(len(CHANNELS)):
             for part, inside in where.items():
                 rows += [_row(residual, channel, part, inside, k, values) for k, values in left.items()]
@@ -129,7 +122,7 @@ def parts_of_trial(trial: Trial, settling: float = SETTLING) -> dict[Part, BoolA
     return found | {part: inside for part, inside in split.items() if np.any(inside)}
 
 
-def noise_at(residuals: Sequence[Residual], step: float) -> Noise:
+def noise_at(residuals: Sequence[Residual], step: float) -> Autoregressive:
     """Estimate the noise of the residuals that are sampled at `step` [s], of fitted trials where there are any."""
     alike = [r for r in residuals if abs(r.trial.step / step - 1.0) < _SAME_RATE and not r.diverged]
     chosen = [r for r in alike if r.role == "fit"] or alike
@@ -138,11 +131,14 @@ def noise_at(residuals: Sequence[Residual], step: float) -> Noise:
     return estimate([block for block, _ in kept], seen=[seen_of(rows - rows[0]) for _, rows in kept])
 
 
-def _known(residual: Residual, noise: Noise | None, steps: int) -> FloatArray:
-    """Return the forecast (n, 3) of the residual at the trial's samples."""
+def _unforecast(
+    residual: Residual, noise: Autoregressive | None, horizons: Sequence[int]
+) -> dict[int | None, FloatArray]:
+    """Return, by horizon, residuals (n, 3) less their forecasts; NaN where no noise is known."""
     if noise is None:
-        return np.full_like(residual.values, np.nan)
-    return forecast(noise, residual.on_grid(residual.values), steps)[residual.rows]
+        return {steps: np.full_like(residual.values, np.nan) for steps in horizons}
+    ahead = noise.forecasts(residual.on_grid(residual.values), horizons)
+    return {steps: residual.values - forecast[residual.rows] for steps, forecast in ahead.items()}
 
 
 def _row(

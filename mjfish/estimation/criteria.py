@@ -15,17 +15,16 @@ AIC or BIC between models of the same data below 2 says nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.estimation.fit import Fit
-from mjfish.estimation.forecast import innovations
-from mjfish.estimation.noise import Noise
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.residuals.residual import Residual, fitted
+from mjfish.estimation.residual import Residual, fitted
+from mjfish.noise import Autoregressive, Noise
 
 
 @dataclass(frozen=True)
@@ -49,10 +48,6 @@ class Criteria:
     aicc: float
     bic: float
     fpe: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return asdict(self)
 
 
 def criteria(
@@ -80,7 +75,8 @@ def of_residuals(residuals: Sequence[Residual], noise: Noise, free: int, *, stat
     """Return the criteria of residuals of a model with `free` fitted parameters; see `criteria`."""
     if any(residual.diverged for residual in residuals):
         return Criteria(0, free, *(np.nan,) * 5)
-    parts = [innovations(noise, residual.on_grid(residual.values)) for residual in residuals]
+    model = Autoregressive(noise.sigma, noise.phi)
+    parts = [model.innovations(residual.on_grid(residual.values)) for residual in residuals]
     error, variance = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     there = np.isfinite(error)
     relative = np.where(there, variance, 1.0) / noise.sigma**2

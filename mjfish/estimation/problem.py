@@ -12,13 +12,12 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Trial
-from mjfish.data.validation import GAP
 from mjfish.estimation import clocks
-from mjfish.estimation.noise import Noise
 from mjfish.estimation.smoothing import Differentiator
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.model.sensitivity import one_sided, sensitivities
+from mjfish.noise import Noise
 from mjfish.parameter import Parameter
 from mjfish.serialise import plain
 from mjfish.threads import threaded
@@ -108,7 +107,7 @@ class Problem:
 
     def whitened(self, index: int, block: FloatArray) -> FloatArray:
         """Whiten columns (n_r, 3, ...) of the counted samples of one trial."""
-        return self.noise.of_trial(self.trials[index], self.mask(index), block, self.stretches(index))
+        return self.noise.whiten(self.trials[index], self.mask(index), block)
 
     def sensitivities(self, x: FloatArray, only: Sequence[str] | None = None) -> list[FloatArray]:
         """Return, per trial, the derivative (n_r, 3, k) of the prediction by the free parameters or those in `only`.
@@ -175,13 +174,6 @@ class Problem:
             keep &= (trial.time >= window[0]) & (trial.time <= window[1])
         return keep
 
-    def stretches(self, index: int) -> list[int]:
-        """Return where, among the samples of a trial that count, a stretch without a missing sample begins."""
-        time = self.trials[index].time
-        steps = np.diff(time)
-        stretch = np.concatenate([[0], np.cumsum(steps > GAP * np.median(steps))])[self.mask(index)]
-        return [0, *(np.flatnonzero(np.diff(stretch)) + 1).tolist()]
-
     def start(self, given: Mapping[str, float] | None = None) -> FloatArray:
         """Return the start vector: `given` by name where it has one, else each parameter's declared start."""
         return np.array([(given or {}).get(p.name, p.start) for p in self.parameters])
@@ -197,8 +189,7 @@ class Problem:
             if np.all(np.isfinite(velocity)):
                 parts.append(self.whitened(i, (trial.velocity - velocity)[keep]).ravel())
             else:
-                lost = np.zeros((int(np.count_nonzero(keep)), len(CHANNELS)))
-                parts.append(np.full_like(self.whitened(i, lost).ravel(), LOST))
+                parts.append(np.full(len(CHANNELS) * int(np.count_nonzero(keep)), LOST))
         return np.concatenate(parts)
 
     def _run(self, tasks: list[tuple[Trial, dict[str, float]]]) -> list[FloatArray]:

@@ -11,7 +11,7 @@ import numpy as np
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.estimation.agreement import Agreement, agreement
-from mjfish.estimation.residuals.residual import Residual
+from mjfish.estimation.residual import Residual
 from mjfish.frames import CHANNELS, UNITS
 
 Group = Literal["forward", "turning", ""]

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from mjfish.data.tables import check_suffix, whole
+from mjfish.errors import InputError
 from mjfish.estimation.agreement import Agreement
 from mjfish.estimation.fit import Fit
-from mjfish.estimation.rows import write_rows
-from mjfish.estimation.uncertainty.intervals import Intervals
+from mjfish.estimation.intervals import Intervals
+from mjfish.serialise import fields_of
 
 
 def coefficient_rows(fit: Fit, intervals: Intervals | None = None) -> list[dict[str, Any]]:
@@ -56,4 +62,24 @@ def write_scores(path: str | Path, scores: Iterable[Agreement]) -> None:
     Raises:
         InputError: as above.
     """
-    write_rows(path, [score.to_dict() for score in scores])
+    write_rows(path, [fields_of(score) for score in scores])
+
+
+def write_rows(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows to a CSV or Parquet file, complete or not at all; None is an empty cell.
+
+    Args:
+        path: with the suffix ``.csv`` or ``.parquet``.
+        rows: of the same keys, e.g. those of `mjfish.estimation.table_iv.Row.to_dict`.
+
+    Raises:
+        InputError: no rows, rows of unlike keys, a wrong suffix, or the file cannot be written.
+    """
+    path = Path(path)
+    check_suffix(path)
+    if not rows or any(tuple(row) != tuple(rows[0]) for row in rows):
+        raise InputError(f"{path}: {len(rows)} rows, expected one or more with the same columns; correct the rows")
+    table = pa.Table.from_pylist([dict(row) for row in rows])
+    write = pa.csv.write_csv if path.suffix.lower() == ".csv" else pa.parquet.write_table
+    with whole(path) as file:
+        write(table, file)

@@ -6,7 +6,7 @@ once, or drift. Lost frames make it change once by as many samples as were lost,
 Outlying run: leaving run r out moves the estimates by one Gauss-Newton step, x_-r = x + (J_-r' J_-r)^-1 J_-r' e_-r, and
 the residuals with them. No fit is run.
 
-Differentiated velocities: positions with white noise, differentiated, leave noise that rises with frequency; a
+DifferentiationNoise velocities: positions with white noise, differentiated, leave noise that rises with frequency; a
 Savitzky-Golay filter of m samples bends it down again, with zeros that show m. Each is a spectrum S(f) = a |H(f)|^2 +
 b; the best by Whittle's likelihood, - sum log S + I / S over the periodogram I, is taken.
 """

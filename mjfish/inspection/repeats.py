@@ -14,9 +14,9 @@ import numpy as np
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.data.trial import seen_of
-from mjfish.estimation.noise import Noise, estimate
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
+from mjfish.noise import Autoregressive, estimate
 
 #: Repeats shorter than this many samples together say little of a noise.
 _FEWEST = 100
@@ -43,7 +43,7 @@ class Repeats:
 
     groups: tuple[tuple[str, ...], ...]
     clean: tuple[tuple[str, ...], ...]
-    noise: Noise
+    noise: Autoregressive
     sigma: FloatArray
     autocorrelation: FloatArray
     seconds: float

@@ -12,8 +12,7 @@ and sensitivities pass the same linear filter.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +37,12 @@ class Gains:
     gain: FloatArray
     root: FloatArray
     log_determinant: float
+
+    def scaled(self, sigma: float) -> Gains:
+        """Return the filter of the noise times sigma; the filter is one of a single channel."""
+        samples = np.count_nonzero(self.root)
+        determinant = self.log_determinant + samples * float(np.log(sigma**2))
+        return replace(self, root=self.root / sigma, log_determinant=determinant)
 
 
 def gains(
@@ -103,11 +108,28 @@ def whitened(filter_: Gains, seen: BoolArray, columns: FloatArray) -> FloatArray
     return out
 
 
-def whitened_channels(filters: Sequence[Gains], seen: BoolArray, block: FloatArray) -> FloatArray:
-    """Return the white innovations (samples seen, m, ...) of columns (samples seen, m, ...), a filter a channel."""
-    flat = block.reshape(len(block), len(filters), -1)
-    parts = [whitened(filter_, seen, flat[:, c : c + 1]) for c, filter_ in enumerate(filters)]
-    return np.concatenate(parts, axis=1).reshape(block.shape)
+def coloured(filter_: Gains, seen: BoolArray, white: FloatArray) -> FloatArray:
+    """Return noise (samples seen, m) that `whitened` makes `white` (samples seen, m): the inverse transform."""
+    state, rows, last = np.zeros(filter_.reading.shape[1]), iter(white), len(filter_.transition) - 1
+    out = []
+    for t in range(len(seen)):
+        if seen[t]:
+            innovation = np.linalg.solve(filter_.root[t], next(rows))
+            out.append(filter_.reading @ state + innovation)
+            state = state + filter_.gain[t] @ innovation
+        state = filter_.transition[min(t, last)] @ state
+    return np.array(out)
+
+
+def filtered_states(filter_: Gains, seen: BoolArray, series: FloatArray) -> FloatArray:
+    """Return the states s_t|t (n, d) of one channel (n,), what stands where no sample is seen ignored."""
+    states, state = np.empty((len(seen), filter_.reading.shape[1])), np.zeros(filter_.reading.shape[1])
+    reading, last = filter_.reading[0], len(filter_.transition) - 1
+    for t in range(len(seen)):  # the gain is zero where a sample is missing
+        state = state + filter_.gain[t, :, 0] * (series[t] - reading @ state)
+        states[t] = state
+        state = filter_.transition[min(t, last)] @ state
+    return states
 
 
 @compiled

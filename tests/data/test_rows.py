@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mjfish.data.trial import rows_of
-from mjfish.noise.coloured import grid
+from mjfish.noise.autoregressive import grid
 
 
 @pytest.mark.parametrize("rate", [24.0, 59.94, 60.0])

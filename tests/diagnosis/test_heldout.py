@@ -14,7 +14,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.diagnosis import select
 from mjfish.diagnosis.heldout import HeldOut, gain, pooled_error
-from mjfish.estimation.score import Score
+from mjfish.estimation.held_out import Score
 
 
 @pytest.fixture(scope="module")

@@ -15,10 +15,10 @@ from mjfish.data import Trial
 from mjfish.diagnosis.magnitude import too_large
 from mjfish.estimation import Noise
 from mjfish.inspection import Repeats
-from mjfish.noise.coloured import Coloured
-from mjfish.noise.differentiated import Differentiated
+from mjfish.noise.autoregressive import Autoregressive
+from mjfish.noise.differentiation import DifferentiationNoise
 
-SLOW = Coloured(readonly(np.full(3, 0.01)), readonly(np.full((3, 1), 0.9)))
+SLOW = Autoregressive(readonly(np.full(3, 0.01)), readonly(np.full((3, 1), 0.9)))
 FIT: Any = SimpleNamespace(x=None)
 
 
@@ -70,8 +70,8 @@ def test_what_is_quick_of_it_does_not_count(trials: tuple[Trial, ...]) -> None:
 
 def test_large_noise_without_a_colour_is_believed(trials: tuple[Trial, ...]) -> None:
     """A misfit is slow: it does not pass for white noise, nor for that of differentiated positions."""
-    white = Coloured.of(Noise.white(np.full(3, 0.01)))
-    rough = Differentiated(readonly(np.full(3, 0.01)), readonly(np.zeros((3, 0))))
+    white = Noise.white(np.full(3, 0.01))
+    rough = DifferentiationNoise(readonly(np.full(3, 0.01)), readonly(np.zeros((3, 0))))
     for noise in (white, rough):
         assert _asked(_Problem(trials, (0.5, 0.5, 0.5), noise)) is None
 

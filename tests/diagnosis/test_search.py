@@ -17,8 +17,8 @@ from mjfish.diagnosis.search import nominal_fit, search
 from mjfish.diagnosis.starts import off_null, other_valleys, to_the_edge
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
+from mjfish.estimation.identification import pose
 from mjfish.estimation.multistart import multistart
-from mjfish.estimation.report import pose
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model, asked_motion
 from mjfish.simulation.synthetic import generate

@@ -14,7 +14,7 @@ from mjfish.diagnosis import assemble
 from mjfish.diagnosis.heldout import Confirmation, confirmation
 from mjfish.diagnosis.select import Standing
 from mjfish.diagnosis.verdict import Hearing, Ruling, rule
-from mjfish.estimation.score import Score
+from mjfish.estimation.held_out import Score
 
 GOOD = Standing(rival_p=1.0, behind=0.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
 RIVAL = Standing(rival_p=0.3, behind=7.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)

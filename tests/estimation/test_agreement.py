@@ -14,7 +14,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.drive.modes import drive
 from mjfish.estimation.agreement import Agreement, agreement, noise_at, parts_of_trial
-from mjfish.estimation.residuals.residual import Residual, fitted, held_out
+from mjfish.estimation.residual import Residual, fitted, held_out
 from mjfish.files import write_json
 from mjfish.fish import Fish
 

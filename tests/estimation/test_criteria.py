@@ -14,8 +14,9 @@ from mjfish.data import Dataset, Trial
 from mjfish.effects import find
 from mjfish.estimation import Noise, fit
 from mjfish.estimation.criteria import criteria, final_prediction_error, of_residuals
-from mjfish.estimation.residuals.residual import Residual
+from mjfish.estimation.residual import Residual
 from mjfish.fish import Fish
+from mjfish.noise import Autoregressive
 
 
 def _residual(error: np.ndarray) -> Residual:
@@ -57,7 +58,7 @@ def test_autoregressive_noise_has_the_exact_likelihood() -> None:
         )
         for c in range(3)
     )
-    noise = Noise(readonly(SIGMA), readonly(phi[:, None]))
+    noise = Autoregressive(readonly(SIGMA), readonly(phi[:, None]))
     assert of_residuals([_residual(error)], noise, 2, stated=True).log_likelihood == pytest.approx(log_p)
     assert of_residuals([_residual(error)], noise, 2, stated=False).parameters == 2 + 3 * 2
 

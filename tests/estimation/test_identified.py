@@ -22,10 +22,10 @@ from mjfish.data import Dataset
 from mjfish.errors import InputError
 from mjfish.estimation import Fit, fit
 from mjfish.estimation.agreement import agreement
-from mjfish.estimation.identified import identified_fish, origin
-from mjfish.estimation.residuals.residual import fitted
+from mjfish.estimation.identification import identified_fish, origin
+from mjfish.estimation.intervals import intervals
+from mjfish.estimation.residual import fitted
 from mjfish.estimation.tables import coefficient_rows, write_coefficients, write_scores
-from mjfish.estimation.uncertainty.intervals import intervals
 from mjfish.fish import COEFFICIENTS, Fish, load_fish
 from mjfish.mujoco import export
 

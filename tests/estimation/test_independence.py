@@ -14,14 +14,12 @@ from scipy import linalg, signal, stats
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.effects import find
-from mjfish.estimation import Noise, fit
-from mjfish.estimation.residuals.absorbed import absorbed
-from mjfish.estimation.residuals.background import background, coloured
-from mjfish.estimation.residuals.independence import CrossCorrelation, independence
-from mjfish.estimation.residuals.inputs import LAG, lagged
-from mjfish.estimation.residuals.residual import fitted
-from mjfish.estimation.residuals.residual_tests import examine, residual_tests
+from mjfish.estimation import fit
+from mjfish.estimation.independence import LAG, CrossCorrelation, absorbed, background, coloured, independence, lagged
+from mjfish.estimation.residual import fitted
+from mjfish.estimation.residual_tests import examine, residual_tests
 from mjfish.fish import Fish
+from mjfish.noise import Autoregressive
 
 
 @pytest.fixture(scope="module")
@@ -119,14 +117,14 @@ def test_an_input_is_the_command_of_the_last_joint_and_lags_are_those_of_the_res
 def test_cleared_columns_see_of_the_noise_what_the_residual_shows(pike: Fish) -> None:
     """u'(I - J (J'WJ)^+ J'W) v = u~'v, dense. Catches a transpose, a filter run the wrong way or over a gap.
 
-    Coloured weights; in one trial rows are missing, twice, and one stretch is shorter than the filter.
+    Autoregressive weights; in one trial rows are missing, twice, and one stretch is shorter than the filter.
     """
     first, second = swimming(pike, ("v1", "v3"), duration=1.06).trials
     there = np.ones(54, dtype=np.bool_)
     there[[20, 22, 23]] = False
     second = replace(second, time=second.time[there], velocity=readonly(second.velocity[there]))
     dataset = replace(swimming(pike, ("v1",), duration=1.0), trials=(first, second))
-    noise = Noise(readonly(SIGMA), readonly([[0.5, 0.2], [0.3, 0.1], [-0.4, 0.0]]))
+    noise = Autoregressive(readonly(SIGMA), readonly([[0.5, 0.2], [0.3, 0.1], [-0.4, 0.0]]))
     posed = problem(dataset, noise=noise)
     one = fit(posed, posed.start(TRUTH), evaluations=1)
     clear = absorbed(posed, one).clear
@@ -145,7 +143,7 @@ def test_cleared_columns_see_of_the_noise_what_the_residual_shows(pike: Fish) ->
 def test_the_variance_is_the_sum_over_both_autocovariances() -> None:
     """U' S u by filtering = dense = N sum_k R_e(k) R_u(k) ([Ljung1999], eq. (16.70))."""
     phi, n = 0.8, 400
-    noise = Noise(readonly([1.0, 1.0, 1.0]), readonly(np.full((3, 1), phi)))
+    noise = Autoregressive(readonly([1.0, 1.0, 1.0]), readonly(np.full((3, 1), phi)))
     u = np.sin(0.36 * np.arange(n))
     shaped = coloured(noise, 0, u[:, None])[:, 0]
     covariance = phi ** np.arange(n) / (1.0 - phi**2)

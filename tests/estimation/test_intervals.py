@@ -11,7 +11,7 @@ from noise_draws import Draws, draws
 from planted_swimming import problem, swimming
 
 from mjfish.estimation import fit
-from mjfish.estimation.uncertainty.intervals import intervals
+from mjfish.estimation.intervals import intervals
 from mjfish.fish import Fish
 
 

@@ -7,7 +7,7 @@ import pytest
 from noise_draws import Draws, draws
 
 from mjfish.arrays import FloatArray
-from mjfish.estimation.uncertainty.intervals import intervals
+from mjfish.estimation.intervals import intervals
 from mjfish.fish import Fish
 
 COUNT = 200

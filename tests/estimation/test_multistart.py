@@ -12,8 +12,8 @@ from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.errors import InputError
 from mjfish.estimation.fit import fit, slope
+from mjfish.estimation.identification import identify
 from mjfish.estimation.multistart import hypercube, multistart
-from mjfish.estimation.report import identify
 from mjfish.estimation.settings import Settings
 from mjfish.fish import COEFFICIENTS, Fish
 

@@ -13,12 +13,13 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import catalogue
-from mjfish.estimation import Noise, Problem
+from mjfish.estimation import Problem
+from mjfish.estimation.held_out import predict_held_out
 from mjfish.estimation.problem import nuisances
-from mjfish.estimation.score import predict_held_out
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.frames import CHANNELS
 from mjfish.model import MARGIN, Model
+from mjfish.noise import Autoregressive
 
 
 @pytest.fixture(scope="module")
@@ -195,12 +196,12 @@ def test_a_trial_that_diverges_has_residuals_worse_than_any_and_a_complaint(pose
     assert posed.divergence(posed.start(TRUTH)) == ""
 
 
-def test_whitening_drops_the_first_samples_of_each_trial(posed: Problem) -> None:
+def test_residuals_and_jacobian_are_whitened_alike(posed: Problem) -> None:
     phi = readonly(np.tile([0.5, 0.2], (3, 1)))
-    coloured = replace(posed, noise=Noise(readonly(SIGMA), phi))
+    coloured = replace(posed, noise=Autoregressive(readonly(SIGMA), phi))
     x = posed.start(TRUTH)
-    assert len(coloured.residual(x)) == 2 * 3 * (101 - 2)
-    assert coloured.jacobian(x).shape == (2 * 3 * (101 - 2), 9)
+    assert len(coloured.residual(x)) == 2 * 3 * 101
+    assert coloured.jacobian(x).shape == (2 * 3 * 101, 9)
     exact = _fourth_order(coloured, x, 3, 0.02 * posed.parameters[3].scale)
     assert np.linalg.norm(coloured.jacobian(x)[:, 3] - exact) < 1e-5 * np.linalg.norm(exact)
 
@@ -212,18 +213,16 @@ def test_a_trial_from_rest_on_a_good_clock_has_no_nuisance_parameters(posed: Pro
     assert [p.start for p in declared[:3]] == measured.velocity[0].tolist()
 
 
-def test_whitening_starts_anew_behind_missing_samples(posed: Problem) -> None:
-    """Across a gap a filter would subtract the wrong past: samples behind it would be off."""
+def test_samples_behind_a_gap_are_whitened_by_their_own_past(posed: Problem) -> None:
+    """Across a gap a filter that counts rows would subtract the wrong past: samples behind it would be off."""
     trial = posed.trials[0]
     kept = np.r_[0:40, 43 : len(trial.time)]
     lacking = replace(trial, time=trial.time[kept], velocity=trial.velocity[kept], gaps=True)
-    coloured = Noise(SIGMA, np.array([[0.5, 0.2]] * 3))
+    coloured = Autoregressive(readonly(SIGMA), readonly([[0.5, 0.2]] * 3))
     gapped = replace(posed, trials=(lacking,), noise=coloured)
-    x = gapped.start(TRUTH)
-    assert gapped.stretches(0) == [0, 40]
-    whole = replace(posed, trials=(trial,), noise=coloured)
-    expected = whole.residual(whole.start(TRUTH)).reshape(-1, 3)  # of samples 2, 3, ...
-    np.testing.assert_allclose(
-        gapped.residual(x).reshape(-1, 3), np.concatenate([expected[:38], expected[43:]]), atol=1e-9
-    )
-    assert gapped.jacobian(x).shape == (3 * (len(kept) - 4), 9)
+    full = replace(posed, trials=(trial,), noise=coloured)
+    found = gapped.residual(gapped.start(TRUTH)).reshape(-1, 3)
+    expected = full.residual(full.start(TRUTH)).reshape(-1, 3)[kept]
+    same = np.r_[0:40, 42 : len(kept)]  # two samples behind the gap lack a part of their past
+    np.testing.assert_allclose(found[same], expected[same], atol=1e-9)
+    assert np.all(found[40:42] != expected[40:42])

@@ -12,8 +12,8 @@ from scipy import stats
 
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation import Fit, Problem, fit
-from mjfish.estimation.uncertainty.intervals import Intervals, intervals
-from mjfish.estimation.uncertainty.profile import Profile, profile
+from mjfish.estimation.intervals import Intervals, intervals
+from mjfish.estimation.profile import Profile, profile
 from mjfish.fish import Fish
 
 CHI = float(stats.chi2.ppf(0.95, 1))

@@ -9,7 +9,7 @@ import pytest
 from planted_swimming import as_measured, swimming
 
 from mjfish.errors import InputError, MjfishError, ParameterError, UnknownNameError
-from mjfish.estimation.report import pose
+from mjfish.estimation.identification import pose
 from mjfish.estimation.settings import PAPER_SIGMA, Settings
 from mjfish.fish import COEFFICIENTS, Fish
 

@@ -13,7 +13,7 @@ from scipy import stats
 
 from mjfish.data import Trial
 from mjfish.estimation import Problem, fit
-from mjfish.estimation.uncertainty.stability import stability
+from mjfish.estimation.stability import stability
 from mjfish.fish import Fish
 
 MODES = ("v1", "v3", "v5")

@@ -14,9 +14,9 @@ from planted_swimming import TRUTH, as_measured, problem, swimming
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.modes import MODES
 from mjfish.errors import InputError
-from mjfish.estimation.residuals.residual import Residual, fitted
-from mjfish.estimation.rows import write_rows
+from mjfish.estimation.residual import Residual, fitted
 from mjfish.estimation.table_iv import PAPER, Row, group_of, mode_of, table_iv, text
+from mjfish.estimation.tables import write_rows
 from mjfish.fish import Fish
 
 #: Ranges of the paper's measurements, RMSE over normalised RMSE, as they can be read off Figs. 4 to 6 and the model.

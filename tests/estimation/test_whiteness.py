@@ -12,8 +12,8 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.errors import InputError
 from mjfish.estimation import Noise
-from mjfish.estimation.residuals.residual import Residual
-from mjfish.estimation.residuals.whiteness import Autocorrelation, whiteness
+from mjfish.estimation.residual import Residual
+from mjfish.estimation.whiteness import Autocorrelation, whiteness
 
 WHITE = Noise.white(readonly(SIGMA))
 

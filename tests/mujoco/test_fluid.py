@@ -48,7 +48,7 @@ def test_pushed_link_accelerates_with_its_added_mass(
         data.qfrc_applied[:2] = 2.0 * forward
         mujoco.mj_forward(model, data)
         np.testing.assert_allclose(data.qacc[:2], 2.0 / link.mass * forward, rtol=1e-12, atol=1e-12)
-        # Pushed at the centre of mass and added mass together, the link does not turn.
+        # ProcessNoise at the centre of mass and added mass together, the link does not turn.
         arm = (link.mass * link.com + a1) / (link.mass + a0)
         data.qfrc_applied[:] = [*(2.0 * port), -2.0 * arm]
         mujoco.mj_forward(model, data)

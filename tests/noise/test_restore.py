@@ -10,18 +10,20 @@ import pytest
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.estimation import Noise, Problem
+from mjfish.estimation.noise_of_fit import JointErrors, restore, state_jacobians
 from mjfish.fish import load_fish
 from mjfish.model import Model
-from mjfish.noise.coloured import Coloured
-from mjfish.noise.differentiated import Differentiated
-from mjfish.noise.drifting import Drifting
-from mjfish.noise.forces import Pushed, along
-from mjfish.noise.misread import Misread, Misreading
-from mjfish.noise.restore import restore
-from mjfish.noise.stepwise import Stepwise
+from mjfish.noise import (
+    Autoregressive,
+    DifferentiationNoise,
+    ErrorsInVariables,
+    GaussMarkov,
+    NoiseByRate,
+    ProcessNoise,
+)
 from mjfish.serialise import plain
 
-SIGMA, WHITE = np.array([0.01, 0.02, 0.05]), np.zeros((3, 0))
+SIGMA = np.array([0.01, 0.02, 0.05])
 PHI = np.array([[0.5, 0.1], [0.2, 0.0], [-0.3, 0.1]])
 
 
@@ -37,28 +39,29 @@ def _problem(*, measured: bool) -> Problem:
 
 
 def _noises(problem: Problem, values: dict[str, float]) -> dict[str, Noise]:
-    coloured = Coloured(SIGMA, PHI)
+    coloured = Autoregressive(SIGMA, PHI)
     return {
-        "plain": Noise(SIGMA, PHI),
-        "coloured": coloured,
-        "differentiated": Differentiated(SIGMA, WHITE, 5, 2, 0.1),
-        "drifting": Drifting(SIGMA, WHITE, SIGMA, np.array([0.2, 0.3, 0.4])),
-        "by rate": Stepwise.of({0.02: coloured, 0.01: Coloured(SIGMA, WHITE)}),
-        "pushed": Pushed(SIGMA, WHITE, 3.0 * SIGMA, 0.3, along(problem, values)),
-        "misread": Misread.of(coloured, Misreading(problem, values)),
+        "white": Noise.white(SIGMA),
+        "autoregressive": coloured,
+        "differentiation": DifferentiationNoise(SIGMA, window=5, degree=2, rounding=0.1),
+        "Gauss-Markov": GaussMarkov(SIGMA, drift=SIGMA, time=np.array([0.2, 0.3, 0.4])),
+        "by rate": NoiseByRate.of({0.02: coloured, 0.01: Noise.white(SIGMA)}),
+        "process": ProcessNoise(SIGMA, push=3.0 * SIGMA, time=0.3, jacobians=state_jacobians(problem, values)),
+        "errors in variables": ErrorsInVariables.of(coloured, JointErrors(problem, values).loadings),
     }
 
 
-@pytest.mark.parametrize("kind", ["plain", "coloured", "differentiated", "drifting", "by rate", "pushed", "misread"])
+@pytest.mark.parametrize(
+    "kind",
+    ["white", "autoregressive", "differentiation", "Gauss-Markov", "by rate", "process", "errors in variables"],
+)
 def test_a_saved_noise_whitens_as_it_did(kind: str) -> None:
-    problem = _problem(measured=kind == "misread")
+    problem = _problem(measured=kind == "errors in variables")
     values = problem.named(problem.start())
     noise = _noises(problem, values)[kind]
     again = restore(json.loads(json.dumps(plain(noise))), problem, values)
     assert type(again) is type(noise)
     mask = problem.mask(0)
     block = np.random.default_rng(0).normal(size=(int(mask.sum()), 3, 2))
-    trial, starts = problem.trials[0], problem.stretches(0)
-    np.testing.assert_allclose(
-        again.of_trial(trial, mask, block, starts), noise.of_trial(trial, mask, block, starts), rtol=1e-9
-    )
+    trial = problem.trials[0]
+    np.testing.assert_allclose(again.whiten(trial, mask, block), noise.whiten(trial, mask, block), rtol=1e-9)

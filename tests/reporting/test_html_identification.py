@@ -13,8 +13,8 @@ import pytest
 from mjfish.arrays import readonly
 from mjfish.errors import InputError
 from mjfish.estimation import Noise
-from mjfish.estimation.residuals.residual import Residual
-from mjfish.estimation.residuals.residual_tests import ResidualTests, examine
+from mjfish.estimation.residual import Residual
+from mjfish.estimation.residual_tests import ResidualTests, examine
 from mjfish.fish import Fish
 from mjfish.reporting.html.figures import autocorrelation_figure, cross_correlation_figure, residual_figure
 from mjfish.reporting.html.identification import write_identification_figures

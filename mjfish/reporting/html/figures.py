@@ -20,15 +20,15 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis import Diagnosis, Overlay
 from mjfish.estimation import Noise, Problem
-from mjfish.estimation.basis import beat_phase
-from mjfish.estimation.residuals.whiteness import ALL, Autocorrelation
+from mjfish.estimation.omnibus import beat_phase
+from mjfish.estimation.whiteness import ALL, Autocorrelation
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.reporting.words import CHANNEL_NAMES, p_value, unit
 
 if TYPE_CHECKING:
-    from mjfish.estimation.residuals.independence import CrossCorrelation
-    from mjfish.estimation.residuals.residual import Residual
-    from mjfish.estimation.uncertainty.profile import Profile
+    from mjfish.estimation.independence import CrossCorrelation
+    from mjfish.estimation.profile import Profile
+    from mjfish.estimation.residual import Residual
 
 #: Colours by what they stand for.
 COLOURS = {

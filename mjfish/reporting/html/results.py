@@ -14,7 +14,7 @@ from mjfish.comparison import Comparison
 from mjfish.design import Plan
 from mjfish.diagnosis import Diagnosis
 from mjfish.errors import InputError
-from mjfish.estimation.report import Identification
+from mjfish.estimation.identification import Identification
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection import Inspection
 from mjfish.reporting.html.diagnosis import write_diagnosis
@@ -144,5 +144,5 @@ def _(result: Identification, path: Path) -> None:
     assessment = result.assessment
     if assessment is None:
         raise InputError(f"{result.dataset.name}: the fit {result.fit.status} and has no page; {result.fit.message}")
-    found = sections(result.dataset.name, assessment.residuals, assessment.tests)
+    found = sections(result.dataset.name, assessment.residuals, assessment.residual_tests)
     write_figures(path, *found.values())

@@ -16,7 +16,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis import Diagnosis, Overlay
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
-from mjfish.estimation.report import Identification
+from mjfish.estimation.identification import Identification
 from mjfish.model import Model
 from mjfish.model.model import Prepared, pose_of
 from mjfish.ode.forces import LinkForces, link_forces

@@ -1,0 +1,354 @@
+"""``identify`` as one call: dataset in, fitted coefficients with what the data say about them out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mjfish.arrays import FloatArray, robust_sigma
+from mjfish.data import Dataset, Trial, load_dataset
+from mjfish.errors import InputError
+from mjfish.estimation.agreement import Agreement, agreement
+from mjfish.estimation.clocks import aligned
+from mjfish.estimation.criteria import Criteria, criteria
+from mjfish.estimation.fit import Fit, fit
+from mjfish.estimation.identifiability import Weakness, weaknesses
+from mjfish.estimation.intervals import Intervals, intervals
+from mjfish.estimation.multistart import multistart
+from mjfish.estimation.problem import Problem
+from mjfish.estimation.residual import Residual, fitted, held_out
+from mjfish.estimation.residual_tests import ResidualTests, residual_tests
+from mjfish.estimation.settings import Settings
+from mjfish.estimation.stability import Stability, stability
+from mjfish.estimation.table_iv import Row, table_iv
+from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.frames import CHANNELS
+from mjfish.model import Model
+from mjfish.noise import Noise
+from mjfish.noise.autoregressive import floor
+from mjfish.result import Result
+from mjfish.serialise import plain, unsaved
+
+#: Most lines of a summary.
+_SUMMARY_LINES = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """What the data say about a fit that did not diverge.
+
+    Attributes:
+        intervals: of the estimates, for residuals that are correlated in time, the plain ones beside them.
+        weaknesses: what the data do not say, in words.
+        agreement: per trial, channel, part of the trial and horizon.
+        table: in the layout of [Yu2016], Table IV.
+        residual_tests: whether anything is left in the residuals of the fit.
+        criteria: AIC, AICc, BIC, FPE.
+        stability: whether one set of coefficients serves all trials.
+        residuals: of fitted trials, then of those held out.
+    """
+
+    intervals: Intervals
+    weaknesses: tuple[Weakness, ...]
+    agreement: tuple[Agreement, ...]
+    table: tuple[Row, ...]
+    residual_tests: ResidualTests
+    criteria: Criteria
+    stability: Stability
+    residuals: tuple[Residual, ...] = unsaved()
+
+
+def assess(problem: Problem, fit: Fit, residuals: tuple[Residual, ...]) -> Assessment | None:
+    """Assess a fit; None where it diverged, for then the data say nothing about it.
+
+    Args:
+        problem: that was fitted.
+        fit: of it.
+        residuals: of its trials, then of those that had no part in it.
+    """
+    if fit.status == "diverged":
+        return None
+    own = residuals[: len(problem.trials)]
+    return Assessment(
+        residuals=residuals,
+        intervals=intervals(problem, fit),
+        weaknesses=weaknesses(fit),
+        agreement=tuple(agreement(residuals)),
+        table=table_iv(residuals),
+        residual_tests=residual_tests(problem, fit, own),
+        criteria=criteria(problem, fit, own),
+        stability=stability(problem, fit),
+    )
+
+
+@dataclass(frozen=True)
+class TrialScore:
+    """nRMSE of one trial, (surge, sway, yaw_rate)."""
+
+    trial: str
+    role: str
+    nrmse: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Identification(Result):
+    """Fitted coefficients.
+
+    Attributes:
+        dataset: that was fitted.
+        fit: estimates, standard errors, bounds, status.
+        noise: sigma (3,) of the measured velocities that the weights are made of.
+        scores: of every trial; held-out ones without what their own nuisance parameters were fitted on.
+        remarks: what a reader should know.
+        starts: fits from a Latin hypercube.
+        reached: share of them that reached the best optimum.
+        problem: that was fitted, with its final weights.
+        assessment: what the data say about the fit; None where it diverged.
+    """
+
+    dataset: Dataset
+    fit: Fit
+    noise: FloatArray
+    scores: tuple[TrialScore, ...]
+    remarks: tuple[str, ...]
+    starts: int = 1
+    reached: float = 1.0
+    problem: Problem | None = None
+    assessment: Assessment | None = None
+
+    def strong_correlations(self, limit: float) -> list[tuple[str, str, float]]:
+        """Return pairs of estimates that are correlated beyond `limit`, strongest first."""
+        names, matrix = [p.name for p in self.fit.parameters], self.fit.correlation
+        pairs = [(names[i], names[j], float(matrix[i, j])) for i in range(len(names)) for j in range(i)]
+        return sorted((pair for pair in pairs if abs(pair[2]) > limit), key=lambda pair: -abs(pair[2]))
+
+    def summary(self) -> str:
+        """Return status, errors and coefficients, a line each; at most ten."""
+        fit, width = self.fit, max(len(p.name) for p in self.fit.parameters)
+        head = f"{self.dataset.name}: {fit.status} after {fit.evaluations} evaluations"
+        if self.starts > 1:
+            head += f", {self.reached:.0%} of {self.starts} starts reached the best optimum"
+        lines = [f"{head}; nRMSE of surge, sway, yaw rate:"]
+        for role in ("fit", "held_out"):
+            scores = [score.nrmse for score in self.scores if score.role == role]
+            if scores:
+                mean = ", ".join(f"{value:.3f}" for value in np.mean(scores, axis=0))
+                lines.append(f"  {role.replace('_', ' ')} ({len(scores)} trials): {mean}")
+        shared = [k for k, p in enumerate(fit.parameters) if ":" not in p.name]
+        room = _SUMMARY_LINES - len(lines)
+        shown = shared if len(shared) <= room else shared[: room - 1]
+        for k in shown:
+            p, (low, high) = fit.parameters[k], fit.interval(fit.parameters[k].name)
+            bound = "  at its bound" if fit.at_bound[k] else ""
+            lines.append(f"  {p.name:{width}} = {fit.x[k]:.4g} ({low:.4g} to {high:.4g}) {p.unit}{bound}")
+        if len(shown) < len(shared):
+            lines.append(f"  and {len(shared) - len(shown)} more; see fit.values")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the identification as plain data."""
+        one = self.fit
+        return {
+            "schema": 1,
+            "dataset": self.dataset.name,
+            "status": one.status,
+            "message": one.message,
+            "evaluations": one.evaluations,
+            "cost": one.sse,
+            "starts": self.starts,
+            "reached": self.reached,
+            "samples": len(one.residual),
+            "noise": self.noise.tolist(),
+            "parameters": {
+                p.name: {
+                    "estimate": one.values[p.name],
+                    "standard_error": one.sigma[p.name],
+                    "low": one.interval(p.name)[0],
+                    "high": one.interval(p.name)[1],
+                    "unit": p.unit,
+                    "at_bound": bool(at_bound),
+                }
+                for p, at_bound in zip(one.parameters, one.at_bound, strict=True)
+            },
+            "correlation": {"names": [p.name for p in one.parameters], "matrix": one.correlation.tolist()},
+            "scores": plain(self.scores),
+            "remarks": list(self.remarks),
+            "assessment": plain(self.assessment),
+        }
+
+
+def pose(dataset: Dataset, settings: Settings | None = None, *, jobs: int | None = None) -> Problem:
+    """Return the least-squares problem of a dataset's fit trials, weighted by the stated noise or a first guess of it.
+
+    Raises:
+        UnknownNameError, ParameterError: see `Settings.choose`.
+        InputError: fewer data than parameters, or see `Settings.choose`.
+    """
+    dataset = aligned(dataset)
+    settings = settings or Settings()
+    fitted, _ = dataset.split()
+    model = Model(dataset.fish)
+    noise = dataset.noise if dataset.noise is not None else first_sigma(fitted)
+    problem = Problem(
+        model,
+        fitted,
+        Noise.white(settings.sigma(noise)),
+        free_clock=dataset.clock == "free",
+        jobs=jobs or os.cpu_count() or 1,
+    )
+    fixed, declared = settings.choose(problem.parameters)
+    problem = replace(problem, fixed=fixed, declared=declared)
+    check_enough(problem, dataset.name)
+    return problem
+
+
+def check_enough(problem: Problem, name: str) -> None:
+    """Refuse a problem of the dataset `name` where a trial has nothing to fit, or all have too little.
+
+    Raises:
+        InputError: no sample of a trial counts, or there are no more numbers than free parameters.
+    """
+    counted = [int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))]
+    for trial, count in zip(problem.trials, counted, strict=True):
+        if count == 0:
+            raise InputError(
+                f"{name}: no sample of trial '{trial.name}' counts: it ends within what is left out at the ends of a "
+                "recording and beside steps of the drive; record longer, or leave the trial out"
+            )
+    samples, free = 3 * sum(counted), len(problem.parameters)
+    if samples <= free:
+        raise InputError(f"{name}: {samples} numbers for {free} free parameters; give more data, or fix parameters")
+
+
+def identify(
+    dataset: Dataset | str | Path,
+    settings: Settings | None = None,
+    *,
+    starts: int | None = None,
+    jobs: int | None = None,
+    tell: Callable[[float], None] | None = None,
+) -> Identification:
+    """Fit the nine coefficients to all fit trials at once ([Yu2016] eq. (21)).
+
+    Minimised is the sum over trials, samples and channels of ((measured - simulated) / sigma)^2, with velocities in m/s
+    and rad/s. sigma is the stated noise, or else the RMS of the residual, with which the fit is repeated twice.
+
+    Args:
+        dataset: the trials, or the folder of ``dataset.toml``; fit trials are fitted, the others scored.
+        settings: of the fit (`mjfish.estimation.Settings`); None: everything free, 16 starts.
+        starts: number of starts, in place of that of the settings.
+        jobs: threads; the result does not depend on them.
+        tell: called with the share of the starts that is done.
+
+    Returns:
+        Estimates with intervals, scores of every trial, and what the data say about the fit. Its ``fit.status`` says
+        whether it converged.
+
+    Raises:
+        InputError: fewer numbers than free parameters, or a dataset that cannot be read.
+        UnknownNameError: a setting names no parameter.
+
+    Example:
+        >>> import mjfish
+        >>> pool = mjfish.generate("pike", ["v1", "v3-t1"], noise=(0.01, 0.01, 0.05), duration=6.0)
+        >>> mjfish.identify(pool, starts=1).fit.status
+        'converged'
+    """
+    settings = settings or Settings()
+    if starts is not None:
+        settings = replace(settings, starts=starts)
+    dataset = aligned(dataset if isinstance(dataset, Dataset) else load_dataset(dataset))
+    trials, held = dataset.split()
+    stated = dataset.noise
+    problem = pose(dataset, settings, jobs=jobs)
+    robust = {"loss": settings.loss, "loss_scale": settings.loss_scale}
+    many = multistart(problem, settings.starts, seed=settings.seed, tell=tell, **robust)  # type: ignore[arg-type]
+    one = many.best
+    remarks = tuple(_remarks(trials))
+    for _ in range(2 if stated is None and settings.weights == "noise" else 0):
+        if one.status == "diverged":
+            break
+        residual = np.concatenate(problem.raw(one.x))
+        problem = replace(problem, noise=Noise.white(np.maximum(_spread(residual, settings.loss), floor(trials))))
+        one = fit(problem, one.x, **robust)  # type: ignore[arg-type]
+    if stated is None and settings.weights == "noise":
+        remarks += ("noise: none stated; the weights are the RMS of the residual",)
+    residuals = (*fitted(problem, one.x), *held_out(problem, one.values, held))
+    return Identification(
+        dataset, one, np.asarray(problem.noise.sigma), tuple(_score(residual) for residual in residuals), remarks,
+        settings.starts, many.reached, problem, assess(problem, one, residuals),
+    )  # fmt: skip
+
+
+def _spread(residual: FloatArray, loss: str) -> FloatArray:
+    """Return the sigma (3,) of residuals (n, 3): their RMS, or where outliers are expected 1.4826 of their median."""
+    if loss == "linear":
+        return np.asarray(np.sqrt(np.mean(residual**2, axis=0)))
+    return robust_sigma(residual)
+
+
+def _remarks(trials: tuple[Trial, ...]) -> Iterator[str]:
+    for trial in trials:
+        for channel, spread in zip(CHANNELS, np.ptp(trial.velocity, axis=0), strict=True):
+            if spread == 0.0:
+                yield f"{trial.name}: {channel} does not vary; check the recording, or leave the trial out"
+
+
+def first_sigma(trials: tuple[Trial, ...]) -> FloatArray:
+    """Return a first sigma (3,) where none is stated: of the third differences of the measurements.
+
+    For white noise their variance is 20 sigma^2; what is left of a smooth motion in them only makes sigma larger.
+    """
+    differences = np.concatenate([np.diff(trial.velocity, n=3, axis=0) for trial in trials])
+    return np.asarray(np.maximum(np.sqrt(np.mean(differences**2, axis=0) / 20.0), floor(trials)))
+
+
+def _score(residual: Residual) -> TrialScore:
+    error = residual.values[residual.scored]
+    nrmse = np.sqrt(np.mean(error**2, axis=0)) / np.maximum(np.ptp(residual.trial.velocity, axis=0), 1e-12)
+    return TrialScore(residual.trial.name, residual.role, (float(nrmse[0]), float(nrmse[1]), float(nrmse[2])))
+
+
+def identified_fish(fish: Fish, fit: Fit, fixed: Mapping[str, float] | None = None) -> Fish:
+    """Return the fish with what was found; `mjfish.fish_toml` and `mjfish.mujoco.export` write it.
+
+    Args:
+        fish: of the dataset.
+        fit: its estimates become values, the starts and bounds it had become the fish's.
+        fixed: coefficients that the fit was told, with their values. Parameters of causes and of single trials are no
+            part of a fish; they are left out, here and in the fit.
+    """
+    declared = {p.name: p for p in (*fish.parameters, *fit.parameters) if p.name in COEFFICIENTS}
+    values = {name: value for name, value in {**(fixed or {}), **fit.values}.items() if name in declared}
+    return fish.with_coefficients({name: replace(declared[name], default=value) for name, value in values.items()})
+
+
+def origin(dataset: str, fit: Fit, fixed: Mapping[str, float] | None = None) -> list[str]:
+    """Return lines that say where the numbers of the identified fish come from, for the top of its file.
+
+    Args:
+        dataset: its name.
+        fit: of the fish.
+        fixed: coefficients that the fit was told.
+    """
+    lines = [
+        f"Coefficients identified from the dataset '{dataset}' by mjfish {version('mjfish')}: {fit.status},",
+        f"sum of squares {fit.sse:.6g} of {len(fit.residual)} weighted samples. Estimate +- standard error:",
+    ]
+    for name in COEFFICIENTS:
+        if name in fit.values:
+            at_bound = fit.at_bound[[p.name for p in fit.parameters].index(name)]
+            error = "at its bound" if at_bound else f"+- {fit.sigma[name]:.2g}"
+            lines.append(f"  {name} = {fit.values[name]:.6g} {error}")
+        else:
+            where = "held fixed" if name in (fixed or {}) else "not fitted"
+            lines.append(f"  {name} {where}")
+    if fit.status != "converged":
+        lines.append(f"The fit {fit.status}: {fit.message}")
+    return lines

@@ -1,0 +1,291 @@
+"""The noise behind the residual of a fit: the saturated residual, and what needs the model for it.
+
+Process noise and errors of measured joint angles reach the velocities through the equation of motion, linearised along
+the rollout: its state Jacobian A and its input Jacobian B,
+
+    dv' = A(t) dv + a                                  process noise (`mjfish.noise.process`)
+    dv' = A(t) dv + B(t) (dq, dq', dq''),  h = v_m - dv    errors in variables (`mjfish.noise.errors_in_variables`)
+
+with (v_m, dq) a mode of the errors of velocities and joint angles that came out of one smoother
+(`mjfish.data.error_modes`). Where the record does not come with its errors, v_m = 0, and every joint has white errors
+of the size that its smoothing left over, smoothed as the angles were (`mjfish.drive.measured.smoothing`).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy import fft
+from scipy.interpolate import BSpline, make_interp_spline
+
+from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Trial
+from mjfish.drive.measured import Smoothing, smoothing
+from mjfish.effects import Effect
+from mjfish.estimation.fit import Fit
+from mjfish.estimation.omnibus import omnibus
+from mjfish.estimation.problem import Problem
+from mjfish.estimation.smoothing import Differentiator
+from mjfish.frames import CHANNELS
+from mjfish.noise import (
+    Autoregressive,
+    DifferentiationNoise,
+    ErrorsInVariables,
+    GaussMarkov,
+    Noise,
+    NoiseByRate,
+    NoiseSample,
+    ProcessNoise,
+    select,
+)
+from mjfish.noise.autoregressive import grid
+from mjfish.noise.differentiation import DEGREES, WINDOWS
+from mjfish.noise.selection import CONTRADICTED, excess
+from mjfish.ode.jacobians import input_jacobian, linear_response, state_jacobian
+from mjfish.projection import blocks_of, orthonormal, project_out
+
+#: Cosines that stand for white errors of a joint, for every degree of freedom of its spline: faster ones do not pass.
+_WAVES = 2.0
+#: Longest trial whose white errors are allowed for: twelve thousand modes would take a minute and more.
+_LONGEST = 1500
+#: Errors whose share of the variance of the velocities' noise is below this one are left out.
+_UNSEEN = 1e-2
+#: Variance of the velocities' noise besides the modes of the errors, as a share of theirs.
+_BESIDES = 0.1
+#: What a filter must explain beyond the coefficients and all candidates: a p value of 1e-9 for one parameter more.
+_CLEAR = 40.0
+
+
+def noise_of(
+    problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: FloatArray | None, *, patterns: bool = True
+) -> tuple[Noise, str]:
+    """Return the noise model that the tests use, and a sentence on it where it is not the stated one.
+
+    Args:
+        problem: that was fitted.
+        fit: its result.
+        known: (n_r, 3, k) per trial, signatures of every effect that is not in the model.
+        stated: (3,) sigma that the dataset gives, or None.
+        patterns: whether to ask if a pattern of the runs is taken for noise.
+    """
+    left = saturated(problem, fit, known)
+    jacobians = functools.cache(lambda: state_jacobians(problem, fit.values))
+    joints = joint_errors(problem, fit)
+    if joints is None:
+        return select(left, stated, jacobians, patterns=patterns)
+    rest = unaccounted(problem.trials)
+    first = ErrorsInVariables.of(Noise.white(problem.noise.sigma if rest is None else rest), joints.loadings)
+    cleared = [first.cleared(*one) for one in zip(left.trials, left.masks, left.residuals, strict=True)]
+    lost = left.lost + sum(freedom for _, freedom in cleared) / len(CHANNELS)
+    left = replace(left, residuals=[block for block, _ in cleared], lost=lost)
+    if rest is not None and np.all(excess(left, rest) < CONTRADICTED):
+        return first, ""
+    base, words = select(left, stated if rest is None else None, jacobians, patterns=patterns)
+    allowed = "errors of the measured joint angles are allowed for"
+    return ErrorsInVariables.of(base, joints.loadings), f"{words}; {allowed}" if words else f"noise: {allowed}"
+
+
+def noise_sample(problem: Problem, residuals: Sequence[FloatArray]) -> NoiseSample:
+    """Return residuals (n_r, 3) of the trials of a problem to estimate a noise from."""
+    masks = [problem.mask(i) for i in range(len(problem.trials))]
+    return NoiseSample.of(problem.trials, masks, residuals, problem.noise.sigma)
+
+
+def saturated(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> NoiseSample:
+    """Return residuals without anything that the saturated model explains; it weighs channels by sigma alone.
+
+    Args:
+        problem: that was fitted.
+        fit: its result.
+        known: (n_r, 3, k) per trial, signatures of every effect that is not in the model.
+    """
+    left = noise_sample(problem, problem.raw(fit.x))
+    basis = omnibus(problem.model.fish.cpg, problem.trials)
+    shapes = [np.concatenate(blocks, axis=2)[mask] for blocks, mask in zip(basis, left.masks, strict=True)]
+    white = replace(problem, noise=Noise.white(problem.noise.sigma))
+    jacobian = white.whiten(white.sensitivities(fit.x))[:, ~fit.at_bound]
+    return replace(left, shapes=shapes).without(np.concatenate([jacobian, white.whiten(known)], axis=1))
+
+
+def state_jacobians(problem: Problem, values: Mapping[str, float]) -> dict[str, FloatArray]:
+    """Return A (n, 3, 3) on the grid of the samples of every trial at some values of the parameters."""
+    result = {}
+    for i, trial in enumerate(problem.trials):
+        run = problem.model.prepare(trial, values)
+        rollout = problem.prediction(trial, values).rollout
+        a = state_jacobian(run.fish, rollout, values=run.coefficients, loads=run.loads)
+        times = float(trial.time[0]) + trial.step * np.arange(len(grid(trial.time, problem.mask(i))))
+        result[trial.name] = readonly(a[np.clip(np.searchsorted(rollout.time, times), 0, len(a) - 1)])
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class JointErrors:
+    """How errors of measured joint angles reach the velocities.
+
+    Attributes:
+        problem: linearised.
+        values: its parameters by name.
+    """
+
+    problem: Problem
+    values: dict[str, float]
+    _cache: dict[str, FloatArray] = field(default_factory=dict)
+
+    def loadings(self, trial: Trial) -> FloatArray:
+        """Return h (n, 3, modes) of a trial, all samples; of one that was not fitted, from its first velocity on."""
+        if trial.name not in self._cache:
+            first = {
+                f"{trial.name}:start.{name}": float(v) for name, v in zip(CHANNELS, trial.velocity[0], strict=True)
+            }
+            self._cache[trial.name] = readonly(_loadings(self.problem, trial, {**first, **self.values}))
+        return self._cache[trial.name]
+
+
+def joint_errors(problem: Problem, fit: Fit) -> JointErrors | None:
+    """Return how errors of joint angles reach the velocities of a fit; None where none were measured, or none show."""
+    if all(trial.joint_angle is None for trial in problem.trials):
+        return None
+    joints = JointErrors(problem, fit.values)
+    energy = [np.square(joints.loadings(trial)).sum(axis=2).mean(axis=0) for trial in problem.trials]
+    return joints if np.any(np.mean(energy, axis=0) > _UNSEEN * problem.noise.sigma**2) else None
+
+
+def unaccounted(trials: Sequence[Trial]) -> FloatArray | None:
+    """Return sigma (3,) of what the modes of the errors leave out of the velocities; None where a trial has no modes.
+
+    They are linear, and of the noise that the smoother saw: a tenth of their variance is allowed for on top.
+    """
+    variances = [np.square(trial.errors[:, :, :3]).sum(axis=0) for trial in trials if trial.errors is not None]
+    if len(variances) < len(trials):
+        return None
+    return np.asarray(np.sqrt(_BESIDES * np.concatenate(variances).mean(axis=0)))
+
+
+def _loadings(problem: Problem, trial: Trial, values: dict[str, float]) -> FloatArray:
+    read = np.zeros((len(trial.time), len(CHANNELS), 1))
+    if trial.joint_angle is None or (trial.errors is None and len(trial.time) > _LONGEST):
+        return read
+    run = problem.model.prepare(trial, values)
+    rollout = problem.prediction(trial, values).rollout
+    if rollout.message:  # nothing is linear about a run that diverges
+        return read
+    a, b = (of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (state_jacobian, input_jacobian))
+    time = rollout.time[: len(a)]
+    joints = [smoothing(trial.time, trial.joint_angle[:, j]) for j in range(trial.joint_angle.shape[1])]
+    if trial.errors is not None:
+        read = trial.errors[:, :, :3].transpose(1, 2, 0)
+        modes = [joint.of(trial.errors[:, :, 3 + j].T) for j, joint in enumerate(joints)]
+        push = np.sum([_accelerations(b[..., j], time, mode) for j, mode in enumerate(modes)], axis=0)
+    else:
+        sigma = float(np.median([joint.sigma for joint in joints]))
+        modes = [_white_errors(joint, sigma) for joint in joints]
+        push = np.concatenate([_accelerations(b[..., j], time, mode) for j, mode in enumerate(modes)], axis=2)
+    moved = make_interp_spline(time, linear_response(a, push, time), k=3)
+    return np.asarray(read - moved(trial.time))
+
+
+def _accelerations(b: FloatArray, time: FloatArray, modes: BSpline) -> FloatArray:
+    """Return the accelerations (n, 3, k) that modes of one joint cause, whose B is (n, 3, 3)."""
+    return np.asarray(sum(b[:, :, order, None] * modes(time, nu=order)[:, None] for order in range(3)))
+
+
+def _white_errors(joint: Smoothing, sigma: float) -> BSpline:
+    """Return the modes of white errors of the angles of a joint, smoothed."""
+    samples = joint.design.shape[0]
+    count = min(samples, int(np.ceil(_WAVES * joint.freedom)))
+    return joint.of(sigma * fft.idct(np.eye(samples)[:, :count], axis=0, norm="ortho"))
+
+
+def smoothing_of(
+    problem: Problem, fit: Fit, noise: Noise, others: Sequence[Effect], known: Sequence[FloatArray]
+) -> Differentiator | None:
+    """Return the filter that the motion of a recording went through; None where none is clear.
+
+    Velocities that are not white in their noise were differentiated, smoothed, or both, and the motion with them. The
+    noise may have come in later all the same; so each filter is tried on the prediction. It must explain what
+    coefficients and candidates together do not, and more than any candidate alone would: what a strong cause has beyond
+    first order looks like many things.
+
+    Args:
+        problem: that was fitted, with the leading cause where there is one.
+        fit: its result.
+        noise: that was found there.
+        others: effects that may explain something and are not in the model.
+        known: (n_r, 3, k) per trial, their signatures.
+    """
+    shortest = min(len(trial.time) for trial in problem.trials)
+    if not (tried := [one for one in _filters(noise) if one.window < shortest]):
+        return problem.smoothing
+    weighed = replace(problem, noise=noise)
+    predicted = replace(problem, smoothing=None).predictions(fit.x)
+    columns = []
+    for i, (trial, velocity) in enumerate(zip(problem.trials, predicted, strict=True)):
+        smooth = [velocity, *(one.of_trial(trial, velocity) for one in tried)]
+        columns.append((trial.velocity[:, :, None] - np.stack(smooth, axis=2))[problem.mask(i)])
+    span = orthonormal(weighed.whiten(problem.sensitivities(fit.x)))
+    left = project_out(span, weighed.whiten(columns))
+    signs = project_out(span, weighed.whiten(known))
+    alone = np.sum(left**2, axis=0)
+    beside = np.sum(project_out(orthonormal(signs), left) ** 2, axis=0)
+    best = 1 + int(np.argmin(beside[1:]))
+    sizes = [sum(not p.shape for p in effect.parameters) for effect in others]
+    spans = [orthonormal(signs[:, block]) for block in blocks_of(sizes)]
+    rival = max((float(np.sum((one.T @ left[:, 0]) ** 2)) for one in spans), default=0.0)
+    clear = beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival
+    return tried[best - 1] if clear else None
+
+
+def _filters(noise: Noise) -> list[Differentiator]:
+    """Return the filters that the noise may have gone through."""
+    if isinstance(noise, DifferentiationNoise):
+        return [Differentiator(noise.window, noise.degree, turned) for turned in (False, True)]
+    if not isinstance(noise, Autoregressive) or noise.order == 0:
+        return []
+    return [
+        Differentiator(window, degree, turned)
+        for window in WINDOWS
+        for degree in DEGREES
+        if window > degree
+        for turned in (False, True)
+    ]
+
+
+_KINDS: dict[str, Callable[..., Noise]] = {
+    kind.__name__: kind for kind in (Autoregressive, DifferentiationNoise, GaussMarkov, ProcessNoise)
+}
+
+
+def restore(saved: Mapping[str, Any], problem: Problem, values: Mapping[str, float]) -> Noise:
+    """Return the noise model that `Noise.to_dict` saved.
+
+    Args:
+        saved: the plain data.
+        problem: that the noise belongs to; its own noise does not matter.
+        values: of its parameters: forces and errors of joint angles reach the velocities through the motion there.
+
+    Raises:
+        KeyError: an unknown kind, or a number is missing.
+    """
+    kind = saved["kind"]
+    if kind == NoiseByRate.__name__:
+        return NoiseByRate.of({float(step): restore(one, problem, values) for step, one in saved["models"].items()})
+    if kind == ErrorsInVariables.__name__:
+        return ErrorsInVariables.of(
+            restore(saved["base"], problem, values), JointErrors(problem, dict(values)).loadings
+        )
+    numbers = {name: _array(name, value) for name, value in saved.items() if name != "kind"}
+    jacobians = {"jacobians": state_jacobians(problem, values)} if kind == ProcessNoise.__name__ else {}
+    return _KINDS[kind](**numbers, **jacobians)
+
+
+def _array(name: str, value: Any) -> Any:
+    """Return lists as arrays; that of no coefficients has three rows all the same."""
+    if not isinstance(value, list):
+        return value
+    array = np.array(value, dtype=float)
+    return readonly(array.reshape(3, -1) if name == "phi" else array)

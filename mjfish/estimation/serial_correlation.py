@@ -1,0 +1,237 @@
+"""What the residuals' own correlation in time makes of a sum over samples: the middle of a sandwich.
+
+    var(A' e) = sum_r A_r' Omega_r A_r,    Omega_r[(t, c), (s, d)] = gamma_cd(s - t)
+
+with the covariances gamma of channels c and d of the residual e of trial r, tapered by the flat-top window of
+[Politis1995] whose length the data choose ([Politis2003]). A kernel on the products A e itself ([Newey1987]) would not
+need e to be stationary, but is much the noisier of the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from mjfish.arrays import BoolArray, FloatArray, RecordArray
+from mjfish.data.trial import rows_of
+from mjfish.estimation.fit import Fit
+from mjfish.estimation.problem import Problem
+
+#: Correlations below this many of sqrt(log10(n) / n) at `_RUN` lags in a row are none ([Politis2003]).
+_CRITICAL = 2.0
+_RUN = 5
+#: Longest window, as a share of the shortest trial.
+_LONGEST = 0.25
+#: Rounds of giving back what the fit took out of the covariances.
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Whitened residuals of one trial on a grid of equal steps, zero where no sample counts.
+
+    Attributes:
+        trial: its name.
+        residual: (n, 3).
+        jacobian: (n, 3, p) of the prediction.
+        counted: (n,) whether a sample is there.
+        step: of the grid [s].
+    """
+
+    trial: str
+    residual: FloatArray
+    jacobian: FloatArray
+    counted: BoolArray
+    step: float
+
+
+def blocks_of(problem: Problem, fit: Fit) -> tuple[Block, ...]:
+    """Return residual and Jacobian of a fit trial by trial."""
+    blocks, row = [], 0
+    for i, trial in enumerate(problem.trials):
+        time = trial.time[problem.mask(i)]
+        rows = slice(row, row + 3 * len(time))
+        row = rows.stop
+        cell = rows_of(time) if len(time) else np.zeros(0, dtype=np.intp)
+        n = int(cell[-1]) + 1 if len(cell) else 0
+        residual, jacobian = np.zeros((n, 3)), np.zeros((n, 3, fit.jacobian.shape[1]))
+        residual[cell] = fit.residual[rows].reshape(-1, 3)
+        jacobian[cell] = fit.jacobian[rows].reshape(len(time), 3, -1)
+        blocks.append(Block(trial.name, residual, jacobian, np.isin(np.arange(n), cell), trial.step))
+    return tuple(blocks)
+
+
+@dataclass(frozen=True, eq=False)
+class Serial:
+    """Covariance of the residuals in time, by trial.
+
+    Attributes:
+        spectra: one (f, 3, 3) a trial, Hermitian and not negative: Omega on a circle of `lengths` samples.
+        tapers: one (l, 3, 3) a trial: weight of a product at each lag on the circle.
+        lengths: of the circles.
+        windows: (3,) longest lag [s] that counts, by channel, in any trial.
+    """
+
+    spectra: tuple[RecordArray, ...]
+    tapers: tuple[FloatArray, ...]
+    lengths: tuple[int, ...]
+    windows: FloatArray
+
+    def times(self, r: int, columns: FloatArray) -> FloatArray:
+        """Return Omega_r times columns (n, 3, k)."""
+        waves = fft.rfft(columns, self.lengths[r], axis=0)
+        return np.asarray(fft.irfft(self.spectra[r] @ waves, self.lengths[r], axis=0)[: len(columns)])
+
+    def quadratic(self, columns: Sequence[FloatArray]) -> FloatArray:
+        """Return the sum over trials of A_r' Omega_r A_r (k, k), for A_r of (n, 3, k)."""
+        total = sum(np.einsum("tci,tcj->ij", a, self.times(r, a)) for r, a in enumerate(columns))
+        return np.asarray(total)
+
+    def freedom(self, columns: Sequence[FloatArray], *, total: bool = False) -> FloatArray:
+        """Return how many degrees of freedom (k,) the diagonal of `quadratic` has, by Satterthwaite.
+
+        A variance v = e'T e that is estimated from Gaussian e has var(v) = 2 tr(T Omega T Omega) and counts like a sum
+        of 2 v^2 / var(v) squares; T is Toeplitz, with the tapered autocorrelation of the column on its diagonals.
+
+        Args:
+            columns: A_r (n, 3, k) of every trial.
+            total: of the sum of the diagonal, (1,).
+        """
+        value, spread = 0.0, 0.0
+        with np.errstate(over="ignore", invalid="ignore"):  # columns that a fish at rest leaves without energy
+            for r, a in enumerate(columns):
+                n, length = len(a), self.lengths[r]
+                power = np.abs(fft.rfft(a, length, axis=0)) ** 2
+                power = power.sum(axis=2, keepdims=True) if total else power
+                own = np.einsum("lcc->lc", self.tapers[r])[:, :, None]
+                weight = fft.rfft(fft.irfft(power, length, axis=0) * own, axis=0).real
+                shares = weight * np.einsum("fcc->fc", self.spectra[r]).real[:, :, None]
+                both = np.full(len(shares), 2.0)
+                both[0] = 1.0
+                value = value + n / length * np.einsum("f,fck->k", both, shares)
+                spread = spread + 2.0 * n / length * np.einsum("f,fck->k", both, shares**2)
+            freedom = 2.0 * value**2 / np.maximum(spread, 1e-300)
+        return np.asarray(np.nan_to_num(freedom))
+
+
+def serial(blocks: Sequence[Block], free: BoolArray, *, apart: bool = False) -> Serial:
+    """Estimate the covariance of the residuals in time.
+
+    What the fit of the free parameters took out of the residual, e = (1 - U U') u, is given back:
+
+        E[e e'] = Omega - U W' - W U',   W = Omega U - U (U' Omega U) / 2
+
+    which is the n / (n - p) of white residuals, and more where they are correlated and few.
+
+    Args:
+        blocks: of a fit.
+        free: (p,) which parameters were free and off their bounds.
+        apart: whether they were fitted to each trial alone.
+    """
+    longest = int(_LONGEST * min(len(block.residual) for block in blocks))
+    lengths = tuple(fft.next_fast_len(len(block.residual) + longest + 1, real=True) for block in blocks)
+    pairs = list(zip(blocks, lengths, strict=True))
+    sums = [_lag_sums(block.residual[:, :, None], block.residual[:, :, None], n) for block, n in pairs]
+    counts = [_lag_sums(block.counted[:, None, None], block.counted[:, None, None], n)[:, 0, 0] for block, n in pairs]
+    basis = [u for group in ([[b] for b in blocks] if apart else [blocks]) for u in _basis(group, free)]
+    found = _smoothed(blocks, sums, counts, lengths, longest)
+    for _ in range(_ROUNDS):
+        turned = [found.times(r, u) for r, u in enumerate(basis)]
+        middles = [np.einsum("tci,tcj->ij", u, w) for u, w in zip(basis, turned, strict=True)]
+        if not apart:
+            middles = [sum(middles, np.zeros_like(middles[0]))] * len(blocks)
+        halves = [w - 0.5 * u @ m for u, w, m in zip(basis, turned, middles, strict=True)]
+        taken = [_lag_sums(u, w, n) for u, w, n in zip(basis, halves, lengths, strict=True)]
+        whole = [s + t + _turned(t) for s, t in zip(sums, taken, strict=True)]
+        found = _smoothed(blocks, whole, counts, lengths, longest)
+    return found
+
+
+def _smoothed(
+    blocks: Sequence[Block],
+    sums: Sequence[FloatArray],
+    counts: Sequence[FloatArray],
+    lengths: tuple[int, ...],
+    longest: int,
+) -> Serial:
+    """Return the spectra of lag sums under the window that they choose."""
+    reach = _windows(blocks, sums, counts, longest)
+    tapers = tuple(
+        _taper(reach[block.step], length) / np.maximum(count, 0.5)[:, None, None]
+        for block, length, count in zip(blocks, lengths, counts, strict=True)
+    )
+    windows = np.max([np.diag(reach[block.step]) * block.step for block in blocks], axis=0)
+    return Serial(tuple(_spectrum(s * w) for s, w in zip(sums, tapers, strict=True)), tapers, lengths, windows)
+
+
+def _basis(blocks: Sequence[Block], free: BoolArray) -> list[FloatArray]:
+    """Return an orthonormal basis of the span of the free columns, by trial."""
+    return by_trial(np.linalg.qr(stacked(blocks, free))[0], blocks)
+
+
+def stacked(blocks: Sequence[Block], free: BoolArray) -> FloatArray:
+    """Return the free columns of the Jacobian (n, k) of all trials."""
+    count = int(np.count_nonzero(free))
+    return np.concatenate([block.jacobian[:, :, free].reshape(3 * len(block.residual), count) for block in blocks])
+
+
+def by_trial(columns: FloatArray, blocks: Sequence[Block]) -> list[FloatArray]:
+    """Return stacked columns (n, k) as one (n_r, 3, k) a trial."""
+    parts = np.split(columns, np.cumsum([3 * len(block.residual) for block in blocks])[:-1])
+    return [part.reshape(len(block.residual), 3, columns.shape[1]) for part, block in zip(parts, blocks, strict=True)]
+
+
+def _lag_sums(x: FloatArray | BoolArray, y: FloatArray | BoolArray, length: int) -> FloatArray:
+    """Return sum over t and k of x_ck(t) y_dk(t + l) for l = 0, 1, .. -2, -1 on a circle, (length, c, d)."""
+    a, b = (fft.rfft(np.asarray(v, dtype=np.float64), length, axis=0) for v in (x, y))
+    return np.asarray(fft.irfft(np.conj(a) @ np.swapaxes(b, 1, 2), length, axis=0))
+
+
+def _windows(
+    blocks: Sequence[Block], sums: Sequence[FloatArray], counts: Sequence[FloatArray], longest: int
+) -> dict[float, FloatArray]:
+    """Return the longest lag (3, 3) of each pair of channels, by step of the grid; -1: not even the lag 0 counts.
+
+    Twice the smallest m from which on `_RUN` correlations in a row, pooled over trials, are below
+    `_CRITICAL` sqrt(log10(n) / n).
+    """
+    result = {}
+    for step in {block.step for block in blocks}:
+        mine = [r for r, block in enumerate(blocks) if block.step == step]
+        at = np.arange(-longest, longest + 1)
+        pooled = (
+            np.sum([sums[r][at] for r in mine], axis=0) / np.sum([counts[r][at] for r in mine], axis=0)[:, None, None]
+        )
+        spread = np.sqrt(np.einsum("cc->c", pooled[longest]))
+        correlation = np.abs(pooled) / np.maximum(np.outer(spread, spread), 1e-300)
+        seen = np.maximum(correlation[longest:], correlation[longest::-1])
+        n = np.sum([counts[r][0] for r in mine])
+        small = seen < _CRITICAL * np.sqrt(np.log10(n) / n)
+        runs = np.lib.stride_tricks.sliding_window_view(small, min(_RUN, len(small)), axis=0).all(axis=-1)
+        m = np.where(runs.any(axis=0), runs.argmax(axis=0) - 1, longest)
+        result[step] = np.where(m < 0, m, np.minimum(2 * np.maximum(m, 0), longest)).astype(np.float64)
+    return result
+
+
+def _taper(reach: FloatArray, length: int) -> FloatArray:
+    """Return the flat-top window (length, 3, 3) on a circle: 1 up to half the reach, then straight down to 0."""
+    lag = np.minimum(np.arange(length), length - np.arange(length))[:, None, None]
+    sloped = np.clip(2.0 - 2.0 * lag / np.maximum(reach, 1.0), 0.0, 1.0)
+    return np.asarray(np.where(reach < 0.0, 0.0, np.where(lag == 0, 1.0, np.where(reach < 1.0, 0.0, sloped))))
+
+
+def _turned(sums: FloatArray) -> FloatArray:
+    """Return the lag sums with the two series swapped: lag l of c and d becomes lag -l of d and c."""
+    return np.swapaxes(np.roll(sums[::-1], 1, axis=0), 1, 2)
+
+
+def _spectrum(covariance: FloatArray) -> RecordArray:
+    """Return the spectrum (f, 3, 3) of covariances on a circle, negative eigenvalues made zero."""
+    spectrum = np.conj(fft.rfft(covariance, axis=0))
+    if not np.any(covariance[:, ~np.eye(3, dtype=np.bool_)]):
+        return np.asarray(np.maximum(spectrum.real, 0.0))
+    values, vectors = np.linalg.eigh(0.5 * (spectrum + np.conj(np.swapaxes(spectrum, 1, 2))))
+    return np.asarray((vectors * np.maximum(values, 0.0)[:, None, :]) @ np.conj(np.swapaxes(vectors, 1, 2)))

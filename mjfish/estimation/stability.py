@@ -1,0 +1,216 @@
+"""One set of coefficients for all trials against one for each: is the model's answer the same from run to run?
+
+Linearised about the common fit, a residual e moves by J d. Let coefficients differ between trials: of the columns that
+this adds, K is what the common fit leaves, K = (1 - J J^+) diag_r(J_r). The sum of squares falls by
+
+    Q = e' P e,   P the projection on K,   and is distributed as sum_k lambda_k chi2_1,   lambda of P Omega P
+
+where the model holds, with Omega the residuals' own covariance in time (`mjfish.estimation.serial_correlation`). The
+statistic is F = Q / sum lambda, with degrees of freedom (sum lambda)^2 / sum lambda^2 ([Satterthwaite1946], [Rao1981])
+over those that the estimate of sum lambda has. White noise gives the F test of [Chow1960].
+
+Of AR(1) noise of 0.8 on a stable fish, 5.7 % of 300 draws are below 0.05 in four trials of 10.4 s, 6.5 % of 400 in four
+of 6 s, 8 % of 400 in three of 4 s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import linalg, stats
+
+from mjfish.arrays import BoolArray, FloatArray
+from mjfish.estimation.fit import Fit
+from mjfish.estimation.problem import Problem
+from mjfish.estimation.serial_correlation import Block, Serial, blocks_of, serial
+
+#: Directions weaker than this share of the strongest are not counted.
+_RANK = 1e-6
+
+
+@dataclass(frozen=True)
+class Moved:
+    """One coefficient that may differ between trials while all others are common.
+
+    Attributes:
+        name: of the coefficient.
+        statistic: F.
+        freedom: its degrees of freedom.
+        p_value: chance of as large a statistic where it does not differ.
+        estimates: by trial; trials that do not move it have none.
+        errors: their standard errors, in which those of the others are counted in.
+    """
+
+    name: str
+    statistic: float
+    freedom: tuple[float, float]
+    p_value: float
+    estimates: dict[str, float]
+    errors: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Whether one set of coefficients serves all trials.
+
+    Attributes:
+        statistic: F of one set a trial against one for all.
+        freedom: its degrees of freedom.
+        p_value: chance of as large a statistic where one set serves all.
+        coefficients: each alone, the one that most surely differs first.
+        p_most: chance of any coefficient differing as surely as the first does (Bonferroni).
+        chance: of either of the two where one set serves all: twice the smaller one.
+        stable: whether it is not below `alpha`; None where there is nothing to compare.
+        alpha: chance of calling a stable model unstable.
+        text: the same in words.
+    """
+
+    statistic: float
+    freedom: tuple[float, float]
+    p_value: float
+    coefficients: tuple[Moved, ...]
+    p_most: float
+    chance: float
+    stable: bool | None
+    alpha: float
+    text: str
+
+
+def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
+    """Compare one set of coefficients for all trials with one for each.
+
+    Coefficients at a bound stay there in every trial; start velocities and clocks of trials are their own in both.
+
+    Args:
+        problem: that was fitted.
+        fit: of it, converged.
+        alpha: chance of calling a stable model unstable.
+    """
+    free = ~fit.at_bound
+    shared = [k for k, p in enumerate(fit.parameters) if ":" not in p.name and free[k]]
+    if len(problem.trials) < 2 or not shared:
+        nothing = "one trial" if len(problem.trials) < 2 else "no free coefficient"
+        return Stability(0.0, (0.0, 0.0), 1.0, (), 1.0, 1.0, None, alpha, f"{nothing}: there is nothing to compare")
+    small = _reduced(blocks_of(problem, fit), free)
+    places = {k: int(np.count_nonzero(free[:k])) for k in shared}
+    alone = [_moved(fit.parameters[k].name, float(fit.x[k]), small, place) for k, place in places.items()]
+    columns = np.concatenate([small.split(place) for place in places.values()], axis=1)
+    statistic, freedom, p_value = small.f_test(columns)
+    ranked = tuple(sorted(alone, key=lambda one: (one.p_value, -one.statistic)))
+    p_most = min(1.0, len(ranked) * ranked[0].p_value)
+    chance = min(1.0, 2.0 * min(p_value, p_most))
+    text = _words(chance >= alpha, chance, ranked[0], len(problem.trials))
+    return Stability(statistic, freedom, p_value, ranked, p_most, chance, chance >= alpha, alpha, text)
+
+
+@dataclass(frozen=True, eq=False)
+class _Reduced:
+    """Everything in coordinates of J_r = Q_r R_r, trial by trial: few numbers for many samples.
+
+    Attributes:
+        trials: names.
+        found: covariance of the residuals in time.
+        bases: Q_r (n_r, 3, k) of every trial.
+        factors: (trials, k, p) R_r.
+        residual: (trials k,) Q_r' e_r.
+        omega: (trials k, trials k) Q_r' Omega_r Q_r on its diagonal.
+    """
+
+    trials: tuple[str, ...]
+    found: Serial
+    bases: tuple[FloatArray, ...]
+    factors: FloatArray
+    residual: FloatArray
+    omega: FloatArray
+
+    @property
+    def common(self) -> FloatArray:
+        """Columns (trials k, p) of parameters that all trials share."""
+        return self.factors.reshape(-1, self.factors.shape[2])
+
+    def split(self, place: int) -> FloatArray:
+        """Return the column of one parameter as one column a trial (trials k, trials)."""
+        return linalg.block_diag(*self.factors[:, :, place, None])
+
+    def f_test(self, columns: FloatArray) -> tuple[float, tuple[float, float], float]:
+        """Return F, its degrees of freedom and its p value, of columns (trials k, m) beside the common ones."""
+        length = np.linalg.norm(columns, axis=0)
+        left = columns[:, length > 0.0] / length[length > 0.0]
+        common = _span(self.common)
+        left = left - common @ (common.T @ left)
+        basis, singular, _ = np.linalg.svd(left, full_matrices=False)
+        basis = basis[:, singular > _RANK]
+        if basis.shape[1] == 0:
+            return 0.0, (0.0, 0.0), 1.0
+        weights = np.maximum(np.linalg.eigvalsh(basis.T @ self.omega @ basis), 0.0)
+        total = max(float(weights.sum()), 1e-300)
+        parts = [q @ part for q, part in zip(self.bases, np.split(basis, len(self.bases)), strict=True)]
+        first = float(total**2 / max(float(weights @ weights), 1e-300))
+        second = max(float(self.found.freedom(parts, total=True)[0]), 1.0)
+        statistic = float(np.sum((basis.T @ self.residual) ** 2)) / total
+        return statistic, (first, second), float(stats.f.sf(statistic, first, second))
+
+
+def _reduced(blocks: Sequence[Block], free: BoolArray) -> _Reduced:
+    """Reduce to the span of each trial's own columns; the noise is what is left when each trial is fitted alone.
+
+    What the common fit leaves of trials that differ is no noise, and would hide that they do.
+    """
+    bases, factors, residual, left = [], [], [], []
+    for block in blocks:
+        columns = block.jacobian[:, :, free].reshape(3 * len(block.residual), -1)
+        full = np.concatenate([columns, np.zeros((max(columns.shape[1] - len(columns), 0), columns.shape[1]))])
+        q, r = np.linalg.qr(full)
+        q = q[: len(columns)]
+        own = q.T @ block.residual.ravel()
+        bases.append(q.reshape(-1, 3, q.shape[1]))
+        factors.append(r)
+        residual.append(own)
+        left.append(replace(block, residual=block.residual - (q @ own).reshape(-1, 3)))
+    found = serial(left, free, apart=True)
+    middles = [np.einsum("tci,tcj->ij", q, found.times(r, q)) for r, q in enumerate(bases)]
+    names = tuple(block.trial for block in blocks)
+    return _Reduced(
+        names, found, tuple(bases), np.array(factors), np.concatenate(residual), linalg.block_diag(*middles)
+    )
+
+
+def _span(columns: FloatArray) -> FloatArray:
+    """Return an orthonormal basis of the span of columns, each first scaled to length 1."""
+    length = np.linalg.norm(columns, axis=0)
+    left, singular, _ = np.linalg.svd(columns[:, length > 0.0] / length[length > 0.0], full_matrices=False)
+    return np.asarray(left[:, singular > _RANK * singular.max(initial=0.0)])
+
+
+def _moved(name: str, value: float, small: _Reduced, place: int) -> Moved:
+    """Return the test of one coefficient, and its estimates by trial, all others common: one Gauss-Newton step."""
+    columns = small.split(place)
+    statistic, freedom, p_value = small.f_test(columns)
+    others = _span(np.delete(small.common, place, axis=1))
+    moving = np.linalg.norm(columns, axis=0) > 0.0
+    own = columns[:, moving] - others @ (others.T @ columns[:, moving])
+    steps = np.linalg.pinv(own)
+    estimates = value + steps @ small.residual
+    errors = np.sqrt(np.maximum(np.einsum("ik,kl,il->i", steps, small.omega, steps), 0.0))
+    names = [trial for trial, moves in zip(small.trials, moving, strict=True) if moves]
+    return Moved(
+        name=name,
+        statistic=statistic,
+        freedom=freedom,
+        p_value=p_value,
+        estimates=dict(zip(names, estimates.tolist(), strict=True)),
+        errors=dict(zip(names, errors.tolist(), strict=True)),
+    )
+
+
+def _words(stable: bool, chance: float, most: Moved, trials: int) -> str:
+    if stable:
+        return f"one set of coefficients serves all {trials} trials (p = {chance:.2g})"
+    ordered = sorted(most.estimates, key=most.estimates.__getitem__)
+    ends = [f"{most.estimates[name]:.3g} +- {most.errors[name]:.2g} in {name}" for name in (ordered[0], ordered[-1])]
+    return (
+        f"coefficients differ between trials (p = {chance:.2g}); most surely {most.name}: {ends[0]}, {ends[1]} "
+        "(standard errors)"
+    )

@@ -1,0 +1,221 @@
+"""Residuals from which a noise is estimated: spectra, and the likelihood of a noise model beside what was taken out.
+
+Estimating the noise from the residual of a nominal model would count what is wrong with the model as noise. The
+residual of the saturated model, which has every candidate in it, does not, to first order.
+
+[Whittle1953] P. Whittle, The analysis of multiple stationary time series, J. R. Statist. Soc. B 15.
+[Patterson1971] H. Patterson and R. Thompson, Biometrika 58.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy import linalg, signal, stats
+
+from mjfish.arrays import BoolArray, FloatArray, robust_sigma
+from mjfish.data import Trial
+from mjfish.noise.autoregressive import Autoregressive, Noise, estimate, grid
+from mjfish.projection import orthonormal, project_out
+
+#: Draws of white noise that tell what the saturated model takes of a spectrum, and the least share that is left.
+_DRAWS, _LEAST = 16, 0.02
+#: Highest frequency of a spectrum, as a share of the sampling rate, and bands in which periodograms are averaged.
+_HIGHEST, _BANDS = 0.45, 40
+#: Longest end of a run that is tested for larger noise, samples.
+_LONGEST_END = 20
+#: P values at which the outermost two samples of either end are too large, and the others for the end to reach there.
+_ALARM, _REACH = 1e-4, 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseSample:
+    """Residuals of several trials, and the columns that were taken out of them.
+
+    Attributes:
+        trials: that the residuals belong to.
+        masks: (samples,) per trial, which samples count.
+        residuals: (n_r, 3) per trial, in physical units.
+        scale: (3,) sigma by which channels were weighed when the columns were taken out.
+        span: (n_r, 3, k) per trial, what was taken out; as columns over all trials divided by `scale`, orthonormal.
+        lost: degrees of freedom per channel that it took.
+        shapes: (n_r, 3, m) per trial, functions that the residuals of all trials may share if something is wrong.
+    """
+
+    trials: tuple[Trial, ...]
+    masks: list[BoolArray]
+    residuals: list[FloatArray]
+    scale: FloatArray
+    span: list[FloatArray]
+    lost: float = 0.0
+    shapes: list[FloatArray] | None = None
+
+    @classmethod
+    def of(
+        cls, trials: Sequence[Trial], masks: Sequence[BoolArray], residuals: Sequence[FloatArray], scale: FloatArray
+    ) -> NoiseSample:
+        """Return residuals of which nothing was taken out."""
+        nothing = [np.zeros((*block.shape, 0)) for block in residuals]
+        return cls(tuple(trials), list(masks), list(residuals), scale, nothing)
+
+    @property
+    def free(self) -> float:
+        """Degrees of freedom per channel that are left."""
+        return sum(len(block) for block in self.residuals) - self.lost
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Standard deviation (3,) of the channels."""
+        return np.asarray(np.sqrt(sum((block**2).sum(axis=0) for block in self.residuals) / self.free))
+
+    @property
+    def columns(self) -> FloatArray:
+        """The columns (3 n, k) that were taken out, divided by `scale`: orthonormal but for rounding."""
+        return np.concatenate([(block / self.scale[:, None]).reshape(-1, block.shape[2]) for block in self.span])
+
+    def of_trials(self, index: Sequence[int]) -> NoiseSample:
+        """Return those of some trials, which take their share of the degrees of freedom."""
+        count, total = sum(len(self.residuals[i]) for i in index), sum(map(len, self.residuals))
+        residuals, span = ([block[i] for i in index] for block in (self.residuals, self.span))
+        masks = [self.masks[i] for i in index]
+        shapes = None if self.shapes is None else [self.shapes[i] for i in index]
+        trials = tuple(self.trials[i] for i in index)
+        return NoiseSample(trials, masks, residuals, self.scale, span, self.lost * count / total, shapes)
+
+    def without(self, columns: FloatArray) -> NoiseSample:
+        """Return what is left when further columns (3 n, k), divided by `scale`, are taken out."""
+        before, ends = self.span[0].shape[2], np.cumsum([len(block) for block in self.residuals])[:-1]
+        basis = orthonormal(np.concatenate([self.columns, columns], axis=1))
+        scaled = np.concatenate([(block / self.scale).ravel() for block in self.residuals])
+        left = project_out(basis, scaled[:, None])[:, 0].reshape(-1, 3) * self.scale
+        taken = basis.reshape(len(left), 3, -1) * self.scale[:, None]
+        lost = self.lost + (basis.shape[1] - before) / 3.0
+        return replace(self, residuals=np.split(left, ends), span=np.split(taken, ends), lost=lost)
+
+    def without_levels(self) -> NoiseSample:
+        """Return what is left when the mean of every channel of every trial is taken out."""
+        return self.without(linalg.block_diag(*[np.tile(np.eye(3), (len(block), 1)) for block in self.residuals]))
+
+    def without_shapes(self) -> NoiseSample:
+        """Return what is left when the `shapes` that trials may share are taken out."""
+        return self.without(np.concatenate([block.reshape(-1, block.shape[2]) for block in self.shapes or []]))
+
+    def autoregressive(self) -> Autoregressive:
+        """Estimate autoregressive noise, order by BIC."""
+        pairs = zip(self.trials, self.masks, strict=True)
+        return estimate(self.residuals, self.lost, [grid(trial.time, mask) for trial, mask in pairs])
+
+    def log_likelihood(self, noise: Noise) -> float:
+        """Return the restricted log-likelihood of a noise model, less a constant.
+
+        -1/2 (r' V^-1 r - r' V^-1 X (X' V^-1 X)^-1 X' V^-1 r + log det V + log det X' V^-1 X)  [Patterson1971]
+
+        with the covariance V of the noise and the columns X that were taken out: what these explain of a slow noise is
+        no evidence against it.
+        """
+        z, r = self._whitened(noise)
+        pairs = zip(self.trials, self.masks, strict=True)
+        total = sum(noise.log_determinant(trial, mask) for trial, mask in pairs)
+        return float(-0.5 * (total + np.sum(z**2)) - np.sum(np.log(np.abs(np.diag(r)))))
+
+    def whitened_sigma(self, noise: Noise) -> FloatArray:
+        """Return the standard deviations (3,) of the whitened residual: 1 under the true noise."""
+        z, r = self._whitened(noise)
+        return np.asarray(np.sqrt(np.sum(z**2, axis=0) / (len(z) - len(r) / 3.0)))
+
+    def _whitened(self, noise: Noise) -> tuple[FloatArray, FloatArray]:
+        """Return the whitened residual (n, 3) less its part in the whitened columns, and R (k, k) of these."""
+        blocks = [
+            np.concatenate([block[:, :, None], span], axis=2)
+            for block, span in zip(self.residuals, self.span, strict=True)
+        ]
+        whitened = map(noise.whiten, self.trials, self.masks, blocks)
+        both = np.concatenate([white.reshape(-1, white.shape[2]) for white in whitened])
+        z, x = both[:, 0], both[:, 1:]
+        q, r = np.linalg.qr(x[:, np.linalg.norm(x, axis=0) > 0.0])
+        return (z - q @ (q.T @ z)).reshape(-1, 3), r
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """Mean periodograms in bands: middle [Hz] (b,), power (b, 3, 3), how many went into each (b,)."""
+
+    frequency: FloatArray
+    power: Any
+    count: FloatArray
+
+
+def spectrum(left: NoiseSample) -> Spectrum:
+    """Return the spectrum of residuals, two-sided, per Hz: periodograms averaged in bands that widen with frequency."""
+    step = left.trials[0].step
+    series = zip(left.residuals, left.trials, left.masks, strict=True)
+    pairs = [_periodogram(block, grid(trial.time, mask), step) for block, trial, mask in series]
+    frequency, power = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+    edges = np.geomspace(frequency.min() * 0.99, frequency.max() * 1.01, _BANDS + 1)
+    band = np.digitize(frequency, edges) - 1
+    used = np.unique(band)
+    return Spectrum(
+        np.array([frequency[band == b].mean() for b in used]),
+        np.stack([power[band == b].mean(axis=0) for b in used]),
+        np.array([float(np.count_nonzero(band == b)) for b in used]),
+    )
+
+
+def _periodogram(block: FloatArray, seen: BoolArray, step: float) -> tuple[FloatArray, Any]:
+    """Return frequencies (f,) [Hz] and cross-periodograms (f, 3, 3) of a tapered series; gaps count as zero."""
+    filled = np.zeros((len(seen), 3))
+    filled[seen] = block
+    window = signal.windows.hann(len(seen), sym=False) * seen
+    waves = np.fft.rfft(filled * window[:, None], axis=0)
+    power = np.einsum("fi,fj->fij", waves, waves.conj()) * step / np.sum(window**2)
+    frequency = np.asarray(np.fft.rfftfreq(len(seen), step), dtype=np.float64)
+    inside = (frequency > 0.0) & (frequency < _HIGHEST / step)
+    return frequency[inside], power[inside]
+
+
+def remaining_power(left: NoiseSample) -> FloatArray:
+    """Return which share (bands, 3) of the power of white noise is left where columns were taken out, by draws.
+
+    The saturated model explains what is slow better than what is fast; a drift would be taken for smaller than it is.
+    """
+    rng = np.random.default_rng(0)
+    basis = orthonormal(left.columns)
+    ends = np.cumsum([len(block) for block in left.residuals])[:-1]
+    power = np.zeros(2)
+    for _ in range(_DRAWS):
+        white = rng.standard_normal(len(basis))
+        drawn = [
+            spectrum(replace(left, residuals=np.split(series.reshape(-1, 3), ends)))
+            for series in (white, white - basis @ (basis.T @ white))
+        ]
+        power = power + np.stack([np.einsum("bcc->bc", one.power).real for one in drawn], axis=-1)
+    return np.asarray(np.clip(power[..., 1] / power[..., 0], _LEAST, 1.0))
+
+
+def noisy_ends(residuals: Sequence[FloatArray]) -> int:
+    """Return how many samples at either end of every run are noisier than the rest.
+
+    A differentiating filter has less to go on at the ends, and its errors are several times larger there. The squared
+    residual must grow towards the first and towards the last samples by more than chance, pooled over runs and
+    channels: a filter does to both ends alike. What grows towards one of them alone, as near a wall that the runs end
+    at, is no noise.
+
+    Args:
+        residuals: (n_r, 3) of every run, less what any cause explains.
+    """
+    sigma = robust_sigma(np.concatenate(residuals)) + 1e-300
+    first, last = (_leading_squares([(r / sigma)[::turn] for r in residuals]) for turn in (1, -1))
+    count = 3 * len(residuals)
+    if min(first[:2].mean(), last[:2].mean()) < stats.chi2.isf(_ALARM, 2 * count) / (2 * count):
+        return 0
+    quiet = np.flatnonzero(0.5 * (first + last) < stats.chi2.isf(_REACH, 2 * count) / (2 * count))
+    return int(quiet[0]) if len(quiet) else _LONGEST_END
+
+
+def _leading_squares(scaled: Sequence[FloatArray]) -> FloatArray:
+    """Return the mean squares (_LONGEST_END,) of the first samples, over runs and channels."""
+    first = [np.pad(run[:_LONGEST_END], ((0, max(_LONGEST_END - len(run), 0)), (0, 0))) for run in scaled]
+    return np.asarray(np.mean(np.stack(first) ** 2, axis=(0, 2)))

@@ -1,0 +1,120 @@
+"""Selection of a noise: as stated where the data do not contradict it, else the likeliest model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from scipy.signal import lfilter, unit_impulse
+
+from mjfish.arrays import FloatArray
+from mjfish.noise.autoregressive import Autoregressive, Noise, floor
+from mjfish.noise.by_rate import NoiseByRate, by_step
+from mjfish.noise.differentiation import DifferentiationNoise, differentiation_noise, sharpened
+from mjfish.noise.gauss_markov import gauss_markov, longest
+from mjfish.noise.process import process_noise
+from mjfish.noise.sample import NoiseSample, remaining_power
+
+#: A stated sigma is contradicted when the estimate is off by more than this many of its standard errors.
+CONTRADICTED = 5.0
+#: Log-likelihood by which process noise must beat the other models, which have fewer parameters.
+_LIKELIER = 10.0
+#: Log-likelihood by which noise that explains a pattern of the runs must beat the noise of the rest, for it to be none.
+_PATTERN = 20.0
+
+#: Gives the state Jacobians A (n, 3, 3) of the trials by name, see `mjfish.noise.process`; asked for only if needed.
+Jacobians = Callable[[], Mapping[str, FloatArray]]
+
+
+def select(
+    left: NoiseSample, stated: FloatArray | None, jacobians: Jacobians, *, patterns: bool = True
+) -> tuple[Noise, str]:
+    """Return the noise model of residuals, and a sentence on it where it is not the stated one.
+
+    Args:
+        left: the residuals.
+        stated: (3,) sigma that the dataset gives, or None.
+        jacobians: of the trials, for process noise.
+        patterns: whether to ask if a pattern of the runs is taken for noise.
+    """
+    what = "estimated from the data"
+    if stated is not None:
+        if np.all(np.abs(excess(left, stated)) < CONTRADICTED) and left.autoregressive().order == 0:
+            return Noise.white(stated), ""
+        what = "the stated noise does not fit the data; estimated instead"
+    sigma, least = left.sigma, floor(left.trials)
+    models: dict[float, Noise] = {}
+    words: dict[float, str] = {}
+    for step, index in by_step(left.trials).items():
+        # of the noise itself: innovations of a blue one may be far smaller
+        floored = Noise.white(np.maximum(sigma, least)) if stated is None and np.any(sigma < least) else None
+        models[step], words[step] = _at_one_step(left.of_trials(index), floored, jacobians, patterns)
+    if len(models) == 1:
+        return next(iter(models.values())), f"noise: {what} ({next(iter(words.values()))})"
+    listed = "; ".join(f"every {step:g} s: {text}" for step, text in words.items())
+    return NoiseByRate.of(models), f"noise: {what} by sampling step ({listed})"
+
+
+def excess(left: NoiseSample, sigma: FloatArray) -> FloatArray:
+    """Return by how many standard errors the spread of residuals is above sigma (3,)."""
+    return np.asarray((left.sigma / sigma - 1.0) * np.sqrt(2.0 * left.free))
+
+
+def _at_one_step(
+    left: NoiseSample, floored: Autoregressive | None, jacobians: Jacobians, patterns: bool
+) -> tuple[Noise, str]:
+    """Return the noise as the residuals have it, or as they have it but for a pattern of the runs, and it in words.
+
+    A pattern, levels by which runs differ or a shape that they share, is no noise where the rest contradicts it by far.
+    White noise and that of differentiated positions are too small at low frequencies to explain a pattern.
+    """
+    plain = _likeliest(left, floored or left.autoregressive(), jacobians)
+    too_small = isinstance(plain[0], DifferentiationNoise) or _is_white(plain[0])
+    if not patterns or len(left.residuals) < 2 or too_small:
+        return plain
+    chosen, most, explained = plain, _PATTERN, left.log_likelihood(plain[0])
+    for rest, pattern in ((left.without_levels, "runs differ in level"), (left.without_shapes, "runs share a shape")):
+        remainder = rest()
+        noise, words = _likeliest(remainder, remainder.autoregressive(), jacobians)
+        lead = explained - left.log_likelihood(noise)
+        if lead > most:
+            chosen, most = (noise, f"{words}; {pattern} that it does not explain"), lead
+    return chosen
+
+
+def _is_white(noise: Noise) -> bool:
+    return isinstance(noise, Autoregressive) and noise.order == 0
+
+
+def _likeliest(left: NoiseSample, found: Autoregressive, jacobians: Jacobians) -> tuple[Noise, str]:
+    """Return the likeliest of autoregressive, Gauss-Markov, differentiation and process noise, and it in words."""
+    if found.order == 0:
+        return found, _described(found)
+    drift = gauss_markov(left, remaining_power(left))
+    rough, forces = differentiation_noise(left), process_noise(left, jacobians())
+    likelihood = {model: left.log_likelihood(model) for model in (found, drift, rough, forces)}
+    if likelihood[forces] > max(likelihood[found], likelihood[drift], likelihood[rough]) + _LIKELIER:
+        words = f"random accelerations {_three(forces.push)} over {forces.time:g} s push the fish"
+        return forces, f"{words}, sigma of the camera {_three(forces.sigma)}; the innovations form of the fit is used"
+    if likelihood[rough] > max(likelihood[found], likelihood[drift]):
+        rough = sharpened(rough, left)
+        return rough, f"of positions differentiated over {rough.window} samples; sigma {_three(rough.sigma)}"
+    if likelihood[drift] > likelihood[found]:
+        under = f"under white noise of {_three(drift.sigma)}"
+        words = f"a drift of {_three(drift.drift)} over {_three(drift.time)} s {under}"
+        if np.any(drift.time > 0.99 * longest(left)):
+            words += "; it is as slow as these runs can tell, and an error of the model may look so: record longer ones"
+        return drift, words
+    return found, _described(found)
+
+
+def _three(values: FloatArray) -> str:
+    return ", ".join(f"{v:.3g}" for v in values)
+
+
+def _described(noise: Autoregressive) -> str:
+    """Return the noise in words, with the standard deviation of the process itself, not of its innovations."""
+    kind = "white" if noise.order == 0 else f"autoregressive of order {noise.order}"
+    responses = [lfilter([1.0], [1.0, *-phi], unit_impulse(4000)) for phi in noise.phi]
+    sigma = noise.sigma * [float(np.linalg.norm(response)) for response in responses]
+    return f"{kind}; sigma of surge, sway, yaw rate: {_three(sigma)}"
