@@ -113,7 +113,7 @@ class Autoregressive(Noise):
         return super().whiten(trial, mask, block)
 
     def innovations(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return innovations (m, 3) of a residual (m, 3) on a grid of equal steps, NaN in gaps, and their variances.
+        """Return innovations (m, 3) of a residual (m, 3) on a grid of equal steps and their variances, NaN in gaps.
 
         Where the model holds, each over the root of its variance is white and of variance 1, from the first sample on.
         """

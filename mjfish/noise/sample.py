@@ -74,7 +74,8 @@ class NoiseSample:
     @property
     def columns(self) -> FloatArray:
         """The columns (3 n, k) that were taken out, divided by `scale`: orthonormal but for rounding."""
-        return np.concatenate([(block / self.scale[:, None]).reshape(-1, block.shape[2]) for block in self.span])
+        scaled = [block / self.scale[:, None] for block in self.span]
+        return np.concatenate([block.reshape(3 * len(block), block.shape[2]) for block in scaled])
 
     def of_trials(self, index: Sequence[int]) -> NoiseSample:
         """Return those of some trials, which take their share of the degrees of freedom."""
