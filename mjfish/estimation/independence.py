@@ -356,8 +356,8 @@ def absorbed(problem: Problem, fit: Fit) -> Absorbed:
     slopes = [block / size for block in slopes]
     left, singular, right = np.linalg.svd(problem.whiten(slopes), full_matrices=False)
     kept = singular > _FLOOR * singular.max(initial=0.0)
-    ends = np.cumsum([len(block) for block in slopes])[:-1]
-    parts = np.split(left[:, kept].reshape(-1, len(CHANNELS), int(kept.sum())), ends)
+    shape = (sum(map(len, slopes)), len(CHANNELS), int(np.count_nonzero(kept)))
+    parts = np.split(left[:, kept].reshape(shape), np.cumsum([len(block) for block in slopes])[:-1])
     weighed = tuple(_whitening_transposed(problem, i, part) for i, part in enumerate(parts))
     masks = tuple(problem.mask(i) for i in range(len(problem.trials)))
     return Absorbed(masks, tuple(slopes), weighed, right[kept].T / singular[kept])
@@ -365,7 +365,7 @@ def absorbed(problem: Problem, fit: Fit) -> Absorbed:
 
 def _whitening_transposed(problem: Problem, index: int, block: FloatArray) -> FloatArray:
     """Return F' u of columns u (n, 3, k) of one trial, F the whitening of its counted samples."""
-    if isinstance(problem.noise, Autoregressive) and problem.noise.order == 0:
+    if block.size == 0 or (isinstance(problem.noise, Autoregressive) and problem.noise.order == 0):
         return np.asarray(block / problem.noise.sigma[:, None])
     rows, result = block.size // block.shape[2], []
     for first in range(0, rows, _UNIT_COLUMNS):  # row by row of F', which is the whitening of unit columns

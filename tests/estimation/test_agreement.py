@@ -17,6 +17,7 @@ from mjfish.estimation.agreement import Agreement, agreement, noise_at, parts_of
 from mjfish.estimation.residual import Residual, fitted, held_out
 from mjfish.files import write_json
 from mjfish.fish import Fish
+from mjfish.serialise import plain
 
 TIME = np.arange(521) / 50.0
 
@@ -126,5 +127,5 @@ def test_fitted_and_held_out_trials_are_scored_where_they_count(pike: Fish) -> N
 def test_rows_become_plain_data(tmp_path: object) -> None:
     rows = agreement([_residual(np.zeros((521, 3)))])
     path = tmp_path / "rows.json"  # type: ignore[operator]
-    write_json(path, [row.to_dict() for row in rows])
+    write_json(path, plain(rows))
     assert json.loads(path.read_text())[0]["channel"] == "surge"

@@ -28,6 +28,7 @@ from mjfish.estimation.residual import fitted
 from mjfish.estimation.tables import coefficient_rows, write_coefficients, write_scores
 from mjfish.fish import COEFFICIENTS, Fish, load_fish
 from mjfish.mujoco import export
+from mjfish.serialise import plain
 
 FIXED = {"c_m.head": 0.5}
 
@@ -111,7 +112,7 @@ def test_tables_are_read_back_to_the_last_bit(
     scores = agreement(fitted(posed, found.x), horizons=[1])
     write_scores(tmp_path / f"scores{suffix}", scores)
     table = read(tmp_path / f"scores{suffix}")
-    assert table == [score.to_dict() for score in scores]
+    assert table == plain(scores)
     assert {row["horizon"] for row in table} == {None, 1}
     assert all(np.isfinite(row["nrmse"]) for row in table)
 

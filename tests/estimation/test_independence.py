@@ -20,6 +20,7 @@ from mjfish.estimation.residual import fitted
 from mjfish.estimation.residual_tests import examine, residual_tests
 from mjfish.fish import Fish
 from mjfish.noise import Autoregressive
+from mjfish.serialise import plain
 
 
 @pytest.fixture(scope="module")
@@ -186,4 +187,4 @@ def test_a_posed_fit_is_examined_at_its_estimates(pike: Fish) -> None:
         fitted(posed, one.x), posed.noise, pike.cpg, absorbed(posed, one)
     )  # fmt: skip
     assert found.p_independent == by_hand.p_independent
-    assert found.to_dict()["whiteness"][0]["trial"] == "v1"
+    assert plain(found)["whiteness"][0]["trial"] == "v1"

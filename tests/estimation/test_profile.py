@@ -15,6 +15,7 @@ from mjfish.estimation import Fit, Problem, fit
 from mjfish.estimation.intervals import Intervals, intervals
 from mjfish.estimation.profile import Profile, profile
 from mjfish.fish import Fish
+from mjfish.serialise import plain
 
 CHI = float(stats.chi2.ppf(0.95, 1))
 
@@ -77,7 +78,7 @@ def test_a_bound_ends_a_profile_and_is_said(posed: Problem, fitted: Fit, known: 
     assert (found.status, found.low_side, found.high_side) == ("open", "bound", "crossed")
     assert found.low == found.values[0] == 0.001
     assert found.rise[0] < CHI
-    assert json.loads(json.dumps(found.to_dict()))["low_side"] == "bound"
+    assert json.loads(json.dumps(plain(found)))["low_side"] == "bound"
 
 
 def test_a_profile_follows_the_others_to_their_bounds(posed: Problem, fitted: Fit, known: Intervals) -> None:

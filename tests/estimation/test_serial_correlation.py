@@ -11,9 +11,10 @@ from planted_swimming import problem, swimming
 from scipy import linalg
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.estimation import Noise, fit
+from mjfish.estimation import fit
 from mjfish.estimation.serial_correlation import Block, blocks_of, serial
 from mjfish.fish import Fish
+from mjfish.noise import Autoregressive
 
 #: Samples that channel 1 is behind channel 0.
 _LATE = 3
@@ -123,17 +124,17 @@ def test_windows_are_in_seconds_and_of_each_rate_alone() -> None:
 
 
 def test_blocks_are_the_rows_of_the_fit_at_their_times(pike: Fish) -> None:
-    """A drive that steps leaves a gap of masked samples, whitening drops the first ones; nothing else moves."""
-    noise = Noise(readonly([0.01, 0.01, 0.05]), readonly(np.full((3, 2), 0.1)))
+    """A drive that steps leaves a gap of masked samples; nothing else moves."""
+    noise = Autoregressive(readonly([0.01, 0.01, 0.05]), readonly(np.full((3, 2), 0.1)))
     posed = problem(swimming(pike, ("v1-v5", "v1"), duration=6.0), noise=noise)
     one = fit(posed, evaluations=2)
     blocks = blocks_of(posed, one)
     assert [block.trial for block in blocks] == ["v1-v5", "v1"]
-    assert not np.any(blocks[0].counted[259 - 2 : 262 - 2])
-    assert [int(block.counted.sum()) for block in blocks] == [301 - 3 - 2, 301 - 2]
+    assert not np.any(blocks[0].counted[259:262])
+    assert [int(block.counted.sum()) for block in blocks] == [301 - 3, 301]
     rows = np.concatenate([block.residual[block.counted].ravel() for block in blocks])
     np.testing.assert_array_equal(rows, one.residual)
     columns = np.concatenate([block.jacobian[block.counted].reshape(-1, 9) for block in blocks])
     np.testing.assert_array_equal(columns, one.jacobian)
     early = replace(posed, trials=tuple(replace(t, time=t.time * 2.0) for t in posed.trials[1:]))
-    assert blocks_of(early, replace(one, residual=rows[-897:], jacobian=columns[-897:]))[0].step == pytest.approx(0.04)
+    assert blocks_of(early, replace(one, residual=rows[-903:], jacobian=columns[-903:]))[0].step == pytest.approx(0.04)

@@ -15,6 +15,7 @@ from mjfish.data import Trial
 from mjfish.estimation import Problem, fit
 from mjfish.estimation.stability import stability
 from mjfish.fish import Fish
+from mjfish.serialise import plain
 
 MODES = ("v1", "v3", "v5")
 
@@ -67,7 +68,7 @@ def test_a_coefficient_that_differs_between_trials_is_named(unlike: Problem) -> 
     assert found.text.startswith("coefficients differ between trials (p = ")
     assert "most surely c_d.tail: 1.5" in found.text
     assert "in v5" in found.text
-    assert json.loads(json.dumps(found.to_dict()))["coefficients"][0]["name"] == "c_d.tail"
+    assert json.loads(json.dumps(plain(found)))["coefficients"][0]["name"] == "c_d.tail"
 
 
 def test_the_linear_statistic_is_that_of_refits(unlike: Problem) -> None:

@@ -37,6 +37,6 @@ def test_a_still_joint_is_no_input(pike: Fish, amplitude: tuple[float, ...], tes
     result = identify(_waved(pike, amplitude), starts=1)
     assert result.fit.status == "converged"
     assert result.assessment is not None
-    p_values = [one.p_value for one in result.assessment.tests.independence]
+    p_values = [one.p_value for one in result.assessment.residual_tests.independence]
     assert np.isfinite(p_values).all() == tested
     assert len(result.summary().splitlines()) <= 10

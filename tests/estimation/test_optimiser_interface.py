@@ -12,10 +12,9 @@ from scipy.optimize import least_squares
 
 from mjfish.data import Dataset
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.estimation import callable as plain
-from mjfish.estimation import fit
+from mjfish.estimation import fit, optimiser_interface
 from mjfish.estimation.identification import first_sigma
-from mjfish.estimation.residual_function import residual_function
+from mjfish.estimation.optimiser_interface import residual_function
 from mjfish.fish import COEFFICIENTS, Fish
 
 
@@ -37,7 +36,7 @@ def test_scipy_alone_finds_the_optimum_of_fit(planted: Dataset) -> None:
 
 
 def test_the_example_runs_as_it_stands(planted: Dataset, capsys: pytest.CaptureFixture[str]) -> None:
-    lines = (plain.__doc__ or "").split("\n\n", 1)[1]
+    lines = (optimiser_interface.__doc__ or "").split("\n\n", 1)[1]
     exec(textwrap.dedent(lines), {"dataset": planted, "residual_function": residual_function})  # noqa: S102
     assert "'c_m.head': " in capsys.readouterr().out
 
