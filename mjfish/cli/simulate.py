@@ -134,7 +134,7 @@ def _check_servos(
     with console.progress_bar() as tell:
         for done, name in enumerate(names):
             tell(f"checking {name}", done / len(names))
-            results.append(simulation.check(whole.fish, name, coriolis=coriolis, loads=whole.loads, drive=whole.drive))
+            results.append(simulation.check(whole, name, coriolis=coriolis))
     headings = ("mode", "step [ms]", *(f"{c} [{UNITS[c]}]" for c in CHANNELS), "of the bound", "order")
     title = f"{whole.fish.name}: largest difference ODE - MuJoCo, relative to each channel's range"
     table = console.table(title, headings, ("mode",))
@@ -159,11 +159,7 @@ def _check_engines(whole: Extended, names: Sequence[str], reference: Path | None
         if name not in (case.mode for case in cases):
             raise UnknownNameError("mode of --all", name, [case.mode for case in simulation.CASES])
     with console.progress_bar() as tell:
-        rows = list(
-            simulation.check_all(
-                whole.fish, cases=cases, reference=reference, tell=tell, loads=whole.loads, drive=whole.drive
-            )
-        )
+        rows = list(simulation.check_all(whole, cases=cases, reference=reference, tell=tell))
     words = ("mode", "engine", "coupling", "integrator", "verdict")
     headings = (*words[:-1], "step", "to ODE", "to ref.", "order", "verdict")
     table = console.table(

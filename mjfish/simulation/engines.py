@@ -24,10 +24,11 @@ from mjfish.errors import InputError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.frames import CHANNELS
 from mjfish.hydro.load import Load
+from mjfish.model.extended import Extended, load
 from mjfish.mujoco import prescribed
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.mjcf import Integrator
-from mjfish.simulation.realised import Drive, cpg_of
+from mjfish.simulation.realised import cpg_of
 
 Loads = Sequence[tuple[Load, Sequence[float]]]
 #: Longer step of an engine by its order [s]; the shorter is half of it.
@@ -125,35 +126,33 @@ ENGINES: tuple[Engine, ...] = (
 
 
 def check_all(
-    fish: Fish,
+    fish: Fish | Extended,
     *,
     cases: tuple[Case, ...] = CASES,
     reference: Path | None = None,
     duration: float = modes.DURATION,
     tell: Callable[[str, float], None] | None = None,
-    loads: Loads = (),
-    drive: Drive | None = None,
 ) -> Iterator[Row]:
     """Compare every engine on every case, one row each.
 
     Args:
-        fish: a fish with a CPG, whose share of the Munk moment is added to the cases'; reference trajectories are the
-            pike's.
+        fish: with a CPG, and effects or none; the cases add to its share of the Munk moment. Reference trajectories
+            are the pike's.
         cases: runs.
         reference: folder of the reference trajectories; None: not compared.
         duration: [s].
         tell: called with what comes next and the share that is done.
-        loads: extra forces on every link in every engine, with their parameters.
-        drive: what comes between the CPG and the joints.
 
     Raises:
         InputError: the fish has no CPG, or a reference trajectory is missing.
     """
+    extended = fish if isinstance(fish, Extended) else load(fish)
+    fish, loads = extended.fish, extended.loads
     cpg_of(fish)
     expected = {case.name: _read(reference, case) for case in cases}
     for done, case in enumerate(cases):
         body = fish.model_copy(update={"munk_moment": fish.munk_moment + case.munk})
-        asked = functools.partial(_motion, fish, modes.drive(case.mode), duration, drive)
+        asked = functools.partial(_motion, extended, modes.drive(case.mode), duration)
         truth = ode.simulate(body, asked(FINE), values=case.values, loads=loads)
         for index, engine in enumerate(ENGINES):
             if tell is not None:
@@ -162,11 +161,8 @@ def check_all(
             yield _row(engine, body, case, [asked(step) for step in steps], truth, expected[case.name], loads)
 
 
-def _motion(
-    fish: Fish, segments: tuple[cpg.DriveSegment, ...], duration: float, drive: Drive | None, step: float
-) -> JointMotion:
-    motion = cpg.joint_motion(cpg_of(fish), segments, duration, step)
-    return motion if drive is None else drive(motion)
+def _motion(extended: Extended, segments: tuple[cpg.DriveSegment, ...], duration: float, step: float) -> JointMotion:
+    return extended.drive(cpg.joint_motion(cpg_of(extended.fish), segments, duration, step))
 
 
 def _row(

@@ -8,9 +8,10 @@ missing or wrong term stays.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -18,17 +19,14 @@ import numpy as np
 from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
-from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
-from mjfish.fish import Cpg, Fish, load_fish
+from mjfish.fish import Cpg, Fish
 from mjfish.frames import CHANNELS
-from mjfish.hydro.load import Load
+from mjfish.model.extended import Extended, load
 from mjfish.mujoco import simulate
 from mjfish.ode.rollout import Coriolis
 from mjfish.result import Result
 
-#: From the joint motion that is asked for to the one that the joints are given.
-Drive = Callable[[JointMotion], JointMotion]
 #: Largest difference at the first step, relative to the range of the channel.
 BOUND = 1e-3
 #: Smallest order at which the difference must fall; engines of second order show it within rounding.
@@ -95,7 +93,7 @@ class CrossCheck(Result):
 
 
 def check(
-    fish: Fish | str,
+    fish: Fish | str | Path | Extended,
     mode: str = "v1",
     *,
     values: Mapping[str, float] | None = None,
@@ -104,13 +102,11 @@ def check(
     step: float = 0.001,
     halvings: int = 2,
     bound: float = BOUND,
-    loads: Sequence[tuple[Load, Sequence[float]]] = (),
-    drive: Drive | None = None,
 ) -> CrossCheck:
     """Run both engines on the same joint motion and compare the velocities of the nose.
 
     Args:
-        fish: the fish, or the name of a shipped one; it needs a CPG.
+        fish: the fish, the name of a shipped one, a fish TOML, or a fish with effects; it needs a CPG.
         mode: of Table IV.
         values: coefficients by name that replace the fish's.
         coriolis: ``printed`` shows that the paper's printed form disagrees with MuJoCo.
@@ -118,8 +114,6 @@ def check(
         step: longest step [s].
         halvings: how often the step is halved to observe the order.
         bound: on the largest difference relative to the channel's range, at the longest step.
-        loads: extra forces on every link in both engines, with their parameters.
-        drive: what comes between the CPG and the servos of MuJoCo.
 
     Returns:
         Largest differences per channel [m/s, rad/s] at each step, their order, and whether the engines agree.
@@ -138,16 +132,17 @@ def check(
           step 1 ms: ... of the range
           step 0.5 ms: ... of the range
     """
-    fish = load_fish(fish) if isinstance(fish, str) else fish
-    law = cpg_of(fish)
+    extended = fish if isinstance(fish, Extended) else load(fish)
+    body, loads = extended.fish, extended.loads
+    law = cpg_of(body)
     segments = modes.drive(mode)
     levels: list[Level] = []
     span = dict.fromkeys(CHANNELS, math.nan)
     message = ""
     for halving in range(halvings + 1):
         command = cpg.joint_motion(law, segments, duration, step / 2**halving)
-        run = simulate(fish, command if drive is None else drive(command), values=values, loads=loads)
-        same = ode.simulate(fish, run.motion(), values=values, coriolis=coriolis, loads=loads)
+        run = simulate(body, extended.drive(command), values=values, loads=loads)
+        same = ode.simulate(body, run.motion(), values=values, coriolis=coriolis, loads=loads)
         message = run.message or same.message
         if message:
             break
@@ -158,7 +153,7 @@ def check(
     orders = tuple(_order(a.worst, b.worst) for a, b in pairwise(levels))
     status = "diverged" if message else _status(levels, orders, bound)
     return CrossCheck(
-        fish=fish.name,
+        fish=body.name,
         drive=mode,
         coriolis=coriolis,
         range=span,

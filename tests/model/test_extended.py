@@ -142,7 +142,7 @@ def nominal(pike: Fish) -> crosscheck.CrossCheck:
 def test_both_engines_swim_alike_with_the_cause_on(pike: Fish, name: str, nominal: crosscheck.CrossCheck) -> None:
     """MuJoCo's own dynamics, moved by its servos, against the ODE on the joints that these realised."""
     one = _of(pike, name)
-    found = crosscheck.check(one.fish, "v3", loads=one.loads, drive=one.drive, duration=1.5, halvings=1)
+    found = crosscheck.check(one, "v3", duration=1.5, halvings=1)
     assert found.passed, found.message
     frame = name == "ambient_current"  # a change of frame: nothing of it is in the fish
     assert (found.range == nominal.range) == frame
@@ -156,7 +156,7 @@ def test_a_load_that_one_engine_lacks_is_seen(pike: Fish, name: str, monkeypatch
         return honest(*given, **{**options, "loads": ()})
 
     monkeypatch.setattr(crosscheck.realised, "simulate", dry)
-    found = crosscheck.check(one.fish, "v3", loads=one.loads, duration=1.0, halvings=1)
+    found = crosscheck.check(one, "v3", duration=1.0, halvings=1)
     assert found.status == "disagrees"
     assert found.orders[0] < 0.5
 
@@ -165,7 +165,7 @@ def test_prescribed_joints_agree_with_loads_at_the_order_of_every_integrator(pik
     """Both couplings and every integrator of MuJoCo, with all loads, a Munk moment and an elastic tail on top."""
     one = _of(pike, "reynolds_drag", "linear_drag", "fin_lift", "munk_moment", "tail_compliance", "servo_lag")
     case = (crosscheck.CASES[0],)
-    rows = list(crosscheck.check_all(one.fish, cases=case, duration=1.0, loads=one.loads, drive=one.drive))
+    rows = list(crosscheck.check_all(one, cases=case, duration=1.0))
     assert [row.status for row in rows] == ["agrees"] * len(crosscheck.ENGINES)
     assert all(row.order > 3.5 for row in rows if row.claimed == 4)
 
