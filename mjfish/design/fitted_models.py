@@ -17,8 +17,8 @@ from mjfish.data import Dataset
 from mjfish.diagnosis import Diagnosis, FittedModel
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.progress import Progress
+from mjfish.diagnosis.refit import guesses, off_null
 from mjfish.diagnosis.result import SCHEMA
-from mjfish.diagnosis.starts import guesses, off_null
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError
 from mjfish.estimation import Fit, Noise, Problem, fit

@@ -1,37 +1,41 @@
-"""The whole way from a dataset to a verdict and the gain it brings."""
+"""The method in one place: inspect, screen, refit, select, combine, decide, and measure the gain on held-out trials."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from mjfish.data import Dataset, load_dataset
-from mjfish.diagnosis import assemble, heldout, provenance
-from mjfish.diagnosis.bursts import bursts
-from mjfish.diagnosis.description import describe
-from mjfish.diagnosis.fingerprint import fingerprint
-from mjfish.diagnosis.force import missing_force
-from mjfish.diagnosis.heldout import HeldOut
-from mjfish.diagnosis.locate import locate
-from mjfish.diagnosis.magnitude import too_large
+from mjfish.data import Dataset, Trial, load_dataset
+from mjfish.diagnosis.combinations import find_combinations
+from mjfish.diagnosis.discrepancy import describe, fingerprint, locate, missing_force
+from mjfish.diagnosis.evidence import Evidence
+from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
+from mjfish.diagnosis.implausible_noise import bursts, too_large
 from mjfish.diagnosis.progress import Progress, part, silent
+from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.refit import Refit
-from mjfish.diagnosis.result import Diagnosis
-from mjfish.diagnosis.search import search
+from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
+from mjfish.diagnosis.score_test import p_value_of
+from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.select import standings
-from mjfish.diagnosis.several import several
-from mjfish.diagnosis.verdict import ALARM, Hearing, Ruling, rule
+from mjfish.diagnosis.verdict import ALARM, Comparison, Decision, decide
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.errors import InputError
-from mjfish.estimation import Noise, Problem
+from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.clocks import aligned
+from mjfish.estimation.fit import Z95
+from mjfish.estimation.held_out import Score
 from mjfish.estimation.identification import check_enough, first_sigma
 from mjfish.inspection import Inspection, inspect, inspect_fit
 from mjfish.model import Model
+
+#: Said of a refit that was too far behind the best to be followed.
+_ROUGH = "Its refit was not followed to its optimum: what it explains is a lower bound, its size is rough."
 
 
 def diagnose(
@@ -80,12 +84,13 @@ def _diagnosed(
 ) -> Diagnosis:
     rng = np.random.default_rng(seed)
     candidates = tuple(of_fish(catalogue() if effects is None else effects, dataset.fish).values())
+    known = {effect.name: effect for effect in candidates}
     reasons = {effect.name: effect.not_applicable(dataset) for effect in candidates}
     applicable = tuple(effect for effect in candidates if not reasons[effect.name])
-    dataset = aligned(dataset)
-    fitted, held = dataset.split()
     if not applicable:
         raise InputError(f"{dataset.name}: none of the {len(candidates)} effects applies to this dataset; add one")
+    dataset = aligned(dataset)
+    fitted, held = dataset.split()
     stated = None if dataset.noise is None else np.asarray(dataset.noise)
     problem = Problem(
         Model(dataset.fish),
@@ -95,100 +100,224 @@ def _diagnosed(
         jobs=jobs or os.cpu_count() or 1,
     )
     check_enough(problem, dataset.name)
-    known = {effect.name: effect for effect in candidates}
-    checked = inspect(dataset, known)
-    findings, noise_remark = search(problem, applicable, stated, rng, progress)
-    evidence, refitted = findings.evidence, findings.refits
-    checked = checked.joined(inspect_fit(evidence.problem, evidence.fit, known, held))
-    if findings.p_wrong >= ALARM:
-        taken_for_noise = too_large(evidence.problem, evidence.fit, checked.repeats), bursts(evidence, rng)
-        found = (finding for finding in taken_for_noise if finding is not None)
-        checked = checked.joined(Inspection.of(found, known))
+    checks = inspect(dataset, known)
+    screening, noise_remark = screen(problem, applicable, stated, rng, progress)
+    evidence, refits = screening.evidence, screening.refits
+    checks = checks.joined(inspect_fit(evidence.problem, evidence.fit, known, held))
+    wrong = screening.p_wrong < ALARM
+    if not wrong:
+        implausible = too_large(evidence.problem, evidence.fit, checks.repeats), bursts(evidence, rng)
+        checks = checks.joined(Inspection.of((finding for finding in implausible if finding is not None), known))
 
     progress("comparing the candidates", 0.75)
     held_out = HeldOut(evidence, held)
-    single = _heard(refitted, applicable, held_out, rng)
-    several_, others = None, None
-    if refitted and not single.staying(clean=True):
-        several_ = _several(refitted, applicable, held_out, rng, progress)
+    single = _compared(refits, applicable, held_out, rng)
+    combined, others = None, None
+    if refits and not single.retained(clean=True):
+        combined = _combined(refits, applicable, held_out, rng, part(progress, 0.8, 0.15))
         if failed := single.failed():
-            rest = {name: one for name, one in refitted.items() if (name,) not in failed}
-            others = _heard(rest, applicable, held_out, rng)
-    ruling = rule(findings.p_wrong, single, several_, checked.blocks, others)
-    best = _best(ruling, single, several_)
-    scored = (held_out.score(None), held_out.score(best)) if held else None
+            rest = {name: refit for name, refit in refits.items() if (name,) not in failed}
+            others = _compared(rest, applicable, held_out, rng)
+    decision = decide(screening.p_wrong, single, combined, checks.blocks, others)
+    best = _best(decision, single, combined)
 
     progress("looking at what is wrong", 0.96)
-    wrong = findings.p_wrong < ALARM
-    unexplained = ruling.verdict == "unexplained"
+    scores = (held_out.score(None), held_out.score(best)) if held else None
     final = evidence.fit if best is None else best.fit
     extended = evidence.problem if best is None else best.problem
-    errors = {name: heldout.pooled_error(held_out.score(one).residuals, held) for name, one in refitted.items() if held}
-    table = assemble.candidates(candidates, reasons, evidence, refitted, single.joined(others), errors)
+    errors = {name: pooled_error(held_out.score(refit).residuals, held) for name, refit in refits.items() if held}
+    table = _candidates(candidates, reasons, evidence, refits, single.joined(others), errors)
+    converged = {"the nominal model": evidence.fit.status, "the extended model": final.status}
     result = Diagnosis(
         dataset=dataset,
-        verdict=ruling.verdict,
-        message=ruling.message,
-        status="ok" if {evidence.fit.status, final.status} == {"converged"} else "fit_not_converged",
-        remarks=assemble.remarks(noise_remark, evidence, held),
-        checks=checked,
-        causes=assemble.causes(best) if ruling.verdict == "named" else (),
-        rivals=assemble.rivals(ruling),
-        alternatives=ruling.sets,
-        certain=ruling.certain,
+        verdict=decision.verdict,
+        message=decision.message,
+        status="ok" if set(converged.values()) == {"converged"} else "fit_not_converged",
+        remarks=tuple(remarks(noise_remark, evidence.fit, converged, held)),
+        checks=checks,
+        causes=_causes(best) if best is not None and decision.verdict == "named" else (),
+        rivals=decision.rivals,
+        alternatives=decision.sets,
+        certain=decision.certain,
         candidates=table,
-        undetectable=assemble.undetectable(table, evidence),
+        undetectable=_undetectable(table, evidence),
         best=() if best is None else best.names,
-        where=locate(evidence, findings.directed) if wrong else None,
+        where=locate(evidence, screening.directed) if wrong else None,
         force=missing_force(evidence.problem, evidence.fit) if wrong else (),
         fingerprint=None if best is None else fingerprint(best),
-        description=describe(evidence.problem, evidence.fit, rng) if unexplained else None,
-        p_wrong=findings.p_wrong,
-        gain=heldout.gain(*scored, held, rng) if scored is not None and best is not None else None,
-        nominal=assemble.estimates(evidence.fit, evidence.problem.model),
-        extended=assemble.estimates(final, extended.model),
+        description=describe(evidence.problem, evidence.fit, rng) if decision.verdict == "unexplained" else None,
+        p_wrong=screening.p_wrong,
+        gain=gain(*scores, held, rng) if scores is not None and best is not None else None,
+        nominal=estimates(evidence.fit, evidence.problem.model),
+        extended=estimates(final, extended.model),
         nominal_model=evidence.problem.model,
         extended_model=extended.model,
-        overlays=assemble.overlays(evidence, extended, final, held, scored),
+        overlays=_overlays(evidence, extended, final, held, scores),
         problem=evidence.problem,
-        fits=assemble.fitted_models(evidence, refitted),
-        effects={effect.name: effect for effect in candidates},
-        provenance=provenance.provenance(dataset, candidates, seed),
+        fits=(
+            _fitted_model((), evidence.problem, evidence.fit),
+            *(_fitted_model(refit.names, refit.problem, refit.fit) for refit in refits.values()),
+        ),
+        effects=known,
+        provenance=provenance(dataset, candidates, seed),
     )
     progress("done", 1.0)
     return result
 
 
-def _heard(
-    refitted: Mapping[str, Refit], candidates: Sequence[Effect], held_out: HeldOut, rng: np.random.Generator
-) -> Hearing:
-    """Return what speaks for single causes: how they stand against each other, and on the held-out trials."""
-    standing = standings(refitted, candidates, held_out, rng) if refitted else {}
-    return Hearing(
-        {(name,): one for name, one in refitted.items()},
-        {(name,): one for name, one in standing.items()},
-        {(name,): held_out.confirmed(refitted[name], None) for name, one in standing.items() if one.in_set},
+def _compared(
+    refits: Mapping[str, Refit], candidates: Sequence[Effect], held_out: HeldOut, rng: np.random.Generator
+) -> Comparison:
+    """Compare single causes with each other, and on the held-out trials."""
+    found = standings(refits, candidates, held_out, rng) if refits else {}
+    return Comparison(
+        {(name,): refit for name, refit in refits.items()},
+        {(name,): standing for name, standing in found.items()},
+        {(name,): held_out.confirmed(refits[name], None) for name, standing in found.items() if standing.in_set},
     )
 
 
-def _several(
-    singles: Mapping[str, Refit],
+def _combined(
+    refits: Mapping[str, Refit],
     candidates: Sequence[Effect],
     held_out: HeldOut,
     rng: np.random.Generator,
     progress: Progress,
-) -> Hearing | None:
-    sets = several(singles, candidates, held_out, rng, part(progress, 0.8, 0.15))
-    if sets is None:
+) -> Comparison | None:
+    """Compare combinations of causes; None where no second cause is seen."""
+    found = find_combinations(refits, candidates, held_out, rng, progress)
+    if found is None:
         return None
-    staying = [names for names, one in sets.standings.items() if one.in_set]
-    confirmed = {names: held_out.confirmed(sets.refits[names], sets.parts[names]) for names in staying}
-    return Hearing(sets.refits, sets.standings, confirmed)
+    retained = [names for names, standing in found.standings.items() if standing.in_set]
+    confirmed = {names: held_out.confirmed(found.refits[names], found.parts[names]) for names in retained}
+    return Comparison(found.refits, found.standings, confirmed)
 
 
-def _best(ruling: Ruling, single: Hearing, several_: Hearing | None) -> Refit | None:
-    """Return whose extended model is shown: the named one's, else that of the single cause that explains most."""
-    for hearing in (single, several_):
-        if hearing is not None and ruling.sets and ruling.sets[0] in hearing.refits:
-            return hearing.refits[ruling.sets[0]]
-    return max(single.refits.values(), key=lambda one: one.adjusted) if single.refits else None
+def _best(decision: Decision, single: Comparison, combined: Comparison | None) -> Refit | None:
+    """Return the refit that is shown: of the first set of the decision, else of the single cause that explains most."""
+    for comparison in (single, combined):
+        if comparison is not None and decision.sets and decision.sets[0] in comparison.refits:
+            return comparison.refits[decision.sets[0]]
+    return max(single.refits.values(), key=lambda refit: refit.adjusted) if single.refits else None
+
+
+def _causes(best: Refit) -> tuple[Cause, ...]:
+    """Return the causes of a refit with the estimates of their parameters."""
+    return tuple(Cause(effect.name, effect.summary, _parameters(best, effect)) for effect in best.effects)
+
+
+def estimates(found: Fit, model: Model) -> dict[str, Estimate]:
+    """Return the model's estimates by name, without parameters of single trials.
+
+    A refit keeps an amplitude that cannot be negative slightly above zero; an interval that reaches this bound reaches
+    zero. A shape parameter to which these data are insensitive has its default.
+    """
+    result = {}
+    declared = {p.name: p for p in model.parameters}
+    for p, at_bound, slope in zip(found.parameters, found.at_bound, found.jacobian.T, strict=True):
+        if p.name in declared:
+            low, high = found.interval(p.name, Z95)
+            low = declared[p.name].low if low <= p.low else low
+            value = p.default if p.shape and not np.any(slope) else found.values[p.name]
+            result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound))
+    return result
+
+
+def _fitted_model(causes: tuple[str, ...], problem: Problem, fit: Fit) -> FittedModel:
+    at_bound = tuple(p.name for p, held in zip(fit.parameters, fit.at_bound, strict=True) if held)
+    return FittedModel(causes, fit.values, at_bound, fit.sse, problem.model.step, fit.status == "converged")
+
+
+def _parameters(refit: Refit, effect: Effect) -> dict[str, Estimate]:
+    found = estimates(refit.fit, refit.problem.model)
+    return {p.short: found[p.name] for p in effect.parameters}
+
+
+def _candidates(
+    effects: Sequence[Effect],
+    reasons: Mapping[str, str],
+    evidence: Evidence,
+    refits: Mapping[str, Refit],
+    single: Comparison,
+    held_out_errors: Mapping[str, float],
+) -> tuple[Candidate, ...]:
+    """Return how every candidate fared, best first."""
+    result = []
+    for effect in effects:
+        name = effect.name
+        if reasons[name]:
+            result.append(Candidate(name, False, remark=reasons[name]))
+            continue
+        unidentifiable = evidence.unidentifiable(name)
+        score = 0.0 if unidentifiable else evidence.statistic(name)
+        scored = Candidate(
+            name=name,
+            applicable=True,
+            score=score,
+            statistic=score,
+            degrees_of_freedom=sum(not p.shape for p in effect.parameters),
+            confounded=evidence.confounded(name),
+            minimum_detectable=evidence.minimum_detectable(name) if effect.smooth and not unidentifiable else None,
+        )
+        if (refit := refits.get(name)) is not None:
+            scored = replace(
+                scored,
+                statistic=refit.gain,
+                degrees_of_freedom=refit.degrees_of_freedom,
+                error=pooled_error(refit.problem.raw(refit.fit.x), refit.problem.trials),
+                held_out_error=held_out_errors.get(name),
+                parameters=_parameters(refit, effect),
+                remark=_ROUGH if refit.fit.status != "converged" else "",
+            )
+        if (standing := single.standings.get((name,))) is not None:
+            fit_p = min(standing.saturated_p, standing.omnibus_p) if standing.in_set else None
+            scored = replace(scored, rival_p=standing.rival_p, fit_p=fit_p)
+        if (confirmation := single.held_out.get((name,))) is not None:
+            scored = replace(scored, held_out_gain=confirmation.gained)
+        result.append(replace(scored, p_value=p_value_of(scored.statistic, scored.degrees_of_freedom)))
+    return tuple(sorted(result, key=lambda candidate: -candidate.statistic))
+
+
+def remarks(noise: str, nominal: Fit, converged: Mapping[str, str], held: Sequence[Trial]) -> Iterator[str]:
+    """Yield what a reader should know of noise, fits, bounds and held-out trials.
+
+    Args:
+        noise: in words.
+        nominal: the fit of the nominal model.
+        converged: status of a model's fit, by the model in words.
+        held: the held-out trials.
+    """
+    if noise:
+        yield noise
+    for model, status in converged.items():
+        if status != "converged":
+            yield (
+                f"fit-not-converged: the fit of {model} ended as {status}: its estimates are not at the optimum, and "
+                "the verdict rests on them; give [start] values nearer to the truth, or look at the findings"
+            )
+    for p, at_bound in zip(nominal.parameters, nominal.at_bound, strict=True):
+        if at_bound:
+            yield f"{p.name} of the nominal model rests on its bound {nominal.values[p.name]:g}"
+    if not held:
+        yield "no held-out trial: the gain cannot be measured; record or set aside one more trial"
+
+
+def _overlays(
+    evidence: Evidence, extended: Problem, final: Fit, held: Sequence[Trial], scores: tuple[Score, Score] | None
+) -> tuple[Overlay, ...]:
+    """Return every trial as both models predict it; `scores` of the nominal and of the extended model."""
+    nominal, after = evidence.problem.predictions(evidence.fit.x), extended.predictions(final.x)
+    shown = [Overlay(t, False, a, b) for t, a, b in zip(evidence.problem.trials, nominal, after, strict=True)]
+    if scores is not None:
+        pairs = zip(held, scores[0].predictions, scores[1].predictions, strict=True)
+        shown += [Overlay(t, True, a, b) for t, a, b in pairs]
+    return tuple(shown)
+
+
+def _undetectable(candidates: Sequence[Candidate], evidence: Evidence) -> dict[str, str]:
+    """Return the causes that these data cannot show, whatever their size, and why."""
+    reasons = {candidate.name: candidate.remark for candidate in candidates if not candidate.applicable}
+    for effect in evidence.candidates:
+        if evidence.unidentifiable(effect.name):
+            reasons[effect.name] = "the free coefficients hide all of it; fix one that was measured apart"
+    return reasons

@@ -20,7 +20,7 @@ from mjfish.projection import blocks_of, orthonormal, project_out
 DRAWS = 4000
 #: Share of a signature's energy below which nothing of it is left: of true gauges 1e-8 is, by rounding and quadrature;
 #: of a cause that the coefficients absorb nearly, 1e-4 may show in velocities that are precise at low frequencies.
-_GAUGE = 1e-6
+_UNIDENTIFIABLE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,14 +95,14 @@ class Evidence:
         whole = float(np.sum(self.raw[:, block] ** 2))
         return 1.0 - float(np.trace(self.information[block, block])) / max(whole, 1e-300)
 
-    def hidden(self, name: str) -> bool:
+    def unidentifiable(self, name: str) -> bool:
         """Return whether the free coefficients hide a candidate wholly, counting those that a bound holds.
 
         What shows of such a gauge shows only because a bound is in the way.
         """
         block = self.blocks[name]
         left = project_out(orthonormal(self.fit.jacobian), self.raw[:, block])
-        return float(np.sum(left**2)) < _GAUGE * float(np.sum(self.raw[:, block] ** 2))
+        return float(np.sum(left**2)) < _UNIDENTIFIABLE * float(np.sum(self.raw[:, block] ** 2))
 
     def refitted(self, name: str, amplitudes: Mapping[str, float]) -> dict[str, float]:
         """Return where the free parameters go, to first order, once a candidate has these amplitudes.
@@ -139,12 +139,12 @@ class Evidence:
 
         What the coefficients hide is left out: its statistic is a quotient of rounding errors. 1 where nothing is left.
         """
-        seen = [name for name in self.blocks if not self.hidden(name)]
+        seen = [name for name in self.blocks if not self.unidentifiable(name)]
         if not seen:
             return 1.0
-        observed = min(float(log_tail(self.statistic(name), self._freedom(name))) for name in seen)
+        observed = min(float(log_tail(self.statistic(name), self._degrees_of_freedom(name))) for name in seen)
         simulated = self.statistics(self.null_draws(rng))
-        smallest = np.min([log_tail(simulated[name], self._freedom(name)) for name in seen], axis=0)
+        smallest = np.min([log_tail(simulated[name], self._degrees_of_freedom(name)) for name in seen], axis=0)
         p = float(np.mean(smallest <= observed))
         # Beyond the reach of the draws, Bonferroni bounds it.
         return p if p > 0.0 else min(len(seen) * float(np.exp(observed)), 1.0 / DRAWS)
@@ -171,7 +171,7 @@ class Evidence:
         statistic, rank = _quadratic(self.omnibus_score, self.omnibus_information)
         return statistic - rank
 
-    def _freedom(self, name: str) -> int:
+    def _degrees_of_freedom(self, name: str) -> int:
         block = self.blocks[name]
         return int(block.stop - block.start)
 

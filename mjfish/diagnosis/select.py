@@ -23,7 +23,7 @@ from typing import TypeVar
 import numpy as np
 
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.heldout import HeldOut
+from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import Refit
 from mjfish.effects.effect import Effect
 
@@ -96,8 +96,8 @@ def _rivalry(refits: Mapping[Key, Refit], held_out: HeldOut, rng: np.random.Gene
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         margin = 2.0 * rng.standard_normal((DRAWS, len(names))) @ root.T - np.diag(inner)
         observed = gains.max() - gains[index]
-        chance_ = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
-        result[name] = Standing(chance_, float(observed))
+        p_value = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
+        result[name] = Standing(p_value, float(observed))
     return result
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from mjfish.diagnosis.heldout import Confirmation
+from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.refit import Refit
 from mjfish.diagnosis.result import Verdict
 from mjfish.diagnosis.score_test import p_value_of
@@ -25,7 +25,7 @@ Names = tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Ruling:
+class Decision:
     """A verdict with the sets of causes it rests on: the one that is named, or those that stay."""
 
     verdict: Verdict
@@ -37,6 +37,13 @@ class Ruling:
         """The causes that are at work whichever set is the truth: the named ones, or what several sets share."""
         return shared(self.sets) if self.verdict == "named" or len(self.sets) > 1 else ()
 
+    @property
+    def rivals(self) -> tuple[Names, ...]:
+        """The causes in which the sets differ, as one group; none where findings about the data block a verdict."""
+        if self.verdict != "cannot_tell" or len(self.sets) < 2:
+            return ()
+        return (tuple(dict.fromkeys(name for names in self.sets for name in names if name not in self.certain)),)
+
 
 def shared(sets: Sequence[Names]) -> Names:
     """Return the members that all sets have, in the order of the first."""
@@ -44,8 +51,8 @@ def shared(sets: Sequence[Names]) -> Names:
 
 
 @dataclass(frozen=True, eq=False)
-class Hearing:
-    """Sets of causes of one size, and what speaks for them.
+class Comparison:
+    """Combinations of causes of one size, and what speaks for them.
 
     Attributes:
         refits: of the sets.
@@ -57,7 +64,7 @@ class Hearing:
     standings: Mapping[Names, Standing]
     held_out: Mapping[Names, Confirmation | None]
 
-    def staying(self, *, clean: bool) -> tuple[Names, ...]:
+    def retained(self, *, clean: bool) -> tuple[Names, ...]:
         """Return the sets not told from the best that fit and do not fail on held-out trials, best first."""
         kept = [
             names
@@ -66,7 +73,7 @@ class Hearing:
         ]
         return tuple(sorted(kept, key=lambda names: self.standings[names].behind))
 
-    def alike(self, names: Names, share: float) -> tuple[Names, ...]:
+    def similar(self, names: Names, share: float) -> tuple[Names, ...]:
         """Return a set that leaves something, and behind it those that leave no more than this share.
 
         What is left says that the set's form is not the truth's. Where that is put up with, it is with rivals, too.
@@ -77,12 +84,12 @@ class Hearing:
         near = [n for n in near if not _failed(self.held_out.get(n))]
         return (names, *sorted(near, key=lambda n: -self.refits[n].adjusted))
 
-    def joined(self, others: Hearing | None) -> Hearing:
-        """Return this hearing with what others found of the sets that stay there."""
+    def joined(self, others: Comparison | None) -> Comparison:
+        """Return this comparison with what others found of the sets that stay there."""
         if others is None:
             return self
-        staying = {names: one for names, one in others.standings.items() if one.in_set}
-        return Hearing(self.refits, {**self.standings, **staying}, {**self.held_out, **others.held_out})
+        retained = {names: one for names, one in others.standings.items() if one.in_set}
+        return Comparison(self.refits, {**self.standings, **retained}, {**self.held_out, **others.held_out})
 
     def failed(self) -> tuple[Names, ...]:
         """Return the sets in the confidence set that leave nothing, yet fail on the held-out trials."""
@@ -91,13 +98,13 @@ class Hearing:
         )
 
 
-def rule(
+def decide(
     p_wrong: float,
-    single: Hearing,
-    several: Hearing | None,
+    single: Comparison,
+    several: Comparison | None,
     blocks: Sequence[Finding] = (),
-    others: Hearing | None = None,
-) -> Ruling:
+    others: Comparison | None = None,
+) -> Decision:
     """Decide.
 
     - something about the data makes any verdict worthless: ``cannot_tell``;
@@ -118,52 +125,52 @@ def rule(
         others: single causes without those that failed on held-out trials, where any did.
     """
     if blocks:
-        return Ruling("cannot_tell", (), f"These data cannot tell: {blocks[0].message}.")
+        return Decision("cannot_tell", (), f"These data cannot tell: {blocks[0].message}.")
     if p_wrong >= ALARM:
-        return Ruling(
+        return Decision(
             "nothing_wrong", (), f"Nothing wrong was found: the nominal model fits to within noise (p = {p_wrong:.2g})."
         )
-    for hearing, clean in ((single, True), (several, False), (single, False)):
-        staying = hearing.staying(clean=clean) if hearing is not None else ()
-        if hearing is single and len(staying) == 1 and not single.standings[staying[0]].clean:
-            staying = single.alike(staying[0], LEFT)
-        if hearing is not None and len(staying) == 1:
-            return _alone(staying[0], hearing.refits[staying[0]], hearing.standings[staying[0]])
-        if staying:
-            return Ruling("cannot_tell", staying, _tied(staying))
+    for comparison, clean in ((single, True), (several, False), (single, False)):
+        retained = comparison.retained(clean=clean) if comparison is not None else ()
+        if comparison is single and len(retained) == 1 and not single.standings[retained[0]].clean:
+            retained = single.similar(retained[0], LEFT)
+        if comparison is not None and len(retained) == 1:
+            return _alone(retained[0], comparison.refits[retained[0]], comparison.standings[retained[0]])
+        if retained:
+            return Decision("cannot_tell", retained, _tied(retained))
     best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
-    if others is not None and (staying := others.staying(clean=True)):
+    if others is not None and (retained := others.retained(clean=True)):
         failed = single.failed()
-        told = f"{_listed(failed)} fits best and fails on the held-out trials; {_listed(staying)} would do"
-        return Ruling(
-            "cannot_tell", (*staying, *failed), f"Something is wrong, but these data cannot tell what: {told}."
+        told = f"{_listed(failed)} fits best and fails on the held-out trials; {_listed(retained)} would do"
+        return Decision(
+            "cannot_tell", (*retained, *failed), f"Something is wrong, but these data cannot tell what: {told}."
         )
     if best is not None and (nearly := _nearly(best, single)) is not None:
         return nearly
     closest = f"; the closest, {best[0]}, {_why(best, single)}" if best else ""
-    return Ruling("unexplained", (), f"Something is wrong that no known cause explains{closest}.")
+    return Decision("unexplained", (), f"Something is wrong that no known cause explains{closest}.")
 
 
-def _nearly(best: Names, hearing: Hearing) -> Ruling | None:
+def _nearly(best: Names, comparison: Comparison) -> Decision | None:
     """Rule where no single cause leaves little: if the best explains most, and few come near; None else."""
-    standing = hearing.standings.get(best)
-    if standing is None or not standing.resembles or _failed(hearing.held_out.get(best)):
+    standing = comparison.standings.get(best)
+    if standing is None or not standing.resembles or _failed(comparison.held_out.get(best)):
         return None
-    alike = hearing.alike(best, RESEMBLES)
-    if len(alike) > _FEW:
+    similar = comparison.similar(best, RESEMBLES)
+    if len(similar) > _FEW:
         return None
-    told = f"{_listed(alike)} explains {1.0 - standing.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
-    return Ruling("cannot_tell", alike, f"Something is wrong, but these data cannot tell what: {told}.")
+    told = f"{_listed(similar)} explains {1.0 - standing.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
+    return Decision("cannot_tell", similar, f"Something is wrong, but these data cannot tell what: {told}.")
 
 
-def _alone(names: Names, one: Refit, standing: Standing) -> Ruling:
+def _alone(names: Names, one: Refit, standing: Standing) -> Decision:
     """Rule on the only set that stays."""
     p = p_value_of(one.gain, one.degrees_of_freedom)
     if p < _OWN:
         left = "" if standing.clean else f" It leaves {standing.left:.1%} of what there was to explain: {_OTHERWISE}."
-        return Ruling("named", (names,), _named(one) + left)
+        return Decision("named", (names,), _named(one) + left)
     told = f"{_listed([names])} would do, and explains no more than chance might (p = {p:.2g})"
-    return Ruling("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {told}.")
+    return Decision("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {told}.")
 
 
 def _tied(sets: Sequence[Names]) -> str:
@@ -190,10 +197,10 @@ def _failed(one: Confirmation | None) -> bool:
     return one is not None and one.failed
 
 
-def _why(best: Names, hearing: Hearing) -> str:
-    standing = hearing.standings.get(best)
+def _why(best: Names, comparison: Comparison) -> str:
+    standing = comparison.standings.get(best)
     if standing is not None and not standing.fits:
         return f"leaves {standing.left:.0%} of what there was to explain, and that is systematic"
-    if _failed(hearing.held_out.get(best)):
+    if _failed(comparison.held_out.get(best)):
         return "does not hold on the held-out trials"
     return "does not hold"

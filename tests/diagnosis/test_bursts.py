@@ -10,7 +10,7 @@ import pytest
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis import diagnose
-from mjfish.diagnosis.bursts import burstiness, coincidence, stand_out
+from mjfish.diagnosis.implausible_noise import burstiness, coincidence, stand_out
 from mjfish.fish import Fish
 from mjfish.simulation.synthetic import generate
 

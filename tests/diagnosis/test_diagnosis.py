@@ -14,7 +14,7 @@ from planted_cases import coefficients, draw
 from mjfish.arrays import readonly
 from mjfish.data import load_dataset, save
 from mjfish.diagnosis import Diagnosis, diagnose
-from mjfish.diagnosis.locate import FIFTHS, fifths
+from mjfish.diagnosis.discrepancy import FIFTHS, fifths
 from mjfish.diagnosis.provenance import provenance
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect, catalogue, find

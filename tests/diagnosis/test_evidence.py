@@ -24,7 +24,11 @@ def test_a_cause_that_the_coefficients_hide_changes_no_p_value() -> None:
     for names in (("com_offset", "time_offset"), ("com_offset", "time_offset", "mass_error")):
         evidence = gather(problem, fitted, [find(name) for name in names])
         found[names] = evidence.directed_p(np.random.default_rng(0))
-        assert evidence.hidden("mass_error") if "mass_error" in names else not evidence.hidden("com_offset")
+        assert (
+            evidence.unidentifiable("mass_error")
+            if "mass_error" in names
+            else not evidence.unidentifiable("com_offset")
+        )
     without, beside = found.values()
     assert without < 0.01
     assert beside < 0.01
@@ -40,4 +44,4 @@ def test_what_a_refit_leaves_of_a_cause_counts_however_much_it_takes(beyond: flo
     evidence = gather(problem, fit(problem, evaluations=1), [find("com_offset")])
     column = evidence.fit.jacobian[:, :1] / np.linalg.norm(evidence.fit.jacobian[:, 0])
     other = evidence.signatures / np.linalg.norm(evidence.signatures)
-    assert replace(evidence, raw=column + beyond * other).hidden("com_offset") is hidden
+    assert replace(evidence, raw=column + beyond * other).unidentifiable("com_offset") is hidden

@@ -12,7 +12,7 @@ from planted_cases import draw
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Trial
-from mjfish.diagnosis.magnitude import too_large
+from mjfish.diagnosis.implausible_noise import too_large
 from mjfish.estimation import Noise
 from mjfish.inspection import Repeats
 from mjfish.noise.autoregressive import Autoregressive

@@ -9,7 +9,7 @@ import pytest
 
 from mjfish.arrays import readonly
 from mjfish.data import Trial
-from mjfish.diagnosis.assemble import estimates
+from mjfish.diagnosis.diagnosis import estimates
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.refit import refit
 from mjfish.drive import cpg

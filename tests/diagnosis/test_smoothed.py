@@ -11,7 +11,7 @@ from scipy import interpolate
 from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.diagnosis.progress import silent
-from mjfish.diagnosis.search import search
+from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem
@@ -44,7 +44,7 @@ def test_a_run_shorter_than_a_filter_is_no_trouble() -> None:
     problem = _problem(0.0, motion=True)
     short = problem.trials[0]
     cut = replace(short, name="short", time=readonly(short.time[:15]), velocity=readonly(short.velocity[:15]))
-    findings, _ = search(
+    findings, _ = screen(
         replace(problem, trials=(*problem.trials, cut)), (LAG,), None, np.random.default_rng(0), silent
     )
     assert findings.p_wrong >= ALARM
@@ -54,7 +54,7 @@ def test_a_run_shorter_than_a_filter_is_no_trouble() -> None:
 @pytest.mark.parametrize("motion", [True, False], ids=["motion and noise", "noise alone"])
 def test_only_a_motion_that_was_smoothed_is_smoothed(lag: float, motion: bool) -> None:
     """Central differences at 50 Hz take a tenth of the second harmonic: far more than the noise hides."""
-    findings, told = search(_problem(lag, motion=motion), (LAG,), None, np.random.default_rng(0), silent)
+    findings, told = screen(_problem(lag, motion=motion), (LAG,), None, np.random.default_rng(0), silent)
     found = findings.evidence.problem.smoothing
     assert found == (Differentiator(3, 2) if motion else None)
     assert ("differentiated over 3 samples, degree 2" in told) is motion

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mjfish.diagnosis import assemble
-from mjfish.diagnosis.heldout import Confirmation, confirmation
+from mjfish.diagnosis.held_out import Confirmation, confirmation
 from mjfish.diagnosis.select import Standing
-from mjfish.diagnosis.verdict import Hearing, Ruling, rule
+from mjfish.diagnosis.verdict import Comparison, Decision, decide
 from mjfish.estimation.held_out import Score
 
 GOOD = Standing(rival_p=1.0, behind=0.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
@@ -25,7 +24,7 @@ LIKE = replace(MISFIT, excess=25.0, left=0.2)
 
 
 def test_a_cause_as_likely_as_the_best_stays_however_odd_that_is() -> None:
-    """Two causes that the data could have told apart, and that fit alike: neither is named."""
+    """Two causes that the data could have told apart, and that fit equally well: neither is named."""
     tied = Standing(rival_p=0.03, behind=0.1, saturated_p=0.5, omnibus_p=0.5, left=0.0)
     assert tied.in_set
     assert not replace(tied, behind=6.0).in_set
@@ -42,9 +41,9 @@ def _refit(names: str, gain: float) -> Any:
 
 def _hearing(
     standings: dict[str, Standing], held: dict[str, float | None] | None = None, chance: float = 1e-4
-) -> Hearing:
-    """Return a hearing of sets named by one letter a member."""
-    return Hearing(
+) -> Comparison:
+    """Return a comparison of sets named by one letter a member."""
+    return Comparison(
         {tuple(names): _refit(names, 100.0 - k) for k, names in enumerate(standings)},
         {tuple(names): one for names, one in standings.items()},
         {
@@ -59,8 +58,8 @@ def _rule(
     held: dict[str, float | None] | None = None,
     p: float = 1e-6,
     several: dict[str, Standing] | None = None,
-) -> Ruling:
-    return rule(p, _hearing(standings, held), None if several is None else _hearing(several))
+) -> Decision:
+    return decide(p, _hearing(standings, held), None if several is None else _hearing(several))
 
 
 def test_a_model_that_is_not_contradicted_has_nothing_wrong() -> None:
@@ -69,25 +68,25 @@ def test_a_model_that_is_not_contradicted_has_nothing_wrong() -> None:
 
 
 def test_one_cause_that_stays_is_named() -> None:
-    ruling = _rule({"a": GOOD, "b": BEATEN})
-    assert (ruling.verdict, ruling.sets) == ("named", (("a",),))
+    decision = _rule({"a": GOOD, "b": BEATEN})
+    assert (decision.verdict, decision.sets) == ("named", (("a",),))
 
 
 def test_a_cause_that_explains_no_more_than_chance_is_not_named() -> None:
     """An alarm of the whole residual may find nobody behind it: 3.8 is what one parameter gains in 5 % of cases."""
     verdicts = []
     for gain in (3.7, 4.0):
-        ruling = rule(1e-6, Hearing({("a",): _refit("a", gain)}, {("a",): GOOD}, {("a",): None}), None)
-        assert ruling.sets == (("a",),)
-        assert ruling.certain == ((), ("a",))[ruling.verdict == "named"]
-        assert assemble.rivals(ruling) == ()
-        verdicts.append(ruling.verdict)
+        decision = decide(1e-6, Comparison({("a",): _refit("a", gain)}, {("a",): GOOD}, {("a",): None}), None)
+        assert decision.sets == (("a",),)
+        assert decision.certain == ((), ("a",))[decision.verdict == "named"]
+        assert decision.rivals == ()
+        verdicts.append(decision.verdict)
     assert verdicts == ["cannot_tell", "named"]
 
 
 def test_several_that_stay_are_rivals() -> None:
-    ruling = _rule({"a": GOOD, "b": RIVAL, "c": BEATEN})
-    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("a",), ("b",)))
+    decision = _rule({"a": GOOD, "b": RIVAL, "c": BEATEN})
+    assert (decision.verdict, decision.sets) == ("cannot_tell", (("a",), ("b",)))
 
 
 def test_a_best_cause_that_leaves_a_residual_is_no_explanation() -> None:
@@ -105,20 +104,20 @@ def test_a_cause_must_not_lose_on_held_out_trials(held: float | None, verdict: s
 
 def test_a_loss_on_held_out_trials_that_noise_explains_is_no_failure() -> None:
     """A weak cause gains nothing there every other time."""
-    hearing = _hearing({"a": GOOD}, {"a": -0.1}, chance=0.2)
-    assert rule(1e-6, hearing, None).verdict == "named"
+    comparison = _hearing({"a": GOOD}, {"a": -0.1}, chance=0.2)
+    assert decide(1e-6, comparison, None).verdict == "named"
 
 
 def test_where_the_best_fails_on_held_out_trials_the_others_are_heard_but_none_is_named() -> None:
     """The best may owe its lead to noise: what would do without it is told, and told as uncertain."""
     first, others = _hearing({"a": GOOD, "b": BEATEN}, {"a": -5.0}), _hearing({"b": GOOD})
-    ruling = rule(1e-6, first, None, (), others)
-    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("b",), ("a",)))
-    assert assemble.rivals(ruling) == (("b", "a"),)
+    decision = decide(1e-6, first, None, (), others)
+    assert (decision.verdict, decision.sets) == ("cannot_tell", (("b",), ("a",)))
+    assert decision.rivals == (("b", "a"),)
     joined = first.joined(others)
     assert joined.standings[("b",)] is GOOD
     assert joined.held_out[("b",)] is not None
-    assert rule(1e-6, first, None, (), _hearing({"b": MISFIT})).verdict == "unexplained"
+    assert decide(1e-6, first, None, (), _hearing({"b": MISFIT})).verdict == "unexplained"
 
 
 def test_a_prediction_that_is_hardly_known_makes_a_loss_likelier() -> None:
@@ -182,14 +181,14 @@ def test_a_single_cause_that_leaves_little_is_named_where_no_set_does_better() -
 
 def test_where_a_form_that_is_not_quite_right_is_put_up_with_it_is_with_rivals_too() -> None:
     """The best, 100, leaves 2; who is 1 behind leaves 3 % of 102, who is 20 behind leaves a fifth."""
-    hearing = _hearing({"a": LITTLE, "b": BEATEN, "c": BEATEN})
-    refits = {**hearing.refits, ("c",): _refit("c", 80.0)}
-    ruling = rule(1e-6, replace(hearing, refits=refits), None)
-    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("a",), ("b",)))
-    clean = replace(hearing, standings={**hearing.standings, ("a",): GOOD}, refits=refits)
-    assert rule(1e-6, clean, None).sets == (("a",),)
-    failed = replace(hearing, held_out={**hearing.held_out, ("b",): Confirmation(-5.0, 1e-4)}, refits=refits)
-    assert rule(1e-6, failed, None).sets == (("a",),)
+    comparison = _hearing({"a": LITTLE, "b": BEATEN, "c": BEATEN})
+    refits = {**comparison.refits, ("c",): _refit("c", 80.0)}
+    decision = decide(1e-6, replace(comparison, refits=refits), None)
+    assert (decision.verdict, decision.sets) == ("cannot_tell", (("a",), ("b",)))
+    clean = replace(comparison, standings={**comparison.standings, ("a",): GOOD}, refits=refits)
+    assert decide(1e-6, clean, None).sets == (("a",),)
+    failed = replace(comparison, held_out={**comparison.held_out, ("b",): Confirmation(-5.0, 1e-4)}, refits=refits)
+    assert decide(1e-6, failed, None).sets == (("a",),)
 
 
 def test_what_a_named_cause_leaves_is_said() -> None:
@@ -198,24 +197,24 @@ def test_what_a_named_cause_leaves_is_said() -> None:
 
 
 def test_what_explains_most_in_another_form_is_told_and_not_named() -> None:
-    hearing = _hearing({"a": LIKE, "b": BEATEN})
-    far = replace(hearing, refits={**hearing.refits, ("b",): _refit("b", 70.0)})
-    ruling = rule(1e-6, far, None)
-    assert (ruling.verdict, ruling.sets, ruling.certain) == ("cannot_tell", (("a",),), ())
-    assert "a explains 80% of it and leaves something systematic" in ruling.message
-    assert rule(1e-6, hearing, None).sets == (("a",), ("b",))
+    comparison = _hearing({"a": LIKE, "b": BEATEN})
+    far = replace(comparison, refits={**comparison.refits, ("b",): _refit("b", 70.0)})
+    decision = decide(1e-6, far, None)
+    assert (decision.verdict, decision.sets, decision.certain) == ("cannot_tell", (("a",),), ())
+    assert "a explains 80% of it and leaves something systematic" in decision.message
+    assert decide(1e-6, comparison, None).sets == (("a",), ("b",))
     many = _hearing({"a": LIKE, "b": BEATEN, "c": BEATEN, "d": BEATEN})
-    assert rule(1e-6, many, None).verdict == "unexplained"
+    assert decide(1e-6, many, None).verdict == "unexplained"
     lost = replace(far, held_out={("a",): Confirmation(-5.0, 1e-4)})
-    assert rule(1e-6, lost, None).verdict == "unexplained"
+    assert decide(1e-6, lost, None).verdict == "unexplained"
 
 
 def test_sets_that_cannot_be_told_apart_are_all_listed() -> None:
-    ruling = _rule({"a": MISFIT}, several={"ab": GOOD, "ac": RIVAL})
-    assert (ruling.verdict, ruling.sets) == ("cannot_tell", (("a", "b"), ("a", "c")))
-    assert ruling.certain == ("a",)
-    assert assemble.rivals(ruling) == (("b", "c"),)
-    assert ruling.message == "a is at work, but these data cannot tell whether with b or c."
+    decision = _rule({"a": MISFIT}, several={"ab": GOOD, "ac": RIVAL})
+    assert (decision.verdict, decision.sets) == ("cannot_tell", (("a", "b"), ("a", "c")))
+    assert decision.certain == ("a",)
+    assert decision.rivals == (("b", "c"),)
+    assert decision.message == "a is at work, but these data cannot tell whether with b or c."
     both = _rule({"a": MISFIT}, several={"abc": GOOD, "abd": RIVAL})
     assert both.message == "a and b are at work, but these data cannot tell whether with c or d."
     apart = _rule({"a": MISFIT}, several={"ab": GOOD, "cd": RIVAL})

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from mjfish.diagnosis import Diagnosis, Estimate
-from mjfish.diagnosis.locate import FIFTHS
+from mjfish.diagnosis.discrepancy import FIFTHS
 from mjfish.diagnosis.select import GOODNESS, KEEP
 from mjfish.files import write_text
 from mjfish.frames import CHANNELS

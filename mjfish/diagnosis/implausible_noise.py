@@ -1,13 +1,7 @@
-"""Whether what is left comes in bursts: a camera's noise is as large at one moment as at the next, a jerk is not.
+"""Whether what was taken for noise can be noise: a misfit may be slow, or come in bursts.
 
-The whitened residual z, in the direction e in which its channels vary the most, has the energy
-
-    E_k = sum of min(e' z_i, c)^2 over the samples of window k
-
-which bursts make unequal; c keeps single samples of heavy tails from it. ln var E is compared with that of the same
-samples in shuffled order, run by run: tails and channels that go together stay, what is large for a while does not.
-McLeod and Li test the autocorrelation of squares for it ([McLeod1983]); sums over the length of a jerk see more. What
-pushes the fish moves channels together, sway and yaw rate above all; of a camera's noise that is seldom so.
+- `too_large`: coloured noise that is as large as a part of the motion. A misfit that is slow enough looks like it.
+- `bursts`: noise that is larger at one moment than at another. A camera's is not; a jerk is.
 
 [McLeod1983] A. McLeod and W. Li, Journal of Time Series Analysis 4.
 """
@@ -18,10 +12,64 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy import ndimage
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence
-from mjfish.inspection import Finding
+from mjfish.estimation import Fit, Noise, Problem
+from mjfish.frames import CHANNELS, UNITS
+from mjfish.inspection import Finding, Repeats
+from mjfish.noise import Autoregressive, GaussMarkov, ProcessNoise
+
+#: Share of a channel, both rms, up to which slow noise is believed; of cameras over a tank it is a few hundredths.
+_LARGEST = 0.06
+#: Slow is what a mean over this time leaves [s].
+_SLOW = 0.2
+#: Share of it that repeated runs must show, for it to be noise all the same.
+_REPEATED = 0.7
+
+
+def too_large(problem: Problem, fit: Fit, repeats: Repeats | None) -> Finding | None:
+    """Return the finding that noise which has a colour is as large as a part of the motion; None where it is not.
+
+    Its estimate takes for noise whatever the candidates do not explain: nothing may seem wrong with a simulation that
+    is far off. Repeated runs tell them apart, for noise differs between them and a misfit does not.
+
+    Args:
+        problem: of the nominal model, with the noise that was found.
+        fit: its result.
+        repeats: the noise that repeated runs show, if any were.
+    """
+    if not _slow(problem.noise):
+        return None
+    moves = np.concatenate([trial.velocity[problem.mask(i)] for i, trial in enumerate(problem.trials)])
+    width = max(round(_SLOW / problem.trials[0].step), 1)
+    slow = np.concatenate([ndimage.uniform_filter1d(one, width, axis=0) for one in problem.raw(fit.x)])
+    error, size = (np.sqrt(np.mean(one**2, axis=0)) for one in (slow, moves))
+    large = error > _LARGEST * size
+    if repeats is not None:
+        large &= repeats.sigma < _REPEATED * error
+    if not large.any():
+        return None
+    worst = int(np.argmax(np.where(large, error / np.maximum(size, 1e-12), 0.0)))
+    channel, share = CHANNELS[worst], error[worst] / size[worst]
+    off = f"{error[worst]:.2g} {UNITS[channel]} rms over {_SLOW} s and more"
+    return Finding(
+        code="noise-slow",
+        severity="blocks",
+        place=channel,
+        found=f"the simulation is off by {off}, {share:.0%} of all of it; that may be noise, or something that no "
+        "known cause explains",
+        expected=f"slow noise of at most {_LARGEST:.0%}",
+        remedy="swim one drive twice or more: noise differs between repeats, an effect does not",
+        channels=tuple(name for name, one in zip(CHANNELS, large, strict=True) if one),
+    )
+
+
+def _slow(noise: Noise) -> bool:
+    """Return whether a noise is slow enough that a misfit could pass for it: not white, nor that of differentiation."""
+    return isinstance(noise, GaussMarkov | ProcessNoise) or (isinstance(noise, Autoregressive) and noise.order > 0)
+
 
 #: Length of a window [s]: that of a jerk, below that of a beat.
 _WINDOW = 0.2

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mjfish.diagnosis import several as module
+from mjfish.diagnosis import combinations as module
+from mjfish.diagnosis.combinations import beats_smaller_sets, find_combinations
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.heldout import HeldOut
+from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import silent
 from mjfish.diagnosis.refit import refit
 from mjfish.diagnosis.select import Standing
-from mjfish.diagnosis.several import earns_its_place, several
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import load_fish
@@ -52,7 +52,7 @@ class _Set:
 def test_a_further_cause_of_many_parameters_must_explain_more(gain: float, freedom: int, stays: bool) -> None:
     """The cause alone explains 100."""
     known = {("lag",): _Set(("lag",), 100.0, 1)}
-    assert earns_its_place(_Set(("lag", "other"), gain, freedom), known) is stays  # type: ignore[arg-type]
+    assert beats_smaller_sets(_Set(("lag", "other"), gain, freedom), known) is stays  # type: ignore[arg-type]
 
 
 #: Drag stands in for the wake until the wake is added; alone, the stiffness shows little and is not refitted.
@@ -76,7 +76,7 @@ def test_a_member_that_stood_in_for_a_later_one_is_dropped(
 
     def extended(bases: Any, _candidates: Any, _known: Any, _rng: Any, shortlist: Any) -> dict[Names, _Set]:
         size = len(bases[0].names) + 1
-        found = came_by[size] if shortlist is module._visible else []
+        found = came_by[size] if shortlist is module._visible_additions else []
         return {names: _Set(names, gains[names], gains=gains) for names in found}
 
     def standings(sets: dict[Names, _Set], *_: Any) -> dict[Names, Standing]:
@@ -89,9 +89,9 @@ def test_a_member_that_stood_in_for_a_later_one_is_dropped(
     monkeypatch.setattr(module, "_extended", extended)
     monkeypatch.setattr(module, "standings", standings)
     singles: Any = {name: _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
-    found = several(singles, (), HeldOut(None, ()), np.random.default_rng(0), silent)  # type: ignore[arg-type]
+    found = find_combinations(singles, (), HeldOut(None, ()), np.random.default_rng(0), silent)  # type: ignore[arg-type]
     assert found is not None
-    assert found.suffice == [named]
+    assert found.sufficient == [named]
 
 
 def test_a_set_less_a_member_is_fitted_as_if_the_member_had_never_been() -> None:

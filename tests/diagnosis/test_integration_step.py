@@ -10,8 +10,8 @@ import pytest
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import gather
+from mjfish.diagnosis.integration_step import finer, resolved
 from mjfish.diagnosis.refit import refined, refit
-from mjfish.diagnosis.resolution import finer, resolved
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit

@@ -12,9 +12,8 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.progress import silent
-from mjfish.diagnosis.refit import refit, refits
-from mjfish.diagnosis.search import nominal_fit, search
-from mjfish.diagnosis.starts import off_null, other_valleys, to_the_edge
+from mjfish.diagnosis.refit import find_threshold, off_null, other_minima, refit, refits
+from mjfish.diagnosis.screening import nominal_fit, screen
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.identification import pose
@@ -48,7 +47,7 @@ def _limited(pike: Fish, sigma: FloatArray) -> tuple[Evidence, float]:
 
 @pytest.mark.parametrize("share", [0.3, 0.02], ids=["noise", "hardly any noise"])
 def test_a_limit_that_is_hardly_met_is_found_in_its_narrow_valley(pike: Fish, share: float) -> None:
-    """From sizes that do not feel it there is no way down. Catches starts that step over the valley.
+    """From sizes that do not feel it there is no way down. Catches starts that step over the minimum.
 
     With hardly any noise an idle limit differs from none by rounding, and is not felt for it.
     """
@@ -84,7 +83,7 @@ def test_sizes_just_above_an_edge_are_tried_where_there_is_one(
     for size in (1e-3, 1e-3, 0.1, 0.2, 0.5, 1.0):
         tried.add(np.array([size]))
     before = len(tried.starts)
-    to_the_edge(tried, 0)  # type: ignore[arg-type]
+    find_threshold(tried, 0)  # type: ignore[arg-type]
     new = np.array(tried.starts[before:])[:, 0]
     if edge is None:
         assert len(new) == 1
@@ -101,7 +100,7 @@ def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None
         for trial, sign in zip(planted.trials, (1.0, -1.0), strict=True)
     ]
     problem = replace(_problem(planted), trials=tuple(moved))
-    findings, _ = search(problem, (find("inertia_error"),), None, np.random.default_rng(0), silent)
+    findings, _ = screen(problem, (find("inertia_error"),), None, np.random.default_rng(0), silent)
     assert (findings.p_wrong < 1e-6) is (off > 0.0)
 
 
@@ -113,10 +112,10 @@ def test_a_tail_at_half_its_compliance_is_told_of_the_other_valley(pike: Fish) -
     size = tail.parameters[0]
     held = replace(free, declared={size.name: size.rebound(low=0.0099, high=0.0101, start=0.01)})
     half = fit(held, tolerance=1e-5)
-    (better,) = other_valleys(half, free)
+    (better,) = other_minima(half, free)
     assert better[[p.name for p in free.parameters].index(size.name)] == pytest.approx(0.02, rel=0.02)
     assert np.sum(free.residual(better) ** 2) < half.sse
-    assert other_valleys(fit(free, better, tolerance=1e-5), free) == []
+    assert other_minima(fit(free, better, tolerance=1e-5), free) == []
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,9 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, under
+from mjfish.diagnosis.integration_step import resolved
 from mjfish.diagnosis.progress import Progress, part
-from mjfish.diagnosis.refit import Refit, abrupt, refined, refits, settled
-from mjfish.diagnosis.resolution import resolved
+from mjfish.diagnosis.refit import Refit, refined, refit_nonsmooth, refits, settled
 from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
@@ -28,7 +28,7 @@ from mjfish.noise.sample import noisy_ends
 _SAME = 0.05
 #: Shares of the alarm's rate that the tests may use up [Rosenthal1983]: that of the candidates' scores, of the omnibus
 #: basis, of the refits of what is not smooth. The first sees most; what the others find is seldom close.
-_DIRECTED, _OMNIBUS, _ABRUPT = 0.625, 0.125, 0.25
+_DIRECTED, _OMNIBUS, _NONSMOOTH = 0.625, 0.125, 0.25
 #: P value below which a noise that is known roughly is no way out.
 _BEYOND = 1e-12
 #: Starts of the nominal fit, evaluations of those on trial, the mean square of the whitened residual below which the
@@ -39,7 +39,7 @@ _OTHER = ErrorsInVariables | NoiseByRate | ProcessNoise | GaussMarkov | Differen
 
 
 @dataclass(frozen=True, eq=False)
-class Findings:
+class Screening:
     """What the search found.
 
     Attributes:
@@ -55,13 +55,13 @@ class Findings:
     directed: bool
 
 
-def search(
+def screen(
     problem: Problem,
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
     rng: np.random.Generator,
     progress: Progress,
-) -> tuple[Findings, str]:
+) -> tuple[Screening, str]:
     """Fit, find the noise, test and refit; again where the noise looks otherwise with the best cause in the model."""
     progress("fitting the nominal model", 0.02)
     problem, start = resolved(problem)
@@ -72,7 +72,7 @@ def search(
         problem = replace(problem, ends=ends)
         baseline = fit(problem, baseline.x, tolerance=1e-6)
         made = signatures(problem, baseline.values, candidates)
-    results: dict[Differentiator | None, tuple[Findings, str]] = {}
+    results: dict[Differentiator | None, tuple[Screening, str]] = {}
     smoothing = problem.smoothing
     while smoothing not in results:
         if smoothing != problem.smoothing:
@@ -115,7 +115,7 @@ def _searched(
     stated: FloatArray | None,
     rng: np.random.Generator,
     progress: Progress,
-) -> tuple[Findings, str, Differentiator | None]:
+) -> tuple[Screening, str, Differentiator | None]:
     """Search with the filter that the problem has; return findings, the noise in words, and the filter they suggest."""
     noise, remark = noise_of(problem, baseline, made, stated, patterns=False)
     look = _Look(candidates, made, rng, progress)
@@ -142,7 +142,7 @@ def _searched(
             refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted)
     if refitted:
         refitted = settled(refitted, part(progress, 0.6, 0.1))
-    return Findings(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark, smoothing
+    return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark, smoothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,8 +177,8 @@ class _Look:
         directed, p_wrong = self._chance(evidence)
         found: dict[str, Refit] = {}
         if p_wrong >= ALARM:
-            p_abrupt, found = abrupt(evidence, self.candidates)
-            p_wrong = min(p_wrong, p_abrupt / _ABRUPT)
+            p_nonsmooth, found = refit_nonsmooth(evidence, self.candidates)
+            p_wrong = min(p_wrong, p_nonsmooth / _NONSMOOTH)
         elif isinstance(noise, GaussMarkov) and p_wrong > _BEYOND:
             p_wrong = max(
                 p_wrong, float(np.mean([self._chance(one)[1] for one in under(evidence, noise.likely, made)]))

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.heldout import HeldOut
+from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import Refit, refined, refit
 from mjfish.diagnosis.select import GOODNESS, Standing, standings
@@ -34,8 +34,8 @@ Names = tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Sets:
-    """Sets of causes of one size.
+class Combinations:
+    """Combinations of causes of one size.
 
     Attributes:
         refits: of the sets, by sorted names.
@@ -48,18 +48,18 @@ class Sets:
     parts: Mapping[Names, Refit | None]
 
     @property
-    def suffice(self) -> list[Names]:
-        """Sets that the data cannot tell from the best, and that leave nothing systematic."""
+    def sufficient(self) -> list[Names]:
+        """Combinations that the data cannot tell from the best, and that leave nothing systematic."""
         return [names for names, one in self.standings.items() if one.in_set and one.clean]
 
 
-def several(
+def find_combinations(
     singles: Mapping[str, Refit],
     candidates: Sequence[Effect],
     held_out: HeldOut,
     rng: np.random.Generator,
     progress: Progress,
-) -> Sets | None:
+) -> Combinations | None:
     """Return the smallest sets of two or three causes that are told from all smaller ones and explain the misfit.
 
     Args:
@@ -74,18 +74,18 @@ def several(
     """
     known: dict[Names, Refit] = {(name,): one for name, one in singles.items()}
     bases = sorted(known.values(), key=lambda one: -one.gain)[:_BASES]
-    best: Sets | None = None
+    best: Combinations | None = None
     for size in range(2, LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
-        for grown in (_grown, _abruptly_grown):
+        for grown in (_grown, _grown_by_nonsmooth):
             known.update(found := grown(bases, candidates, known, rng))
-            earned.update({names: one for names, one in found.items() if earns_its_place(one, known)})
+            earned.update({names: one for names, one in found.items() if beats_smaller_sets(one, known)})
             if earned:
                 best = _standing(earned, candidates, known, held_out, rng)
-                if best.suffice:
+                if best.sufficient:
                     known.update(parts := _parts(best, known))
-                    if all(earns_its_place(earned[names], known) for names in best.suffice):
+                    if all(beats_smaller_sets(earned[names], known) for names in best.sufficient):
                         return best
                     return _standing({**_of_size(size - 1, known), **parts}, candidates, known, held_out, rng)
         if not earned:
@@ -98,18 +98,18 @@ def _grown(
     bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
 ) -> dict[Names, Refit]:
     """Add what is seen best to the bases; then, to the best result less one member, what is seen best there."""
-    found = _extended(bases, candidates, known, rng, _visible)
+    found = _extended(bases, candidates, known, rng, _visible_additions)
     if not found:
         return {}
     leader, known = max(found.values(), key=lambda one: one.gain), {**known, **found}
-    return {**found, **_extended(_without(leader, known), candidates, known, rng, _visible)}
+    return {**found, **_extended(_without(leader, known), candidates, known, rng, _visible_additions)}
 
 
-def _abruptly_grown(
+def _grown_by_nonsmooth(
     bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
 ) -> dict[Names, Refit]:
     """Add causes of which a score says little to the best base."""
-    return _extended(bases[:1], candidates, known, rng, _abrupt)
+    return _extended(bases[:1], candidates, known, rng, _nonsmooth_additions)
 
 
 def _extended(
@@ -137,15 +137,15 @@ def _extended(
     return found
 
 
-def _visible(after: Evidence, rng: np.random.Generator) -> list[Effect]:
+def _visible_additions(after: Evidence, rng: np.random.Generator) -> list[Effect]:
     """Return the additions with the best scores, if any is seen."""
-    shown = [effect for effect in after.candidates if not after.hidden(effect.name)]
+    shown = [effect for effect in after.candidates if not after.unidentifiable(effect.name)]
     if not shown or after.directed_p(rng) > _SEEN:
         return []
     return sorted(shown, key=lambda effect: -after.statistic(effect.name))[:_ADDED]
 
 
-def _abrupt(after: Evidence, rng: np.random.Generator) -> list[Effect]:
+def _nonsmooth_additions(after: Evidence, rng: np.random.Generator) -> list[Effect]:
     """Return additions of which a score says little, if anything is left to explain."""
     del rng
     if min(after.saturated_p(), after.omnibus_p()) >= GOODNESS:
@@ -164,13 +164,13 @@ def _less(one: Refit, out: str) -> Names:
     return tuple(sorted(name for name in one.names if name != out))
 
 
-def _parts(sets: Sets, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
+def _parts(sets: Combinations, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
     """Refit, from where the sets are that suffice, what they are less one member, where nobody came by it.
 
     A member may have stood in for another that was added after it, and is superfluous now.
     """
     found: dict[Names, Refit] = {}
-    for whole in (sets.refits[names] for names in sets.suffice):
+    for whole in (sets.refits[names] for names in sets.sufficient):
         for out in whole.effects:
             names = _less(whole, out.name)
             if names not in known and names not in found:
@@ -181,11 +181,13 @@ def _parts(sets: Sets, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
 def _of_size(size: int, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
     """Return the sets of this size that have earned all their members."""
     return {
-        names: one for names, one in known.items() if len(names) == size and (size == 1 or earns_its_place(one, known))
+        names: one
+        for names, one in known.items()
+        if len(names) == size and (size == 1 or beats_smaller_sets(one, known))
     }
 
 
-def earns_its_place(one: Refit, known: Mapping[Names, Refit]) -> bool:
+def beats_smaller_sets(one: Refit, known: Mapping[Names, Refit]) -> bool:
     """Return whether the set explains more than its share beyond every smaller set, of its members or of others.
 
     Less two for every parameter more: a cause of four parameters explains some noise.
@@ -200,6 +202,6 @@ def _standing(
     known: Mapping[Names, Refit],
     held_out: HeldOut,
     rng: np.random.Generator,
-) -> Sets:
+) -> Combinations:
     parts = {names: max(_without(one, known), key=lambda part: part.gain, default=None) for names, one in sets.items()}
-    return Sets(sets, standings(sets, candidates, held_out, rng), parts)
+    return Combinations(sets, standings(sets, candidates, held_out, rng), parts)

@@ -13,7 +13,7 @@ from planted_cases import draw
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.diagnosis import select
-from mjfish.diagnosis.heldout import HeldOut, gain, pooled_error
+from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.estimation.held_out import Score
 
 
@@ -69,7 +69,7 @@ class _Linear:
 
 
 def _rivals(rng: np.random.Generator, strays: float = 0.0) -> tuple[dict[str, Any], HeldOut]:
-    """Return two rivals, alike on the fitted rows and apart on one of two held-out trials; the first is true."""
+    """Return two rivals, similar on the fitted rows and apart on one of two held-out trials; the first is true."""
     shared, own, other = RIVALS[:, :3], RIVALS[:, 3:4], RIVALS[:, 4:5]
     truth = (shared @ np.array([1.0, -2.0, 0.5]))[:, None] + 6.0 * own
     data = truth[:, 0] + rng.standard_normal(120)
