@@ -80,6 +80,9 @@ class Where:
 def locate(evidence: Evidence, directed: bool) -> Where:
     """Locate the systematic misfit of a fit.
 
+    The systematic part of the residual is its projection on what the tests found: the signatures of all candidates
+    where those explain it, else the omnibus basis. The directions of the coefficients are projected out first.
+
     Args:
         evidence: of the fit.
         directed: whether the candidates explain the misfit; else the omnibus basis pictures it.
@@ -179,7 +182,13 @@ class MissingForce:
 
 
 def missing_force(problem: Problem, fit: Fit) -> tuple[MissingForce, ...]:
-    """Return the missing force of every trial of a fit."""
+    """Return the missing generalised force of every trial of a fit.
+
+    Random accelerations (`mjfish.noise.process`) are assumed behind the residual of the nominal model; a
+    Kalman smoother [Rauch1965] estimates them from all samples of a run. Times the inertia of the stretched fish they
+    are the force and the moment at the nose. The estimate is shrunk towards zero and its samples are correlated: it
+    serves for pictures, never as data of a test.
+    """
     left, jacobians = noise_sample(problem, problem.raw(fit.x)), state_jacobians(problem, fit.values)
     found: dict[int, MissingForce] = {}
     for index in by_step(problem.trials).values():
@@ -295,7 +304,18 @@ class _Stretch:
 
 
 def fingerprint(one: Refit) -> Measured:
-    """Return the fingerprint of what the causes of a refit add."""
+    """Return the fingerprint of what the causes of a refit add.
+
+    It is taken from y - eta(theta, 0), the measurement less the prediction of the extended model with its causes
+    switched off: refitted coefficients alone would have hidden most of it. Harmonics of the beat are regressed on each
+    channel c of every steady, straight stretch:
+
+        r_c(t) = sum_h a_ch cos h phi + b_ch sin h phi,   h = 0..3
+
+    The nominal model keeps the glide reflection (surge, sway, yaw rate)(t + T/2) = (surge, -sway, -yaw rate)(t): its
+    surge has even harmonics, its sway and yaw rate odd ones; all others are odd under it. By its time scaling,
+    velocities over f L are the same at all frequencies f; a discrepancy ~ f^q has the slope q of log |r| / f over log f.
+    """
     problem = one.problem
     off = {p.name: p.default for effect in one.effects for p in effect.parameters if not p.shape}
     x = problem.start({**one.fit.values, **off})
@@ -464,7 +484,13 @@ class Description:
 
 
 def describe(problem: Problem, fit: Fit, rng: np.random.Generator) -> Description:
-    """Describe what a fit leaves."""
+    """Describe what a fit leaves by forces on every link, such as "a moment on every link ~ |u| u".
+
+    The signature of such a term is a sensitivity like that of a cause: no noisy signal is differentiated, and the
+    coefficients are projected out. Terms are chosen by orthogonal matching pursuit [Pati1993] and kept where most
+    random halves of the runs choose them too (stability selection by complementary pairs, [Shah2013]). The result says
+    how the missing force looks, not why.
+    """
     evidence = gather(problem, fit, (_Along(), _Across(), _Turning()))
     labels = [f"{effect.summary} ~ {p.about}" for effect in evidence.candidates for p in effect.parameters]
     scales = np.array([p.scale for effect in evidence.candidates for p in effect.parameters])

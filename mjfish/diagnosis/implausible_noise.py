@@ -87,7 +87,17 @@ _LISTED = 3
 
 
 def bursts(evidence: Evidence, rng: np.random.Generator) -> Finding | None:
-    """Return the finding that what was taken for noise comes in bursts; None where it does not."""
+    """Return the finding that what was taken for noise comes in bursts; None where it does not.
+
+    The whitened residual z, in the direction e in which its channels vary most, has in window k the energy
+
+        E_k = sum of min((e' z_i)^2, c^2) over the samples i of window k
+
+    The cut c limits single samples of heavy tails. ln var E is compared with that of the same samples in shuffled
+    order, run by run; tails and correlation between channels are in both. [McLeod1983] tests the autocorrelation of
+    squares for this; sums over the length of a jerk have more power. Forces on the fish move channels together, sway
+    and yaw rate above all; noise of a camera seldom does.
+    """
     problem = evidence.problem
     runs = [evidence.cleared[rows].reshape(-1, 3) for rows in evidence.rows_by_trial()]
     widths = [max(round(_WINDOW / trial.step), 2) for trial in problem.trials]

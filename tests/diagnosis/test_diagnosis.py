@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from planted_cases import coefficients, draw
 from mjfish.arrays import readonly
 from mjfish.data import load_dataset, save
 from mjfish.diagnosis import Diagnosis, diagnose
+from mjfish.diagnosis.diagnosis import remarks
 from mjfish.diagnosis.discrepancy import FIFTHS, fifths
 from mjfish.diagnosis.provenance import provenance
 from mjfish.drive.motion import JointMotion
@@ -134,6 +136,21 @@ def test_the_json_keeps_its_contract(named: Diagnosis, tmp_path: Path) -> None:
     assert told["rivals"] == []
     assert told["status"] == "ok"
     assert {"versions", "seed", "inputs"} <= set(told["provenance"])
+
+
+def test_a_fit_that_has_not_converged_is_said(named: Diagnosis) -> None:
+    stopped = replace(named, status="fit_not_converged")
+    assert "not converged" in stopped.summary()
+    assert "not converged" not in named.summary()
+    fit: Any = SimpleNamespace(parameters=(), at_bound=(), values={})
+    said = list(
+        remarks(
+            "", fit, {"the nominal model": "max_evaluations", "the extended model": "converged"}, named.dataset.trials
+        )
+    )
+    assert len(said) == 1
+    assert said[0].startswith("fit-not-converged: the fit of the nominal model")
+    assert list(remarks("", fit, {"the nominal model": "converged"}, named.dataset.trials)) == []
 
 
 def test_shares_of_the_misfit_add_up(named: Diagnosis) -> None:

@@ -1,8 +1,8 @@
-"""Noise that is too large to be one."""
+"""What was taken for noise and cannot be: too large and slow, or in bursts."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,12 +11,15 @@ import pytest
 from planted_cases import draw
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.data import Trial
-from mjfish.diagnosis.implausible_noise import too_large
+from mjfish.data import Dataset, Trial
+from mjfish.diagnosis import diagnose
+from mjfish.diagnosis.implausible_noise import burstiness, coincidence, stand_out, too_large
 from mjfish.estimation import Noise
+from mjfish.fish import Fish
 from mjfish.inspection import Repeats
 from mjfish.noise.autoregressive import Autoregressive
 from mjfish.noise.differentiation import DifferentiationNoise
+from mjfish.simulation.synthetic import generate
 
 SLOW = Autoregressive(readonly(np.full(3, 0.01)), readonly(np.full((3, 1), 0.9)))
 FIT: Any = SimpleNamespace(x=None)
@@ -86,3 +89,56 @@ def test_noise_that_differs_between_repeats_is_noise(trials: tuple[Trial, ...]) 
 
     assert _asked(problem, repeats(0.9)) is None
     assert _asked(problem, repeats(0.4)).channels == ("surge",)
+
+
+WIDTH = 10
+SIGMA = np.array([0.006, 0.006, 0.04])
+
+
+def _jerked(run: FloatArray, starts: range, size: float) -> FloatArray:
+    """Return a run with sway and yaw rate off by `size` sigma, together, for the length of a window now and then."""
+    run = run.copy()
+    for number, start in enumerate(starts):
+        run[start : start + WIDTH, 1:] += size * (-1.0) ** number
+    return run
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bursts_are_told_from_tails_and_from_channels_that_go_together(seed: int) -> None:
+    """In 40 draws of each the largest of all was 2.4; of jerks of one and a half sigma the smallest was 10.8."""
+    rng = np.random.default_rng(seed)
+    mix = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.7], [0.0, 0.0, 1.0]])
+    quiet = {
+        "white": [rng.standard_normal((400, 3)) for _ in range(4)],
+        "heavy tails": [rng.standard_t(3.0, size=(400, 3)) for _ in range(4)],
+        "together": [rng.standard_normal((400, 3)) @ mix for _ in range(4)],
+        "runs of another level": [level * rng.standard_normal((400, 3)) for level in (1.0, 1.3, 0.8, 1.0)],
+    }
+    widths = [WIDTH] * 4
+    for runs in quiet.values():
+        bursty = burstiness(runs, widths, rng)
+        assert abs(bursty) < 3.5
+        assert not stand_out(bursty, coincidence(runs))
+    jerked = [_jerked(run, range(20, 380, 60), 1.5) for run in quiet["white"]]
+    assert stand_out(burstiness(jerked, widths, rng), coincidence(jerked))
+
+
+def _swum(pike: Fish, size: float) -> Dataset:
+    dataset = generate(pike, ["v1", "v3", "v5"], noise=SIGMA, duration=10.4, seed=11, held_out=[])
+    trials = [
+        replace(one, velocity=readonly(_jerked(one.velocity / SIGMA, range(40, 500, 77), size) * SIGMA))
+        for one in dataset.trials
+    ]
+    return replace(dataset, trials=tuple(trials))
+
+
+def test_a_diagnosis_says_when_the_bursts_were(pike: Fish) -> None:
+    """Catches: jerks that pass for noise of another colour, and nothing wrong found."""
+    assert diagnose(_swum(pike, 0.0)).verdict == "nothing_wrong"
+    result = diagnose(_swum(pike, 2.5))
+    assert result.verdict == "cannot_tell"
+    finding = result.checks.blocks[0]
+    for place in finding.place.split(", "):
+        moment = float(place.split(" at ")[1].removesuffix(" s"))
+        nearest = min(abs(moment - 0.02 * (start + WIDTH / 2)) for start in range(40, 500, 77))
+        assert nearest < 0.15
