@@ -17,7 +17,7 @@ import numpy as np
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
-from mjfish.diagnosis.refit import Refit, refined, refit
+from mjfish.diagnosis.refit import Refit, refined, refit_with
 from mjfish.diagnosis.select import GOODNESS, Standing, standings
 from mjfish.effects.effect import Effect
 
@@ -50,7 +50,7 @@ class Combinations:
     @property
     def sufficient(self) -> list[Names]:
         """Combinations that the data cannot tell from the best, and that leave nothing systematic."""
-        return [names for names, one in self.standings.items() if one.in_set and one.clean]
+        return [names for names, standing in self.standings.items() if standing.in_set and standing.clean]
 
 
 def find_combinations(
@@ -72,15 +72,15 @@ def find_combinations(
     Returns:
         The sets with their standings; None where no second cause is to be seen, or no set has earned all its members.
     """
-    known: dict[Names, Refit] = {(name,): one for name, one in singles.items()}
-    bases = sorted(known.values(), key=lambda one: -one.gain)[:_BASES]
+    known: dict[Names, Refit] = {(name,): refit for name, refit in singles.items()}
+    bases = sorted(known.values(), key=lambda refit: -refit.gain)[:_BASES]
     best: Combinations | None = None
     for size in range(2, LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
         for grown in (_grown, _grown_by_nonsmooth):
             known.update(found := grown(bases, candidates, known, rng))
-            earned.update({names: one for names, one in found.items() if beats_smaller_sets(one, known)})
+            earned.update({names: refit for names, refit in found.items() if beats_smaller_sets(refit, known)})
             if earned:
                 best = _standing(earned, candidates, known, held_out, rng)
                 if best.sufficient:
@@ -90,7 +90,7 @@ def find_combinations(
                     return _standing({**_of_size(size - 1, known), **parts}, candidates, known, held_out, rng)
         if not earned:
             return best
-        bases = sorted(earned.values(), key=lambda one: -one.gain)[:_BASES]
+        bases = sorted(earned.values(), key=lambda refit: -refit.gain)[:_BASES]
     return best
 
 
@@ -101,7 +101,7 @@ def _grown(
     found = _extended(bases, candidates, known, rng, _visible_additions)
     if not found:
         return {}
-    leader, known = max(found.values(), key=lambda one: one.gain), {**known, **found}
+    leader, known = max(found.values(), key=lambda refit: refit.gain), {**known, **found}
     return {**found, **_extended(_without(leader, known), candidates, known, rng, _visible_additions)}
 
 
@@ -126,14 +126,14 @@ def _extended(
         for effect in shortlist(after, rng):
             names = tuple(sorted((*base.names, effect.name)))
             if names not in known:
-                one = refit(after, effect, gained=base.gain)
-                if names not in found or one.gain > found[names].gain:
-                    found[names] = one
+                refit = refit_with(after, effect, gained=base.gain)
+                if names not in found or refit.gain > found[names].gain:
+                    found[names] = refit
     if found:
-        top = max(one.gain for one in found.values())
+        top = max(refit.gain for refit in found.values())
         floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
-        least = min(one.fit.sse for one in found.values())
-        found = {names: refined(one, least) if one.gain >= floor else one for names, one in found.items()}
+        least = min(refit.fit.sse for refit in found.values())
+        found = {names: refined(refit, least) if refit.gain >= floor else refit for names, refit in found.items()}
     return found
 
 
@@ -153,15 +153,15 @@ def _nonsmooth_additions(after: Evidence, rng: np.random.Generator) -> list[Effe
     return [effect for effect in after.candidates if not effect.smooth]
 
 
-def _without(one: Refit, known: Mapping[Names, Refit]) -> list[Refit]:
+def _without(refit: Refit, known: Mapping[Names, Refit]) -> list[Refit]:
     """Return the known refits of the set less one member."""
-    parts = [_less(one, out) for out in one.names]
+    parts = [_less(refit, out) for out in refit.names]
     return [known[part] for part in parts if part in known]
 
 
-def _less(one: Refit, out: str) -> Names:
+def _less(refit: Refit, out: str) -> Names:
     """Return the names of the set without one of them, sorted."""
-    return tuple(sorted(name for name in one.names if name != out))
+    return tuple(sorted(name for name in refit.names if name != out))
 
 
 def _parts(sets: Combinations, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
@@ -170,30 +170,30 @@ def _parts(sets: Combinations, known: Mapping[Names, Refit]) -> dict[Names, Refi
     A member may have stood in for another that was added after it, and is superfluous now.
     """
     found: dict[Names, Refit] = {}
-    for whole in (sets.refits[names] for names in sets.sufficient):
-        for out in whole.effects:
-            names = _less(whole, out.name)
+    for refit in (sets.refits[names] for names in sets.sufficient):
+        for out in refit.effects:
+            names = _less(refit, out.name)
             if names not in known and names not in found:
-                found[names] = whole.less(out)
+                found[names] = refit.less(out)
     return found
 
 
 def _of_size(size: int, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
     """Return the sets of this size that have earned all their members."""
     return {
-        names: one
-        for names, one in known.items()
-        if len(names) == size and (size == 1 or beats_smaller_sets(one, known))
+        names: refit
+        for names, refit in known.items()
+        if len(names) == size and (size == 1 or beats_smaller_sets(refit, known))
     }
 
 
-def beats_smaller_sets(one: Refit, known: Mapping[Names, Refit]) -> bool:
+def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit]) -> bool:
     """Return whether the set explains more than its share beyond every smaller set, of its members or of others.
 
     Less two for every parameter more: a cause of four parameters explains some noise.
     """
-    worth = one.adjusted - max(other.adjusted for names, other in known.items() if len(names) < len(one.names))
-    return worth >= max(MEMBER, SHARE * one.gain)
+    worth = refit.adjusted - max(other.adjusted for names, other in known.items() if len(names) < len(refit.names))
+    return worth >= max(MEMBER, SHARE * refit.gain)
 
 
 def _standing(
@@ -203,5 +203,7 @@ def _standing(
     held_out: HeldOut,
     rng: np.random.Generator,
 ) -> Combinations:
-    parts = {names: max(_without(one, known), key=lambda part: part.gain, default=None) for names, one in sets.items()}
+    parts = {
+        names: max(_without(refit, known), key=lambda part: part.gain, default=None) for names, refit in sets.items()
+    }
     return Combinations(sets, standings(sets, candidates, held_out, rng), parts)

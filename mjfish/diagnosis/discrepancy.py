@@ -176,7 +176,7 @@ class MissingForce:
 
     def summary(self) -> dict[str, Any]:
         """Return root mean squares of the force and of its band, along, across [N] and moment [N m], and its share."""
-        force, band = (np.sqrt(np.mean(one**2, axis=0)).tolist() for one in (self.force, self.band))
+        force, band = (np.sqrt(np.mean(series**2, axis=0)).tolist() for series in (self.force, self.band))
         share = self.share.tolist()
         return {"trial": self.trial, "rms": force, "band": band, "units": ["N", "N", "N m"], "share": share}
 
@@ -303,7 +303,7 @@ class _Stretch:
     error: float
 
 
-def fingerprint(one: Refit) -> Measured:
+def fingerprint(refit: Refit) -> Measured:
     """Return the fingerprint of what the causes of a refit add.
 
     It is taken from y - eta(theta, 0), the measurement less the prediction of the extended model with its causes
@@ -314,15 +314,16 @@ def fingerprint(one: Refit) -> Measured:
 
     The nominal model keeps the glide reflection (surge, sway, yaw rate)(t + T/2) = (surge, -sway, -yaw rate)(t): its
     surge has even harmonics, its sway and yaw rate odd ones; all others are odd under it. By its time scaling,
-    velocities over f L are the same at all frequencies f; a discrepancy ~ f^q has the slope q of log |r| / f over log f.
+    velocities over f L are the same at all frequencies f. A discrepancy ~ f^q shows as the slope q of
+    log |r| / f over log f.
     """
-    problem = one.problem
-    off = {p.name: p.default for effect in one.effects for p in effect.parameters if not p.shape}
-    x = problem.start({**one.fit.values, **off})
+    problem = refit.problem
+    off = {p.name: p.default for effect in refit.effects for p in effect.parameters if not p.shape}
+    x = problem.start({**refit.fit.values, **off})
     stretches = [s for i, raw in enumerate(problem.raw(x)) for s in _stretches(problem, i, raw)]
     exponent, low, high = _exponent(stretches)
     odd, odd_p = _parity(stretches)
-    predicted = one.effects[0].fingerprint if len(one.effects) == 1 else Fingerprint()
+    predicted = refit.effects[0].fingerprint if len(refit.effects) == 1 else Fingerprint()
     return Measured(exponent, low, high, odd, odd_p, predicted)
 
 

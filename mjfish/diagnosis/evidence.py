@@ -92,8 +92,8 @@ class Evidence:
     def confounded(self, name: str) -> float:
         """Return the share of the candidate's signature energy that a refit of the model swallows."""
         block = self.blocks[name]
-        whole = float(np.sum(self.raw[:, block] ** 2))
-        return 1.0 - float(np.trace(self.information[block, block])) / max(whole, 1e-300)
+        energy = float(np.sum(self.raw[:, block] ** 2))
+        return 1.0 - float(np.trace(self.information[block, block])) / max(energy, 1e-300)
 
     def unidentifiable(self, name: str) -> bool:
         """Return whether the free coefficients hide a candidate wholly, counting those that a bound holds.
@@ -177,7 +177,7 @@ class Evidence:
 
 
 def gather(
-    problem: Problem, fit: Fit, candidates: Sequence[Effect], made: Sequence[FloatArray] | None = None
+    problem: Problem, fit: Fit, candidates: Sequence[Effect], known_signatures: Sequence[FloatArray] | None = None
 ) -> Evidence:
     """Compute residual, projected signatures and omnibus scores at a fit.
 
@@ -185,7 +185,7 @@ def gather(
         problem: that was fitted.
         fit: its result; parameters at a bound are treated as fixed.
         candidates: effects to score; those already in the model are left out.
-        made: their `signatures`, where they are known already.
+        known_signatures: their `signatures`, where they are known already.
     """
     held = {effect.name for effect in problem.model.effects}
     kept = tuple(effect for effect in candidates if effect.name not in held)
@@ -193,7 +193,7 @@ def gather(
     free = fit.jacobian[:, ~fit.at_bound]
     span = orthonormal(free)
     z = project_out(span, fit.residual[:, None])[:, 0]
-    raw = problem.whiten(signatures(problem, fit.values, kept) if made is None else made)
+    raw = problem.whiten(signatures(problem, fit.values, kept) if known_signatures is None else known_signatures)
     projected = project_out(span, raw)
     waves = whitened_omnibus(problem)
     return Evidence(
@@ -211,20 +211,20 @@ def gather(
     )
 
 
-def under(evidence: Evidence, noises: Sequence[Noise], made: Sequence[FloatArray]) -> Iterator[Evidence]:
+def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Sequence[FloatArray]) -> Iterator[Evidence]:
     """Yield what the evidence would be under other noises, refitted to first order.
 
     Args:
         evidence: at a fit.
         noises: the others.
-        made: `signatures` of its candidates.
+        known_signatures: `signatures` of its candidates.
     """
     problem, x = evidence.problem, evidence.fit.x
     raw, slopes = [block[:, :, None] for block in problem.raw(x)], problem.sensitivities(x)
     for noise in noises:
         other = replace(problem, noise=noise)
         seen = replace(evidence.fit, residual=other.whiten(raw)[:, 0], jacobian=other.whiten(slopes))
-        yield gather(other, seen, evidence.candidates, made)
+        yield gather(other, seen, evidence.candidates, known_signatures)
 
 
 def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequence[Effect]) -> list[FloatArray]:

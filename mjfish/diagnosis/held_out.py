@@ -32,16 +32,16 @@ class Confirmation:
 
     Attributes:
         gained: log-likelihood gained there.
-        chance: probability to gain so little, or less, were the extended model true.
+        probability: to gain so little, or less, were the extended model true.
     """
 
     gained: float
-    chance: float
+    probability: float
 
     @property
     def failed(self) -> bool:
         """Whether the cause predicts these trials worse than they are without it, by more than noise does."""
-        return self.gained <= 0.0 and self.chance < _FAILED
+        return self.gained <= 0.0 and self.probability < _FAILED
 
 
 def confirmation(nominal: Score, extended: Score, doubts: tuple[FloatArray, FloatArray] | None = None) -> Confirmation:
@@ -79,25 +79,25 @@ class HeldOut:
         self.scores: dict[Refit | None, Score] = {}
         self.doubts: dict[Refit | None, FloatArray] = {}
 
-    def score(self, one: Refit | None) -> Score:
+    def score(self, refit: Refit | None) -> Score:
         """Return the score of a refit, None: of the nominal model."""
-        if one not in self.scores:
-            of = self.evidence if one is None else one
-            self.scores[one] = predict_held_out(of.problem, of.fit.values, self.trials)
-        return self.scores[one]
+        if refit not in self.scores:
+            of = self.evidence if refit is None else refit
+            self.scores[refit] = predict_held_out(of.problem, of.fit.values, self.trials)
+        return self.scores[refit]
 
-    def doubt(self, one: Refit | None) -> FloatArray:
+    def doubt(self, refit: Refit | None) -> FloatArray:
         """Return the columns (n, k) of the doubt about the prediction of a refit, None: of the nominal model."""
-        if one not in self.doubts:
-            of = self.evidence if one is None else one
-            self.doubts[one] = held_out_doubt(of.problem, of.fit, self.trials)
-        return self.doubts[one]
+        if refit not in self.doubts:
+            of = self.evidence if refit is None else refit
+            self.doubts[refit] = held_out_doubt(of.problem, of.fit, self.trials)
+        return self.doubts[refit]
 
-    def confirmed(self, one: Refit, against: Refit | None) -> Confirmation | None:
+    def confirmed(self, refit: Refit, against: Refit | None) -> Confirmation | None:
         """Return what a refit gains on the held-out trials; None where there are none."""
         if not self.trials:
             return None
-        return confirmation(self.score(against), self.score(one), (self.doubt(against), self.doubt(one)))
+        return confirmation(self.score(against), self.score(refit), (self.doubt(against), self.doubt(refit)))
 
     def of_rivals(self, refits: Mapping[Key, Refit]) -> dict[Key, FloatArray]:
         """Return the residuals (n,) of rivals on the held-out trials that one of them predicts, to compare them.
@@ -108,14 +108,14 @@ class HeldOut:
         """
         if not self.trials or len(refits) < 2:
             return {name: np.zeros(0) for name in refits}
-        doubt = self.doubt(max(refits.values(), key=lambda one: one.adjusted))
+        doubt = self.doubt(max(refits.values(), key=lambda residual: residual.adjusted))
         basis, size, _ = np.linalg.svd(doubt, full_matrices=False)
         shrink = basis * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
-        whole = {name: np.concatenate(self.score(one).whitened) for name, one in refits.items()}
-        white = np.stack([one - shrink @ (basis.T @ one) for one in whole.values()])
-        ends = np.cumsum([len(one) for one in self.score(next(iter(refits.values()))).whitened])[:-1]
-        told = [block for block in np.split(white, ends, axis=1) if np.mean(block**2, axis=1).min() < _PREDICTED]
-        return dict(zip(refits, np.concatenate([white[:, :0], *told], axis=1), strict=True))
+        residuals = {name: np.concatenate(self.score(residual).whitened) for name, residual in refits.items()}
+        white = np.stack([residual - shrink @ (basis.T @ residual) for residual in residuals.values()])
+        ends = np.cumsum([len(residual) for residual in self.score(next(iter(refits.values()))).whitened])[:-1]
+        informative = [block for block in np.split(white, ends, axis=1) if np.mean(block**2, axis=1).min() < _PREDICTED]
+        return dict(zip(refits, np.concatenate([white[:, :0], *informative], axis=1), strict=True))
 
 
 @dataclass(frozen=True)
@@ -169,8 +169,8 @@ def _ranges(trials: Sequence[Trial]) -> FloatArray:
     return np.where(ranges > 0.0, ranges, np.inf)
 
 
-def _speed_error(one: Score) -> float:
-    return float(np.mean([abs(residual[:, 0].mean()) for residual in one.residuals]))
+def _speed_error(score: Score) -> float:
+    return float(np.mean([abs(residual[:, 0].mean()) for residual in score.residuals]))
 
 
 def _blocks(nominal: FloatArray, extended: FloatArray, trial: Trial) -> FloatArray:

@@ -44,8 +44,8 @@ def too_large(problem: Problem, fit: Fit, repeats: Repeats | None) -> Finding | 
         return None
     moves = np.concatenate([trial.velocity[problem.mask(i)] for i, trial in enumerate(problem.trials)])
     width = max(round(_SLOW / problem.trials[0].step), 1)
-    slow = np.concatenate([ndimage.uniform_filter1d(one, width, axis=0) for one in problem.raw(fit.x)])
-    error, size = (np.sqrt(np.mean(one**2, axis=0)) for one in (slow, moves))
+    slow = np.concatenate([ndimage.uniform_filter1d(series, width, axis=0) for series in problem.raw(fit.x)])
+    error, size = (np.sqrt(np.mean(series**2, axis=0)) for series in (slow, moves))
     large = error > _LARGEST * size
     if repeats is not None:
         large &= repeats.sigma < _REPEATED * error
@@ -62,7 +62,7 @@ def too_large(problem: Problem, fit: Fit, repeats: Repeats | None) -> Finding | 
         "known cause explains",
         expected=f"slow noise of at most {_LARGEST:.0%}",
         remedy="swim one drive twice or more: noise differs between repeats, an effect does not",
-        channels=tuple(name for name, one in zip(CHANNELS, large, strict=True) if one),
+        channels=tuple(name for name, series in zip(CHANNELS, large, strict=True) if series),
     )
 
 
@@ -109,7 +109,7 @@ def bursts(evidence: Evidence, rng: np.random.Generator) -> Finding | None:
     energies = [_energy(run, width) / width for run, width in zip(ahead, widths, strict=True)]
     places = []
     for _ in range(_LISTED):
-        i = int(np.argmax([one.max() for one in energies]))
+        i = int(np.argmax([energy.max() for energy in energies]))
         k = int(np.argmax(energies[i]))
         time = problem.trials[i].time[problem.mask(i)][k + widths[i] // 2]
         places.append(f"{problem.trials[i].name} at {time:.1f} s")
@@ -140,7 +140,7 @@ def leading(runs: Sequence[FloatArray]) -> list[FloatArray]:
     scaled = [run / np.sqrt(np.mean(run**2, axis=0)) for run in runs]
     every = np.concatenate(scaled)
     _, directions = np.linalg.eigh(every.T @ every)
-    return [one @ directions[:, -1] for one in scaled]
+    return [run @ directions[:, -1] for run in scaled]
 
 
 def burstiness(runs: Sequence[FloatArray], widths: Sequence[int], rng: np.random.Generator) -> float:

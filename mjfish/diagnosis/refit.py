@@ -89,7 +89,7 @@ def refits(
     effects: Sequence[Effect],
     progress: Progress = silent,
     before: Mapping[str, Refit] | None = None,
-    made: Mapping[str, Refit] | None = None,
+    coarse: Mapping[str, Refit] | None = None,
 ) -> dict[str, Refit]:
     """Refit candidates: a few steps each.
 
@@ -98,18 +98,18 @@ def refits(
         effects: candidates; those that the scores leave a chance are refitted (see `worth_refitting`).
         progress: told what is being done.
         before: refits under another noise; they are taken on from where they ended.
-        made: coarse refits of this evidence that are known already.
+        coarse: coarse refits of this evidence that are known already.
     """
     chosen = sorted(worth_refitting(evidence, effects), key=lambda effect: effect.smooth)  # what takes longest first
-    earlier, known, jobs = before or {}, made or {}, evidence.problem.jobs
+    earlier, known, jobs = before or {}, coarse or {}, evidence.problem.jobs
     floor = _floor(earlier) if earlier else 0.0
     alone = with_jobs(evidence, 1)
 
     def made_of(effect: Effect) -> Refit:
         if effect.name in earlier:
-            one = earlier[effect.name]
-            return _taken_on(alone, one, _ON if one.gain >= floor else 1)
-        return known[effect.name] if effect.name in known else refit(alone, effect)
+            refit = earlier[effect.name]
+            return _taken_on(alone, refit, _ON if refit.gain >= floor else 1)
+        return known[effect.name] if effect.name in known else refit_with(alone, effect)
 
     results = refit_in_parallel(made_of, chosen, jobs)
     found = {}
@@ -122,9 +122,9 @@ def refits(
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
     """Follow those refits to their optimum that are in the running."""
     floor = _floor(found)
-    running = {name: one for name, one in found.items() if one.gain >= floor}
-    least, jobs = min(one.fit.sse for one in found.values()), next(iter(found.values())).problem.jobs
-    results = refit_in_parallel(lambda one: refined(with_jobs(one, 1), least), [*running.values()], jobs)
+    running = {name: refit for name, refit in found.items() if refit.gain >= floor}
+    least, jobs = min(refit.fit.sse for refit in found.values()), next(iter(found.values())).problem.jobs
+    results = refit_in_parallel(lambda refit: refined(with_jobs(refit, 1), least), [*running.values()], jobs)
     result = dict(found)
     for done, name in enumerate(running):
         progress(f"refining the fit with {name}", done / len(running))
@@ -137,7 +137,7 @@ def _floor(found: Mapping[str, Refit]) -> float:
 
     Where the best fits to within noise, there is nothing left for others to find: then who comes near it.
     """
-    best = max(found.values(), key=lambda one: one.gain)
+    best = max(found.values(), key=lambda refit: refit.gain)
     floor = _RUNNING * best.gain
     if best.fit.sse > _MISFIT * len(best.fit.residual):
         return floor
@@ -154,9 +154,9 @@ def refit_nonsmooth(evidence: Evidence, effects: Sequence[Effect]) -> tuple[floa
     """
     jobs, tried = evidence.problem.jobs, [effect for effect in effects if not effect.smooth]
     alone = with_jobs(evidence, 1)
-    results = refit_in_parallel(lambda effect: refit(alone, effect), tried, jobs)
+    results = refit_in_parallel(lambda effect: refit_with(alone, effect), tried, jobs)
     found = dict(zip((effect.name for effect in tried), results, strict=True))
-    chances = [p_value_of(one.gain, one.degrees_of_freedom + 1) for one in found.values()]
+    chances = [p_value_of(refit.gain, refit.degrees_of_freedom + 1) for refit in found.values()]
     return min([1.0, *(len(found) * p for p in chances)]), found
 
 
@@ -182,7 +182,7 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     ]
 
 
-def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
+def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
     """Add a cause to a fitted model: take a few steps from the best of several starts.
 
     Args:
@@ -199,54 +199,54 @@ def refit(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse)
 
 
-def _taken_on(evidence: Evidence, one: Refit, evaluations: int) -> Refit:
+def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
     """Return a refit under the noise of the evidence, some evaluations later.
 
     From where it ended, or from next to nothing of the cause where that is better under this noise.
     """
-    problem = replace(one.problem, noise=evidence.problem.noise, jobs=1)
+    problem = replace(refit.problem, noise=evidence.problem.noise, jobs=1)
     idle = {p.name: p.low for p in problem.declared.values()}
     nothing = problem.start({**idle, **evidence.fit.values})
-    start = min((one.fit.x, nothing), key=lambda x: float(np.sum(problem.rough.residual(x) ** 2)))
+    start = min((refit.fit.x, nothing), key=lambda x: float(np.sum(problem.rough.residual(x) ** 2)))
     here = fit(problem, start, tolerance=TOLERANCE, evaluations=evaluations)
-    return replace(one, problem=problem, fit=here, gain=evidence.fit.sse - here.sse)
+    return replace(refit, problem=problem, fit=here, gain=evidence.fit.sse - here.sse)
 
 
-def refined(one: Refit, best: float) -> Refit:
+def refined(refit: Refit, best: float) -> Refit:
     """Follow a refit to its optimum; while nothing fits, once more with the coefficients at their declared starts.
 
     A large effect drags the coefficients of the nominal model far off, and from there an optimum may be out of reach.
     What is not smooth may lie in another minimum: sizes from half to twice of it are tried.
 
     Args:
-        one: a coarse refit.
+        refit: a coarse one.
         best: least sum of squares of all refits: who stays far behind it need not be followed to the last digit.
     """
-    there = one.fit.status == "converged"
-    result = one.fit if there else _followed(one.problem, one.fit.x, one.fit.sse, best)
+    there = refit.fit.status == "converged"
+    result = refit.fit if there else _followed(refit.problem, refit.fit.x, refit.fit.sse, best)
     fits = min(best, result.sse) <= _MISFIT * len(result.residual)
     if not fits:
-        start = one.problem.start(one.parameter_values())
-        result = min(result, _followed(one.problem, start, result.sse, best), key=lambda each: each.sse)
+        start = refit.problem.start(refit.parameter_values())
+        result = min(result, _followed(refit.problem, start, result.sse, best), key=lambda each: each.sse)
     for _ in range(_MOST_MINIMA):
-        starts = other_minima(result, one.problem, fits=fits)
-        others = [_followed(one.problem, start, result.sse, best) for start in starts]
+        starts = other_minima(result, refit.problem, fits=fits)
+        others = [_followed(refit.problem, start, result.sse, best) for start in starts]
         lower = min([result, *others], key=lambda each: each.sse)
         if lower is result:
             break
         result = lower
-    if result.sse <= one.fit.sse:
-        one = replace(one, fit=result, gain=one.gain + one.fit.sse - result.sse)
-    return _resolved(one)
+    if result.sse <= refit.fit.sse:
+        refit = replace(refit, fit=result, gain=refit.gain + refit.fit.sse - result.sse)
+    return _resolved(refit)
 
 
-def _resolved(one: Refit) -> Refit:
+def _resolved(refit: Refit) -> Refit:
     """Shorten the integration step where its error would show with the cause in the model, and fit once more."""
-    problem = finer(one.problem, one.fit.x, TOLERANCE)
-    if problem is one.problem:
-        return one
-    result = fit(problem, one.fit.x, tolerance=TOLERANCE)
-    return replace(one, problem=problem, fit=result, gain=one.gain + one.fit.sse - result.sse)
+    problem = finer(refit.problem, refit.fit.x, TOLERANCE)
+    if problem is refit.problem:
+        return refit
+    result = fit(problem, refit.fit.x, tolerance=TOLERANCE)
+    return replace(refit, problem=problem, fit=result, gain=refit.gain + refit.fit.sse - result.sse)
 
 
 def _followed(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
@@ -450,10 +450,10 @@ T = TypeVar("T")
 
 def refit_in_parallel(make: Callable[[T], Any], tasks: Sequence[T], jobs: int) -> Iterator[Any]:
     """Yield the refit that `make` makes of each task, in their order; its problem gets all the threads back."""
-    for one in threaded(make, tasks, jobs):
-        yield with_jobs(one, jobs)
+    for refit in threaded(make, tasks, jobs):
+        yield with_jobs(refit, jobs)
 
 
-def with_jobs(one: Any, jobs: int) -> Any:
+def with_jobs(fitted: Any, jobs: int) -> Any:
     """Return an evidence or a refit whose problem has so many threads."""
-    return replace(one, problem=replace(one.problem, jobs=jobs))
+    return replace(fitted, problem=replace(fitted.problem, jobs=jobs))

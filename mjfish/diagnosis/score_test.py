@@ -48,18 +48,18 @@ def amplitudes(u: FloatArray, information: FloatArray, positive: BoolArray) -> F
     return found
 
 
-def p_value_of(statistic: float, freedom: int) -> float:
+def p_value_of(statistic: float, degrees_of_freedom: int) -> float:
     """Return the p value of a likelihood-ratio statistic."""
-    return float(stats.chi2.sf(max(statistic, 0.0), freedom))
+    return float(stats.chi2.sf(max(statistic, 0.0), degrees_of_freedom))
 
 
-def log_tail(statistic: FloatArray | float, freedom: int) -> FloatArray:
+def log_tail(statistic: FloatArray | float, degrees_of_freedom: int) -> FloatArray:
     """Return log P(chi2(freedom) > statistic): statistics of different size compare on it, however far out.
 
     Beyond 500, where the tail underflows, by its asymptotic series with a = freedom / 2, x = statistic / 2:
     x^(a - 1) exp(-x) / Gamma(a) (1 + (a - 1) / x + (a - 1)(a - 2) / x^2), [Abramowitz1964] 6.5.32.
     """
     t = np.asarray(statistic, dtype=np.float64)
-    a, x = 0.5 * freedom, 0.5 * np.maximum(t, 500.0)
+    a, x = 0.5 * degrees_of_freedom, 0.5 * np.maximum(t, 500.0)
     far = (a - 1.0) * np.log(x) - x - special.gammaln(a) + np.log1p((a - 1.0) / x * (1.0 + (a - 2.0) / x))
-    return np.where(t > 500.0, far, stats.chi2.logsf(np.minimum(t, 500.0), freedom))
+    return np.where(t > 500.0, far, stats.chi2.logsf(np.minimum(t, 500.0), degrees_of_freedom))

@@ -66,21 +66,21 @@ def screen(
     progress("fitting the nominal model", 0.02)
     problem, start = resolved(problem)
     baseline = nominal_fit(problem, start)
-    made = signatures(problem, baseline.values, candidates)
-    ends = noisy_ends(saturated(problem, baseline, made).residuals)
+    slopes = signatures(problem, baseline.values, candidates)
+    ends = noisy_ends(saturated(problem, baseline, slopes).residuals)
     if ends:
         problem = replace(problem, ends=ends)
         baseline = fit(problem, baseline.x, tolerance=1e-6)
-        made = signatures(problem, baseline.values, candidates)
+        slopes = signatures(problem, baseline.values, candidates)
     results: dict[Differentiator | None, tuple[Screening, str]] = {}
     smoothing = problem.smoothing
     while smoothing not in results:
         if smoothing != problem.smoothing:
             problem = replace(problem, smoothing=smoothing)
             baseline = fit(problem, baseline.x, tolerance=1e-6)
-            made = signatures(problem, baseline.values, candidates)
-        found, told, smoothing = _searched(problem, baseline, made, candidates, stated, rng, progress)
-        results[problem.smoothing] = found, told
+            slopes = signatures(problem, baseline.values, candidates)
+        found, noise_remark, smoothing = _screened(problem, baseline, slopes, candidates, stated, rng, progress)
+        results[problem.smoothing] = found, noise_remark
     findings, remark = results[smoothing]
     if ends:
         remark += "; " if remark else ""
@@ -107,27 +107,27 @@ def nominal_fit(problem: Problem, start: FloatArray) -> Fit:
     return other if other.status != "diverged" and other.cost < first.cost else first
 
 
-def _searched(
+def _screened(
     problem: Problem,
     baseline: Fit,
-    made: Sequence[FloatArray],
+    slopes: Sequence[FloatArray],
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
     rng: np.random.Generator,
     progress: Progress,
 ) -> tuple[Screening, str, Differentiator | None]:
     """Search with the filter that the problem has; return findings, the noise in words, and the filter they suggest."""
-    noise, remark = noise_of(problem, baseline, made, stated, patterns=False)
-    look = _Look(candidates, made, rng, progress)
-    seen = look.at(problem, baseline, noise)
+    noise, remark = noise_of(problem, baseline, slopes, stated, patterns=False)
+    test = _NominalTest(candidates, slopes, rng, progress)
+    seen = test.run(problem, baseline, noise)
     if seen.p_wrong >= ALARM:  # what is wrong may pass for a noise that takes the patterns of the runs for its own
-        noise, remark = noise_of(problem, baseline, made, stated)
-        seen = look.again(seen, noise)
+        noise, remark = noise_of(problem, baseline, slopes, stated)
+        seen = test.repeat(seen, noise)
     refitted: dict[str, Refit] = {}
     if seen.p_wrong < ALARM:
-        refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), made=seen.refits)
+        refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), coarse=seen.refits)
     if not refitted:
-        smoothing = smoothing_of(problem, baseline, noise, candidates, made)
+        smoothing = smoothing_of(problem, baseline, noise, candidates, slopes)
     else:
         leader = max(refitted, key=lambda name: refitted[name].gain)
         refitted[leader] = best = refined(refitted[leader], refitted[leader].fit.sse)
@@ -135,7 +135,7 @@ def _searched(
         beside = signatures(best.problem, best.fit.values, others)
         noise, remark = noise_of(best.problem, best.fit, beside, stated)
         smoothing = smoothing_of(best.problem, best.fit, noise, others, beside)
-        before, seen = seen, look.again(seen, noise)
+        before, seen = seen, test.repeat(seen, noise)
         if seen.p_wrong >= ALARM:
             refitted = {}
         elif seen is not before:
@@ -146,7 +146,7 @@ def _searched(
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _Tested:
     """The nominal model under a noise: its evidence, p values (of the directed test, too), refits that they took."""
 
     evidence: Evidence
@@ -156,44 +156,44 @@ class _Seen:
 
 
 @dataclass(frozen=True, eq=False)
-class _Look:
+class _NominalTest:
     """Fits and tests the nominal model under a noise."""
 
     candidates: tuple[Effect, ...]
-    made: Sequence[FloatArray]
+    slopes: Sequence[FloatArray]
     rng: np.random.Generator
     progress: Progress
 
-    def at(self, problem: Problem, baseline: Fit, noise: Noise) -> _Seen:
+    def run(self, problem: Problem, baseline: Fit, noise: Noise) -> _Tested:
         """Return what is seen under the noise, where the fit under that of the problem is the baseline."""
-        made = self.made
+        slopes = self.slopes
         if not _same(noise, problem.noise):
             self.progress("fitting the nominal model", 0.08)
             problem = replace(problem, noise=noise)
             baseline = fit(problem, baseline.x, tolerance=1e-6)
-            made = signatures(problem, baseline.values, self.candidates)  # of another fit a gauge would seem to show
-        evidence = gather(problem, baseline, self.candidates, made)
+            slopes = signatures(problem, baseline.values, self.candidates)  # of another fit a gauge would seem to show
+        evidence = gather(problem, baseline, self.candidates, slopes)
         self.progress("testing the residual", 0.15)
-        directed, p_wrong = self._chance(evidence)
+        directed, p_wrong = self._p_values(evidence)
         found: dict[str, Refit] = {}
         if p_wrong >= ALARM:
             p_nonsmooth, found = refit_nonsmooth(evidence, self.candidates)
             p_wrong = min(p_wrong, p_nonsmooth / _NONSMOOTH)
         elif isinstance(noise, GaussMarkov) and p_wrong > _BEYOND:
             p_wrong = max(
-                p_wrong, float(np.mean([self._chance(one)[1] for one in under(evidence, noise.likely, made)]))
+                p_wrong, float(np.mean([self._p_values(likely)[1] for likely in under(evidence, noise.likely, slopes)]))
             )
-        return _Seen(evidence, directed, p_wrong, found)
+        return _Tested(evidence, directed, p_wrong, found)
 
-    def _chance(self, evidence: Evidence) -> tuple[float, float]:
+    def _p_values(self, evidence: Evidence) -> tuple[float, float]:
         """Return the p values of the directed test and of it and the omnibus basis."""
         directed = evidence.directed_p(self.rng)
         return directed, min(1.0, directed / _DIRECTED, evidence.omnibus_p() / _OMNIBUS)
 
-    def again(self, seen: _Seen, noise: Noise) -> _Seen:
+    def repeat(self, seen: _Tested, noise: Noise) -> _Tested:
         """Return what is seen under another noise; the same where it is not another."""
         problem, baseline = seen.evidence.problem, seen.evidence.fit
-        return seen if _same(noise, problem.noise) else self.at(problem, baseline, noise)
+        return seen if _same(noise, problem.noise) else self.run(problem, baseline, noise)
 
 
 def _same(new: Noise, old: Noise) -> bool:

@@ -106,14 +106,14 @@ def standings(
 ) -> dict[Key, Standing]:
     """Return the standing of every refit; the goodness of fit only of those in the confidence set."""
     return {
-        name: _tested(refits[name], candidates, one) if one.in_set else one
-        for name, one in _rivalry(refits, held_out, rng).items()
+        name: _tested(refits[name], candidates, standing) if standing.in_set else standing
+        for name, standing in _rivalry(refits, held_out, rng).items()
     }
 
 
-def _tested(one: Refit, candidates: Sequence[Effect], known: Standing) -> Standing:
+def _tested(refit: Refit, candidates: Sequence[Effect], known: Standing) -> Standing:
     """Return the standing of a refit with its goodness of fit."""
-    after = gather(one.problem, one.fit, candidates)
+    after = gather(refit.problem, refit.fit, candidates)
     excess = max(after.saturated_excess(), after.omnibus_excess(), 0.0)
-    left = excess / max(one.gain + excess, 1e-9)
+    left = excess / max(refit.gain + excess, 1e-9)
     return replace(known, saturated_p=after.saturated_p(), omnibus_p=after.omnibus_p(), excess=excess, left=left)

@@ -68,8 +68,10 @@ class Comparison:
         """Return the sets not told from the best that fit and do not fail on held-out trials, best first."""
         kept = [
             names
-            for names, one in self.standings.items()
-            if one.in_set and (one.clean if clean else one.fits) and not _failed(self.held_out.get(names))
+            for names, standing in self.standings.items()
+            if standing.in_set
+            and (standing.clean if clean else standing.fits)
+            and not _failed(self.held_out.get(names))
         ]
         return tuple(sorted(kept, key=lambda names: self.standings[names].behind))
 
@@ -78,9 +80,9 @@ class Comparison:
 
         What is left says that the set's form is not the truth's. Where that is put up with, it is with rivals, too.
         """
-        one, excess = self.refits[names], self.standings[names].excess
-        most = share * (one.gain + excess) - excess
-        near = [n for n in self.refits if n != names and one.adjusted - self.refits[n].adjusted < most]
+        refit, excess = self.refits[names], self.standings[names].excess
+        most = share * (refit.gain + excess) - excess
+        near = [n for n in self.refits if n != names and refit.adjusted - self.refits[n].adjusted < most]
         near = [n for n in near if not _failed(self.held_out.get(n))]
         return (names, *sorted(near, key=lambda n: -self.refits[n].adjusted))
 
@@ -88,13 +90,15 @@ class Comparison:
         """Return this comparison with what others found of the sets that stay there."""
         if others is None:
             return self
-        retained = {names: one for names, one in others.standings.items() if one.in_set}
+        retained = {names: standing for names, standing in others.standings.items() if standing.in_set}
         return Comparison(self.refits, {**self.standings, **retained}, {**self.held_out, **others.held_out})
 
     def failed(self) -> tuple[Names, ...]:
         """Return the sets in the confidence set that leave nothing, yet fail on the held-out trials."""
         return tuple(
-            n for n, one in self.standings.items() if one.in_set and one.clean and _failed(self.held_out.get(n))
+            n
+            for n, standing in self.standings.items()
+            if standing.in_set and standing.clean and _failed(self.held_out.get(n))
         )
 
 
@@ -141,9 +145,9 @@ def decide(
     best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
     if others is not None and (retained := others.retained(clean=True)):
         failed = single.failed()
-        told = f"{_listed(failed)} fits best and fails on the held-out trials; {_listed(retained)} would do"
+        choice = f"{_listed(failed)} fits best and fails on the held-out trials; {_listed(retained)} would do"
         return Decision(
-            "cannot_tell", (*retained, *failed), f"Something is wrong, but these data cannot tell what: {told}."
+            "cannot_tell", (*retained, *failed), f"Something is wrong, but these data cannot tell what: {choice}."
         )
     if best is not None and (nearly := _nearly(best, single)) is not None:
         return nearly
@@ -159,18 +163,20 @@ def _nearly(best: Names, comparison: Comparison) -> Decision | None:
     similar = comparison.similar(best, RESEMBLES)
     if len(similar) > _FEW:
         return None
-    told = f"{_listed(similar)} explains {1.0 - standing.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
-    return Decision("cannot_tell", similar, f"Something is wrong, but these data cannot tell what: {told}.")
+    choice = (
+        f"{_listed(similar)} explains {1.0 - standing.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
+    )
+    return Decision("cannot_tell", similar, f"Something is wrong, but these data cannot tell what: {choice}.")
 
 
-def _alone(names: Names, one: Refit, standing: Standing) -> Decision:
+def _alone(names: Names, refit: Refit, standing: Standing) -> Decision:
     """Rule on the only set that stays."""
-    p = p_value_of(one.gain, one.degrees_of_freedom)
+    p = p_value_of(refit.gain, refit.degrees_of_freedom)
     if p < _OWN:
         left = "" if standing.clean else f" It leaves {standing.left:.1%} of what there was to explain: {_OTHERWISE}."
-        return Decision("named", (names,), _named(one) + left)
-    told = f"{_listed([names])} would do, and explains no more than chance might (p = {p:.2g})"
-    return Decision("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {told}.")
+        return Decision("named", (names,), _named(refit) + left)
+    choice = f"{_listed([names])} would do, and explains no more than chance might (p = {p:.2g})"
+    return Decision("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {choice}.")
 
 
 def _tied(sets: Sequence[Names]) -> str:
@@ -186,15 +192,15 @@ def _listed(sets: Sequence[Names]) -> str:
     return " or ".join(" with ".join(names) for names in sets)
 
 
-def _named(one: Refit) -> str:
-    if len(one.effects) == 1:
-        return f"The cause is {one.names[0]}: {one.effects[0].summary}."
-    listed = " and ".join(f"{effect.name} ({effect.summary})" for effect in one.effects)
-    return f"{len(one.effects)} causes together: {listed}."
+def _named(refit: Refit) -> str:
+    if len(refit.effects) == 1:
+        return f"The cause is {refit.names[0]}: {refit.effects[0].summary}."
+    listed = " and ".join(f"{effect.name} ({effect.summary})" for effect in refit.effects)
+    return f"{len(refit.effects)} causes together: {listed}."
 
 
-def _failed(one: Confirmation | None) -> bool:
-    return one is not None and one.failed
+def _failed(confirmation: Confirmation | None) -> bool:
+    return confirmation is not None and confirmation.failed
 
 
 def _why(best: Names, comparison: Comparison) -> str:

@@ -14,7 +14,7 @@ from mjfish.diagnosis.combinations import beats_smaller_sets, find_combinations
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import silent
-from mjfish.diagnosis.refit import refit
+from mjfish.diagnosis.refit import refit_with
 from mjfish.diagnosis.select import Standing
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -101,8 +101,8 @@ def test_a_set_less_a_member_is_fitted_as_if_the_member_had_never_been() -> None
     dataset = generate(pike, ["v1", "v5"], values=values, effects=[lag, scale], noise=SIGMA, duration=4.0, seed=3)
     problem = Problem(Model(pike), dataset.trials, Noise.white(SIGMA), jobs=1)
     nominal = gather(problem, fit(problem), [lag, scale])
-    alone = refit(nominal, lag)
-    both = refit(gather(alone.problem, alone.fit, [scale]), scale, gained=alone.gain)
+    alone = refit_with(nominal, lag)
+    both = refit_with(gather(alone.problem, alone.fit, [scale]), scale, gained=alone.gain)
     for out, left in ((scale, "servo_lag"), (lag, "velocity_scale")):
         less = both.less(out)
         assert less.names == (left,)

@@ -11,7 +11,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.integration_step import finer, resolved
-from mjfish.diagnosis.refit import refined, refit
+from mjfish.diagnosis.refit import refined, refit_with
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -99,7 +99,7 @@ def test_a_tail_that_rings_is_found_beyond_the_valleys_of_other_stiffnesses(
     """From a tail that is stiffer the fit ends where it rings a whole turn more often."""
     nominal, values = jolted
     problem, x = resolved(nominal)
-    coarse = refit(gather(problem, fit(problem, x), [TAIL]), TAIL)
+    coarse = refit_with(gather(problem, fit(problem, x), [TAIL]), TAIL)
     name = TAIL.parameters[0].name
     assert fit(coarse.problem, coarse.fit.x, tolerance=1e-5).values[name] < 0.7 * values[name]
     found = refined(coarse, coarse.fit.sse)

@@ -11,7 +11,7 @@ from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.diagnosis.diagnosis import estimates
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.refit import refit
+from mjfish.diagnosis.refit import refit_with
 from mjfish.drive import cpg
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -37,7 +37,7 @@ def test_a_shape_that_the_data_do_not_feel_is_no_parameter(measured: bool, freed
     dataset = generate(pike, ["v1-t2"], values=values, effects=[current], noise=SIGMA, duration=7.0, seed=3)
     trials = tuple(map(_measured, dataset.trials)) if measured else dataset.trials
     problem = Problem(Model(pike), trials, Noise.white(SIGMA), jobs=1)
-    one = refit(gather(problem, fit(problem), [current]), current)
+    one = refit_with(gather(problem, fit(problem), [current]), current)
     assert one.degrees_of_freedom == freedom
     assert one.adjusted == one.gain - 2.0 * (freedom - 1)
 
@@ -47,7 +47,7 @@ def test_a_shape_that_the_data_do_not_feel_has_its_default() -> None:
     values = {"ambient_current.x": 0.03, "ambient_current.y": -0.02}
     dataset = generate(pike, ["v1-t2"], values=values, effects=[current], noise=SIGMA, duration=7.0, seed=3)
     problem = Problem(Model(pike), tuple(map(_measured, dataset.trials)), Noise.white(SIGMA), jobs=1)
-    one = refit(gather(problem, fit(problem), [current]), current)
+    one = refit_with(gather(problem, fit(problem), [current]), current)
     told = estimates(one.fit, one.problem.model)["ambient_current.held"]
     assert one.fit.values["ambient_current.held"] != 0.0
     assert (told.estimate, told.low, told.high) == (0.0, 0.0, 1.0)

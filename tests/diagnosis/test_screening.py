@@ -12,7 +12,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.progress import silent
-from mjfish.diagnosis.refit import find_threshold, off_null, other_minima, refit, refits
+from mjfish.diagnosis.refit import find_threshold, off_null, other_minima, refit_with, refits
 from mjfish.diagnosis.screening import nominal_fit, screen
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -52,7 +52,7 @@ def test_a_limit_that_is_hardly_met_is_found_in_its_narrow_valley(pike: Fish, sh
     With hardly any noise an idle limit differs from none by rounding, and is not felt for it.
     """
     evidence, slowness = _limited(pike, share * SIGMA)
-    found = refit(evidence, LIMIT)
+    found = refit_with(evidence, LIMIT)
     assert found.gain > 50.0
     (size,) = found.parameter_values().values()
     assert size == pytest.approx(slowness, rel=0.004)
@@ -125,7 +125,7 @@ def test_no_refit_under_another_noise_is_worse_than_none(pike: Fish, name: str, 
     """Where an earlier refit ended may be far off under the noise that is found later."""
     problem, effect = _problem(generate(pike, ["v1", "v3"], noise=SIGMA, duration=4.0, seed=5)), find(name)
     evidence = gather(problem, fit(problem), [effect])
-    one = refit(evidence, effect)
+    one = refit_with(evidence, effect)
     far = one.fit.x.copy()
     far[[p.name for p in one.problem.parameters].index(f"{name}.{short}")] = size
     found = refits(evidence, [effect], before={name: replace(one, fit=replace(one.fit, x=far))})[name]
