@@ -6,7 +6,7 @@ once, or drift. Lost frames make it change once by as many samples as were lost,
 Outlying run: leaving run r out moves the estimates by one Gauss-Newton step, x_-r = x + (J_-r' J_-r)^-1 J_-r' e_-r, and
 the residuals with them. No fit is run.
 
-DifferentiationNoise velocities: positions with white noise, differentiated, leave noise that rises with frequency; a
+Differentiated velocities: positions with white noise, differentiated, leave noise that rises with frequency; a
 Savitzky-Golay filter of m samples bends it down again, with zeros that show m. Each is a spectrum S(f) = a |H(f)|^2 +
 b; the best by Whittle's likelihood, - sum log S + I / S over the periodogram I, is taken.
 """
@@ -80,17 +80,18 @@ def inspect_fit(problem: Problem, fit: Fit, effects: Mapping[str, Effect], held:
     trials = [trial for trial in (*problem.trials, *held) if trial.drive and sampled_enough(trial)]
     found: list[Finding] = []
     found += _labels(problem, trials, shared, sigma)
-    wrong = {name for one in found for name in one.trials}
+    wrong = {name for finding in found for name in finding.trials}
     for trial in trials:
         if trial.name not in wrong:
             offset = values.get(f"{trial.name}:clock.offset", 0.0)
             found += clock(trial, _shifted(problem, trial, shared, offset), sigma)
-    wrong = {name for one in found for name in one.trials}
-    found += [one for one in outlying_run(problem, fit) if not wrong & set(one.trials)]
+    wrong = {name for finding in found for name in finding.trials}
+    found += [finding for finding in outlying_run(problem, fit) if not wrong & set(finding.trials)]
     if not wrong:
-        settled = [one for i, r in enumerate(residuals) if len((one := _settled(problem, i, r))[1]) >= _LONG]
-        steps = [t.step for t, _ in settled]
-        found += differentiated(noise_spectra([r for _, r in settled], steps, [beats(t) for t, _ in settled]))
+        settled = [_settled(problem, i, residual) for i, residual in enumerate(residuals)]
+        settled = [(trial, residual) for trial, residual in settled if len(residual) >= _LONG]
+        steps, frequencies = [trial.step for trial, _ in settled], [beats(trial) for trial, _ in settled]
+        found += differentiated(noise_spectra([residual for _, residual in settled], steps, frequencies))
     return Inspection.of(found, effects)
 
 
@@ -199,7 +200,7 @@ def outlying_run(problem: Problem, fit: Fit) -> Iterator[Finding]:
     blocks = _by_trial(problem, fit)
     worst = int(np.argmax([_size(_without(blocks, fit, r)[r]) for r in range(len(trials))]))
     residuals = _without(blocks, fit, worst)
-    level = np.array([_size(one) for one in residuals])
+    level = np.array([_size(residual) for residual in residuals])
     twins = [(_shared(problem, residuals, worst, k), k) for k in range(len(trials)) if k != worst]
     compared = [(ratio, k) for ratio, k in twins if ratio is not None]
     if compared:
@@ -283,7 +284,7 @@ def _same_drive_until(a: Trial, b: Trial) -> float | None:
     """Return until when two runs have the same drive from the start [s]; None where they differ at once."""
     if not a.drive or not b.drive or a.drive[0] != b.drive[0]:
         return None
-    ends = [one.drive[1].start if len(one.drive) > 1 else float(one.time[-1]) for one in (a, b)]
+    ends = [trial.drive[1].start if len(trial.drive) > 1 else float(trial.time[-1]) for trial in (a, b)]
     return float(a.time[-1]) if a.drive == b.drive else min(ends)
 
 
@@ -326,11 +327,10 @@ def noise_spectra(
 
 
 def differentiated(found: Sequence[NoiseSpectrum]) -> Iterator[Finding]:
-    """Say it in a remark, one for channels that were made alike."""
-    for kind, window, order in dict.fromkeys((one.kind, one.window, one.order) for one in found):
-        if kind != "differentiated":
-            continue
-        names = tuple(one.channel for one in found if (one.kind, one.window, one.order) == (kind, window, order))
+    """Yield a remark for each filter by which channels were differentiated."""
+    filtered = [spectrum for spectrum in found if spectrum.kind == "differentiated"]
+    for window, order in dict.fromkeys((spectrum.window, spectrum.order) for spectrum in filtered):
+        names = tuple(spectrum.channel for spectrum in filtered if (spectrum.window, spectrum.order) == (window, order))
         yield Finding(
             "velocity-differentiated",
             "remark",
@@ -363,7 +363,7 @@ def _best(
         return NoiseSpectrum(name, "unclear")
     # Each kind by its likelihood less what its parameters cost; Hann windows leave about two thirds of the freedom.
     cost = 0.5 * np.log(len(phase))
-    derived = {key: max(_whittle(power, one, w) for w in _WHITE) - 2.0 * cost for key, one in shapes.items()}
+    derived = {key: max(_whittle(power, shape, w) for w in _WHITE) - 2.0 * cost for key, shape in shapes.items()}
     best = max(derived, key=lambda key: derived[key])
     kinds = {"white": _whittle(power, np.ones_like(phase), 0.0), "drifting": _autoregressive(phase, power, cost)}
     kinds["differentiated"] = derived[best]

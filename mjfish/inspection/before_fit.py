@@ -48,7 +48,7 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
         dataset = load_dataset(dataset)
     held = [trial.name for trial in dataset.split()[1]]
     found = [finding for trial in dataset.trials for finding in stuck(trial)]
-    silent = {name for one in found if one.severity == "blocks" for name in one.trials}
+    silent = {name for finding in found if finding.severity == "blocks" for name in finding.trials}
     trials = [trial for trial in dataset.trials if trial.name not in silent]
     enough = [nominal.sampled_enough(trial) for trial in trials]
     fine = [trial for trial, good in zip(trials, enough, strict=True) if good]
@@ -57,13 +57,16 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     found += copies(trials, held, noise)
     found += nominal.sampling(trials, enough)
     found += _against_simulation(dataset, fine, noise)
-    misread = {name for one in found if not one.code.startswith("copies") for name in one.trials}
+    misread = {name for finding in found if not finding.code.startswith("copies") for name in finding.trials}
     found += outliers([line for line in lines if line.trial.name not in misread])
     pair = compatibility(trials)
     if pair is not None:
         found += disagreements(pair)
     spoiled = {
-        name for one in found if one.severity == "blocks" or one.code.startswith("copies") for name in one.trials
+        name
+        for finding in found
+        if finding.severity == "blocks" or finding.code.startswith("copies")
+        for name in finding.trials
     }
     repeats = noise_from_repeats(dataset, leave_out=sorted(spoiled))
     if repeats is not None:
@@ -83,7 +86,7 @@ class _Guessed:
     @property
     def nearest(self) -> Guess:
         """The guess whose surge is nearest to the measured one."""
-        apart = [float(np.sum((self.trial.velocity[:, 0] - one.velocity[:, 0]) ** 2)) for one in self.guesses]
+        apart = [float(np.sum((self.trial.velocity[:, 0] - guess.velocity[:, 0]) ** 2)) for guess in self.guesses]
         return self.guesses[int(np.argmin(apart))]
 
 
@@ -94,20 +97,20 @@ def _against_simulation(dataset: Dataset, trials: Sequence[Trial], noise: FloatA
     guessed = []
     for trial in trials:
         every = [nominal.guesses(model, trial, [trial.drive], values)[0] for values in sets]
-        guessed.append(_Guessed(trial, [one for one in every if one is not None]))
-    guessed = [one for one in guessed if one.guesses]
+        guessed.append(_Guessed(trial, [guess for guess in every if guess is not None]))
+    guessed = [guess for guess in guessed if guess.guesses]
     found: list[Finding] = []
-    for one in guessed:
-        found += nominal.start_findings(one.trial, one.nearest.velocity, noise)
-    moving = {name for one in found if one.severity == "blocks" for name in one.trials}
-    guessed = [one for one in guessed if one.trial.name not in moving]
-    sizes = {one.trial.name: nominal.size(one.trial, one.guesses) for one in guessed}
+    for guess in guessed:
+        found += nominal.start_findings(guess.trial, guess.nearest.velocity, noise)
+    moving = {name for finding in found if finding.severity == "blocks" for name in finding.trials}
+    guessed = [guess for guess in guessed if guess.trial.name not in moving]
+    sizes = {guess.trial.name: nominal.size(guess.trial, guess.guesses) for guess in guessed}
     turned = list(nominal.units({name: size for name, size in sizes.items() if size is not None}))
-    turned += nominal.signs({one.trial.name: nominal.scores(one.trial, one.guesses) for one in guessed})
+    turned += nominal.signs({guess.trial.name: nominal.scores(guess.trial, guess.guesses) for guess in guessed})
     found += turned
     if turned:  # a run that is read wrongly has no label to speak of
         return found
-    trials = [one.trial for one in guessed]
+    trials = [guess.trial for guess in guessed]
     drives = list(dict.fromkeys(trial.drive for trial in trials if trial.drive))
     if drives:
         tables = [nominal.costs(model, trials, drives, values) for values in sets]

@@ -95,7 +95,7 @@ class Compatibility:
 def compatibility(trials: Sequence[Trial]) -> Compatibility | None:
     """Compare pose and velocity of all trials that have both; None where none has, or none is long enough."""
     posed = [trial for trial in trials if trial.pose is not None]
-    windows = [one for trial in posed for one in _windows(trial)]
+    windows = [window for trial in posed for window in _windows(trial)]
     if not windows:
         return None
     placed = [window for window in windows if np.all(np.isfinite(window.position))]
@@ -195,10 +195,10 @@ def _windows(trial: Trial) -> list[_Window]:
 
 
 def _translation(windows: Sequence[_Window], reach: int) -> _Fitted:
-    splines = [make_interp_spline(one.time, one.yaw, k=3) for one in windows]
+    splines = [make_interp_spline(window.time, window.yaw, k=3) for window in windows]
 
     def parts(shift: float) -> list[tuple[FloatArray, FloatArray]]:
-        return [_translated(one, spline, shift, reach) for one, spline in zip(windows, splines, strict=True)]
+        return [_translated(window, spline, shift, reach) for window, spline in zip(windows, splines, strict=True)]
 
     (cosine, sine, surge, sway), errors, skew, left = _fitted(parts, windows)
     scale = math.hypot(cosine, sine)
@@ -214,14 +214,14 @@ def _translation(windows: Sequence[_Window], reach: int) -> _Fitted:
     return estimates, float(left @ left), len(left)
 
 
-def _translated(one: _Window, yaw: Any, shift: float, reach: int) -> tuple[FloatArray, FloatArray]:
+def _translated(window: _Window, yaw: Any, shift: float, reach: int) -> tuple[FloatArray, FloatArray]:
     """Return left side (2m,) and columns (2m, 4) for s cos a, s sin a and both biases."""
-    bump, weight = one.bump(shift), one.weight
-    inside = np.clip(one.time + shift, one.time[0], one.time[-1])
-    left = (bump * weight) @ frames.to_world(one.velocity[:, :2], yaw(inside))
-    moved = -(one.bump_rate(reach) * weight) @ one.position
+    bump, weight = window.bump(shift), window.weight
+    inside = np.clip(window.time + shift, window.time[0], window.time[-1])
+    left = (bump * weight) @ frames.to_world(window.velocity[:, :2], yaw(inside))
+    moved = -(window.bump_rate(reach) * weight) @ window.position
     turned = [
-        (one.bump(0.0) * weight) @ frames.to_world(np.broadcast_to(unit, (len(weight), 2)), one.yaw)
+        (window.bump(0.0) * weight) @ frames.to_world(np.broadcast_to(unit, (len(weight), 2)), window.yaw)
         for unit in ((1.0, 0.0), (0.0, 1.0))
     ]
     quarter = np.stack([-moved[:, 1], moved[:, 0]], axis=1)
@@ -231,10 +231,10 @@ def _translated(one: _Window, yaw: Any, shift: float, reach: int) -> tuple[Float
 def _turning(windows: Sequence[_Window], reach: int) -> _Fitted:
     def parts(shift: float) -> list[tuple[FloatArray, FloatArray]]:
         found = []
-        for one in windows:
-            turned = -(one.bump_rate(reach) * one.weight) @ one.yaw
-            column = np.stack([turned, one.bump(0.0) @ one.weight], axis=1)
-            found.append(((one.bump(shift) * one.weight) @ one.velocity[:, 2], column))
+        for window in windows:
+            turned = -(window.bump_rate(reach) * window.weight) @ window.yaw
+            column = np.stack([turned, window.bump(0.0) @ window.weight], axis=1)
+            found.append(((window.bump(shift) * window.weight) @ window.velocity[:, 2], column))
         return found
 
     (scale, bias), errors, skew, left = _fitted(parts, windows)
@@ -267,10 +267,10 @@ def _fitted(parts: Any, windows: Sequence[_Window]) -> tuple[FloatArray, FloatAr
     bread = np.linalg.pinv(design.T @ design)
     meat = np.zeros_like(bread)
     row = 0
-    for one, (side, _) in zip(windows, here, strict=True):
+    for window, (side, _) in zip(windows, here, strict=True):
         rows = slice(row, row + len(side))
         row = rows.stop
-        meat += _kernel(design[rows] * residual[rows, None], len(side) // len(one.centres))
+        meat += _kernel(design[rows] * residual[rows, None], len(side) // len(window.centres))
     covariance = bread @ meat @ bread
     covariance[np.diag_indices_from(covariance)] += 1e-30
     return solution[:-1], covariance, shift, residual
@@ -335,32 +335,32 @@ def disagreements(found: Compatibility) -> Iterator[Finding]:
             yield _disagreement(name, estimate, ("yaw_rate",), found.trials)
 
 
-def _disagreement(name: str, one: Estimated, channels: tuple[str, ...], trials: tuple[str, ...]) -> Finding:
-    unit = name == "scale" and not 1.0 / _UNIT < abs(one.value) < _UNIT
+def _disagreement(name: str, estimate: Estimated, channels: tuple[str, ...], trials: tuple[str, ...]) -> Finding:
+    unit = name == "scale" and not 1.0 / _UNIT < abs(estimate.value) < _UNIT
     turning = channels == ("yaw_rate",)
     offset = "bias" in name
     code = "bias" if offset else "gain" if name == "scale" and turning else name
     found, remedy = {
         "scale": (
-            f"the velocity is {one.value:.4g} (+- {one.error:.2g}) times that of the pose",
+            f"the velocity is {estimate.value:.4g} (+- {estimate.error:.2g}) times that of the pose",
             "check both units" if unit else "calibrate the scale of both, and divide the wrong one by this factor",
         ),
         "gain": (
-            f"the yaw rate is {one.value:.4g} (+- {one.error:.2g}) times that of the yaw",
+            f"the yaw rate is {estimate.value:.4g} (+- {estimate.error:.2g}) times that of the yaw",
             "check both units" if unit else "calibrate the gain of the gyro; no scale of a camera changes an angle",
         ),
         "rotation": (
-            f"the velocity is turned by {math.degrees(one.value):.2f} (+- {math.degrees(one.error):.2g}) degrees "
-            "against the heading",
+            f"the velocity is turned by {math.degrees(estimate.value):.2f} (+- {math.degrees(estimate.error):.2g}) "
+            "degrees against the heading",
             "align the axes of the velocity, or the line that the heading is read from, with the body",
         ),
         "skew": (
-            f"the velocity at t agrees with the pose at t {'+' if one.value > 0 else '-'} "
-            f"{1e3 * abs(one.value):.2f} (+- {1e3 * one.error:.2g}) ms",
+            f"the velocity at t agrees with the pose at t {'+' if estimate.value > 0 else '-'} "
+            f"{1e3 * abs(estimate.value):.2f} (+- {1e3 * estimate.error:.2g}) ms",
             "bring both to one clock",
         ),
         "bias": (
-            f"the velocity has an offset of {one.value:.3g} (+- {one.error:.2g}) {UNITS[channels[0]]}",
+            f"the velocity has an offset of {estimate.value:.3g} (+- {estimate.error:.2g}) {UNITS[channels[0]]}",
             "take the offset at rest, and subtract it; a velocity against the water has that of a current",
         ),
     }[code]

@@ -437,14 +437,14 @@ def sampling(trials: Sequence[Trial], enough: Sequence[bool]) -> Iterator[Findin
     coarse = [trial for trial, fine in zip(trials, enough, strict=True) if not fine]
     if not coarse:
         return
-    one = coarse[0]
-    step = one.step
-    beat = 2.0 * math.pi / max(segment.omega for segment in one.drive)
+    trial = coarse[0]
+    step = trial.step
+    beat = 2.0 * math.pi / max(segment.omega for segment in trial.drive)
     yield Finding(
         "sampling-coarse",
         "blocks",
         f"{'all trials' if len(coarse) == len(trials) else 'trials ' + ', '.join(t.name for t in coarse)}, time",
-        f"'{one.name}' has a sample every {step:.4g} s, {beat / step:.2g} a beat, for {one.time[-1]:.4g} s",
+        f"'{trial.name}' has a sample every {step:.4g} s, {beat / step:.2g} a beat, for {trial.time[-1]:.4g} s",
         "5 samples a beat or more, and minutes at most",
         "multiply the times by 0.001 if they are in ms; else record faster",
         trials=tuple(trial.name for trial in coarse),

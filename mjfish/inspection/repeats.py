@@ -180,6 +180,6 @@ def repeat_findings(repeats: Repeats) -> Iterator[Finding]:
                 f"trials {', '.join(group)}",
                 f"these repeats differ at the beat frequency, {line:.0f} times as much as beside it",
                 "repeats that differ by noise alone",
-                "look whether their clocks, batteries or starts differ, and leave the odd one out",
+                "look whether their clocks, batteries or starts differ, and leave the outlying run out",
                 trials=group,
             )

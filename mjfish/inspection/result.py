@@ -40,8 +40,8 @@ class Inspection(Result):
         repeats: Repeats | None = None,
     ) -> Inspection:
         """Return the findings in order, each with the causes that it concerns."""
-        told = [replace(finding, cannot_tell=_concerned(finding, effects)) for finding in findings]
-        return cls(_ordered(told), compatibility, repeats)
+        concerned = [replace(finding, cannot_tell=_concerned(finding, effects)) for finding in findings]
+        return cls(_ordered(concerned), compatibility, repeats)
 
     @property
     def severity(self) -> Severity | None:

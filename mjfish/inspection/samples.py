@@ -95,7 +95,7 @@ def interpolated(trial: Trial) -> Interpolated | None:
 
 def pooled(found: Sequence[Interpolated]) -> FloatArray:
     """Return the noise (3,) of all trials, the median."""
-    return np.asarray(np.median([one.noise for one in found], axis=0)) if found else np.zeros(3)
+    return np.asarray(np.median([line.noise for line in found], axis=0)) if found else np.zeros(3)
 
 
 def _robust(design: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -116,8 +116,8 @@ def stuck(trial: Trial) -> Iterator[Finding]:
     moving = np.any(trial.velocity[1:] != 0.0, axis=1)
     frozen = np.all(same, axis=1) & moving
     # How often single values repeat by chance, as they do where they were rounded.
-    chance = np.array([np.mean(same[~frozen, c]) if np.any(~frozen) else 0.0 for c in range(3)])
-    if len(same) * float(np.prod(chance)) < _LEVEL and frozen.any():
+    repeating = np.array([np.mean(same[~frozen, c]) if np.any(~frozen) else 0.0 for c in range(3)])
+    if len(same) * float(np.prod(repeating)) < _LEVEL and frozen.any():
         yield _frozen(trial, frozen)
     for channel in range(3):
         if np.ptp(trial.velocity[:, channel]) == 0.0:
@@ -275,24 +275,24 @@ def _blocks(trial: Trial) -> set[bytes]:
 
 def _close(a: Trial, b: Trial, sigma: FloatArray) -> bool:
     """Whether two recordings, one shifted to where they agree best, differ by less than noise can."""
-    one, other = a.velocity / sigma, b.velocity / sigma
-    lag, overlap = _nearest(one, other)
-    left, right = one[max(lag, 0) :][:overlap], other[max(-lag, 0) :][:overlap]
+    first, second = a.velocity / sigma, b.velocity / sigma
+    lag, overlap = _nearest(first, second)
+    left, right = first[max(lag, 0) :][:overlap], second[max(-lag, 0) :][:overlap]
     return overlap > 0 and bool(np.median(np.abs(left - right), axis=0).max() < _NEAR)
 
 
-def _nearest(one: FloatArray, other: FloatArray) -> tuple[int, int]:
+def _nearest(first: FloatArray, second: FloatArray) -> tuple[int, int]:
     """Return by how many rows the first is ahead where the mean square of the difference is least, and the overlap.
 
     Sum (a - b)^2 over what overlaps = sums of squares, which grow with the overlap, less twice the correlation.
     """
-    n, m = len(one), len(other)
+    n, m = len(first), len(second)
     length = n + m
-    spectrum = np.fft.rfft(one, length, axis=0) * np.conj(np.fft.rfft(other, length, axis=0))
+    spectrum = np.fft.rfft(first, length, axis=0) * np.conj(np.fft.rfft(second, length, axis=0))
     lags = np.arange(-(m - 1), n)
     correlation = np.fft.irfft(spectrum.sum(axis=1), length)[lags]
     start, stop = np.maximum(lags, 0), np.minimum(lags + m, n)
-    squares, others = (np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))]) for x in (one, other))
+    squares, others = (np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))]) for x in (first, second))
     power = squares[stop] - squares[start] + others[stop - lags] - others[start - lags]
     overlap = stop - start
     wide = overlap >= _OVERLAP * min(n, m)
@@ -303,60 +303,61 @@ def _nearest(one: FloatArray, other: FloatArray) -> tuple[int, int]:
 def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
     """Judge the samples of all trials against the noise they are in.
 
-    The misfits of all trials, in units of their sigma, are described by a Student t whose freedom their 97.5 % point
-    gives, that a few outliers do not move. A sample beyond what that t reaches in so many samples is an outlier.
+    The misfits of all trials, in units of their sigma, are described by a Student t. Its degrees of freedom follow from
+    the 97.5 % point of the misfits, which a few outliers do not move. A sample that this t does not reach in so many
+    samples is an outlier.
     """
     for channel, name in enumerate(CHANNELS):
-        scaled = [one.misfit[:, channel] / one.sigma[channel] for one in found]
+        scaled = [line.misfit[:, channel] / line.sigma[channel] for line in found]
         if not scaled:
             return
         every = np.concatenate(scaled)
-        freedom, spread = _student(every)
-        far = float(stats.t.isf(0.5 * _LEVEL / len(every), freedom)) * spread
+        degrees_of_freedom, spread = _student(every)
+        far = float(stats.t.isf(0.5 * _LEVEL / len(every), degrees_of_freedom)) * spread
         limit = max(far, FAR)
-        for one, values in zip(found, scaled, strict=True):
-            size = np.abs(one.misfit[:, channel])
-            out = np.flatnonzero((np.abs(values) > limit) & (size > _SMALL * np.ptp(one.trial.velocity[:, channel])))
+        for line, values in zip(found, scaled, strict=True):
+            size = np.abs(line.misfit[:, channel])
+            out = np.flatnonzero((np.abs(values) > limit) & (size > _SMALL * np.ptp(line.trial.velocity[:, channel])))
             # Beside an outlier the line itself is bent.
-            peaks = [int(k) for k in out if size[k] >= size[np.abs(one.rows - one.rows[k]) <= 3].max()]
+            peaks = [int(k) for k in out if size[k] >= size[np.abs(line.rows - line.rows[k]) <= 3].max()]
             if peaks:
-                yield _outlier(one, name, channel, peaks, values)
+                yield _outlier(line, name, channel, peaks, values)
         share = float(np.mean(np.abs(every) > FAR))
-        if share > _HEAVY and freedom < 10.0:
+        if share > _HEAVY and degrees_of_freedom < 10.0:
             yield Finding(
                 "outliers-heavy-tails",
                 "remark",
                 f"channel {name}",
                 f"the noise has heavy tails: {share:.2%} of the samples are beyond {FAR:g} sigma, as a Student t of "
-                f"{freedom:.1f} degrees of freedom has them",
+                f"{degrees_of_freedom:.1f} degrees of freedom has them",
                 "normal noise, with none",
                 "p values are then a little too small and weak causes harder to see; look for lost markers",
                 channels=(name,),
             )
 
 
-def _outlier(one: Interpolated, name: str, channel: int, peaks: Sequence[int], values: FloatArray) -> Finding:
+def _outlier(line: Interpolated, name: str, channel: int, peaks: Sequence[int], values: FloatArray) -> Finding:
     worst = max(peaks, key=lambda k: abs(values[k]))
-    row = int(one.rows[worst])
+    row = int(line.rows[worst])
     others = f" and {len(peaks) - 1} more" if len(peaks) > 1 else ""
     return Finding(
         "outliers-samples",
         "suspect",
-        f"trial '{one.trial.name}', {name}, row {row + 1} ({one.trial.time[row]:.3f} s){others}",
-        f"{one.trial.velocity[row, channel]:.4g} {UNITS[name]} is {abs(values[worst]):.0f} sigma off the line through "
+        f"trial '{line.trial.name}', {name}, row {row + 1} ({line.trial.time[row]:.3f} s){others}",
+        f"{line.trial.velocity[row, channel]:.4g} {UNITS[name]} is {abs(values[worst]):.0f} sigma off the line through "
         "its neighbours",
         f"samples within what the noise of the other {len(values) - len(peaks)} reaches",
         "remove these rows and say gaps = true, or correct them at the source",
-        trials=(one.trial.name,),
+        trials=(line.trial.name,),
         channels=(name,),
     )
 
 
 def _student(values: FloatArray) -> tuple[float, float]:
-    """Return freedom and scale of the Student t with the median and the 97.5 % point of |values|."""
+    """Return degrees of freedom and scale of the Student t with the median and the 97.5 % point of |values|."""
     half, high = np.quantile(np.abs(values), [0.5, 0.975])
     ratio = float(high / max(half, 1e-300))
     grid = np.concatenate([np.arange(1.0, 5.0, 0.25), np.arange(5.0, 31.0), [100.0]])
     ratios = stats.t.ppf(0.9875, grid) / stats.t.ppf(0.75, grid)
-    freedom = float(np.interp(-ratio, -ratios, grid))
-    return freedom, float(half / stats.t.ppf(0.75, freedom))
+    degrees_of_freedom = float(np.interp(-ratio, -ratios, grid))
+    return degrees_of_freedom, float(half / stats.t.ppf(0.75, degrees_of_freedom))

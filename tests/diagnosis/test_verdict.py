@@ -127,8 +127,8 @@ def test_a_prediction_that_is_hardly_known_makes_a_loss_likelier() -> None:
     scores = Score((), (), (base,)), Score((), (), (base + apart,))
     sure, unsure = confirmation(*scores), confirmation(*scores, (apart[:, None], apart[:, None]))
     assert sure.gained == unsure.gained == pytest.approx(-8.0)
-    assert sure.chance == pytest.approx(stats.norm.cdf(-4.0))
-    assert unsure.chance == pytest.approx(stats.norm.cdf(-4.0 / np.sqrt(17.0)))
+    assert sure.probability == pytest.approx(stats.norm.cdf(-4.0))
+    assert unsure.probability == pytest.approx(stats.norm.cdf(-4.0 / np.sqrt(17.0)))
 
 
 def test_the_chance_of_a_gain_allows_for_what_the_fit_could_not_tell() -> None:
@@ -145,8 +145,8 @@ def test_the_chance_of_a_gain_allows_for_what_the_fit_could_not_tell() -> None:
         here, there = (block @ truth + rng.standard_normal(len(block)) for block in (fitted, held))
         sizes = [np.linalg.lstsq(fitted[:, :k], here, rcond=None)[0] for k in (1, 5)]
         scores = [Score((), (), (there - held[:, : len(size)] @ size,)) for size in sizes]
-        chances.append(confirmation(scores[0], scores[1], (doubts[0], doubts[1])).chance)
-        known.append(confirmation(scores[0], scores[1]).chance)
+        chances.append(confirmation(scores[0], scores[1], (doubts[0], doubts[1])).probability)
+        known.append(confirmation(scores[0], scores[1]).probability)
     assert np.mean(np.array(chances) < 0.01) < 0.03
     assert np.mean(np.array(known) < 0.01) > 0.1
     assert np.mean(chances) == pytest.approx(0.5, abs=0.12)
@@ -161,7 +161,7 @@ def test_the_chance_of_a_gain_is_that_of_the_extended_model(size: float, sign: f
     for _ in range(400):
         noise = rng.standard_normal(300)
         scores = [Score((), (), (noise + sign * apart - base,)) for base in (0.0 * apart, apart)]
-        chances.append(confirmation(scores[0], scores[1]).chance)
+        chances.append(confirmation(scores[0], scores[1]).probability)
     mean = float(np.mean(chances))
     assert (abs(mean - 0.5) < 0.05) if sign > 0.0 else mean < 0.05
 
