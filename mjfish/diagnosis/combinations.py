@@ -1,8 +1,8 @@
-"""Several causes at once: forward addition with a new linearisation at every step, then dropping and swapping.
+"""Combinations of causes: forward addition with a new linearisation at every step, then dropping and swapping.
 
-A set of causes is refitted, everything else is scored at that fit, the best few are added one by one and refitted. A
-member stays where the set without it explains less by a margin; sets of the same size that the data cannot tell apart
-are all kept (the lower boundary of [Ferrari2015]).
+A combination is refitted, all other candidates are scored at that fit, and the best few are added one by one and
+refitted. A member stays where the combination without it explains less by a margin. Combinations of the same size that
+the data cannot tell apart are all kept (the lower boundary of [Ferrari2015]).
 
 [Ferrari2015] D. Ferrari, Y. Yang, Confidence sets for model selection by F-testing, Statistica Sinica 25.
 """
@@ -60,14 +60,14 @@ def find_combinations(
     rng: np.random.Generator,
     progress: Progress,
 ) -> Combinations | None:
-    """Return the smallest sets of two or three causes that are told from all smaller ones and explain the misfit.
+    """Return the smallest combinations of two or three causes that explain the misfit better than all smaller ones.
 
     Args:
         singles: refits of single causes.
         candidates: every cause.
         held_out: what refits predict of the held-out trials.
         rng: of the confidence set.
-        progress: told what is being done.
+        progress: called with what is being done.
 
     Returns:
         The sets with their standings; None where no second cause is to be seen, or no set has earned all its members.
@@ -165,9 +165,9 @@ def _less(refit: Refit, out: str) -> Names:
 
 
 def _parts(sets: Combinations, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
-    """Refit, from where the sets are that suffice, what they are less one member, where nobody came by it.
+    """Refit the sufficient combinations less one member each, where that set was not refitted yet.
 
-    A member may have stood in for another that was added after it, and is superfluous now.
+    A member may have stood in for another that was added after it, and be superfluous now.
     """
     found: dict[Names, Refit] = {}
     for refit in (sets.refits[names] for names in sets.sufficient):
@@ -188,9 +188,9 @@ def _of_size(size: int, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
 
 
 def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit]) -> bool:
-    """Return whether the set explains more than its share beyond every smaller set, of its members or of others.
+    """Return whether a combination explains more than every smaller set, of its members or of others, by a margin.
 
-    Less two for every parameter more: a cause of four parameters explains some noise.
+    Two are subtracted for every further parameter: a cause of four parameters explains some noise.
     """
     worth = refit.adjusted - max(other.adjusted for names, other in known.items() if len(names) < len(refit.names))
     return worth >= max(MEMBER, SHARE * refit.gain)

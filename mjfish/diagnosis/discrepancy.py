@@ -72,10 +72,6 @@ class Where:
     speeds: dict[str, float]
     turns: dict[str, float]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return dict(vars(self))
-
 
 def locate(evidence: Evidence, directed: bool) -> Where:
     """Locate the systematic misfit of a fit.

@@ -1,4 +1,4 @@
-"""Evidence against a fitted model: its whitened residual, and what every candidate would do to it, after a refit."""
+"""Evidence against a fitted model: score tests of every candidate on its whitened residual."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from mjfish.projection import blocks_of, orthonormal, project_out
 
 #: Draws of the simulated null distributions.
 DRAWS = 4000
-#: Share of a signature's energy below which nothing of it is left: of true gauges 1e-8 is, by rounding and quadrature;
-#: of a cause that the coefficients absorb nearly, 1e-4 may show in velocities that are precise at low frequencies.
+#: Share of a signature's energy, after the projection, below which an effect is unidentifiable. Rounding and quadrature
+#: leave 1e-8 of a structurally unidentifiable one; 1e-4 may show in velocities that are precise at low frequencies.
 _UNIDENTIFIABLE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """A fit, seen by the score tests.
+    """A fit and the score tests of the effects that it lacks.
 
     Attributes:
         problem: that was fitted.
@@ -90,15 +90,15 @@ class Evidence:
         return {p.name: p.default + float(v) * p.scale for p, v in zip(own, psi, strict=True)}
 
     def confounded(self, name: str) -> float:
-        """Return the share of the candidate's signature energy that a refit of the model swallows."""
+        """Return the confounded share: the part of a candidate's signature energy that a refit of the model absorbs."""
         block = self.blocks[name]
         energy = float(np.sum(self.raw[:, block] ** 2))
         return 1.0 - float(np.trace(self.information[block, block])) / max(energy, 1e-300)
 
     def unidentifiable(self, name: str) -> bool:
-        """Return whether the free coefficients hide a candidate wholly, counting those that a bound holds.
+        """Return whether a candidate is structurally unidentifiable beside the coefficients.
 
-        What shows of such a gauge shows only because a bound is in the way.
+        Coefficients at a bound count as free: such a candidate would show only because of the bound.
         """
         block = self.blocks[name]
         left = project_out(orthonormal(self.fit.jacobian), self.raw[:, block])
@@ -137,7 +137,7 @@ class Evidence:
     def directed_p(self, rng: np.random.Generator) -> float:
         """Return the family-wise p value of the largest candidate (Westfall-Young), on the scale of chi2 tails.
 
-        What the coefficients hide is left out: its statistic is a quotient of rounding errors. 1 where nothing is left.
+        Unidentifiable candidates are left out: their statistics are quotients of rounding errors. 1 without any other.
         """
         seen = [name for name in self.blocks if not self.unidentifiable(name)]
         if not seen:

@@ -20,9 +20,9 @@ Key = TypeVar("Key", bound=Hashable)
 #: Draws of the block bootstrap of the gain, and the length of a block [s].
 _DRAWS = 2000
 _BLOCK = 0.7
-#: A cause has failed on held-out trials where it loses there, and were it true that would happen less often than this.
+#: A cause fails on held-out trials where it loses likelihood there, with a probability below this were it true.
 _FAILED = 0.001
-#: A trial that no model predicts to within noise, by a mean square of this, does not say which of them is nearer.
+#: A trial on which every model leaves a mean square above this does not discriminate between them.
 _PREDICTED = 1.25
 
 
@@ -45,7 +45,7 @@ class Confirmation:
 
 
 def confirmation(nominal: Score, extended: Score, doubts: tuple[FloatArray, FloatArray] | None = None) -> Confirmation:
-    """Hold two models against each other on held-out trials.
+    """Compare two models on held-out trials.
 
     With whitened predictions apart by d and the extended model true, the sum of squares falls by |d|^2 + 2 d' (eps - e)
     with the noise eps and the error e = D u, u ~ N(0, 1), that the extended prediction has from what was fitted; its
@@ -67,7 +67,7 @@ def confirmation(nominal: Score, extended: Score, doubts: tuple[FloatArray, Floa
 
 
 class HeldOut:
-    """What the nominal model and its refits predict of the held-out trials, each worked out once.
+    """What the nominal model and its refits predict of the held-out trials, each computed once.
 
     Args:
         evidence: of the nominal model.

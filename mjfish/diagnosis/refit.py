@@ -23,14 +23,14 @@ from mjfish.threads import threaded
 TOLERANCE = 1e-5
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
 COARSE = (4, 6)
-#: And of one that is taken on under another noise, where it is in the running: it is followed further as those are.
+#: And of one that is continued under another noise, where it is a contender: contenders are followed further anyway.
 _ON = 2
-#: Mean square of the whitened residual above which a refit is tried from afresh.
+#: Mean square of the whitened residual above which a refit is repeated from the declared starts.
 _MISFIT = 1.1
-#: Share of the best gain from which a coarse refit is followed to its optimum; how far it may be behind where the best
-#: fits, as a share and at least.
+#: Share of the best gain above which a coarse refit is followed to its optimum. Where the best fits to within noise:
+#: how far it may be behind, as a share of the best gain, and at least.
 _RUNNING, _DISTANCE, _WEAK = 0.25, 0.3, 100.0
-#: How often another minimum is looked for, from one to the next.
+#: Most times that a better local minimum is searched for, each from the one before.
 _MOST_MINIMA = 3
 #: A fit that is behind the best is followed until a step gains less than this share of its distance.
 _BEHIND = 0.01
@@ -95,9 +95,9 @@ def refits(
 
     Args:
         evidence: of the nominal model.
-        effects: candidates; those that the scores leave a chance are refitted (see `worth_refitting`).
-        progress: told what is being done.
-        before: refits under another noise; they are taken on from where they ended.
+        effects: candidates; those of `worth_refitting` are refitted.
+        progress: called with what is being done.
+        before: refits under another noise; they are continued from where they ended.
         coarse: coarse refits of this evidence that are known already.
     """
     chosen = sorted(worth_refitting(evidence, effects), key=lambda effect: effect.smooth)  # what takes longest first
@@ -120,7 +120,7 @@ def refits(
 
 
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
-    """Follow those refits to their optimum that are in the running."""
+    """Follow the contenders to their optimum."""
     floor = _floor(found)
     running = {name: refit for name, refit in found.items() if refit.gain >= floor}
     least, jobs = min(refit.fit.sse for refit in found.values()), next(iter(found.values())).problem.jobs
@@ -133,9 +133,9 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
 
 
 def _floor(found: Mapping[str, Refit]) -> float:
-    """Return the gain from which a refit is in the running: a quarter of the best.
+    """Return the gain above which a refit is a contender: a quarter of the best.
 
-    Where the best fits to within noise, there is nothing left for others to find: then who comes near it.
+    Where the best fits to within noise, only refits near it are contenders.
     """
     best = max(found.values(), key=lambda refit: refit.gain)
     floor = _RUNNING * best.gain
@@ -145,9 +145,9 @@ def _floor(found: Mapping[str, Refit]) -> float:
 
 
 def refit_nonsmooth(evidence: Evidence, effects: Sequence[Effect]) -> tuple[float, dict[str, Refit]]:
-    """Refit causes that are not smooth at their null; return the p value of the best by Bonferroni, and them.
+    """Refit with the effects that are not smooth at zero; return the Bonferroni p value of the best, and the refits.
 
-    A score says little or nothing of them. The size is a nuisance under the null: one more degree of freedom stands for
+    Their scores say little or nothing. The size is a nuisance under the null: one more degree of freedom stands for
     what choosing it is worth [Davies1977].
 
     [Davies1977] R. Davies, Biometrika 64.
@@ -161,10 +161,9 @@ def refit_nonsmooth(evidence: Evidence, effects: Sequence[Effect]) -> tuple[floa
 
 
 def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effect]:
-    """Return the candidates of the best scores, those whose score says little, and those nearly hidden but close.
+    """Return the candidates of the best scores, the non-smooth ones, and those that are nearly confounded but close.
 
-    A score says little of a cause that is not smooth at its null; of one that the coefficients absorb nearly, it is the
-    difference of large numbers.
+    The score of a non-smooth effect says little; that of a nearly confounded one is a difference of large numbers.
     """
     scores = {
         effect.name: evidence.statistic(effect.name) for effect in effects if not evidence.unidentifiable(effect.name)
@@ -213,14 +212,14 @@ def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
 
 
 def refined(refit: Refit, best: float) -> Refit:
-    """Follow a refit to its optimum; while nothing fits, once more with the coefficients at their declared starts.
+    """Follow a refit to its optimum. Where none fits, fit once more from the declared starts of the coefficients.
 
-    A large effect drags the coefficients of the nominal model far off, and from there an optimum may be out of reach.
-    What is not smooth may lie in another minimum: sizes from half to twice of it are tried.
+    A large effect biases the coefficients of the nominal model, and from there the optimum may be out of reach. A
+    non-smooth effect may have a better local minimum: sizes from half to twice the fitted one are tried.
 
     Args:
         refit: a coarse one.
-        best: least sum of squares of all refits: who stays far behind it need not be followed to the last digit.
+        best: least sum of squares of all refits; a refit far behind it is followed less accurately.
     """
     there = refit.fit.status == "converged"
     result = refit.fit if there else _followed(refit.problem, refit.fit.x, refit.fit.sse, best)
@@ -277,10 +276,10 @@ _OFF_VISIBLE = 0.05
 def best_start(evidence: Evidence, problem: Problem, effect: Effect) -> FloatArray:
     """Return the best start (p,) for the fit of a model that is extended by an effect.
 
-    The one-step estimate is right for a small effect; a large one may lie outside the reach of its linearisation:
-    multiples of it and of the declared scale are tried, with the coefficients where they were; the estimate once more
-    with the coefficients moved; and next to nothing of the effect, for no refit need be worse than none. Of a cause
-    that is not felt below some size, sizes just above that are tried as well: its minimum may be narrow.
+    Tried are multiples of the one-step estimate and of the declared scale, with the coefficients unchanged, because a
+    large effect may lie outside the range of the linearisation; the estimate with the coefficients refitted to first
+    order; and almost no effect, so that no refit is worse than none. Where an effect has a threshold, sizes just above
+    it are tried as well: its minimum may be narrow.
 
     Args:
         evidence: of the model that is extended.
@@ -379,10 +378,10 @@ def _other_minimum(promised: Sequence[float], here: float) -> int | None:
 
 
 def find_threshold(tried: _Tried, column: int) -> None:
-    """Find by bisection from which size on the amplitude of a column is felt, if not at any; try some just above.
+    """Find by bisection the threshold above which the amplitude of a column changes the fit; try sizes just above it.
 
-    Felt is what differs from next to nothing, not from nothing: an effect that is there and idle passes the motion
-    through another computation, whose rounding sharp noise may show.
+    The fit is compared with that of an almost zero effect, not of none: an idle effect passes the motion through
+    another computation, and precise data may show its rounding errors.
     """
     sizes, promised = np.array([start[column] for start in tried.starts]), np.array(tried.promised)
     least = int(np.argmin(np.where(sizes > sizes.min(), sizes, np.inf)))
@@ -399,7 +398,7 @@ def find_threshold(tried: _Tried, column: int) -> None:
         return tried.add(x)
 
     if abs(at(0.5 * float(sizes[least])) - idle) > _FELT:
-        return  # felt at any size: there is no edge
+        return  # every size changes the fit: there is no threshold
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         if abs(at(middle) - idle) > _FELT:
@@ -431,11 +430,11 @@ def _inside(effect: Effect, guess: Mapping[str, float]) -> dict[str, float]:
 
 
 def off_null(effect: Effect, visible: Mapping[str, float] | None = None) -> dict[str, Parameter]:
-    """Keep amplitudes that cannot be negative a little above zero, where they have derivatives on both sides.
+    """Return non-negative amplitudes with a lower bound slightly above zero, where two-sided derivatives exist.
 
     Args:
         effect: whose amplitudes.
-        visible: the smallest sizes that would show, where that can be said: nothing to be seen may be cut off.
+        visible: the minimum detectable sizes, where they are known: the bound stays well below them.
     """
     lifted = {}
     for p in effect.parameters:

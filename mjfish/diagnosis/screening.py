@@ -1,4 +1,4 @@
-"""The search: fit the nominal model, test its residual, refit it with every candidate, under a noise that holds.
+"""Screening: fit the nominal model, estimate the noise, test the residual, and refit with every candidate.
 
 [Rosenthal1983] R. Rosenthal and D. Rubin, Psychological Bulletin 94: Bonferroni's bound with unequal shares.
 """
@@ -24,15 +24,16 @@ from mjfish.estimation.smoothing import Differentiator
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
 from mjfish.noise.sample import noisy_ends
 
-#: A change of sigma by less than this share leaves the weights as they are; of other numbers of a noise by four times.
+#: A relative change of sigma below this leaves the weights as they are; other parameters of a noise may change by four
+#: times as much.
 _SAME = 0.05
-#: Shares of the alarm's rate that the tests may use up [Rosenthal1983]: that of the candidates' scores, of the omnibus
-#: basis, of the refits of what is not smooth. The first sees most; what the others find is seldom close.
+#: Shares of the false-alarm rate that the tests use [Rosenthal1983]: the candidates' scores, the omnibus basis, and the
+#: refits of non-smooth effects. The first has most power; what the others find is seldom close.
 _DIRECTED, _OMNIBUS, _NONSMOOTH = 0.625, 0.125, 0.25
-#: P value below which a noise that is known roughly is no way out.
+#: P value below which uncertainty of the noise is no explanation.
 _BEYOND = 1e-12
-#: Starts of the nominal fit, evaluations of those on trial, the mean square of the whitened residual below which the
-#: first will do, and the cost, over that of the first, up to which one on trial is followed to its end.
+#: Starts of the nominal fit, and evaluations of each trial start; the mean square of the whitened residual below which
+#: the first start suffices; the cost, relative to that of the first, below which the best trial start is followed.
 _STARTS, _SCOUT = 4, 8
 _EXPLAINED, _PROMISING = 2.0, 1.05
 _OTHER = ErrorsInVariables | NoiseByRate | ProcessNoise | GaussMarkov | DifferentiationNoise
@@ -40,7 +41,7 @@ _OTHER = ErrorsInVariables | NoiseByRate | ProcessNoise | GaussMarkov | Differen
 
 @dataclass(frozen=True, eq=False)
 class Screening:
-    """What the search found.
+    """What the screening found.
 
     Attributes:
         evidence: at the fit of the nominal model.
@@ -62,7 +63,21 @@ def screen(
     rng: np.random.Generator,
     progress: Progress,
 ) -> tuple[Screening, str]:
-    """Fit, find the noise, test and refit; again where the noise looks otherwise with the best cause in the model."""
+    """Fit the nominal model, estimate the noise, test the residual, and refit with every candidate.
+
+    The noise is estimated again with the best cause in the model; where it differs, test and refits are repeated. Where
+    the residual shows that the recording was smoothed, predictions are smoothed alike, and all is repeated.
+
+    Args:
+        problem: of the nominal model.
+        candidates: effects that apply to the dataset.
+        stated: (3,) standard deviations of the noise that the dataset states; None: it states none.
+        rng: of the simulated null distributions.
+        progress: called with what is being done.
+
+    Returns:
+        The screening, and a remark on the noise.
+    """
     progress("fitting the nominal model", 0.02)
     problem, start = resolved(problem)
     baseline = nominal_fit(problem, start)
@@ -81,20 +96,20 @@ def screen(
             slopes = signatures(problem, baseline.values, candidates)
         found, noise_remark, smoothing = _screened(problem, baseline, slopes, candidates, stated, rng, progress)
         results[problem.smoothing] = found, noise_remark
-    findings, remark = results[smoothing]
+    screening, remark = results[smoothing]
     if ends:
         remark += "; " if remark else ""
         remark += f"the last samples of the runs are noisier than the rest: {ends} at either end are left out"
     if smoothing is not None:
         remark += f"; the motion was smoothed with it, and predictions are, too: {smoothing.words}"
-    return findings, remark
+    return screening, remark
 
 
 def nominal_fit(problem: Problem, start: FloatArray) -> Fit:
     """Fit from the declared start, and from others where that fit does not explain the data.
 
-    A fit at the level of the noise cannot be bettered. One that leaves more may be a local minimum: then a few points
-    of a Latin hypercube over the bounds are tried, and the best of them is followed to its end.
+    A fit at the level of the noise cannot be improved. One that leaves more may be a local minimum: then fits start
+    from a few points of a Latin hypercube over the bounds, and the best of them is followed to its optimum.
     """
     first = fit(problem, start, tolerance=1e-6)
     if first.status == "converged" and first.cost < _EXPLAINED * len(first.residual):
@@ -116,11 +131,11 @@ def _screened(
     rng: np.random.Generator,
     progress: Progress,
 ) -> tuple[Screening, str, Differentiator | None]:
-    """Search with the filter that the problem has; return findings, the noise in words, and the filter they suggest."""
+    """Screen with the smoothing of the problem; return it, a remark on the noise, and the smoothing that it suggests."""
     noise, remark = noise_of(problem, baseline, slopes, stated, patterns=False)
     test = _NominalTest(candidates, slopes, rng, progress)
     seen = test.run(problem, baseline, noise)
-    if seen.p_wrong >= ALARM:  # what is wrong may pass for a noise that takes the patterns of the runs for its own
+    if seen.p_wrong >= ALARM:  # a noise estimate that includes patterns common to all runs may absorb a misfit
         noise, remark = noise_of(problem, baseline, slopes, stated)
         seen = test.repeat(seen, noise)
     refitted: dict[str, Refit] = {}
@@ -147,7 +162,7 @@ def _screened(
 
 @dataclass(frozen=True, eq=False)
 class _Tested:
-    """The nominal model under a noise: its evidence, p values (of the directed test, too), refits that they took."""
+    """A test of the nominal model under a noise: evidence, p values of the directed and of all tests, coarse refits."""
 
     evidence: Evidence
     directed: float
@@ -157,7 +172,7 @@ class _Tested:
 
 @dataclass(frozen=True, eq=False)
 class _NominalTest:
-    """Fits and tests the nominal model under a noise."""
+    """Fits the nominal model under a noise and tests its residual."""
 
     candidates: tuple[Effect, ...]
     slopes: Sequence[FloatArray]
@@ -165,13 +180,15 @@ class _NominalTest:
     progress: Progress
 
     def run(self, problem: Problem, baseline: Fit, noise: Noise) -> _Tested:
-        """Return what is seen under the noise, where the fit under that of the problem is the baseline."""
+        """Return the test under a noise; the baseline is the fit under that of the problem."""
         slopes = self.slopes
         if not _same(noise, problem.noise):
             self.progress("fitting the nominal model", 0.08)
             problem = replace(problem, noise=noise)
             baseline = fit(problem, baseline.x, tolerance=1e-6)
-            slopes = signatures(problem, baseline.values, self.candidates)  # of another fit a gauge would seem to show
+            slopes = signatures(
+                problem, baseline.values, self.candidates
+            )  # taken at another fit, an unidentifiable effect would seem to show
         evidence = gather(problem, baseline, self.candidates, slopes)
         self.progress("testing the residual", 0.15)
         directed, p_wrong = self._p_values(evidence)
@@ -186,18 +203,18 @@ class _NominalTest:
         return _Tested(evidence, directed, p_wrong, found)
 
     def _p_values(self, evidence: Evidence) -> tuple[float, float]:
-        """Return the p values of the directed test and of it and the omnibus basis."""
+        """Return the p values of the directed test, and of it and the omnibus basis together."""
         directed = evidence.directed_p(self.rng)
         return directed, min(1.0, directed / _DIRECTED, evidence.omnibus_p() / _OMNIBUS)
 
     def repeat(self, seen: _Tested, noise: Noise) -> _Tested:
-        """Return what is seen under another noise; the same where it is not another."""
+        """Return the test under another noise; the same test where the two noises are nearly equal."""
         problem, baseline = seen.evidence.problem, seen.evidence.fit
         return seen if _same(noise, problem.noise) else self.run(problem, baseline, noise)
 
 
 def _same(new: Noise, old: Noise) -> bool:
-    """Return whether two noise models have the same spectrum, nearly."""
+    """Return whether two noise models have nearly the same spectrum."""
     if isinstance(new, ErrorsInVariables) and isinstance(old, ErrorsInVariables):
         return _same(new.base, old.base)
     if isinstance(new, NoiseByRate) and isinstance(old, NoiseByRate):

@@ -1,4 +1,4 @@
-"""The verdict: one rule, and its sentence."""
+"""The verdict: from comparisons of causes to one decision, with its sentence."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Comparison:
     held_out: Mapping[Names, Confirmation | None]
 
     def retained(self, *, clean: bool) -> tuple[Names, ...]:
-        """Return the sets not told from the best that fit and do not fail on held-out trials, best first."""
+        """Return the sets in the confidence set that fit and do not fail on held-out trials, best first."""
         kept = [
             names
             for names, standing in self.standings.items()
@@ -76,9 +76,9 @@ class Comparison:
         return tuple(sorted(kept, key=lambda names: self.standings[names].behind))
 
     def similar(self, names: Names, share: float) -> tuple[Names, ...]:
-        """Return a set that leaves something, and behind it those that leave no more than this share.
+        """Return a set that leaves a misfit, followed by the rivals that leave at most this share of all.
 
-        What is left says that the set's form is not the truth's. Where that is put up with, it is with rivals, too.
+        The misfit shows that the form of the set is not that of the truth. Rivals are granted the same tolerance.
         """
         refit, excess = self.refits[names], self.standings[names].excess
         most = share * (refit.gain + excess) - excess
@@ -87,7 +87,7 @@ class Comparison:
         return (names, *sorted(near, key=lambda n: -self.refits[n].adjusted))
 
     def joined(self, others: Comparison | None) -> Comparison:
-        """Return this comparison with what others found of the sets that stay there."""
+        """Return this comparison with the standings of others for the sets that are in their confidence set."""
         if others is None:
             return self
         retained = {names: standing for names, standing in others.standings.items() if standing.in_set}
@@ -109,16 +109,16 @@ def decide(
     blocks: Sequence[Finding] = (),
     others: Comparison | None = None,
 ) -> Decision:
-    """Decide.
+    """Decide, by the first of these rules that applies.
 
     - something about the data makes any verdict worthless: ``cannot_tell``;
     - the nominal model is not contradicted: ``nothing_wrong``;
-    - single causes stay that leave nothing: one is ``named`` if it explains more than chance would, several are
-      ``cannot_tell``;
-    - else sets of several causes, and last single causes that leave little, in the same way; of these,
-      all that leave little stay;
-    - a single cause fits best and fails on held-out trials, where others would do: ``cannot_tell``;
-    - nothing stays, but one explains the most by far, in another form than the truth's perhaps: ``cannot_tell``;
+    - single causes are retained that leave nothing systematic: one is ``named`` if it explains more than chance
+      would, more are ``cannot_tell``;
+    - combinations, and then single causes that leave little, are judged in the same way; of the latter, all that leave
+      little are retained;
+    - a single cause fits best and fails on held-out trials, and others do not: ``cannot_tell``;
+    - nothing is retained, but one cause explains most, perhaps in another form than the truth: ``cannot_tell``;
     - else: ``unexplained``.
 
     Args:
