@@ -131,7 +131,7 @@ def _screened(
     rng: np.random.Generator,
     progress: Progress,
 ) -> tuple[Screening, str, Differentiator | None]:
-    """Screen with the smoothing of the problem; return it, a remark on the noise, and the smoothing that it suggests."""
+    """Screen with the smoothing of the problem; return it, a remark on the noise, and the suggested smoothing."""
     noise, remark = noise_of(problem, baseline, slopes, stated, patterns=False)
     test = _NominalTest(candidates, slopes, rng, progress)
     seen = test.run(problem, baseline, noise)
