@@ -13,7 +13,6 @@ from mjfish.cli import console
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.files import check_file, write_json
 from mjfish.reporting.words import number, p_value, percent
-from mjfish.serialise import plain
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -114,6 +113,8 @@ def _profiles(result: Identification, names: list[str], tell: Any) -> list[Profi
 
 def _write(result: Identification, profiles: list[Profile], outputs: dict[str, Path]) -> list[Path]:
     """Write what was asked for and return the files; there are no figures of a fit that diverged."""
+    from mjfish.serialise import plain
+
     assessment = result.assessment
     written: list[Path] = []
     for kind, path in outputs.items():
