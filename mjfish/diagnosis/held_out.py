@@ -13,7 +13,7 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.refit import Refit
-from mjfish.estimation.held_out import Score, held_out_doubt, predict_held_out
+from mjfish.estimation.held_out import Score, held_out_covariance_root, predict_held_out
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -54,7 +54,7 @@ def confirmation(nominal: Score, extended: Score, doubts: tuple[FloatArray, Floa
 
     Args:
         nominal, extended: of the models.
-        doubts: D_0 and D, `mjfish.estimation.held_out_doubt` of both models; None: both are known.
+        doubts: D_0 and D, `mjfish.estimation.held_out_covariance_root` of both models; None: both are known.
     """
     before, after = np.concatenate(nominal.whitened), np.concatenate(extended.whitened)
     apart = before - after
@@ -90,7 +90,7 @@ class HeldOut:
         """Return the columns (n, k) of the doubt about the prediction of a refit, None: of the nominal model."""
         if refit not in self.doubts:
             of = self.evidence if refit is None else refit
-            self.doubts[refit] = held_out_doubt(of.problem, of.fit, self.trials)
+            self.doubts[refit] = held_out_covariance_root(of.problem, of.fit, self.trials)
         return self.doubts[refit]
 
     def confirmed(self, refit: Refit, against: Refit | None) -> Confirmation | None:

@@ -2,7 +2,7 @@
 
 from mjfish.estimation.agreement import Part, parts_of_trial
 from mjfish.estimation.fit import Fit, fit
-from mjfish.estimation.held_out import PREFIX, Score, held_out_doubt, predict_held_out
+from mjfish.estimation.held_out import PREFIX, Score, held_out_covariance_root, predict_held_out
 from mjfish.estimation.identification import Identification, identify
 from mjfish.estimation.optimiser_interface import residual_function
 from mjfish.estimation.problem import Problem
@@ -21,7 +21,7 @@ __all__ = [
     "Score",
     "Settings",
     "fit",
-    "held_out_doubt",
+    "held_out_covariance_root",
     "identify",
     "parts_of_trial",
     "predict_held_out",

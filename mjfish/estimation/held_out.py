@@ -50,7 +50,7 @@ def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple
     return Score(tuple(residuals), tuple(predictions), tuple(whitened))
 
 
-def held_out_doubt(fitted: Problem, found: Fit, trials: tuple[Trial, ...]) -> FloatArray:
+def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, ...]) -> FloatArray:
     """Return whitened columns D (n, k) of the scored samples of all trials; D D' is the covariance of the prediction.
 
     D = J C^(1/2), with J the derivative by the model's free parameters and C their covariance where they were fitted.

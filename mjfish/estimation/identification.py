@@ -35,6 +35,8 @@ from mjfish.noise.autoregressive import floor
 from mjfish.result import Result
 from mjfish.serialise import plain, unsaved
 
+#: Of the JSON of an identification.
+SCHEMA = 2
 #: Most lines of a summary.
 _SUMMARY_LINES = 10
 
@@ -155,7 +157,7 @@ class Identification(Result):
         """Return the identification as plain data."""
         one = self.fit
         return {
-            "schema": 1,
+            "schema": SCHEMA,
             "dataset": self.dataset.name,
             "status": one.status,
             "message": one.message,

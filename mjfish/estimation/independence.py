@@ -69,7 +69,7 @@ class CrossCorrelation:
         value: (l,) correlation coefficient.
         band: (l,) half width that 99 % of the values lie in where residual and input are independent.
         statistic: of all lags jointly.
-        freedom: number of directions.
+        degrees_of_freedom: number of directions.
         p_value: of the statistic; NaN where the fit has taken every direction, or no joint moves.
     """
 
@@ -80,7 +80,7 @@ class CrossCorrelation:
     value: FloatArray
     band: FloatArray
     statistic: float
-    freedom: int
+    degrees_of_freedom: int
     p_value: float
 
 
@@ -178,7 +178,9 @@ def _test(
     variance = np.einsum("il,ij,jl->l", loading, sums.after[np.ix_(every, every)], loading)
     power = np.sum([designs[k].power for k in members], axis=0) * np.sum(sums.energy[members])
     scale = 1.0 / np.sqrt(np.maximum(power, 1e-300))
-    statistic, freedom = _quadratic(sums.score[main], sums.before[np.ix_(main, main)], sums.after[np.ix_(main, main)])
+    statistic, degrees_of_freedom = _quadratic(
+        sums.score[main], sums.before[np.ix_(main, main)], sums.after[np.ix_(main, main)]
+    )
     spare = max(sums.samples - len(sums.score), 1)
     return CrossCorrelation(
         trial=trial,
@@ -188,8 +190,10 @@ def _test(
         value=loading.T @ sums.score[every] * scale,
         band=np.asarray(stats.norm.isf(BAND / 2.0) * np.sqrt(np.maximum(variance, 0.0)) * scale),
         statistic=statistic,
-        freedom=freedom,
-        p_value=float(stats.f.sf(statistic / freedom, freedom, spare)) if freedom else np.nan,
+        degrees_of_freedom=degrees_of_freedom,
+        p_value=float(stats.f.sf(statistic / degrees_of_freedom, degrees_of_freedom, spare))
+        if degrees_of_freedom
+        else np.nan,
     )
 
 

@@ -36,7 +36,7 @@ class Intervals:
         high: (p,).
         covariance: (p, p) of the sandwich; rows and columns of parameters at a bound are zero.
         sigma: (p,) standard errors of the sandwich; at a bound, were it not there.
-        freedom: (p,) degrees of freedom of those.
+        degrees_of_freedom: (p,) degrees of freedom of those.
         plain_low: (p,) of the interval that takes the residuals for white noise of the stated size.
         plain_high: (p,).
         plain_sigma: (p,) standard errors of that.
@@ -51,7 +51,7 @@ class Intervals:
     high: FloatArray
     covariance: FloatArray
     sigma: FloatArray
-    freedom: FloatArray
+    degrees_of_freedom: FloatArray
     plain_low: FloatArray
     plain_high: FloatArray
     plain_sigma: FloatArray
@@ -79,7 +79,7 @@ class Intervals:
                     "low": float(self.low[i]),
                     "high": float(self.high[i]),
                     "standard_error": float(self.sigma[i]),
-                    "freedom": float(self.freedom[i]),
+                    "degrees_of_freedom": float(self.degrees_of_freedom[i]),
                     "plain_low": float(self.plain_low[i]),
                     "plain_high": float(self.plain_high[i]),
                     "plain_standard_error": float(self.plain_sigma[i]),
@@ -100,14 +100,14 @@ def intervals(problem: Problem, fit: Fit, *, level: float = 0.95) -> Intervals:
     """
     blocks = blocks_of(problem, fit)
     found = serial(blocks, ~fit.at_bound)
-    own, freedom = _sandwich(found, blocks, ~fit.at_bound)
+    own, degrees_of_freedom = _sandwich(found, blocks, ~fit.at_bound)
     sigma, plain = np.sqrt(np.diag(own)), np.sqrt(np.diag(fit.covariance))
     if np.any(fit.at_bound):
         all_free, loose = _sandwich(found, blocks, np.ones_like(fit.at_bound))
         sigma = np.where(fit.at_bound, np.sqrt(np.diag(all_free)), sigma)
-        freedom = np.where(fit.at_bound, loose, freedom)
+        degrees_of_freedom = np.where(fit.at_bound, loose, degrees_of_freedom)
         plain = np.where(fit.at_bound, fit.reach, plain)
-    low, high = _cut(fit, stats.t.ppf(0.5 + 0.5 * level, freedom) * sigma)
+    low, high = _cut(fit, stats.t.ppf(0.5 + 0.5 * level, degrees_of_freedom) * sigma)
     plain_low, plain_high = _cut(fit, stats.norm.ppf(0.5 + 0.5 * level) * plain)
     return Intervals(
         names=tuple(p.name for p in fit.parameters),
@@ -117,7 +117,7 @@ def intervals(problem: Problem, fit: Fit, *, level: float = 0.95) -> Intervals:
         high=high,
         covariance=own,
         sigma=sigma,
-        freedom=freedom,
+        degrees_of_freedom=degrees_of_freedom,
         plain_low=plain_low,
         plain_high=plain_high,
         plain_sigma=plain,
@@ -135,10 +135,10 @@ def _sandwich(found: Serial, blocks: Sequence[Block], free: BoolArray) -> tuple[
     left, singular, right = np.linalg.svd(stacked(blocks, free), full_matrices=False)
     floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-100))
     columns = by_trial((left / floor) @ right, blocks)
-    covariance, freedom = np.zeros((len(free), len(free))), np.ones(len(free))
+    covariance, degrees_of_freedom = np.zeros((len(free), len(free))), np.ones(len(free))
     covariance[np.ix_(index, index)] = found.quadratic(columns)
-    freedom[index] = np.maximum(found.freedom(columns), 1.0)
-    return covariance, freedom
+    degrees_of_freedom[index] = np.maximum(found.degrees_of_freedom(columns), 1.0)
+    return covariance, degrees_of_freedom
 
 
 def _cut(fit: Fit, half: FloatArray) -> tuple[FloatArray, FloatArray]:

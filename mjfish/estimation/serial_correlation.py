@@ -90,7 +90,7 @@ class Serial:
         total = sum(np.einsum("tci,tcj->ij", a, self.times(r, a)) for r, a in enumerate(columns))
         return np.asarray(total)
 
-    def freedom(self, columns: Sequence[FloatArray], *, total: bool = False) -> FloatArray:
+    def degrees_of_freedom(self, columns: Sequence[FloatArray], *, total: bool = False) -> FloatArray:
         """Return how many degrees of freedom (k,) the diagonal of `quadratic` has, by Satterthwaite.
 
         A variance v = e'T e that is estimated from Gaussian e has var(v) = 2 tr(T Omega T Omega) and counts like a sum
@@ -113,8 +113,8 @@ class Serial:
                 both[0] = 1.0
                 value = value + n / length * np.einsum("f,fck->k", both, shares)
                 spread = spread + 2.0 * n / length * np.einsum("f,fck->k", both, shares**2)
-            freedom = 2.0 * value**2 / np.maximum(spread, 1e-300)
-        return np.asarray(np.nan_to_num(freedom))
+            degrees_of_freedom = 2.0 * value**2 / np.maximum(spread, 1e-300)
+        return np.asarray(np.nan_to_num(degrees_of_freedom))
 
 
 def serial(blocks: Sequence[Block], free: BoolArray, *, apart: bool = False) -> Serial:

@@ -37,15 +37,15 @@ class Moved:
     Attributes:
         name: of the coefficient.
         statistic: F.
-        freedom: its degrees of freedom.
-        p_value: chance of as large a statistic where it does not differ.
+        degrees_of_freedom: its degrees of freedom.
+        p_value: of the statistic where it does not differ.
         estimates: by trial; trials that do not move it have none.
         errors: their standard errors, in which those of the others are counted in.
     """
 
     name: str
     statistic: float
-    freedom: tuple[float, float]
+    degrees_of_freedom: tuple[float, float]
     p_value: float
     estimates: dict[str, float]
     errors: dict[str, float]
@@ -57,22 +57,22 @@ class Stability:
 
     Attributes:
         statistic: F of one set a trial against one for all.
-        freedom: its degrees of freedom.
-        p_value: chance of as large a statistic where one set serves all.
+        degrees_of_freedom: its degrees of freedom.
+        p_value: of the statistic where one set serves all.
         coefficients: each alone, the one that most surely differs first.
-        p_most: chance of any coefficient differing as surely as the first does (Bonferroni).
-        chance: of either of the two where one set serves all: twice the smaller one.
+        p_value_of_first: of the coefficient that differs most, corrected for how many there are (Bonferroni).
+        p_value_combined: of both tests: twice the smaller of the two p values.
         stable: whether it is not below `alpha`; None where there is nothing to compare.
-        alpha: chance of calling a stable model unstable.
+        alpha: probability of calling a stable model unstable.
         text: the same in words.
     """
 
     statistic: float
-    freedom: tuple[float, float]
+    degrees_of_freedom: tuple[float, float]
     p_value: float
     coefficients: tuple[Moved, ...]
-    p_most: float
-    chance: float
+    p_value_of_first: float
+    p_value_combined: float
     stable: bool | None
     alpha: float
     text: str
@@ -86,7 +86,7 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
     Args:
         problem: that was fitted.
         fit: of it, converged.
-        alpha: chance of calling a stable model unstable.
+        alpha: probability of calling a stable model unstable.
     """
     free = ~fit.at_bound
     shared = [k for k, p in enumerate(fit.parameters) if ":" not in p.name and free[k]]
@@ -97,12 +97,22 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
     places = {k: int(np.count_nonzero(free[:k])) for k in shared}
     alone = [_moved(fit.parameters[k].name, float(fit.x[k]), small, place) for k, place in places.items()]
     columns = np.concatenate([small.split(place) for place in places.values()], axis=1)
-    statistic, freedom, p_value = small.f_test(columns)
+    statistic, degrees_of_freedom, p_value = small.f_test(columns)
     ranked = tuple(sorted(alone, key=lambda one: (one.p_value, -one.statistic)))
-    p_most = min(1.0, len(ranked) * ranked[0].p_value)
-    chance = min(1.0, 2.0 * min(p_value, p_most))
-    text = _words(chance >= alpha, chance, ranked[0], len(problem.trials))
-    return Stability(statistic, freedom, p_value, ranked, p_most, chance, chance >= alpha, alpha, text)
+    p_value_of_first = min(1.0, len(ranked) * ranked[0].p_value)
+    p_value_combined = min(1.0, 2.0 * min(p_value, p_value_of_first))
+    text = _words(p_value_combined >= alpha, p_value_combined, ranked[0], len(problem.trials))
+    return Stability(
+        statistic,
+        degrees_of_freedom,
+        p_value,
+        ranked,
+        p_value_of_first,
+        p_value_combined,
+        p_value_combined >= alpha,
+        alpha,
+        text,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +158,7 @@ class _Reduced:
         total = max(float(weights.sum()), 1e-300)
         parts = [q @ part for q, part in zip(self.bases, np.split(basis, len(self.bases)), strict=True)]
         first = float(total**2 / max(float(weights @ weights), 1e-300))
-        second = max(float(self.found.freedom(parts, total=True)[0]), 1.0)
+        second = max(float(self.found.degrees_of_freedom(parts, total=True)[0]), 1.0)
         statistic = float(np.sum((basis.T @ self.residual) ** 2)) / total
         return statistic, (first, second), float(stats.f.sf(statistic, first, second))
 
@@ -187,7 +197,7 @@ def _span(columns: FloatArray) -> FloatArray:
 def _moved(name: str, value: float, small: _Reduced, place: int) -> Moved:
     """Return the test of one coefficient, and its estimates by trial, all others common: one Gauss-Newton step."""
     columns = small.split(place)
-    statistic, freedom, p_value = small.f_test(columns)
+    statistic, degrees_of_freedom, p_value = small.f_test(columns)
     others = _span(np.delete(small.common, place, axis=1))
     moving = np.linalg.norm(columns, axis=0) > 0.0
     own = columns[:, moving] - others @ (others.T @ columns[:, moving])
@@ -198,19 +208,19 @@ def _moved(name: str, value: float, small: _Reduced, place: int) -> Moved:
     return Moved(
         name=name,
         statistic=statistic,
-        freedom=freedom,
+        degrees_of_freedom=degrees_of_freedom,
         p_value=p_value,
         estimates=dict(zip(names, estimates.tolist(), strict=True)),
         errors=dict(zip(names, errors.tolist(), strict=True)),
     )
 
 
-def _words(stable: bool, chance: float, most: Moved, trials: int) -> str:
+def _words(stable: bool, p_value: float, most: Moved, trials: int) -> str:
     if stable:
-        return f"one set of coefficients serves all {trials} trials (p = {chance:.2g})"
+        return f"one set of coefficients serves all {trials} trials (p = {p_value:.2g})"
     ordered = sorted(most.estimates, key=most.estimates.__getitem__)
     ends = [f"{most.estimates[name]:.3g} +- {most.errors[name]:.2g} in {name}" for name in (ordered[0], ordered[-1])]
     return (
-        f"coefficients differ between trials (p = {chance:.2g}); most surely {most.name}: {ends[0]}, {ends[1]} "
+        f"coefficients differ between trials (p = {p_value:.2g}); most surely {most.name}: {ends[0]}, {ends[1]} "
         "(standard errors)"
     )

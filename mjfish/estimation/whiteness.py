@@ -43,7 +43,7 @@ class Autocorrelation:
         value: (m,) r_k.
         band: (m,) half width that 99 % of r_k lie in where the residual is white.
         statistic: Q / (1 + 2 m / n).
-        freedom: its degrees of freedom.
+        degrees_of_freedom: its degrees of freedom.
         p_value: chance of a larger Q.
     """
 
@@ -53,7 +53,7 @@ class Autocorrelation:
     value: FloatArray
     band: FloatArray
     statistic: float
-    freedom: float
+    degrees_of_freedom: float
     p_value: float
 
 
@@ -111,7 +111,9 @@ def _correlation(series: FloatArray, lags: int) -> tuple[FloatArray, FloatArray,
     return products / max(float(e @ e), 1e-300), np.maximum(pairs, 1) / (n * (n + 2.0)), n
 
 
-def _tested(trial: str, channel: str, value: FloatArray, variance: FloatArray, freedom: int, n: int) -> Autocorrelation:
+def _tested(
+    trial: str, channel: str, value: FloatArray, variance: FloatArray, degrees_of_freedom: int, n: int
+) -> Autocorrelation:
     wider = 1.0 + 2.0 * len(value) / max(n, 1)
     statistic = float(np.sum(value**2 / variance)) / wider
     return Autocorrelation(
@@ -121,6 +123,6 @@ def _tested(trial: str, channel: str, value: FloatArray, variance: FloatArray, f
         value=value,
         band=np.asarray(stats.norm.isf(BAND / 2.0) * np.sqrt(variance)),
         statistic=statistic,
-        freedom=freedom / wider,
-        p_value=float(stats.chi2.sf(statistic, freedom / wider)),
+        degrees_of_freedom=degrees_of_freedom / wider,
+        p_value=float(stats.chi2.sf(statistic, degrees_of_freedom / wider)),
     )

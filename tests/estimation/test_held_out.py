@@ -10,7 +10,7 @@ from planted_swimming import SIGMA, TRUTH, as_measured, problem, shifted, swimmi
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
-from mjfish.estimation import Score, fit, held_out_doubt, identify, predict_held_out
+from mjfish.estimation import Score, fit, held_out_covariance_root, identify, predict_held_out
 from mjfish.estimation.held_out import PREFIX
 from mjfish.estimation.settings import Settings
 from mjfish.fish import COEFFICIENTS, Fish
@@ -129,7 +129,7 @@ def test_the_doubt_about_a_prediction_is_that_of_the_fit(planted: Dataset, measu
     """D D' = J C J', J by differences; what a held-out trial fits for itself has no part in it."""
     fitted = problem(planted)
     found = fit(fitted, tolerance=1e-6)
-    doubt = held_out_doubt(fitted, found, (planted.trials[1],))
+    doubt = held_out_covariance_root(fitted, found, (planted.trials[1],))
     slopes = []
     for i, p in enumerate(found.parameters):
         sides = []
@@ -140,6 +140,6 @@ def test_the_doubt_about_a_prediction_is_that_of_the_fit(planted: Dataset, measu
         slopes.append((sides[0] - sides[1]) / (2e-4 * p.scale))
     j = np.stack(slopes, axis=1)
     np.testing.assert_allclose(doubt @ doubt.T, j @ found.covariance @ j.T, atol=1e-3 * float(np.max(doubt**2)))
-    own = held_out_doubt(problem(planted, free_clock=True), found, (measured,))
+    own = held_out_covariance_root(problem(planted, free_clock=True), found, (measured,))
     assert own.shape[1] == len(COEFFICIENTS)
     assert len(own) == predict_held_out(problem(planted, free_clock=True), TRUTH, (measured,)).whitened[0].size

@@ -49,7 +49,7 @@ def test_few_samples_widen_the_interval(shared: Draws) -> None:
     """Degrees of freedom are those of correlated samples: fewer than the samples, and Student's t knows."""
     one = shared.fit(shared.noise(0.8, np.random.default_rng(6)))
     found = intervals(shared.problem, one)
-    assert np.all((found.freedom > 10.0) & (found.freedom < 0.5 * len(one.residual)))
+    assert np.all((found.degrees_of_freedom > 10.0) & (found.degrees_of_freedom < 0.5 * len(one.residual)))
     inside = found.names.index("c_m.head")
     half = 0.5 * (found.high - found.low)[inside] / found.sigma[inside]
     assert 1.97 < half < 2.3

@@ -101,7 +101,7 @@ def test_white_noise_has_no_memory() -> None:
     own = np.sqrt(np.mean(block.residual**2, axis=0))
     expected = np.einsum("tci,c,tcj->ij", columns, own**2, columns)
     np.testing.assert_allclose(found.quadratic([columns]), expected, rtol=0.01, atol=0.01 * np.max(expected))
-    assert np.all(found.freedom([columns]) > 0.5 * n)
+    assert np.all(found.degrees_of_freedom([columns]) > 0.5 * n)
 
 
 def test_windows_are_in_seconds_and_of_each_rate_alone() -> None:

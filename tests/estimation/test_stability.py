@@ -61,7 +61,7 @@ def test_a_coefficient_that_differs_between_trials_is_named(unlike: Problem) -> 
     first = found.coefficients[0]
     assert found.stable is False
     assert found.p_value < 1e-4
-    assert found.p_most < 1e-6
+    assert found.p_value_of_first < 1e-6
     assert first.name == "c_d.tail"
     for name, factor in (("v1", 1.0), ("v3", 1.0), ("v5", 0.96)):
         assert abs(first.estimates[name] - factor * INSIDE["c_d.tail"]) < 4.0 * first.errors[name]
@@ -89,7 +89,7 @@ def test_trials_that_agree_are_said_to(shared: Draws) -> None:
     found = stability(shared.problem, shared.fit(shared.noise(0.0, np.random.default_rng(8))))
     assert found.stable is True
     assert found.text.startswith("one set of coefficients serves all 3 trials (p = ")
-    assert found.freedom[0] == pytest.approx(18.0, abs=1.0)
+    assert found.degrees_of_freedom[0] == pytest.approx(18.0, abs=1.0)
     assert {one.name for one in found.coefficients} == set(INSIDE)
 
 
@@ -124,4 +124,4 @@ def test_a_bound_and_what_belongs_to_a_trial_are_not_compared(pike: Fish) -> Non
     names = {c.name for c in found.coefficients}
     assert "c_d.head" not in names
     assert not any(":" in name for name in names)
-    assert 0.0 < found.freedom[0] <= len(names)
+    assert 0.0 < found.degrees_of_freedom[0] <= len(names)
