@@ -115,27 +115,27 @@ def test_the_same_seed_gives_the_same_answer_for_any_number_of_jobs(named: Diagn
 
 def test_the_json_keeps_its_contract(named: Diagnosis, tmp_path: Path) -> None:
     named.save(tmp_path / "diagnosis.json")
-    told = json.loads((tmp_path / "diagnosis.json").read_text())
-    assert told["schema"] == 2
-    assert told["verdict"] == "named"
-    cause = told["causes"][0]
+    saved = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert saved["schema"] == 2
+    assert saved["verdict"] == "named"
+    cause = saved["causes"][0]
     assert cause["name"] == "time_offset"
     offset = cause["parameters"]["offset"]
     assert offset["low"] < offset["estimate"] < offset["high"]
     assert offset["unit"] == "s"
-    assert next(c["name"] for c in told["candidates"]) == "time_offset"
-    assert {c["name"] for c in told["candidates"]} == set(QUICK)
-    assert all({"statistic", "p_value", "held_out_gain"} <= set(c) for c in told["candidates"])
-    assert {"channel", "trial", "part"} <= set(told["where"])
-    held = told["gain"]["held_out"]
+    assert next(c["name"] for c in saved["candidates"]) == "time_offset"
+    assert {c["name"] for c in saved["candidates"]} == set(QUICK)
+    assert all({"statistic", "p_value", "held_out_gain"} <= set(c) for c in saved["candidates"])
+    assert {"channel", "trial", "part"} <= set(saved["where"])
+    held = saved["gain"]["held_out"]
     assert set(held["nominal"]) == set(held["extended"]) == {*CHANNELS, "pooled"}
-    reduction = told["gain"]["relative_reduction"]
+    reduction = saved["gain"]["relative_reduction"]
     assert reduction["low"] < reduction["estimate"] < reduction["high"]
     for model in ("nominal", "extended"):
-        assert set(COEFFICIENTS) <= set(told["coefficients"][model])
-    assert told["rivals"] == []
-    assert told["status"] == "ok"
-    assert {"versions", "seed", "inputs"} <= set(told["provenance"])
+        assert set(COEFFICIENTS) <= set(saved["coefficients"][model])
+    assert saved["rivals"] == []
+    assert saved["status"] == "ok"
+    assert {"versions", "seed", "inputs"} <= set(saved["provenance"])
 
 
 def test_a_fit_that_has_not_converged_is_said(named: Diagnosis) -> None:
@@ -196,10 +196,10 @@ def test_provenance_tells_files_of_one_name_in_two_folders_apart(named: Diagnosi
 
 def test_provenance_knows_the_fish_and_the_causes_of_ones_own(named: Diagnosis) -> None:
     alone = provenance(named.dataset, tuple(catalogue().values()), 0)
-    told = provenance(named.dataset, tuple(catalogue([OWN]).values()), 0)
-    assert set(told["inputs"]) - set(alone["inputs"]) == {OWN.name}
+    saved = provenance(named.dataset, tuple(catalogue([OWN]).values()), 0)
+    assert set(saved["inputs"]) - set(alone["inputs"]) == {OWN.name}
     heavier = replace(named.dataset, fish=named.dataset.fish.model_copy(update={"name": "another"}))
-    assert provenance(heavier, (), 0)["fish"] != told["fish"]
+    assert provenance(heavier, (), 0)["fish"] != saved["fish"]
 
 
 def test_noise_is_estimated_where_none_is_stated(named: Diagnosis) -> None:
