@@ -24,8 +24,8 @@ COEFFICIENTS: tuple[str, ...] = tuple(f"{kind}.{group}" for kind in KINDS for gr
 # Limits beyond which no swimmer is, and within which nothing that is computed overflows.
 Positive = Annotated[float, Field(gt=0.0, le=1e9)]
 NotNegative = Annotated[float, Field(ge=0.0, le=1e9)]
-Length = Annotated[float, Field(ge=1e-6, le=1e3)]
-Station = Annotated[float, Field(ge=-1e3, le=1e3)]
+Length = Annotated[float, Field(ge=1e-6, le=1e4)]
+Station = Annotated[float, Field(ge=-1e4, le=1e4)]
 Mass = Annotated[float, Field(ge=1e-9, le=1e9)]
 Inertia = Annotated[float, Field(ge=1e-18, le=1e12)]
 Constant = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -34,8 +34,8 @@ Constant = Annotated[float, Field(ge=-1e6, le=1e6)]
 def _not_negative_pair(pair: tuple[float, float]) -> tuple[float, float]:
     if min(pair) < 0.0 or max(pair) <= 0.0:
         raise ValueError("both ends must be at least 0 and one above 0 m")
-    if max(pair) > 1e3:
-        raise ValueError(f"found {max(pair):g} m, expected at most 1000 m")
+    if max(pair) > 1e4:
+        raise ValueError(f"found {max(pair):g} m, expected at most 10000 m")
     return pair
 
 

@@ -111,7 +111,7 @@ BROKEN = {
     "mass zero": ([("mass = 0.171", "mass = 0.0")], "links.4.mass: must be at least 1e-09"),
     "length absurd": (
         [("length = 0.291", "length = 1e300")],
-        "length: must be at most 1000; correct it",
+        "length: must be at most 10000; correct it",
     ),
     "mass absurd": ([("mass = 0.171", "mass = 1e300")], "links.4.mass: must be at most 1e+09"),
     "mass of nothing": ([("mass = 0.171", "mass = 1e-300")], "links.4.mass: must be at least 1e-09"),

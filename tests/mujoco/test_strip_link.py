@@ -183,11 +183,11 @@ BAD_LINK: dict[str, tuple[dict[str, Any], str]] = {
     "negative volume": ({"volume": -1.0}, r"volume: must be at least 0; correct it \(found -1.0\)"),
     "length of galaxies": ({"length": 1e300}, r"length: must be at most 10000; correct it \(found 1e\+300\)"),
     "length of atoms": ({"length": 1e-10}, r"length: must be at least 1e-06; correct it \(found 1e-10\)"),
-    "huge height": ({"height": 1e300}, r"height is at most 1e\+300 m in the piece from 0 to 0.3 m; exp"),
+    "huge height": ({"height": 1e300}, r"height: found 1e\+300 m, expected at most 10000 m"),
     "tiny height": ({"height": [0.0, 1e-200]}, "height is at most 1e-200 m in the piece from 0 to 0.3 m; expe"),
     "huge sections": (
         {**_NO_EXTENTS, "sections": [{**_SECTION, "width": [0.1, 1e200]}]},
-        r"width is at most 1e\+200 m in the piece",
+        r"width: found 1e\+200 m, expected at most 10000 m",
     ),
     "huge station": ({"station": [0, 1e300]}, r"station.2: must be at most 10000; correct it"),
     "huge start": ({**_NO_EXTENTS, "sections": [_SECTION], "start": 1e300}, "start: must be at most 10000; correct it"),

@@ -157,7 +157,7 @@ def scaled_case(
         strength=found.strength,
         strength_all=_over_all(made, chosen, found),
         reached=found.reached,
-        confounded=found.confounded,
+        absorbed=found.absorbed,
         n=sum(3 * len(t.time) for t in dataset.trials if t.role == "fit"),
         noise={**dataclasses.asdict(made.noise), "sigma": list(made.noise.sigma)},
         stated=say,
