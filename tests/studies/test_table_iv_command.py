@@ -12,7 +12,7 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from mjfish.cli import console
+from studies import console
 from studies.table_iv import __main__ as command
 from studies.table_iv import study
 from studies.table_iv.reasons import UNIT, Reason, noise_parameters
