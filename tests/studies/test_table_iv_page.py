@@ -12,7 +12,7 @@ from click.testing import Result
 from doc_blocks import ROOT, blocks
 from typer.testing import CliRunner
 
-from mjfish.cli import console
+from studies import console
 from studies.table_iv.__main__ import app
 
 PAGE = ROOT / "docs" / "table-iv.md"
