@@ -309,7 +309,7 @@ def load_fish(name_or_path: str | Path, relative_to: Path | None = None) -> Fish
 
 
 def read(name_or_path: str | Path, relative_to: Path | None = None) -> tuple[Fish, object]:
-    """Load like `load` a fish that effects may extend; return these too, as they stand in its table ``effects``."""
+    """Load a fish that effects may extend like `load_fish`; return the table ``effects`` too, as it stands."""
     known = shipped()
     path = known.get(str(name_or_path), (relative_to or Path()) / name_or_path)
     if path.suffix != ".toml" and not path.exists():

@@ -1,4 +1,4 @@
-"""Cross-checks of the engines: against each other on a servo's motion, all of them on a prescribed one."""
+"""Simulated runs: one run of either engine, synthetic datasets, and the engines against each other."""
 
 from mjfish.simulation.engines import CASES, ENGINES, Case, Row, check_all
 from mjfish.simulation.realised import BOUND, CrossCheck, Level, check, cpg_of

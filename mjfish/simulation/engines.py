@@ -147,6 +147,7 @@ def check_all(
         InputError: the fish has no CPG, or a reference trajectory is missing.
     """
     extended = fish if isinstance(fish, Extended) else load(fish)
+    extended.check_mujoco()
     fish, loads = extended.fish, extended.loads
     cpg_of(fish)
     expected = {case.name: _read(reference, case) for case in cases}

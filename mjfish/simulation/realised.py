@@ -120,7 +120,7 @@ def check(
 
     Raises:
         UnknownNameError: no such fish, mode or coefficient; the known ones are listed.
-        InputError: the fish has no CPG.
+        InputError: the fish has no CPG, or an effect that MuJoCo cannot have.
 
     Example:
         >>> import mjfish
@@ -133,6 +133,7 @@ def check(
           step 0.5 ms: ... of the range
     """
     extended = fish if isinstance(fish, Extended) else load(fish)
+    extended.check_mujoco()
     body, loads = extended.fish, extended.loads
     law = cpg_of(body)
     segments = modes.drive(mode)

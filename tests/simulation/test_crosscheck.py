@@ -5,8 +5,11 @@ from __future__ import annotations
 import pytest
 
 from mjfish import simulation as crosscheck
+from mjfish.effects import find
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.model import Model
+from mjfish.model.extended import Extended
 
 
 @pytest.mark.parametrize("mode", ["v1", "v5-v1", "v3-t2"])
@@ -64,3 +67,10 @@ def test_run_that_diverges_is_a_status(pike: Fish) -> None:
 def test_fish_without_cpg_is_refused(pike: Fish) -> None:
     with pytest.raises(InputError, match="has no CPG"):
         crosscheck.check(pike.model_copy(update={"cpg": None}), "v1")
+
+
+def test_an_effect_that_mujoco_cannot_have_is_named(pike: Fish) -> None:
+    """Catches a refusal that speaks of a load and not of the cause."""
+    model = Model(pike, (find("wall_effect"),))
+    with pytest.raises(InputError, match="wall_effect: exists in the ODE only"):
+        crosscheck.check(Extended(model, {"wall_effect.size": 1.0}), "v1")
