@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from mjfish.estimation.identification import Assessment, Identification
-    from mjfish.estimation.profile import Profile
+    from mjfish.estimation.intervals import Profile
 
 
 def identify(
@@ -100,7 +100,7 @@ def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:
 
 
 def _profiles(result: Identification, names: list[str], tell: Any) -> list[Profile]:
-    from mjfish.estimation.profile import profile
+    from mjfish.estimation.intervals import profile
 
     if result.assessment is None or result.problem is None:
         return []
@@ -201,7 +201,7 @@ def _fits(assessment: Assessment) -> Table:
 
 
 def _words(result: Identification, profiles: Sequence[Profile]) -> Iterator[str]:
-    from mjfish.estimation.held_out import PREFIX
+    from mjfish.estimation.residual import PREFIX
 
     assessment = result.assessment
     if assessment is not None:

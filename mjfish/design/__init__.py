@@ -1,10 +1,10 @@
 """The next experiment: which run or calibration would tell rival causes apart, and how surely."""
 
 from mjfish.design.fitted_models import FittedModels, ModelEstimate, Question, load_diagnosis
+from mjfish.design.information import Separation, excluded, separations
 from mjfish.design.menu import Menu, Run
 from mjfish.design.next_run import write_next_run
 from mjfish.design.planning import Option, Pair, Plan, plan
-from mjfish.design.separation import Separation, excluded, separations
 
 __all__ = [
     "FittedModels",

@@ -1,17 +1,63 @@
-"""What data say of parameters, as sums over runs: each run more adds its own. And the minimum detectable effect."""
+"""What data, and a run more, say of parameters, of minimum detectable effects, and of two rival causes.
+
+**Separation.** Were rival k the truth, at its own fit, the best that rival l could do after a refit of everything it
+has leaves
+
+    lambda_{k|l} = min over x_l of |eta_k - eta_l(x_l)|^2,   eta whitened predictions of all runs,
+
+the noncentrality of the likelihood ratio of the two. By one Gauss-Newton step from the fit of l, with d = eta_k - eta_l
+and J_l the derivative of eta_l by all that a refit moves,
+
+    lambda_{k|l} = d'd - d'J_l (J_l'J_l)^+ J_l'd
+
+All of it is sums over runs: a run more adds its J_l'J_l, J_l'd and d'd. To first order in the effect it is
+psi_k' D_{k|l} psi_k of the score tests ([Eriksson2013]: distinguishability).
+
+**Gain of a run.** The margin of the data, m = SSE_l - SSE_k, is known. With the run, were k true,
+
+    m' - m = (d + u)' P_l (d + u) - u' P_k u,    d = eta_k - eta_l on the run,  u ~ N(0, T_k),
+    P = (1 + J C J')^-1,    T_k = 1 + J_k C_k J_k',    C = (J_0'J_0)^-1 of the data,
+
+where u is the noise and the error of the estimates of k ([Buzzi-Ferraris1984]: P_l weighs what a refit of l cannot
+follow). What is the run's own, its start, is free in both P and drops out of u. Therefore
+
+    E   = d'P_l d + tr((P_l - P_k) T_k)
+    Var = 4 d'P_l T_k P_l d + 2 tr(((P_l - P_k) T_k)^2)
+
+d is made of estimates: noise that the two fits do not share passes for a difference, of which d'P_l d is too large by
+
+    tr(P_l Cov(d)),    Cov(d) = J_k C_k J_k' + J_l C_l J_l' - J_k C_kl J_l' - J_l C_lk J_k',    C_kl = C_k J_0k'J_0l C_l
+
+on average, and that is taken off (down to nothing; of the variance, in the same proportion).
+
+**Probability of a verdict.** A verdict drops l once its likelihood is a tenth of that of k
+(`mjfish.diagnosis.select.CLOSE`); that noise would lead so far in less than 5 % of cases, were l the truth, is then so
+too: 2 z sqrt(lambda) - lambda, z = 1.645, is 2.7 at most. With a gain of mean g and standard deviation s,
+
+    P_k = Phi((m + g - 2 ln 10) / s)
+
+and the odds that k is the true one are exp(m / 2). Of data not yet taken, of parameters that are known and of large
+lambda (m = 0, g = lambda, s = 2 sqrt(lambda)) that tends to Phi(sqrt(lambda) / 2), which is
+Phi(sqrt(lambda_k (1 - rho) / 2)) of nearly parallel signatures, lambda = lambda_k (1 - rho^2).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
+from scipy import special, stats
 
 from mjfish.arrays import FloatArray
 from mjfish.design.fitted_models import ModelEstimate
 from mjfish.design.menu import Run
+from mjfish.diagnosis.select import CLOSE
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
+from mjfish.estimation.problem import elsewhere
 from mjfish.parameter import Parameter
 
 #: Eigenvalues below this share of the largest are rounding.
@@ -145,3 +191,197 @@ def _information(problem: Problem, here: dict[str, float], fixed: frozenset[str]
     """Return the information of every trial."""
     names = tuple(p.name for p in problem.parameters if p.name not in fixed)
     return [Information.of(names, block) for block in jacobians(problem, problem.start(here), names)]
+
+
+class Gain(NamedTuple):
+    """What a run adds to the margin of the true one of two rivals: its mean and standard deviation."""
+
+    mean: float
+    spread: float
+
+
+NO_GAIN = Gain(0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """Two rivals on the data and on every run of a menu.
+
+    Attributes:
+        rivals: their names (k, l).
+        margin: SSE_l - SSE_k on the data.
+        data: J = [J_k, J_l] and d = eta_k - eta_l, columns named by `mjfish.design.information.column`.
+        runs: the same of every run; None of a run in which a rival diverges.
+    """
+
+    rivals: tuple[str, str]
+    margin: float
+    data: Information
+    runs: tuple[Information | None, ...]
+
+    def noncentrality(self, run: int | None = None) -> float:
+        """Return the smaller one of lambda_{k|l} and lambda_{l|k}, of the data and of the data with a run more."""
+        return min(self.noncentrality_of(rival, run) for rival in self.rivals)
+
+    def noncentrality_of(self, truth: str, run: int | None = None) -> float:
+        """Return lambda where one of the rivals is the truth."""
+        return self._with(run).of_rival(self._other(truth)).unexplained
+
+    def gain(self, truth: str, run: int | None) -> Gain:
+        """Return what a run is expected to add to the margin where one of the rivals is the truth."""
+        added = None if run is None else self.runs[run]
+        return NO_GAIN if added is None else gain(self.data, added, truth, self._other(truth))
+
+    def probability(self, run: int | None = None) -> float:
+        """Return the probability of the right verdict, with the data as they are or with a run more."""
+        first, second = self.rivals
+        is_first = float(special.expit(0.5 * self.margin))
+        return is_first * self.probability_of(first, run) + (1.0 - is_first) * self.probability_of(second, run)
+
+    def probability_of(self, truth: str, run: int | None = None) -> float:
+        """Return the probability of the right verdict where one of the rivals is the truth."""
+        margin = self.margin if truth == self.rivals[0] else -self.margin
+        return verdict_probability(margin, self.gain(truth, run))
+
+    def _with(self, run: int | None) -> Information:
+        added = None if run is None else self.runs[run]
+        return self.data if added is None else self.data + added
+
+    def _other(self, rival: str) -> str:
+        return self.rivals[1] if rival == self.rivals[0] else self.rivals[0]
+
+
+def excluded(margin: float) -> bool:
+    """Return whether a verdict drops the rival l at the margin SSE_l - SSE_k."""
+    return margin >= CLOSE
+
+
+def verdict_probability(margin: float, gain: Gain) -> float:
+    """Return the probability P_k that the rival l is dropped where k is true.
+
+    Args:
+        margin: SSE_l - SSE_k of the data.
+        gain: of a run, where k is true; `NO_GAIN` without one.
+    """
+    return float(stats.norm.cdf((margin + gain.mean - CLOSE) / max(gain.spread, 1e-6)))
+
+
+def gain(data: Information, run: Information, k: str, l: str) -> Gain:  # noqa: E741 - the equation's
+    """Return what a run adds to SSE_l - SSE_k where k is true.
+
+    Args:
+        data, run: J = [J_k, J_l] and d of the pair.
+        k, l: names of the rivals.
+    """
+    columns, d = _coordinates(run)
+    one = np.eye(len(d))
+    p_k, p_l = (one - _followed(data + run, columns, rival) for rival in (k, l))
+    error_k, error_l = (_error(data.of_rival(rival), columns) for rival in (k, l))
+    t_k = one + _covariance(error_k, data)
+    raw = float(d @ p_l @ d)
+    by_noise = _covariance({**error_k, **{name: -e for name, e in error_l.items()}}, data)
+    seen = max(raw - float(np.trace(p_l @ by_noise)), 0.0)
+    turned = (p_l - p_k) @ t_k
+    variance = 4.0 * (seen / max(raw, 1e-300)) * float(d @ p_l @ t_k @ p_l @ d) + 2.0 * float(np.trace(turned @ turned))
+    return Gain(seen + float(np.trace(turned)), float(np.sqrt(max(variance, 0.0))))
+
+
+def _coordinates(run: Information) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Return the columns of J by name, and d, in an orthonormal basis (q,) of what they span."""
+    joint = np.block([[run.gram, run.moment[:, None]], [run.moment[None, :], np.array([[run.square]])]])
+    values, vectors = np.linalg.eigh(joint)
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    return dict(zip(run.names, root.T[:-1], strict=True)), root[:, -1]
+
+
+def _on_the_run(names: tuple[str, ...], columns: dict[str, FloatArray]) -> FloatArray:
+    """Return J (q, p) of the run; what is an old run's own moves nothing there."""
+    still = np.zeros(len(next(iter(columns.values()))))
+    return np.stack([columns.get(name, still) for name in names], axis=1)
+
+
+def _followed(total: Information, columns: dict[str, FloatArray], rival: str) -> FloatArray:
+    """Return 1 - P (q, q) of a rival: what a refit to all runs follows."""
+    own = total.of_rival(rival)
+    j = _on_the_run(own.names, columns)
+    return np.asarray(j @ solve(own.gram, j.T))
+
+
+def _error(own: Information, columns: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return J C (q,) by column of the data: how noise along it moves the prediction of the run."""
+    return dict(zip(own.names, solve(own.gram, _on_the_run(own.names, columns).T), strict=True))
+
+
+def _covariance(errors: Mapping[str, FloatArray], data: Information) -> FloatArray:
+    """Return the covariance (q, q) of the predictions that the noise of the data moves."""
+    at = [data.names.index(name) for name in errors]
+    moved = np.stack(list(errors.values()), axis=1)
+    return np.asarray(moved @ data.gram[np.ix_(at, at)] @ moved.T)
+
+
+@dataclass(frozen=True, eq=False)
+class _Linearised:
+    """A model, linearised at its estimates for all trials.
+
+    Attributes:
+        names: of the columns of the Jacobian.
+        residual: (n,) whitened, of the data.
+        jacobian: (n, p) of the whitened prediction of the data.
+        runs: by run of the menu, the whitened prediction (m,), and its Jacobian (m, q) with names.
+    """
+
+    names: tuple[str, ...]
+    residual: FloatArray
+    jacobian: FloatArray
+    runs: tuple[tuple[FloatArray, tuple[str, ...], FloatArray], ...]
+
+
+def separations(rivals: Sequence[ModelEstimate], runs: Sequence[Run]) -> tuple[Separation, ...]:
+    """Compare every pair of rivals at their estimates, on the data and on every run."""
+    return tuple(
+        Separation(
+            rivals=(k.name, l.name),
+            margin=float(of_l.residual @ of_l.residual - of_k.residual @ of_k.residual),
+            data=Information.of(
+                (*of_k.names, *of_l.names),
+                np.hstack([of_k.jacobian, of_l.jacobian]),
+                of_l.residual - of_k.residual,
+            ),
+            runs=tuple(
+                Information.of((*names_k, *names_l), np.hstack([j_k, j_l]), eta_k - eta_l)
+                if np.all(np.isfinite(eta_k - eta_l))
+                else None
+                for (eta_k, names_k, j_k), (eta_l, names_l, j_l) in zip(of_k.runs, of_l.runs, strict=True)
+            ),
+        )
+        for (k, of_k), (l, of_l) in combinations([(one, _linearised(one, runs)) for one in rivals], 2)  # noqa: E741
+    )
+
+
+def _linearised(one: ModelEstimate, runs: Sequence[Run]) -> _Linearised:
+    """Linearise a model at its estimates for all trials.
+
+    Estimates that were fitted to some of the trials only, as those of a diagnosis, are moved for the others by one
+    Gauss-Newton step, to first order: the sum of squares of the fitted ones is stationary there.
+    """
+    problem = one.problem
+    free = [p.name for p in problem.parameters if p.name not in one.at_bound]
+    blocks = jacobians(problem, one.x, free)
+    residual, jacobian = problem.residual(one.x), np.concatenate(blocks)
+    first = sum(len(block) for block in blocks[: one.fitted])
+    step = solve(jacobian.T @ jacobian, jacobian[first:].T @ residual[first:, None])[:, 0]
+    moved = dict(zip(free, step, strict=True))
+    menu = on_menu(problem, runs)
+    x = menu.start(problem.named(one.x))
+    felt = [p for p in menu.parameters if p.name in moved or ":" in p.name]
+    predictions, jacobians_ = menu.predictions(x), jacobians(menu, x, [p.name for p in felt])
+    parts = []
+    for i, (eta, slopes) in enumerate(zip(predictions, jacobians_, strict=True)):
+        own = [j for j, p in enumerate(felt) if not elsewhere(p, menu.trials[i])]
+        seen = eta[menu.mask(i)]
+        white = menu.whitened(i, seen).ravel() if np.all(np.isfinite(seen)) else np.full(len(slopes), np.nan)
+        shift = np.array([moved.get(felt[j].name, 0.0) for j in own])
+        names = tuple(column(one.name, felt[j].name) for j in own)
+        parts.append((white + slopes[:, own] @ shift, names, slopes[:, own]))
+    names = tuple(column(one.name, name) for name in free)
+    return _Linearised(names, residual - jacobian @ step, jacobian, tuple(parts))

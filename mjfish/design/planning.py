@@ -11,9 +11,8 @@ import numpy as np
 
 from mjfish.data import Dataset
 from mjfish.design.fitted_models import FittedModels, Question
-from mjfish.design.information import Detection, detection
+from mjfish.design.information import Detection, Separation, detection, separations
 from mjfish.design.menu import Menu, Run
-from mjfish.design.separation import Separation, separations
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.drive.cpg import DriveSegment
@@ -145,7 +144,7 @@ def plan(
 
     Two rivals k and l are apart by lambda, the squared norm of the whitened difference of their predictions that a
     refit of l does not remove. A run of the menu adds its own rows to both models, linearised at their estimates, and
-    lambda follows anew (`mjfish.design.separation`); runs are ranked by the gain of lambda of the hardest pair a
+    lambda follows anew (`mjfish.design.information`); runs are ranked by the gain of lambda of the hardest pair a
     second. Where causes are to be made visible, runs are ranked by how far they shrink the minimum detectable effect
     (`mjfish.design.detection`).
 

@@ -13,14 +13,13 @@ from threadpoolctl import threadpool_limits
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.diagnosis.combinations import find_combinations
 from mjfish.diagnosis.discrepancy import describe, fingerprint, locate, missing_force
-from mjfish.diagnosis.evidence import Evidence
+from mjfish.diagnosis.evidence import Evidence, p_value_of
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.diagnosis.implausible_noise import bursts, too_large
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.refit import Refit
 from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
-from mjfish.diagnosis.score_test import p_value_of
 from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.select import standings
 from mjfish.diagnosis.verdict import ALARM, Comparison, Decision, decide
@@ -29,8 +28,8 @@ from mjfish.errors import InputError
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Z95
-from mjfish.estimation.held_out import Score
 from mjfish.estimation.identification import check_enough, first_sigma
+from mjfish.estimation.residual import Score
 from mjfish.inspection import Inspection, inspect, inspect_fit
 from mjfish.model import Model
 

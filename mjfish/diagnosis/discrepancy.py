@@ -23,7 +23,7 @@ import numpy as np
 from scipy import optimize, stats
 
 from mjfish import frames
-from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.arrays import BoolArray, FloatArray, orthonormal, project_out, readonly
 from mjfish.compiled import inlined
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence, gather, whitened_omnibus
@@ -40,7 +40,6 @@ from mjfish.noise.autoregressive import grid
 from mjfish.noise.by_rate import by_step
 from mjfish.noise.process import ProcessNoise, process_noise
 from mjfish.parameter import Parameter
-from mjfish.projection import orthonormal, project_out
 
 #: Beats that count as start-up, and as transition after a change of the drive.
 _BEATS = 3.0

@@ -13,7 +13,7 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.refit import Refit
-from mjfish.estimation.held_out import Score, held_out_covariance_root, predict_held_out
+from mjfish.estimation.residual import Score, held_out_covariance_root, predict_held_out
 
 Key = TypeVar("Key", bound=Hashable)
 

@@ -10,10 +10,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnosis.evidence import Evidence
+from mjfish.diagnosis.evidence import Evidence, p_value_of
 from mjfish.diagnosis.integration_step import finer
 from mjfish.diagnosis.progress import Progress, silent
-from mjfish.diagnosis.score_test import p_value_of
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem, fit
 from mjfish.parameter import Parameter, bounds

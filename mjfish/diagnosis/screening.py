@@ -18,7 +18,7 @@ from mjfish.diagnosis.refit import Refit, refined, refit_nonsmooth, refits, sett
 from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
-from mjfish.estimation.multistart import hypercube
+from mjfish.estimation.fit import hypercube
 from mjfish.estimation.noise_of_fit import noise_of, saturated, smoothing_of
 from mjfish.estimation.smoothing import Differentiator
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise

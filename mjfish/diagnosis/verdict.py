@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from mjfish.diagnosis.evidence import p_value_of
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.refit import Refit
 from mjfish.diagnosis.result import Verdict
-from mjfish.diagnosis.score_test import p_value_of
 from mjfish.diagnosis.select import LEFT, RESEMBLES, Standing
 from mjfish.inspection import Finding
 

@@ -105,6 +105,11 @@ class Effect(ABC):
         del dataset
         return ""
 
+    def cannot_act(self, trial: Trial) -> str:
+        """Say why a simulated run cannot have this effect, whatever its size; empty where it can."""
+        del trial
+        return ""
+
     def constants(self, trial: Trial) -> tuple[float, ...]:
         """Return numbers of the trial that the load gets behind its parameters: where the walls are, say."""
         del trial
@@ -156,6 +161,15 @@ class Effect(ABC):
         return code in cls.resembles or (code in shown and cls.fingerprint.part == shown[code])
 
     @classmethod
+    def overrides(cls, hook: str) -> bool:
+        """Return whether the effect acts through this hook."""
+        return getattr(cls, hook) is not getattr(Effect, hook)
+
+    def own_values(self, values: Values) -> dict[str, float]:
+        """Return the effect's parameters by short names, from values by full names."""
+        return {p.short: values[p.name] for p in self.parameters}
+
+    @classmethod
     def is_null(cls, values: Values) -> bool:
         """Return whether every amplitude is at its null value, so that the effect does nothing."""
         return all(values[p.short] == p.default for p in cls.parameters if not p.shape)
@@ -197,5 +211,5 @@ def _complaints(cls: type[Effect]) -> Iterator[str]:
         yield "load must be compiled; write @mjfish.hydro.load.load above its function"
     if cls.load is not None and len(cls.parameters) > PARAMETERS:
         yield f"a load may have {PARAMETERS} parameters at most"
-    if cls.load is None and all(getattr(cls, hook) is getattr(Effect, hook) for hook in _HOOKS):
+    if cls.load is None and not any(cls.overrides(hook) for hook in _HOOKS):
         yield f"it does nothing; declare a load, or override one of {', '.join(_HOOKS)}"

@@ -55,8 +55,8 @@ class WallEffect(Effect):
 
     def not_applicable(self, dataset: Dataset) -> str:
         """The distance to a wall needs the tank and where in it each run began."""
-        if any(trial.tank is None for trial in dataset.trials):
-            return "the walls are not known: the dataset has no tank = {x = [lo, hi], y = [lo, hi]}"
+        if unknown := next(filter(None, map(self.cannot_act, dataset.trials)), ""):
+            return unknown
         lost = [t.name for t in dataset.trials if t.pose is None or not np.isfinite(t.pose[0]).all()]
         if lost:
             return f"the place in the tank was not measured (no x, y, yaw columns) in {', '.join(lost)}"
@@ -64,6 +64,10 @@ class WallEffect(Effect):
         if near > _NEAR * self.declaration("reach").high:
             return f"no run comes nearer to a wall than {near:.2g} m"
         return ""
+
+    def cannot_act(self, trial: Trial) -> str:
+        """The walls must be known."""
+        return "the walls are not known: the dataset has no tank = {x = [lo, hi], y = [lo, hi]}" * (trial.tank is None)
 
     def constants(self, trial: Trial) -> tuple[float, ...]:
         """Return the walls, x and then y; without a tank, walls that are nowhere near."""

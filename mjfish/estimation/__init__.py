@@ -2,10 +2,10 @@
 
 from mjfish.estimation.agreement import Part, parts_of_trial
 from mjfish.estimation.fit import Fit, fit
-from mjfish.estimation.held_out import PREFIX, Score, held_out_covariance_root, predict_held_out
 from mjfish.estimation.identification import Identification, identify
 from mjfish.estimation.optimiser_interface import residual_function
 from mjfish.estimation.problem import Problem
+from mjfish.estimation.residual import PREFIX, Score, held_out_covariance_root, predict_held_out
 from mjfish.estimation.settings import Settings
 from mjfish.estimation.table_iv import PAPER
 from mjfish.noise import Noise

@@ -14,13 +14,11 @@ import numpy as np
 from mjfish.arrays import FloatArray, robust_sigma
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.errors import InputError
-from mjfish.estimation.agreement import Agreement, agreement
+from mjfish.estimation.agreement import Agreement, Criteria, agreement, criteria
 from mjfish.estimation.clocks import aligned
-from mjfish.estimation.criteria import Criteria, criteria
-from mjfish.estimation.fit import Fit, fit
+from mjfish.estimation.fit import Fit, fit, multistart
 from mjfish.estimation.identifiability import Weakness, weaknesses
 from mjfish.estimation.intervals import Intervals, intervals
-from mjfish.estimation.multistart import multistart
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual, fitted, held_out
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests

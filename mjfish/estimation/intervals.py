@@ -1,4 +1,4 @@
-"""Intervals that hold when residuals are correlated in time: the sandwich, beside the plain ones.
+"""Intervals of estimates: plain, of correlated residuals (the sandwich), and by profile likelihood.
 
     plain     (J'J)^-1
     sandwich  (J'J)^-1 J' Omega J (J'J)^-1  =  A' Omega A,   A = J (J'J)^-1
@@ -6,19 +6,28 @@
 [White1982] with the residuals' own covariance Omega (`mjfish.estimation.serial_correlation`) in the middle. Estimates
 move by A' e: each variance is a quadratic form of the residual, and its degrees of freedom give the quantile of
 Student's t.
+
+The profile likelihood of a parameter says how much worse the best fit gets as that parameter is held elsewhere.
+
+    SSE_p(v) = min over the others of SSE with p = v;    interval: SSE_p(v) - SSE <= chi2_1(level) * scale
+
+With white noise of the stated size `scale` is 1. In general it is the squared inflation of the standard error of that
+parameter (`mjfish.estimation.intervals`): where the sum of squares is a parabola the profile then gives the
+sandwich's interval ([Kent1982] for one parameter), and where it is not, an interval that a parabola cannot give.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from scipy import stats
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.estimation.fit import Fit
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.estimation.fit import Fit, fit
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.serial_correlation import Block, Serial, blocks_of, by_trial, serial, stacked
 from mjfish.parameter import bounds
@@ -145,3 +154,203 @@ def _cut(fit: Fit, half: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return estimates less and plus `half`, cut at the bounds."""
     low, high = bounds(fit.parameters)
     return np.maximum(fit.x - half, low), np.minimum(fit.x + half, high)
+
+
+#: Of half the interval that a parabola has: the first step, and the longest share that a step may be of the next.
+_FIRST = 0.25
+_GROWTH = 1.5
+#: Refits on one side, at most.
+_POINTS = 16
+#: A refit this much below the fit, in units of the threshold, has found a better optimum.
+_BETTER = 0.01
+
+Side = Literal["crossed", "bound", "stopped"]
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Profile of one parameter.
+
+    Attributes:
+        name: of the parameter.
+        unit: of it.
+        estimate: of the fit.
+        sigma: its standard error: the rise of a parabola would be ((value - estimate) / sigma)^2.
+        values: (k,) at which it was held, ascending, the estimate among them.
+        rise: (k,) of the sum of squares above that of the fit, in units of `scale`: -2 log likelihood ratio.
+        others: estimates (k, p - 1) of the other free parameters, in the order of the fit.
+        scale: by which rises were divided.
+        level: of the interval.
+        threshold: of `rise`.
+        low: end of the interval, or the bound that was reached before.
+        high: likewise.
+        low_side: ``crossed``: the threshold was found; ``bound``: the bound was reached below it; ``stopped``: neither,
+            because refits diverged or were too many.
+        high_side: likewise.
+        status: ``ok``, ``open`` (a side that is not ``crossed``) or ``better_optimum`` (a refit found a lower sum of
+            squares: start the fit again from there).
+        better: parameters of that better optimum by name; empty where there is none.
+    """
+
+    name: str
+    unit: str
+    estimate: float
+    sigma: float
+    values: FloatArray
+    rise: FloatArray
+    others: FloatArray
+    scale: float
+    level: float
+    threshold: float
+    low: float
+    high: float
+    low_side: Side
+    high_side: Side
+    status: Literal["ok", "open", "better_optimum"]
+    better: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _Point:
+    """One refit."""
+
+    value: float
+    rise: float
+    others: FloatArray
+
+
+Refit = Callable[[Problem, FloatArray], Fit]
+
+
+def profile(
+    problem: Problem,
+    fitted: Fit,
+    name: str,
+    *,
+    level: float = 0.95,
+    known: Intervals | None = None,
+    refit: Refit = fit,
+) -> Profile:
+    """Profile a parameter: refit all others with it held at values stepping outwards until the threshold or a bound.
+
+    Args:
+        problem: that was fitted.
+        fitted: its fit, converged.
+        name: of a free parameter.
+        level: of the interval.
+        known: intervals of the fit, made here where they are not given.
+        refit: fits a problem from a start.
+
+    Raises:
+        UnknownNameError: no free parameter has that name.
+        InputError: the problem does not let it be held.
+    """
+    names = [p.name for p in fitted.parameters]
+    if name not in names:
+        raise UnknownNameError("free parameter", name, names)
+    index = names.index(name)
+    known = known or intervals(problem, fitted, level=level)
+    scale = float(known.inflation[index]) ** 2
+    threshold = float(stats.chi2.ppf(level, 1))
+    walk = _Walk(problem, fitted, index, scale, threshold, float(known.sigma[index]), refit)
+    start = _Point(float(fitted.x[index]), 0.0, np.delete(fitted.x, index))
+    down, low, low_side = walk.outwards(start, -1.0)
+    up, high, high_side = walk.outwards(start, 1.0)
+    points = [*down[::-1], start, *up]
+    best = min(points, key=lambda point: point.rise)
+    better = best.rise < -_BETTER * threshold
+    values = np.insert(best.others, index, best.value)
+    sides = {low_side, high_side}
+    return Profile(
+        name=name,
+        unit=fitted.parameters[index].unit,
+        estimate=start.value,
+        sigma=float(known.sigma[index]),
+        values=np.array([point.value for point in points]),
+        rise=np.array([point.rise for point in points]),
+        others=np.array([point.others for point in points]),
+        scale=scale,
+        level=level,
+        threshold=threshold,
+        low=low,
+        high=high,
+        low_side=low_side,
+        high_side=high_side,
+        status="better_optimum" if better else ("ok" if sides == {"crossed"} else "open"),
+        better=dict(zip(names, values.tolist(), strict=True)) if better else {},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Walk:
+    """What both sides share."""
+
+    problem: Problem
+    fitted: Fit
+    index: int
+    scale: float
+    threshold: float
+    sigma: float
+    refit: Refit
+
+    def outwards(self, start: _Point, sign: float) -> tuple[list[_Point], float, Side]:
+        """Return the points on one side, outwards, the end of the interval there and what it is."""
+        p = self.fitted.parameters[self.index]
+        bound = p.high if sign > 0.0 else p.low
+        step = min(_FIRST * self.sigma * np.sqrt(self.threshold), abs(bound - start.value))
+        points = [start]
+        while len(points) <= _POINTS:
+            if points[-1].value == bound:
+                return points[1:], bound, "bound"
+            value = points[-1].value + sign * step
+            value = min(value, bound) if sign > 0.0 else max(value, bound)
+            new = self._at(value, points)
+            if new is None:
+                return points[1:], points[-1].value, "stopped"
+            points.append(new)
+            if new.rise > self.threshold:
+                return points[1:], _crossing(points[-2], new, self.threshold), "crossed"
+            step = self._next(points)
+        return points[1:], points[-1].value, "stopped"
+
+    def _next(self, points: list[_Point]) -> float:
+        """Return the step that raises the root of the rise by `_FIRST` of its threshold, were it straight."""
+        before, last = points[-2:]
+        done = abs(last.value - before.value)
+        root = [np.sqrt(max(point.rise, 0.0) / self.threshold) for point in (before, last)]
+        return float(done * np.clip(_FIRST / max(root[1] - root[0], 1e-12), 1.0 / _GROWTH, _GROWTH))
+
+    def _at(self, value: float, points: list[_Point]) -> _Point | None:
+        """Refit the others, from where the last two points lead; None where the fit diverges."""
+        p = self.fitted.parameters[self.index]
+        held = replace(self.problem, fixed={**self.problem.fixed, p.name: value})
+        if p.name in {other.name for other in held.parameters}:
+            raise InputError(f"'{p.name}' cannot be held fixed in this problem; profile a parameter of the model")
+        others = points[-1].others + self._slope(points) * (value - points[-1].value)
+        low, high = (np.array([getattr(o, side) for o in held.parameters]) for side in ("low", "high"))
+        if len(others) == 0:
+            residual = held.residual(others)
+            return _Point(value, (float(residual @ residual) - self.fitted.sse) / self.scale, others)
+        one = self.refit(held, np.clip(others, low, high))
+        if one.status == "diverged":
+            return None
+        return _Point(value, (_objective(one) - _objective(self.fitted)) / self.scale, one.x)
+
+    def _slope(self, points: list[_Point]) -> FloatArray:
+        """Return how the others follow: the secant of the last two points; at the start the fit's covariance."""
+        if len(points) > 1 and points[-1].value != points[-2].value:
+            return np.asarray((points[-1].others - points[-2].others) / (points[-1].value - points[-2].value))
+        own = float(self.fitted.covariance[self.index, self.index])
+        return np.delete(self.fitted.covariance[self.index], self.index) / own if own > 0.0 else np.zeros(1)
+
+
+def _objective(one: Fit) -> float:
+    """Return what the fit minimised: the sum of squares, or its robust form."""
+    return one.sse if np.isnan(one.cost) else one.cost
+
+
+def _crossing(inside: _Point, outside: _Point, threshold: float) -> float:
+    """Return where the rise meets the threshold: its root is nearly straight in the value."""
+    root = [np.sqrt(max(point.rise, 0.0)) for point in (inside, outside)]
+    share = (np.sqrt(threshold) - root[0]) / max(root[1] - root[0], 1e-12)
+    return float(inside.value + share * (outside.value - inside.value))

@@ -22,7 +22,7 @@ import numpy as np
 from scipy import fft
 from scipy.interpolate import BSpline, make_interp_spline
 
-from mjfish.arrays import FloatArray, readonly
+from mjfish.arrays import FloatArray, blocks_of, orthonormal, project_out, readonly
 from mjfish.data import Trial
 from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.effects import Effect
@@ -46,7 +46,6 @@ from mjfish.noise.autoregressive import grid
 from mjfish.noise.differentiation import DEGREES, WINDOWS
 from mjfish.noise.selection import CONTRADICTED, excess
 from mjfish.ode.jacobians import input_jacobian, linear_response, state_jacobian
-from mjfish.projection import blocks_of, orthonormal, project_out
 
 #: Cosines that stand for white errors of a joint, for every degree of freedom of its spline: faster ones do not pass.
 _WAVES = 2.0

@@ -1,8 +1,12 @@
-"""Residuals of one trial with what is needed to judge them: which samples count, which are scored, where gaps are."""
+"""Residuals of single trials: which samples count, which are scored, where gaps are.
+
+A held-out trial is scored with everything frozen that was fitted elsewhere. What belongs to it alone (start velocity,
+free clock) is fitted on its first part, and that part is left out of the score: nothing that is scored was fitted to.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,8 +14,75 @@ from numpy.typing import NDArray
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Role, Trial
-from mjfish.estimation.held_out import predict_held_out
-from mjfish.estimation.problem import Problem
+from mjfish.estimation.fit import Fit, fit
+from mjfish.estimation.problem import Problem, nuisances
+
+#: Share of a held-out trial, as far as its samples count, on which its nuisance parameters are fitted, if it has any.
+PREFIX = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """Residuals of one model on the held-out trials.
+
+    Attributes:
+        residuals: (n_r, 3) per trial, scored samples only, physical units.
+        predictions: (n_r, 3) per trial, all samples.
+        whitened: the scored residuals in the metric of the noise, (3 n_r,) per trial.
+    """
+
+    residuals: tuple[FloatArray, ...]
+    predictions: tuple[FloatArray, ...]
+    whitened: tuple[FloatArray, ...]
+
+    @property
+    def whitened_sse(self) -> tuple[float, ...]:
+        """Sum of squares of `whitened`, per trial."""
+        return tuple(float(one @ one) for one in self.whitened)
+
+
+def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
+    """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""
+    residuals, predictions, whitened = [], [], []
+    for alone, x in _alone(fitted, values, trials):
+        residuals.append(alone.raw(x)[0])
+        predictions.append(alone.predictions(x)[0])
+        whitened.append(alone.residual(x))
+    return Score(tuple(residuals), tuple(predictions), tuple(whitened))
+
+
+def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, ...]) -> FloatArray:
+    """Return whitened columns D (n, k) of the scored samples of all trials; D D' is the covariance of the prediction.
+
+    D = J C^(1/2), with J the derivative by the model's free parameters and C their covariance where they were fitted.
+    """
+    shared = [p.name for p in fitted.parameters if p.name in {one.name for one in fitted.model.parameters}]
+    rows = [i for i, p in enumerate(found.parameters) if p.name in shared]
+    values, vectors = np.linalg.eigh(found.covariance[np.ix_(rows, rows)])
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    slopes = []
+    for alone, x in _alone(fitted, found.values, trials):
+        free = replace(alone, fixed=fitted.fixed)
+        slopes.append(free.whiten(free.sensitivities(free.start({**alone.named(x), **found.values}), shared)))
+    return np.asarray(np.concatenate(slopes) @ root)
+
+
+def _alone(
+    fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]
+) -> Iterator[tuple[Problem, FloatArray]]:
+    """Yield the problem of every trial whose residuals are the scored ones, and the estimates of its own parameters."""
+    everything = {**fitted.fixed, **values}
+    shared = {p.name: everything[p.name] for p in fitted.model.parameters}
+    for trial in trials:
+        own = nuisances(trial, fitted.free_clock)
+        alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
+        x = alone.start()
+        if own:
+            counted = trial.time[alone.mask(0)]
+            split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))
+            x = fit(replace(alone, windows=((-np.inf, split),)), x).x
+            alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
+        yield alone, x
 
 
 @dataclass(frozen=True, eq=False)

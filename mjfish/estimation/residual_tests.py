@@ -1,21 +1,499 @@
-"""Residual analysis in one call: whiteness, and independence of the input, with one p value for each question."""
+"""Residual analysis: whiteness, and independence of the input, with one p value for each question.
+
+**Whiteness.** Ljung-Box per trial and channel, and per channel over all trials.
+
+    r_k = sum_t e_t e_{t+k} / sum_t e_t^2
+    Q   = sum_{k=1..m} r_k^2 / var r_k,     var r_k = n_k / (n (n + 2))
+
+with n samples, n_k pairs at lag k (n - k without gaps: [LjungBox1978]); under white e, Q is about chi-squared with
+m - p degrees of freedom, p the order of an autoregressive noise model that was fitted to the same residuals. Its
+variance is larger than that of chi-squared, by 1 + 2 m / n (measured: 1.33, 1.16, 1.10, 1.01 at m = 25 and n = 150,
+320, 521, 5210, 20000 draws), which is taken into account by matching both moments. The nine coefficients cost no
+freedom: they shift r_k by less than their number over the number of samples. Over trials, r_k is the mean weighted by
+samples, so that a trial with larger noise does not rule. The mean is not taken out: an offset is a misfit too.
+
+**Independence.** Cross-correlation with the joint command, with the variance it really has. The input u is the command
+of the last joint that moves, or its square: the first turns with the beat, the second twice a beat about a mean, as
+sway and surge do. The covariance of the residual e with u at lag tau, r(tau) = sum_t e_t u(t - tau), has, if they are
+independent, the variance
+
+    var r(tau) = sum_{t,s} u(t - tau) R_e(t - s) u(s - tau) = N sum_k R_e(k) R_u(k)        [Ljung1999], eq. (16.70)
+
+The input is periodic: R_u does not decay, and neither do the correlations between the r(tau) at different lags. So
+
+- the sum is done in full, as sigma^2 |A^-T u|^2 with A the autoregressive noise model of the residual, which is
+  estimated after everything in the span of the lagged inputs is taken out (`background`): a line of the input in the
+  residual would else pass for noise and hide itself;
+- what the fit has taken is taken out of u, too: with J the sensitivities and W the weights, the residual of noise v is
+  e = (I - J (J'W J)^-1 J'W) v, so that e'u = v'u~ with u~ = u - W J (J'W J)^-1 J'u. Sensitivities are locked to the
+  beat as well: without this, the test of a fitted residual would speak too seldom;
+- the p value is of all lags jointly: in an orthonormal basis of the lagged inputs (two directions for each frequency
+  of the drive), the quadratic form of the inverse covariance, over its degrees of freedom F-distributed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy import linalg, signal, stats
 
+from mjfish.arrays import BoolArray, FloatArray
 from mjfish.errors import InputError
 from mjfish.estimation.fit import Fit
-from mjfish.estimation.independence import Absorbed, CrossCorrelation, absorbed, independence
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual, fitted
-from mjfish.estimation.whiteness import ALL, LAGS, Autocorrelation, whiteness
 from mjfish.fish import Cpg
-from mjfish.noise import Noise
+from mjfish.frames import CHANNELS
+from mjfish.model import asked_motion
+from mjfish.noise import Autoregressive, Noise
+from mjfish.noise.autoregressive import by_order, highest_order, lagged_products
+from mjfish.ode.rollout import STEP
+
+#: Lags that are tested by default, and what a band leaves out.
+LAGS = 25
+BAND = 0.01
+#: Name of the row over all trials.
+ALL = "all"
+
+
+@dataclass(frozen=True, eq=False)
+class Autocorrelation:
+    """Autocorrelation of the residual of one channel.
+
+    Attributes:
+        trial: its name, or ``all``.
+        channel: ``surge``, ``sway`` or ``yaw_rate``.
+        lag: (m,) in samples, from 1 on.
+        value: (m,) r_k.
+        band: (m,) half width that 99 % of r_k lie in where the residual is white.
+        statistic: Q / (1 + 2 m / n).
+        degrees_of_freedom: its degrees of freedom.
+        p_value: chance of a larger Q.
+    """
+
+    trial: str
+    channel: str
+    lag: FloatArray
+    value: FloatArray
+    band: FloatArray
+    statistic: float
+    degrees_of_freedom: float
+    p_value: float
+
+
+def whiteness(
+    residuals: Sequence[Residual], noise: Noise, *, lags: int = LAGS, spent: int | None = None
+) -> tuple[Autocorrelation, ...]:
+    """Test the residuals of every trial and channel, then of every channel over all trials.
+
+    Args:
+        residuals: of the trials.
+        noise: what they are said to be; of autoregressive noise, the innovations are tested.
+        lags: m; fewer where the shortest trial has less than four samples a lag.
+        spent: degrees of freedom that the noise model took; None: its order.
+
+    Raises:
+        InputError: no lag can be tested.
+    """
+    taken = noise.order if spent is None else spent
+    white = [_standardised(residual, noise) for residual in residuals]
+    m = min([lags, *(int(np.isfinite(block).sum(axis=0).min()) // 4 for block in white)])
+    if m - taken < 1:
+        raise InputError(
+            f"whiteness: {m} lags can be tested and the noise model took {taken}; expected more lags than that; "
+            "record longer trials or ask for more lags"
+        )
+    found = []
+    for channel, name in enumerate(CHANNELS):
+        values, variances, weights = [], [], []
+        for residual, block in zip(residuals, white, strict=True):
+            value, variance, n = _correlation(block[:, channel], m)
+            found.append(_tested(residual.trial.name, name, value, variance, m - taken, n))
+            values.append(value)
+            variances.append(variance)
+            weights.append(n)
+        share = np.array(weights)[:, None] / max(sum(weights), 1)
+        pooled = (np.sum(share * values, axis=0), np.sum(share**2 * variances, axis=0))
+        found.append(_tested(ALL, name, *pooled, m - taken, sum(weights)))
+    return tuple(found)
+
+
+def _standardised(residual: Residual, noise: Noise) -> FloatArray:
+    """Return innovations of unit variance (m, 3) on the grid, NaN in gaps; empty after a divergence."""
+    if residual.diverged:
+        return np.full((1, 3), np.nan)
+    values, variance = Autoregressive(noise.sigma, noise.phi).innovations(residual.on_grid(residual.values))
+    return np.asarray(values / np.sqrt(variance))
+
+
+def _correlation(series: FloatArray, lags: int) -> tuple[FloatArray, FloatArray, int]:
+    """Return r_k, var r_k for k = 1..lags, and the number of samples, of a series with gaps."""
+    there = np.isfinite(series)
+    e, n = np.where(there, series, 0.0), int(there.sum())
+    pairs = np.array([np.count_nonzero(there[k:] & there[:-k]) for k in range(1, lags + 1)])
+    products = np.array([e[k:] @ e[:-k] for k in range(1, lags + 1)])
+    return products / max(float(e @ e), 1e-300), np.maximum(pairs, 1) / (n * (n + 2.0)), n
+
+
+def _tested(
+    trial: str, channel: str, value: FloatArray, variance: FloatArray, degrees_of_freedom: int, n: int
+) -> Autocorrelation:
+    wider = 1.0 + 2.0 * len(value) / max(n, 1)
+    statistic = float(np.sum(value**2 / variance)) / wider
+    return Autocorrelation(
+        trial=trial,
+        channel=channel,
+        lag=np.arange(1.0, len(value) + 1.0),
+        value=value,
+        band=np.asarray(stats.norm.isf(BAND / 2.0) * np.sqrt(variance)),
+        statistic=statistic,
+        degrees_of_freedom=degrees_of_freedom / wider,
+        p_value=float(stats.chi2.sf(statistic, degrees_of_freedom / wider)),
+    )
+
+
+#: Inputs by name, from the angle of the last joint that moves [rad].
+INPUTS: dict[str, Callable[[FloatArray], FloatArray]] = {"beat": lambda angle: angle, "double_beat": np.square}
+#: Lags of the residual behind the input [s]: both signs, for a clock may be ahead.
+LAG = np.linspace(-0.5, 0.5, 51)
+#: Directions below these shares of the largest singular value: not tested; not even in the bands.
+_MAIN, _ALL = 0.1, 0.01
+#: Directions of which the fit has left less than this share of their variance are not tested.
+_LEFT = 0.05
+#: Rounds until model and notch agree: the notch is a small part, every round gains a digit or more.
+_ROUNDS = 4
+#: Samples before the first over which a noise model is continued: its memory.
+_MEMORY = 400
+#: Directions in parameter space that the data move less than this, relative to the strongest, take nothing out.
+_FLOOR = 1e-9
+#: Columns that are whitened at a time.
+_UNIT_COLUMNS = 300
+
+
+@dataclass(frozen=True, eq=False)
+class CrossCorrelation:
+    """Cross-correlation of the residual of one channel with one input.
+
+    Attributes:
+        trial: its name, or ``all``: the values are then of the sum over trials, and the p value is of all trials
+            jointly, each with a response of its own.
+        channel: ``surge``, ``sway`` or ``yaw_rate``.
+        input: ``beat`` or ``double_beat``.
+        lag: (l,) of the residual behind the input [s].
+        value: (l,) correlation coefficient.
+        band: (l,) half width that 99 % of the values lie in where residual and input are independent.
+        statistic: of all lags jointly.
+        degrees_of_freedom: number of directions.
+        p_value: of the statistic; NaN where the fit has taken every direction, or no joint moves.
+    """
+
+    trial: str
+    channel: str
+    input: str
+    lag: FloatArray
+    value: FloatArray
+    band: FloatArray
+    statistic: float
+    degrees_of_freedom: int
+    p_value: float
+
+
+def independence(
+    residuals: Sequence[Residual], cpg: Cpg | None, absorbed: Absorbed | None = None
+) -> tuple[CrossCorrelation, ...]:
+    """Test the residuals of every channel against every input, per trial and over all trials.
+
+    Args:
+        residuals: of trials that did not diverge.
+        cpg: of the fish.
+        absorbed: what the fit has taken out of the residuals; None: they were not fitted. Residuals of held-out
+            trials also carry the error of the estimates, which is not allowed for: it must be small beside the noise.
+    """
+    designs = {name: [lagged(cpg, residual, name) for residual in residuals] for name in INPUTS}
+    noises = _background(residuals, designs, absorbed)
+    left = [_complete(residual) for residual in residuals]
+    found = []
+    for channel in range(len(CHANNELS)):
+        for name in INPUTS:
+            found += _of(channel, name, residuals, left, designs[name], noises, absorbed)
+    return tuple(found)
+
+
+def _complete(residual: Residual) -> FloatArray:
+    """Return residuals (n, 3), zero where any channel is missing or the sample does not count."""
+    return np.where(np.all(np.isfinite(residual.values), axis=1)[:, None], residual.values, 0.0)
+
+
+def _background(
+    residuals: Sequence[Residual], designs: dict[str, list[Lagged]], absorbed: Absorbed | None
+) -> list[Autoregressive]:
+    """Estimate the noise beside the lines of the inputs, one model for all trials of a sampling rate."""
+    grids, bases = [], []
+    for r, residual in enumerate(residuals):
+        main = [designs[name][r].basis[:, : designs[name][r].main] for name in INPUTS]
+        joined = np.concatenate(main, axis=1)
+        bases.append(np.nan_to_num(residual.on_grid(linalg.orth(joined) if joined.shape[1] else joined)))
+        grids.append(residual.on_grid(residual.values))
+    lost = 0.0 if absorbed is None else absorbed.map.shape[1] / (len(CHANNELS) * len(residuals))
+    rates = [tuple(bool(np.isclose(a.trial.step, b.trial.step, rtol=0.01)) for b in residuals) for a in residuals]
+    found: dict[tuple[bool, ...], Autoregressive] = {}
+    for alike in rates:
+        if alike not in found:
+            members = np.flatnonzero(alike)
+            own = [grids[k] for k in members], [bases[k] for k in members]
+            found[alike] = background(*own, lost * len(members))
+    return [found[alike] for alike in rates]
+
+
+def _of(
+    channel: int,
+    name: str,
+    residuals: Sequence[Residual],
+    left: list[FloatArray],
+    designs: list[Lagged],
+    noises: list[Autoregressive],
+    absorbed: Absorbed | None,
+) -> list[CrossCorrelation]:
+    """Return the tests of one channel against one input: of every trial, then of all."""
+    columns = _columns(channel, left, designs)
+    still = columns[0].shape[2] == 0
+    clear = columns if absorbed is None or still else absorbed.clear(columns)
+    sums = _Sums(
+        score=np.sum([np.einsum("ncd,nc->d", block, e) for block, e in zip(clear, left, strict=True)], axis=0),
+        before=_covariance(columns, residuals, noises),
+        after=_covariance(clear, residuals, noises),
+        energy=np.array([float(e[:, channel] @ e[:, channel]) for e in left]),
+        samples=sum(int(np.count_nonzero(e[:, channel])) for e in left),
+    )
+    every = range(len(residuals))
+    named = [(residuals[k].trial.name, [k]) for k in every] + [(ALL, list(every))]
+    return [_test(trial, CHANNELS[channel], name, members, designs, sums) for trial, members in named]
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Products of the basis of all trials with the residual, and their covariance before and after the fit."""
+
+    score: FloatArray
+    before: FloatArray
+    after: FloatArray
+    energy: FloatArray
+    samples: int
+
+
+def _test(
+    trial: str, channel: str, name: str, members: list[int], designs: list[Lagged], sums: _Sums
+) -> CrossCorrelation:
+    """Return the test of some trials jointly, and the correlation of their sum."""
+    first = np.cumsum([0, *(design.basis.shape[1] for design in designs)])
+    every = np.concatenate([np.arange(first[k], first[k + 1]) for k in members])
+    main = np.concatenate([np.arange(first[k], first[k] + designs[k].main) for k in members])
+    loading = np.concatenate([designs[k].loading for k in members])
+    variance = np.einsum("il,ij,jl->l", loading, sums.after[np.ix_(every, every)], loading)
+    power = np.sum([designs[k].power for k in members], axis=0) * np.sum(sums.energy[members])
+    scale = 1.0 / np.sqrt(np.maximum(power, 1e-300))
+    statistic, degrees_of_freedom = _quadratic(
+        sums.score[main], sums.before[np.ix_(main, main)], sums.after[np.ix_(main, main)]
+    )
+    spare = max(sums.samples - len(sums.score), 1)
+    return CrossCorrelation(
+        trial=trial,
+        channel=channel,
+        input=name,
+        lag=designs[0].lag,
+        value=loading.T @ sums.score[every] * scale,
+        band=np.asarray(stats.norm.isf(BAND / 2.0) * np.sqrt(np.maximum(variance, 0.0)) * scale),
+        statistic=statistic,
+        degrees_of_freedom=degrees_of_freedom,
+        p_value=float(stats.f.sf(statistic / degrees_of_freedom, degrees_of_freedom, spare))
+        if degrees_of_freedom
+        else np.nan,
+    )
+
+
+def _columns(channel: int, left: list[FloatArray], designs: list[Lagged]) -> list[FloatArray]:
+    """Return the bases of all trials as columns (n_r, 3, d) a trial, each zero outside its trial and the channel."""
+    total = sum(design.basis.shape[1] for design in designs)
+    blocks, first = [], 0
+    for e, design in zip(left, designs, strict=True):
+        block = np.zeros((*e.shape, total))
+        block[:, channel, first : first + design.basis.shape[1]] = design.basis
+        blocks.append(block)
+        first += design.basis.shape[1]
+    return blocks
+
+
+def _covariance(columns: list[FloatArray], residuals: Sequence[Residual], noises: list[Autoregressive]) -> FloatArray:
+    """Return the covariance (d, d) of the columns' products with the noise: sigma^2 (A^-T u)' (A^-T u), summed."""
+    total = np.zeros((columns[0].shape[2],) * 2)
+    for block, residual, noise in zip(columns, residuals, noises, strict=True):
+        grid = np.nan_to_num(residual.on_grid(block))
+        for channel in range(len(CHANNELS)):
+            shaped = coloured(noise, channel, grid[:, channel])
+            total += shaped.T @ shaped
+    return total
+
+
+def _quadratic(score: FloatArray, before: FloatArray, after: FloatArray) -> tuple[float, int]:
+    """Return score' after^+ score and its rank, without directions that the fit has taken."""
+    if not len(score):
+        return 0.0, 0
+    shares, directions = linalg.eigh(after, before)
+    kept = shares > _LEFT
+    along = directions[:, kept].T @ score
+    return float(np.sum(along**2 / shares[kept])), int(np.count_nonzero(kept))
+
+
+@dataclass(frozen=True, eq=False)
+class Lagged:
+    """An input at all lags, U = basis loading (n, l).
+
+    Attributes:
+        lag: (l,) [s].
+        basis: (n, d) orthonormal, strongest direction first; zero where no sample counts.
+        loading: (d, l).
+        main: number of directions that matter.
+        power: (l,) sum of squares of the input over the samples that count.
+    """
+
+    lag: FloatArray
+    basis: FloatArray
+    loading: FloatArray
+    main: int
+    power: FloatArray
+
+
+def lagged(cpg: Cpg | None, residual: Residual, name: str) -> Lagged:
+    """Return an input of a trial at all lags; before the start and after the end its value there goes on.
+
+    The input is zero, without a direction, where no joint moves.
+    """
+    motion = asked_motion(cpg, residual.trial, STEP)
+    there = np.all(np.isfinite(residual.values), axis=1)
+    when = np.clip(residual.trial.time[:, None] - LAG, motion.time[0], motion.time[-1])
+    angles = motion.angle_at(when.ravel())
+    moving = np.flatnonzero(np.ptp(angles, axis=0) > 0.0)
+    angle = angles[:, moving[-1] if len(moving) else -1].reshape(when.shape)
+    angle = angle if len(moving) else np.zeros(when.shape)
+    values = INPUTS[name](angle) * there[:, None]
+    left, singular, right = np.linalg.svd(values, full_matrices=False)
+    kept = (singular > _ALL * singular[0]) & (singular > 0.0)
+    return Lagged(
+        lag=LAG,
+        basis=left[:, kept],
+        loading=singular[kept, None] * right[kept],
+        main=int(np.count_nonzero(singular[kept] > _MAIN * singular[0])),
+        power=np.asarray(np.sum(values**2, axis=0)),
+    )
+
+
+def background(residuals: Sequence[FloatArray], bases: Sequence[FloatArray], lost: float = 0.0) -> Autoregressive:
+    """Estimate the noise of trials of one sampling rate, beside the span of a basis in each.
+
+    Regressing residuals on a basis B takes the lines out, but also the noise that was there; a notch is left. Its noise
+    is put back as the model expects it, and model and notch are brought to agree: with P = I - B B', the
+    autocovariances are those of
+
+        E[v v' | P v] = P v v' P + B (B' S B) B',     S the covariance of the model so far
+
+    (an EM step that drops what P v says of B'v, [Dempster1977]). The Yule-Walker equations then give the next model.
+
+    Args:
+        residuals: (m, 3) a trial, on a grid of equal intervals, NaN in gaps.
+        bases: (m, d) orthonormal, zero in the gaps.
+        lost: further degrees of freedom a channel that a fit took.
+    """
+    total = sum(int(np.all(np.isfinite(block), axis=1).sum()) for block in residuals)
+    highest = highest_order([len(block) for block in residuals])
+    cleared = [
+        (e := np.nan_to_num(block)) - basis @ (basis.T @ e) for block, basis in zip(residuals, bases, strict=True)
+    ]
+    noise = Noise.white(np.sqrt(lagged_products(cleared, 0)[:, 0] / total) + 1e-150)
+    for _ in range(_ROUNDS):
+        products = lagged_products(cleared, highest)
+        for c in range(3):
+            products[c] += sum(_expected(noise, c, basis, highest) for basis in bases)
+        noise = by_order(products / max(total - lost, 0.1 * total), total)
+    return noise
+
+
+def coloured(noise: Autoregressive, channel: int, columns: FloatArray) -> FloatArray:
+    """Return sigma A^-T u of columns u (m, d): the noise filter backwards in time, on past the first sample.
+
+    The product of two of them is u' S u, S the covariance of the noise.
+    """
+    if noise.order == 0:
+        return np.asarray(noise.sigma[channel] * columns)
+    longer = np.concatenate([np.zeros((_MEMORY, columns.shape[1])), columns])
+    denominator = np.concatenate([[1.0], -noise.phi[channel]])
+    return np.asarray(signal.lfilter([noise.sigma[channel]], denominator, longer[::-1], axis=0))
+
+
+def _expected(noise: Autoregressive, channel: int, basis: FloatArray, highest: int) -> FloatArray:
+    """Return the lagged products (highest + 1,) that the noise has in the span of a basis."""
+    shaped = coloured(noise, channel, basis)
+    spread = basis @ (shaped.T @ shaped)
+    return np.array([np.sum(spread[k:] * basis[: len(basis) - k]) for k in range(highest + 1)])
+
+
+@dataclass(frozen=True, eq=False)
+class Absorbed:
+    """What a fit takes out of the noise: the residual is orthogonal to the sensitivities, in the metric of the weights.
+
+    With prediction yhat = J x near the estimate, whitening filter F and weights W = F'F, the residual of noise v is
+
+        e = (I - J (J'W J)^+ J'W) v,      so      u'e = (u - W J (J'W J)^+ J'u)' v
+
+    Attributes:
+        masks: (n_r,) samples of every trial that the fit looked at.
+        slopes: (n_r', 3, p) J of every trial, at those samples, scaled.
+        weighed: (n_r', 3, k) of every trial, F' U with U an orthonormal basis of F J.
+        map: (p, k): F J map = U.
+    """
+
+    masks: tuple[BoolArray, ...]
+    slopes: tuple[FloatArray, ...]
+    weighed: tuple[FloatArray, ...]
+    map: FloatArray
+
+    def clear(self, columns: list[FloatArray]) -> list[FloatArray]:
+        """Return u - W J (J'W J)^+ J'u of columns u, given as blocks (n_r, 3, d), one a trial."""
+        inside = [block[mask] for block, mask in zip(columns, self.masks, strict=True)]
+        taken = self.map.T @ sum(np.einsum("ncp,ncd->pd", j, u) for j, u in zip(self.slopes, inside, strict=True))
+        result = [block.copy() for block in columns]
+        for cleared, mask, weighed in zip(result, self.masks, self.weighed, strict=True):
+            cleared[mask] -= weighed @ taken
+        return result
+
+
+def absorbed(problem: Problem, fit: Fit) -> Absorbed:
+    """Return what `fit` took out of the residuals of `problem`: directions of parameters off their bounds."""
+    free = np.flatnonzero(~fit.at_bound)
+    slopes = [block[:, :, free] for block in problem.sensitivities(fit.x)]
+    size = np.sqrt(np.maximum(np.sum(problem.whiten(slopes) ** 2, axis=0), 1e-300))
+    slopes = [block / size for block in slopes]
+    left, singular, right = np.linalg.svd(problem.whiten(slopes), full_matrices=False)
+    kept = singular > _FLOOR * singular.max(initial=0.0)
+    shape = (sum(map(len, slopes)), len(CHANNELS), int(np.count_nonzero(kept)))
+    parts = np.split(left[:, kept].reshape(shape), np.cumsum([len(block) for block in slopes])[:-1])
+    weighed = tuple(_whitening_transposed(problem, i, part) for i, part in enumerate(parts))
+    masks = tuple(problem.mask(i) for i in range(len(problem.trials)))
+    return Absorbed(masks, tuple(slopes), weighed, right[kept].T / singular[kept])
+
+
+def _whitening_transposed(problem: Problem, index: int, block: FloatArray) -> FloatArray:
+    """Return F' u of columns u (n, 3, k) of one trial, F the whitening of its counted samples."""
+    if block.size == 0 or (isinstance(problem.noise, Autoregressive) and problem.noise.order == 0):
+        return np.asarray(block / problem.noise.sigma[:, None])
+    rows, result = block.size // block.shape[2], []
+    for first in range(0, rows, _UNIT_COLUMNS):  # row by row of F', which is the whitening of unit columns
+        unit = np.eye(rows, min(_UNIT_COLUMNS, rows - first), -first).reshape(*block.shape[:2], -1)
+        result.append(np.einsum("nck,ncd->kd", problem.whitened(index, unit), block))
+    return np.concatenate(result).reshape(block.shape)
+
 
 Status = Literal["passed", "coloured", "dependent", "untested"]
 #: A residual whose p value is below this fails.
@@ -69,7 +547,7 @@ def examine(
         noise: what they are said to be.
         cpg: of the fish.
         taken: what the fit took out of them; None for held-out trials.
-        lags, spent: see `mjfish.estimation.whiteness.whiteness`.
+        lags, spent: see `mjfish.estimation.residual_tests.whiteness`.
     """
     reached = [residual for residual in residuals if not residual.diverged]
     skipped = tuple(residual.trial.name for residual in residuals if residual.diverged)

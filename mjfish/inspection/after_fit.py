@@ -29,6 +29,7 @@ from mjfish.inspection.finding import Finding
 from mjfish.inspection.nominal_simulation import costs, labels, sampled_enough
 from mjfish.inspection.result import Inspection
 from mjfish.inspection.runs import beats
+from mjfish.noise.differentiation import weights
 
 #: Shifts that are tried, in samples; a CPG goes on for a quarter of a second behind the last sample.
 SHIFTS = np.arange(-6, 13)
@@ -382,9 +383,7 @@ def _whittle(power: FloatArray, shape: FloatArray, white: float) -> float:
 
 
 def _differentiated(phase: FloatArray, window: int, order: int) -> FloatArray:
-    weights = signal.savgol_coeffs(window, order, deriv=1)
-    half = window // 2  # odd: a sum of sines
-    return np.asarray((np.sin(phase[:, None] * np.arange(1, half + 1)) @ (2.0 * weights[half + 1 :])) ** 2 + 1e-12)
+    return np.asarray(np.abs(signal.freqz(weights(window, order), worN=phase)[1]) ** 2 + 1e-12)
 
 
 def _autoregressive(phase: FloatArray, power: FloatArray, cost: float) -> float:

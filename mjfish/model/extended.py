@@ -11,13 +11,13 @@ from pydantic import Field
 
 from mjfish import fish as fishes
 from mjfish import fish_toml, tomlfile
+from mjfish.data import Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import catalogue, of_fish
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import COEFFICIENTS, Fish
-from mjfish.hydro.load import Load
-from mjfish.model import Model
+from mjfish.model.model import LoadsOfRun, Model, active_effects, loads_of
 from mjfish.tomlfile import Table
 
 _OWN = "a cause of your own needs its file: --effects FILE"
@@ -48,8 +48,7 @@ class Extended:
     @property
     def active(self) -> tuple[tuple[Effect, Values], ...]:
         """The effects off their null values, with their parameters by short names."""
-        own = [(effect, {p.short: self.values[p.name] for p in effect.parameters}) for effect in self.model.effects]
-        return tuple((effect, values) for effect, values in own if not effect.is_null(values))
+        return active_effects(self.model, self.values)
 
     @property
     def fish(self) -> Fish:
@@ -59,10 +58,9 @@ class Extended:
             fish = effect.body(fish, own)
         return fish
 
-    @property
-    def loads(self) -> tuple[tuple[Load, tuple[float, ...]], ...]:
-        """The loads of the water, with their parameters."""
-        return tuple((effect.load, tuple(own.values())) for effect, own in self.active if effect.load is not None)
+    def loads(self, trial: Trial) -> LoadsOfRun:
+        """Return the loads of the water, with their parameters and what they need to know of a trial."""
+        return loads_of(self.active, trial)
 
     def drive(self, motion: JointMotion) -> JointMotion:
         """Return the joint motion that the joints get, from the one that is asked for."""
@@ -74,8 +72,8 @@ class Extended:
     @property
     def seen(self) -> tuple[str, ...]:
         """Names of the effects that act on what the camera reads alone: on the clock or on the reading."""
-        reads = [e for e, _ in self.active if _overrides(e, "clock") or _overrides(e, "reading")]
-        return tuple(e.name for e in reads if not _overrides(e, "start"))
+        reads = [e for e, _ in self.active if e.overrides("clock") or e.overrides("reading")]
+        return tuple(e.name for e in reads if not e.overrides("start"))
 
     @property
     def ode_only(self) -> tuple[str, ...]:
@@ -160,7 +158,3 @@ def _with_coefficients(fish: Fish, values: Mapping[str, float]) -> Fish:
             value = float(values[p.name])
             changed[p.name] = replace(p, default=value, low=min(p.low, value), high=max(p.high, value))
     return fish.with_coefficients(changed)
-
-
-def _overrides(effect: Effect, hook: str) -> bool:
-    return getattr(type(effect), hook) is not getattr(Effect, hook)

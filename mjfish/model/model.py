@@ -36,6 +36,11 @@ _RECOIL = 0.25
 _FINEST = 5.0
 
 
+#: Effects that act, with their parameters by short names; loads of a run, with their numbers.
+ActiveEffects = tuple[tuple[Effect, Values], ...]
+LoadsOfRun = tuple[tuple[Load, tuple[float, ...]], ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Prediction:
     """Predicted measurements of one trial.
@@ -147,8 +152,7 @@ class Model:
             trial, values, velocity, offset: as in `predict`.
             keep: names of effects that act even at their null values, for derivatives there.
         """
-        active = [(effect, self._of(effect, values)) for effect in self.effects]
-        active = [(effect, own) for effect, own in active if effect.name in keep or not effect.is_null(own)]
+        active = active_effects(self, values, keep)
         fish = self.fish
         for effect, own in active:
             fish = effect.body(fish, own)
@@ -158,23 +162,28 @@ class Model:
         for effect, own in active:
             time, begun = effect.clock(time, own), effect.start(begun, own, trial)
         return Prepared(
-            active=tuple(active),
+            active=active,
             fish=fish,
             motion=joint_motion(self.fish.cpg, trial, servos, step),
             coefficients={name: values[name] for name in COEFFICIENTS},
-            loads=tuple(
-                (effect.load, (*own.values(), *effect.constants(trial)))
-                for effect, own in active
-                if effect.load is not None
-            ),
+            loads=loads_of(active, trial),
             velocity=begun,
             time=time,
             step=step,
         )
 
-    @staticmethod
-    def _of(effect: Effect, values: Mapping[str, float]) -> Values:
-        return {p.short: values[p.name] for p in effect.parameters}
+
+def active_effects(model: Model, values: Mapping[str, float], keep: Sequence[str] = ()) -> ActiveEffects:
+    """Return the effects off their null values, and those to keep, with their parameters by short names."""
+    own = [(effect, effect.own_values(values)) for effect in model.effects]
+    return tuple((effect, numbers) for effect, numbers in own if effect.name in keep or not effect.is_null(numbers))
+
+
+def loads_of(active: ActiveEffects, trial: Trial) -> LoadsOfRun:
+    """Return the loads of the effects that have one, with their parameters and their constants of the trial."""
+    return tuple(
+        (effect.load, (*own.values(), *effect.constants(trial))) for effect, own in active if effect.load is not None
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,11 +201,11 @@ class Prepared:
         step: longest step [s].
     """
 
-    active: tuple[tuple[Effect, Values], ...]
+    active: ActiveEffects
     fish: Fish
     motion: JointMotion
     coefficients: dict[str, float]
-    loads: tuple[tuple[Load, tuple[float, ...]], ...]
+    loads: LoadsOfRun
     velocity: FloatArray
     time: FloatArray
     step: float

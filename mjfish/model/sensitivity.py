@@ -73,7 +73,7 @@ def sensitivities(
         run.fish, run.motion, [direction for direction, _ in directions if direction is not None], times,
         conditions=conditions,
         inactive=[
-            (effect.load, [*_own(effect, values).values(), *effect.constants(trial)])
+            (effect.load, [*effect.own_values(values).values(), *effect.constants(trial)])
             for effect in inactive
             if effect.load is not None
         ],
@@ -92,7 +92,7 @@ def sensitivities(
 def one_sided(model: Model, name: str, value: float) -> bool:
     """Return whether a parameter is at a bound where the model changes its form: a servo without lag, a rigid tail."""
     effect = _owner(model, name)
-    if effect is None or not (_overrides(effect, "drive") or _overrides(effect, "body")):
+    if effect is None or not (effect.overrides("drive") or effect.overrides("body")):
         return False
     p = effect.declaration(name.partition(".")[2])
     return not p.shape and p.default == p.low and value <= p.low + 3.0 * _STEP * p.scale
@@ -119,20 +119,12 @@ class _At:
         """Return the effects that act, and the owner of a parameter even if it does not, with one value replaced."""
         acting = {effect.name for effect, _ in self.run.active} | {owner.name}
         values = self.values if shift is None else {**self.values, shift[0]: shift[1]}
-        return tuple((e, tuple(_own(e, values).items())) for e in self.model.effects if e.name in acting)
-
-
-def _own(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
-    return {p.short: values[p.name] for p in effect.parameters}
+        return tuple((e, tuple(e.own_values(values).items())) for e in self.model.effects if e.name in acting)
 
 
 def _owner(model: Model, name: str) -> Effect | None:
     group = name.partition(".")[0]
     return next((effect for effect in model.effects if effect.name == group), None)
-
-
-def _overrides(effect: Effect, hook: str) -> bool:
-    return getattr(type(effect), hook) is not getattr(Effect, hook)
 
 
 def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]:
@@ -154,19 +146,19 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
     loads: FloatArray | None = None
     begun: FloatArray | None = None
     when: FloatArray | None = None
-    if _overrides(effect, "start"):
+    if effect.overrides("start"):
         begun = difference(lambda value: _begun(at, at.kept(effect, (name, value))), p, at.values[name])
-    if _overrides(effect, "body"):
-        hooked = tuple(one for one in at.kept(effect) if _overrides(one[0], "body"))
+    if effect.overrides("body"):
+        hooked = tuple(one for one in at.kept(effect) if one[0].overrides("body"))
         rows = _of_body(Same(at.model.fish), hooked, p, at.values[name])
         links, tail = rows[:, :-3], rows[0, -3:]
-    if _overrides(effect, "drive") and at.trial.joint_angle is None:
+    if effect.overrides("drive") and at.trial.joint_angle is None:
         servos = tuple(one for one in at.kept(effect) if one[0].family == "drive")
         motion = _of_drive(Same(at.model.fish.cpg), at.trial, servos, p, at.values[name], at.run.step)
     if effect.load is not None:
         loads = np.zeros((len(at.loaded), PARAMETERS))
         loads[at.loaded.index(effect.name), [own.short for own in effect.parameters].index(short)] = 1.0
-    if _overrides(effect, "clock"):
+    if effect.overrides("clock"):
         when = difference(lambda value: _clock(at, at.kept(effect, (name, value))), p, at.values[name])
     if all(part is None for part in (links, tail, motion, loads, begun)):
         return None, when
@@ -249,7 +241,7 @@ def _read(at: _At, state: FloatArray, along: FloatArray, names: Sequence[str]) -
     acting = [effect for effect, _ in at.run.active]
     for k, name in enumerate(names):
         owner = _owner(at.model, name)
-        readers = [e for e in at.model.effects if (e in acting or e is owner) and _overrides(e, "reading")]
+        readers = [e for e in at.model.effects if (e in acting or e is owner) and e.overrides("reading")]
         if readers:
             read[:, :, k] = _seen(at, state, along[:, :, k], name, readers)
     return read
@@ -261,7 +253,7 @@ def _seen(at: _At, state: FloatArray, along: FloatArray, name: str, readers: Seq
     def seen(shift: float) -> FloatArray:
         moved = state + shift * along
         for effect in readers:
-            own = _own(effect, at.values)
+            own = effect.own_values(at.values)
             if effect is owner:
                 own[p.short] += shift
             moved = effect.reading(moved.copy(), own, at.trial)

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 from scipy import linalg, signal, stats
 
-from mjfish.arrays import BoolArray, FloatArray, robust_sigma
+from mjfish.arrays import BoolArray, FloatArray, orthonormal, project_out, robust_sigma
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Autoregressive, Noise, estimate, grid
-from mjfish.projection import orthonormal, project_out
 
 #: Draws of white noise that tell what the saturated model takes of a spectrum, and the least share that is left.
 _DRAWS, _LEAST = 16, 0.02

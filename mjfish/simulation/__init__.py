@@ -1,7 +1,6 @@
 """Simulated runs: one run of either engine, synthetic datasets, and the engines against each other."""
 
-from mjfish.simulation.engines import CASES, ENGINES, Case, Row, check_all
-from mjfish.simulation.realised import BOUND, CrossCheck, Level, check, cpg_of
+from mjfish.simulation.cross_check import BOUND, CASES, ENGINES, Case, CrossCheck, Level, Row, check, check_all, cpg_of
 from mjfish.simulation.run import Simulation, parse_wave, simulate
 from mjfish.simulation.synthetic import generate
 

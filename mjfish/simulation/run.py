@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -142,6 +142,7 @@ def simulate(
     if engine == "mujoco":
         whole.check_mujoco()
     trial = _trial(whole.model.fish, mode, drive, duration)
+    check_can_act(whole.model.effects, trial)
     run = replace(whole.model, step=STEP).prepare(trial, whole.values)
     swim = _in_mujoco if engine == "mujoco" else _in_ode
     simulated = swim(run, free)
@@ -165,6 +166,13 @@ def simulate(
         motion=simulated.motion,
         states=simulated.states,
     )
+
+
+def check_can_act(effects: Iterable[Effect], trial: Trial) -> None:
+    """Raise `InputError` where a run cannot have an effect that is asked for."""
+    for effect in effects:
+        if reason := effect.cannot_act(trial):
+            raise InputError(f"{effect.name}: {reason}; `mjfish.generate` takes one, or leave the effect out")
 
 
 def parse_wave(text: str) -> Wave:

@@ -15,6 +15,7 @@ from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
+from mjfish.simulation.run import check_can_act
 
 #: Step of the generating model [s]: five times finer than that of the fits, so that they do not share its error.
 STEP = 0.001
@@ -95,6 +96,7 @@ def generate(
         begin = None if start is None else readonly(np.broadcast_to(start, (len(time), 3)))
         still = readonly(np.zeros((len(time), 3)))
         blank = Trial(trial_name, role, readonly(time), still, table_iv.drive(mode), pose=begin, tank=tank)
+        check_can_act(model.effects, blank)
         predicted = model.predict(blank, truth)
         if predicted.status != "ok":
             raise InputError(f"{trial_name}: the simulated fish {predicted.message}")

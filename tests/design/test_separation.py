@@ -11,9 +11,8 @@ from synthetic_trials import DURATION, swum, synthetic
 
 from mjfish.data import Dataset
 from mjfish.design.fitted_models import FittedModels, ModelEstimate
-from mjfish.design.information import Information, solve
+from mjfish.design.information import Information, Separation, separations, solve
 from mjfish.design.menu import Menu, Run
-from mjfish.design.separation import Separation, separations
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.progress import silent
 from mjfish.effects import catalogue, find

@@ -7,8 +7,7 @@ import pytest
 from scipy import stats
 
 from mjfish.arrays import FloatArray
-from mjfish.design.information import Information, column
-from mjfish.design.separation import NO_GAIN, Gain, Separation, excluded, verdict_probability
+from mjfish.design.information import NO_GAIN, Gain, Information, Separation, column, excluded, verdict_probability
 from mjfish.diagnosis.select import CLOSE
 
 DRAWS = 1500
@@ -65,7 +64,7 @@ def test_a_verdict_comes_as_often_as_foretold_from_data_that_give_none(
 
 
 def test_the_gain_of_a_run_by_whole_matrices() -> None:
-    """The equations of `mjfish.design.separation` as they are written; a run's own column is free."""
+    """The equations of `mjfish.design.information` as they are written; a run's own column is free."""
     rng = np.random.default_rng(2)
     n = 12
     old_k, old_l, old_d = rng.standard_normal((20, 3)), rng.standard_normal((20, 2)), rng.standard_normal(20)

@@ -14,7 +14,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.diagnosis import select
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
-from mjfish.estimation.held_out import Score
+from mjfish.estimation.residual import Score
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize, stats
 
-from mjfish.diagnosis import score_test
-from mjfish.projection import orthonormal, project_out
+from mjfish.arrays import orthonormal, project_out
+from mjfish.diagnosis import evidence
 
 
 def test_one_sided_statistic_is_what_non_negative_least_squares_removes() -> None:
@@ -14,7 +14,7 @@ def test_one_sided_statistic_is_what_non_negative_least_squares_removes() -> Non
     signatures = rng.standard_normal((40, 3))
     information = signatures.T @ signatures
     draws = rng.standard_normal((20, 40))
-    found = score_test.one_sided_statistic(draws @ signatures, information, np.ones(3, dtype=bool))
+    found = evidence.one_sided_statistic(draws @ signatures, information, np.ones(3, dtype=bool))
     for z, statistic in zip(draws, found, strict=True):
         _, left = optimize.nnls(signatures, z)
         np.testing.assert_allclose(statistic, z @ z - left**2, rtol=1e-9, atol=1e-9)
@@ -24,12 +24,12 @@ def test_two_sided_statistic_is_chi_squared() -> None:
     rng = np.random.default_rng(1)
     signatures = rng.standard_normal((50, 2))
     u = rng.standard_normal((4000, 50)) @ signatures
-    statistic = score_test.one_sided_statistic(u, signatures.T @ signatures, np.zeros(2, dtype=bool))
+    statistic = evidence.one_sided_statistic(u, signatures.T @ signatures, np.zeros(2, dtype=bool))
     assert stats.kstest(statistic, stats.chi2(2).cdf).pvalue > 1e-3
 
 
 def test_amplitudes_of_the_wrong_sign_stay_at_zero() -> None:
-    psi = score_test.amplitudes(np.array([-3.0, 4.0]), np.diag([1.0, 2.0]), np.array([True, True]))
+    psi = evidence.amplitudes(np.array([-3.0, 4.0]), np.diag([1.0, 2.0]), np.array([True, True]))
     np.testing.assert_allclose(psi, [0.0, 2.0])
 
 
@@ -44,6 +44,6 @@ def test_projection_leaves_nothing_along_the_basis() -> None:
 
 
 def test_tails_do_not_underflow_into_ties() -> None:
-    far = score_test.log_tail(np.array([5e3, 6e3]), 1)
+    far = evidence.log_tail(np.array([5e3, 6e3]), 1)
     assert np.all(np.isfinite(far))
     assert far[1] < far[0]

@@ -16,8 +16,8 @@ from mjfish.diagnosis.refit import find_threshold, off_null, other_minima, refit
 from mjfish.diagnosis.screening import nominal_fit, screen
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
+from mjfish.estimation.fit import multistart
 from mjfish.estimation.identification import pose
-from mjfish.estimation.multistart import multistart
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model, asked_motion
 from mjfish.simulation.synthetic import generate

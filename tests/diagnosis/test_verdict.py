@@ -13,7 +13,7 @@ from scipy import stats
 from mjfish.diagnosis.held_out import Confirmation, confirmation
 from mjfish.diagnosis.select import Standing
 from mjfish.diagnosis.verdict import Comparison, Decision, decide
-from mjfish.estimation.held_out import Score
+from mjfish.estimation.residual import Score
 
 GOOD = Standing(rival_p=1.0, behind=0.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
 RIVAL = Standing(rival_p=0.3, behind=7.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)

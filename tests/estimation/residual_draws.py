@@ -11,8 +11,8 @@ from scipy import signal
 from mjfish.arrays import FloatArray
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.fit import covariance
-from mjfish.estimation.independence import Absorbed, absorbed
 from mjfish.estimation.residual import Residual
+from mjfish.estimation.residual_tests import Absorbed, absorbed
 from mjfish.fish import Fish
 
 

@@ -13,7 +13,7 @@ from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.effects import find
 from mjfish.estimation import Noise, fit
-from mjfish.estimation.criteria import criteria, final_prediction_error, of_residuals
+from mjfish.estimation.agreement import criteria, final_prediction_error, of_residuals
 from mjfish.estimation.residual import Residual
 from mjfish.fish import Fish
 from mjfish.noise import Autoregressive

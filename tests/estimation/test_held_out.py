@@ -11,7 +11,7 @@ from planted_swimming import SIGMA, TRUTH, as_measured, problem, shifted, swimmi
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.estimation import Score, fit, held_out_covariance_root, identify, predict_held_out
-from mjfish.estimation.held_out import PREFIX
+from mjfish.estimation.residual import PREFIX
 from mjfish.estimation.settings import Settings
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model import MARGIN

@@ -15,9 +15,18 @@ from scipy import linalg, signal, stats
 from mjfish.arrays import FloatArray, readonly
 from mjfish.effects import find
 from mjfish.estimation import fit
-from mjfish.estimation.independence import LAG, CrossCorrelation, absorbed, background, coloured, independence, lagged
 from mjfish.estimation.residual import fitted
-from mjfish.estimation.residual_tests import examine, residual_tests
+from mjfish.estimation.residual_tests import (
+    LAG,
+    CrossCorrelation,
+    absorbed,
+    background,
+    coloured,
+    examine,
+    independence,
+    lagged,
+    residual_tests,
+)
 from mjfish.fish import Fish
 from mjfish.noise import Autoregressive
 from mjfish.serialise import plain

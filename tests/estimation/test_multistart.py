@@ -11,9 +11,8 @@ from planted_swimming import TRUTH, off_truth, problem, swimming
 from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.errors import InputError
-from mjfish.estimation.fit import fit, slope
+from mjfish.estimation.fit import fit, hypercube, multistart, slope
 from mjfish.estimation.identification import identify
-from mjfish.estimation.multistart import hypercube, multistart
 from mjfish.estimation.settings import Settings
 from mjfish.fish import COEFFICIENTS, Fish
 
@@ -56,7 +55,7 @@ def test_every_start_finds_the_optimum_of_a_problem_that_has_one(planted: Datase
 
 
 def test_a_start_that_ends_elsewhere_is_counted(planted: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    from mjfish.estimation import multistart as module
+    from mjfish.estimation import fit as module
 
     honest, calls = module.fit, []
 
@@ -70,7 +69,7 @@ def test_a_start_that_ends_elsewhere_is_counted(planted: Dataset, monkeypatch: p
 
 
 def test_where_every_start_diverges_none_reached_anything(planted: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    from mjfish.estimation import multistart as module
+    from mjfish.estimation import fit as module
 
     honest = module.fit
     monkeypatch.setattr(module, "fit", lambda *a, **k: replace(honest(*a, **k), status="diverged"))

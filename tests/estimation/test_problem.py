@@ -14,8 +14,8 @@ from mjfish.data import Dataset, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import catalogue
 from mjfish.estimation import Problem
-from mjfish.estimation.held_out import predict_held_out
 from mjfish.estimation.problem import nuisances
+from mjfish.estimation.residual import predict_held_out
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.frames import CHANNELS
 from mjfish.model import MARGIN, Model

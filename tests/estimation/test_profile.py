@@ -12,8 +12,7 @@ from scipy import stats
 
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation import Fit, Problem, fit
-from mjfish.estimation.intervals import Intervals, intervals
-from mjfish.estimation.profile import Profile, profile
+from mjfish.estimation.intervals import Intervals, Profile, intervals, profile
 from mjfish.fish import Fish
 from mjfish.serialise import plain
 

@@ -13,7 +13,7 @@ from mjfish.data import Trial
 from mjfish.errors import InputError
 from mjfish.estimation import Noise
 from mjfish.estimation.residual import Residual
-from mjfish.estimation.whiteness import Autocorrelation, whiteness
+from mjfish.estimation.residual_tests import Autocorrelation, whiteness
 
 WHITE = Noise.white(readonly(SIGMA))
 

@@ -10,7 +10,7 @@ from mjfish import simulation as crosscheck
 from mjfish.drive import cpg, modes
 from mjfish.fish import Fish
 from mjfish.mujoco import Trim, export, mjcf, simulate
-from mjfish.simulation import engines
+from mjfish.simulation import cross_check
 
 _SOFT = {"tail_compliance": 0.3, "tail_damping": 0.03}
 
@@ -43,7 +43,7 @@ def test_both_engines_swim_alike_with_it(soft: Fish, pike: Fish) -> None:
 
 def test_both_engines_swim_alike_with_it_on_prescribed_joints(soft: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
     """Over the jump of the joints' rate. Catches a tail that does not take up its share of the impulse."""
-    monkeypatch.setattr(engines, "ENGINES", engines.ENGINES[:3])
+    monkeypatch.setattr(cross_check, "ENGINES", cross_check.ENGINES[:3])
     rows = list(crosscheck.check_all(soft, cases=(crosscheck.CASES[2],), duration=5.6))
     assert [row.status for row in rows] == ["agrees"] * 3
     assert max(row.to_ode for row in rows) < 1e-5

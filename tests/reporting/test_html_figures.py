@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from diagnosed import diagnosis
 
-from mjfish.estimation.profile import Profile
+from mjfish.estimation.intervals import Profile
 from mjfish.reporting.html.figures import (
     BINS,
     COLOURS,

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from mjfish import simulation as crosscheck
-from mjfish.effects import find
+from mjfish.data import Trial
+from mjfish.effects import Effect, find
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.hydro.load import load
 from mjfish.model import Model
 from mjfish.model.extended import Extended
+from mjfish.parameter import Parameter
 
 
 @pytest.mark.parametrize("mode", ["v1", "v5-v1", "v3-t2"])
@@ -74,3 +79,31 @@ def test_an_effect_that_mujoco_cannot_have_is_named(pike: Fish) -> None:
     model = Model(pike, (find("wall_effect"),))
     with pytest.raises(InputError, match="wall_effect: exists in the ODE only"):
         crosscheck.check(Extended(model, {"wall_effect.size": 1.0}), "v1")
+
+
+@load
+def _constant_push(link: Any, parameters: Any) -> tuple[float, float, float]:
+    return parameters[0] * parameters[1], 0.0 * link.u, 0.0
+
+
+class Pushed(Effect):
+    """A force along each link, whose second factor is a number of the trial."""
+
+    name, family, summary = "pushed", "water", "something pushes"
+    parameters = (Parameter("pushed.force", "N", 0.0, 0.0, 1.0, 0.0, 0.1),)
+    source, signature, confirm = "test", "test", "test"
+    load = _constant_push
+
+    def constants(self, trial: Trial) -> tuple[float, ...]:
+        """Return two newtons a unit."""
+        del trial
+        return (2.0,)
+
+
+def test_the_cross_check_gives_loads_what_they_need_to_know_of_the_trial(pike: Fish) -> None:
+    """Catches a check that leaves out the constants of an effect: both engines would agree, on a fish without it."""
+    model = Model(pike, (Pushed(),))
+    with_force = crosscheck.check(Extended(model, {"pushed.force": 0.2}), "v1", duration=0.5, halvings=0)
+    without = crosscheck.check("pike", "v1", duration=0.5, halvings=0)
+    assert with_force.passed
+    assert with_force.range["surge"] > 1.2 * without.range["surge"]

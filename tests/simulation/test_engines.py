@@ -14,7 +14,7 @@ from mjfish import simulation as crosscheck
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.mujoco import prescribed
-from mjfish.simulation import engines as module
+from mjfish.simulation import cross_check as module
 
 _STRAIGHT = crosscheck.CASES[0]
 _TURN = crosscheck.CASES[2]

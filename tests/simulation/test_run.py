@@ -51,3 +51,9 @@ def test_a_wave_without_ramp_starts_in_the_middle_of_its_beat(pike: Fish) -> Non
     run = simulate(pike, drive=wave, duration=0.5)
     np.testing.assert_allclose(run.joint_angle[0], 0.1 * np.sin(0.5), atol=1e-9)
     np.testing.assert_array_equal(run.velocity[0], 0.0)
+
+
+def test_walls_that_are_not_known_are_refused() -> None:
+    """Catches a run that swims as the nominal fish, though an effect was asked for that needs a tank."""
+    with pytest.raises(InputError, match="wall_effect: the walls are not known"):
+        simulate("pike", values={"wall_effect.size": 1.0}, duration=1.0)

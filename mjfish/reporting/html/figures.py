@@ -21,14 +21,14 @@ from mjfish.data import Trial
 from mjfish.diagnosis import Diagnosis, Overlay
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.omnibus import beat_phase
-from mjfish.estimation.whiteness import ALL, Autocorrelation
+from mjfish.estimation.residual_tests import ALL, Autocorrelation
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.reporting.words import CHANNEL_NAMES, p_value, unit
 
 if TYPE_CHECKING:
-    from mjfish.estimation.independence import CrossCorrelation
-    from mjfish.estimation.profile import Profile
+    from mjfish.estimation.intervals import Profile
     from mjfish.estimation.residual import Residual
+    from mjfish.estimation.residual_tests import CrossCorrelation
 
 #: Colours by what they stand for.
 COLOURS = {

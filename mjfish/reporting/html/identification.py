@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mjfish.estimation.agreement import agreement
-from mjfish.estimation.whiteness import ALL
+from mjfish.estimation.residual_tests import ALL
 from mjfish.files import make_folder
 from mjfish.frames import CHANNELS
 from mjfish.reporting.html.figures import (
@@ -22,7 +22,7 @@ from mjfish.reporting.html.pages import Block, Section, write_figures
 from mjfish.reporting.words import CHANNEL_NAMES, p_value
 
 if TYPE_CHECKING:
-    from mjfish.estimation.profile import Profile
+    from mjfish.estimation.intervals import Profile
     from mjfish.estimation.residual import Residual
     from mjfish.estimation.residual_tests import ResidualTests
 
