@@ -1,6 +1,6 @@
 """Comparisons of `tools/bench.py` about whole fits: nine coefficients free, from the start values of Table III.
 
-Both sides get the same planted trials, noise, bounds and start, one thread, and the same optimiser with the same
+Both sides get the same synthetic trials, noise, bounds and start, one thread, and the same optimiser with the same
 tolerances, scipy's trf; they must end at the same cost. What differs is the simulation and where its slopes come from.
 """
 
@@ -46,9 +46,9 @@ _RTOL = 1e-5
 
 
 def posed(names: Sequence[str], duration: float) -> Problem:
-    """Return the fit of planted trials, one a mode, on one thread."""
-    planted = generate(_PIKE, names, values=_TRUTH, noise=_SIGMA, rate=_RATE, duration=duration, seed=1)
-    return Problem(Model(_PIKE), planted.trials, Noise.white(_SIGMA), jobs=1)
+    """Return the fit of synthetic trials, one a mode, on one thread."""
+    synthetic = generate(_PIKE, names, values=_TRUTH, noise=_SIGMA, rate=_RATE, duration=duration, seed=1)
+    return Problem(Model(_PIKE), synthetic.trials, Noise.white(_SIGMA), jobs=1)
 
 
 def fit_vs_mujoco_sysid() -> Comparison:

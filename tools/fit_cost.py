@@ -2,7 +2,8 @@
 
     python tools/fit_cost.py [--trials 1 2 5 10 20] [--free 1 2 3 4 5 6 7 8 9]
 
-Planted modes of Table IV, 10.4 s at 50 Hz; one thread. Each fit has a process of its own, for the peak of its memory.
+Synthetic trials in the modes of Table IV, 10.4 s at 50 Hz; one thread. Each fit has a process of its own, which
+gives the peak of its memory.
 """
 
 from __future__ import annotations
@@ -77,12 +78,12 @@ class CountedModel(Model):
 
 
 def fitted(trials: int, free: int, duration: float = modes.DURATION) -> Cost:
-    """Fit `free` coefficients to `trials` planted trials, the modes in turn, in this process."""
+    """Fit `free` coefficients to `trials` synthetic trials, the modes in turn, in this process."""
     names = [modes.MODES[k % len(modes.MODES)] for k in range(trials)]
     fish = load_fish("pike")
-    planted = generate(fish, names, values=_TRUTH, noise=_SIGMA, duration=duration, seed=1)
+    synthetic = generate(fish, names, values=_TRUTH, noise=_SIGMA, duration=duration, seed=1)
     fixed = {name: _TRUTH[name] for name in _ORDER[free:]}
-    problem = Problem(CountedModel(fish), planted.trials, Noise.white(_SIGMA), fixed=fixed, jobs=1)
+    problem = Problem(CountedModel(fish), synthetic.trials, Noise.white(_SIGMA), fixed=fixed, jobs=1)
     problem.residual(problem.start())  # compiles, as does the next
     problem.jacobian(problem.start())
     CountedModel.predicted = CountedModel.prepared = 0

@@ -1,4 +1,4 @@
-"""Plants the dataset that ships with the package (mjfish/demo); it holds what `mjfish demo` is to find out.
+"""Makes the dataset that ships with the package (mjfish/demo); it holds what `mjfish demo` is to find out.
 
 Run it from the repository: python tools/make_demo.py
 """
@@ -33,7 +33,7 @@ TRUTH = {
 
 
 def main() -> None:
-    """Plant the demo."""
+    """Make the demo."""
     dataset = generate(
         load_fish("pike"),
         ["v1", "v5", "v1-v5", "v3-t1", "v7", "v1-t2"],

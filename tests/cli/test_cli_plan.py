@@ -10,12 +10,12 @@ import pytest
 from command_line import Run
 from diagnosed import diagnosis
 
-PLANT = "generate --modes v1 --duration 2 --effect servo_lag:time_constant=0.02 --noise 0.02,0.02,0.1 --out pool"
+GENERATE = "generate --modes v1 --duration 2 --effect servo_lag:time_constant=0.02 --noise 0.02,0.02,0.1 --out pool"
 
 
 @pytest.fixture
 def pool(run: Run) -> str:
-    run(PLANT)
+    run(GENERATE)
     return "pool"
 
 

@@ -17,7 +17,7 @@ SIGMA = np.array([0.01, 0.01, 0.05])
 
 
 def measured(folder: Path, **changes: object) -> Dataset:
-    """Plant two trials of four seconds, save them to a folder and load them from there."""
+    """Generate two trials of four seconds, save them to a folder and load them from there."""
     arguments = {"noise": SIGMA, "duration": 4.2, "seed": 3, "name": "pool", **changes}
     save(generate(load_fish("pike"), ["v1", "v3"], **arguments), folder)  # type: ignore[arg-type]
     return load_dataset(folder)

@@ -72,7 +72,7 @@ def test_trials_of_two_tanks_are_not_one_dataset(swum: Dataset, tmp_path: Path) 
         trials.save(mixed, tmp_path / "data")
 
 
-def test_a_fish_cannot_be_planted_through_a_wall(pike: Fish) -> None:
+def test_a_fish_cannot_be_generated_through_a_wall(pike: Fish) -> None:
     with pytest.raises(InputError, match="through a wall"):
         generate(pike, ["v1"], duration=4.0, tank=Tank((-1.0, 0.2), (-1.0, 1.0)))
     with pytest.raises(InputError, match="1 places for 2 trials"):

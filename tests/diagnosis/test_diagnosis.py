@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from planted_cases import coefficients, draw
+from hidden_cases import coefficients, draw
 
 from mjfish.arrays import readonly
 from mjfish.data import load_dataset, save

@@ -1,4 +1,4 @@
-"""The missing force: a push that is planted comes back, inside its band, in its own channel."""
+"""The missing force: a push that is added comes back, inside its band, in its own channel."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_cases import draw
+from hidden_cases import draw
 
 from mjfish.diagnosis.evidence import gather
 from mjfish.effects import find

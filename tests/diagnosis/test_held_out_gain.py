@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from planted_cases import draw
+from hidden_cases import draw
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planted_cases import STRENGTHS, STRONG, draw, trace
+from hidden_cases import STRENGTHS, STRONG, draw, trace
 
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.result import Estimate

@@ -91,15 +91,15 @@ def test_sizes_just_above_an_edge_are_tried_where_there_is_one(
         assert np.count_nonzero((new > edge) & (new < 1.06 * edge)) >= 5
 
 
-@pytest.mark.parametrize("off", [0.0, 1.5], ids=["as planted", "runs off by a level"])
+@pytest.mark.parametrize("off", [0.0, 1.5], ids=["as generated", "runs off by a level"])
 def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None:
     """No candidate explains that two runs are off by a constant each; a wandering camera would, but for patterns."""
-    planted = generate(pike, ["v1", "v3"], noise=SIGMA, duration=5.2, seed=6)
+    synthetic = generate(pike, ["v1", "v3"], noise=SIGMA, duration=5.2, seed=6)
     moved = [
         replace(trial, velocity=readonly(trial.velocity + off * sign * SIGMA))
-        for trial, sign in zip(planted.trials, (1.0, -1.0), strict=True)
+        for trial, sign in zip(synthetic.trials, (1.0, -1.0), strict=True)
     ]
-    problem = replace(_problem(planted), trials=tuple(moved))
+    problem = replace(_problem(synthetic), trials=tuple(moved))
     findings, _ = screen(problem, (find("inertia_error"),), None, np.random.default_rng(0), silent)
     assert (findings.p_wrong < 1e-6) is (off > 0.0)
 

@@ -35,8 +35,8 @@ def _differentiated(trial: Trial, rng: np.random.Generator, *, motion: bool) -> 
 def _problem(lag: float, *, motion: bool) -> Problem:
     fish, rng = load_fish("pike"), np.random.default_rng(11)
     effects, values = ([LAG], {"servo_lag.time_constant": lag}) if lag else ([], {})
-    planted = generate(fish, ["v1", "v3"], values=values, effects=effects, duration=8.0, seed=7)
-    trials = tuple(_differentiated(trial, rng, motion=motion) for trial in planted.trials)
+    synthetic = generate(fish, ["v1", "v3"], values=values, effects=effects, duration=8.0, seed=7)
+    trials = tuple(_differentiated(trial, rng, motion=motion) for trial in synthetic.trials)
     return Problem(Model(fish), trials, Noise.white(SIGMA), jobs=1)
 
 

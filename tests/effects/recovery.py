@@ -1,4 +1,4 @@
-"""Planting a cause in three short trials, and finding its size again by the fit."""
+"""Hides a cause in three short synthetic trials and fits its size."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TRUTH = dict(zip(COEFFICIENTS, (0.6, 0.4, 0.7, 1.5, 1.2, 2.0, 0.012, 0.008, 0.01
 _EIGHTH = ((1, 0.8), (2, -0.2), (3, 4.0 / 105.0), (4, -1.0 / 280.0))
 
 
-def planted(fish: Fish, effect: Effect, sizes: dict[str, float], *, seed: int = 3) -> Dataset:
+def synthetic(fish: Fish, effect: Effect, sizes: dict[str, float], *, seed: int = 3) -> Dataset:
     """Return three trials of 3 s of a fish with the cause; `sizes` by short names."""
     values = TRUTH | {f"{effect.name}.{short}": size for short, size in sizes.items()}
     return generate(
@@ -36,7 +36,7 @@ def refitted(dataset: Dataset, effect: Effect, fixed: dict[str, float] | None = 
 
 
 def deviations(found: Fit, effect: Effect, sizes: dict[str, float]) -> dict[str, float]:
-    """Return how many standard deviations the fit is off the planted sizes."""
+    """Return how many standard deviations the fit is off the true sizes."""
     names = {short: f"{effect.name}.{short}" for short in sizes}
     return {short: (found.values[name] - sizes[short]) / found.sigma[name] for short, name in names.items()}
 

@@ -18,7 +18,7 @@ from mjfish.simulation.synthetic import generate
 #: Off every bound.
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.014, 0.01, 0.012), strict=True))
 #: Sizes that a calm experimenter would call plain: some scales.
-PLANTED: dict[str, dict[str, float]] = {
+SIZES: dict[str, dict[str, float]] = {
     "inertia_error": {"error": 0.25},
     "com_offset": {"shift": -0.02},
     "section_height": {"error": 0.2},
@@ -36,11 +36,11 @@ KNOWN = {
 SIGMA = np.array([0.006, 0.006, 0.04])
 #: Central differences of eighth order.
 EIGHTH = ((1, 0.8), (2, -0.2), (3, 4.0 / 105.0), (4, -1.0 / 280.0))
-EACH = [(name, short) for name, own in PLANTED.items() for short in own]
+EACH = [(name, short) for name, own in SIZES.items() for short in own]
 
 
 def _full(name: str, share: float = 1.0) -> dict[str, float]:
-    return {f"{name}.{short}": share * value for short, value in PLANTED[name].items()}
+    return {f"{name}.{short}": share * value for short, value in SIZES[name].items()}
 
 
 def _trial(mode: str, seconds: float) -> Trial:
@@ -53,7 +53,7 @@ def _apart(trial: Trial) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     return np.all([np.abs(trial.time - segment.start) > 0.01 for segment in trial.drive], axis=0)
 
 
-@pytest.mark.parametrize("share", [1.0, 0.0], ids=["planted", "null"])
+@pytest.mark.parametrize("share", [1.0, 0.0], ids=["true", "null"])
 @pytest.mark.parametrize(("name", "short"), EACH)
 def test_sensitivities_are_differences_of_whole_predictions(pike: Fish, name: str, short: str, share: float) -> None:
     """At a plain size and at the null; there a load that may only rise is compared on its one side."""
@@ -78,9 +78,9 @@ def test_sensitivities_are_differences_of_whole_predictions(pike: Fish, name: st
     assert not one_sided(model, full, values[full])
 
 
-@pytest.mark.parametrize("name", PLANTED)
-def test_a_fit_finds_the_planted_size(pike: Fish, name: str) -> None:
-    """Within four standard errors, and four from none. Catches a prediction and a plant that differ in a sign."""
+@pytest.mark.parametrize("name", SIZES)
+def test_a_fit_finds_the_true_size(pike: Fish, name: str) -> None:
+    """Within four standard errors, and four from none. Catches a prediction and a generator that differ in a sign."""
     truth, effect = {**VALUES, **_full(name)}, find(name)
     dataset = generate(
         pike, ["v1", "v7", "v3-t2"], values=truth, effects=[effect], noise=SIGMA, duration=6.0, seed=20261121
@@ -95,8 +95,8 @@ def test_a_fit_finds_the_planted_size(pike: Fish, name: str) -> None:
         assert abs(estimate) > 4.0 * sigma > 0.0
 
 
-@pytest.mark.parametrize("name", PLANTED)
-def test_the_planted_size_is_plain_before_a_refit(pike: Fish, name: str) -> None:
+@pytest.mark.parametrize("name", SIZES)
+def test_the_true_size_is_significant_before_a_refit(pike: Fish, name: str) -> None:
     """Against noise of 6 mm/s and 0.04 rad/s: an rms of more than twice the noise in some channel."""
     effect = find(name)
     model, trial = Model(pike, (effect,)), _trial("v7", 6.0)
@@ -106,7 +106,7 @@ def test_the_planted_size_is_plain_before_a_refit(pike: Fish, name: str) -> None
         assert (np.sqrt(np.mean((other - nominal) ** 2, axis=0)) / SIGMA).max() > 2.0
 
 
-@pytest.mark.parametrize("name", PLANTED)
+@pytest.mark.parametrize("name", SIZES)
 def test_at_every_bound_the_fish_still_swims(pike: Fish, name: str) -> None:
     """A fit may look anywhere between the bounds."""
     effect = find(name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recovery import derivative_error, deviations, planted, refitted, strength
+from recovery import derivative_error, deviations, refitted, strength, synthetic
 
 from mjfish import frames
 from mjfish.data import Trial
@@ -44,10 +44,10 @@ def test_its_sensitivities_are_those_of_predictions(
     assert derivative_error(pike, turning, MARKER, values, short) < 1e-7
 
 
-def test_a_planted_offset_is_found_again(pike: Fish) -> None:
+def test_a_hidden_offset_is_found_again(pike: Fish) -> None:
     sizes = {"along": -0.02, "across": 0.01}
     assert strength(pike, MARKER, sizes) > 2.0
-    found = refitted(planted(pike, MARKER, sizes), MARKER)
+    found = refitted(synthetic(pike, MARKER, sizes), MARKER)
     assert found.status == "converged"
     assert max(map(abs, deviations(found, MARKER, sizes).values())) < 4.0
     assert found.sigma["marker_offset.across"] < 0.003

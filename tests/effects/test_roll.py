@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recovery import NOISE, TRUTH, derivative_error, deviations, planted, refitted, strength
+from recovery import NOISE, TRUTH, derivative_error, deviations, refitted, strength, synthetic
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
@@ -103,10 +103,10 @@ def test_at_the_null_it_has_a_sensitivity(pike: Fish, turning: Trial) -> None:
     assert derivative_error(pike, turning, ROLL, {"height": 0.0, **SHAPES}, "height") < 1e-7
 
 
-def test_a_planted_roll_is_found_again_with_its_pendulum(pike: Fish) -> None:
+def test_a_hidden_roll_is_found_again_with_its_pendulum(pike: Fish) -> None:
     sizes = {"height": 0.015, **SHAPES}
     assert strength(pike, ROLL, sizes) > 1.0
-    found = refitted(planted(pike, ROLL, sizes), ROLL)
+    found = refitted(synthetic(pike, ROLL, sizes), ROLL)
     assert found.status == "converged"
     assert max(map(abs, deviations(found, ROLL, sizes).values())) < 4.0
     assert found.sigma["roll.frequency"] < 2.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recovery import derivative_error, deviations, planted, refitted, strength
+from recovery import derivative_error, deviations, refitted, strength, synthetic
 from scipy.integrate import solve_ivp
 
 from mjfish.arrays import FloatArray
@@ -84,11 +84,11 @@ def test_its_sensitivity_is_that_of_predictions(pike: Fish, turning: Trial, play
 
 
 @pytest.mark.parametrize("play", [0.01, 0.04])
-def test_planted_play_is_found_again(pike: Fish, play: float) -> None:
+def test_hidden_play_is_found_again(pike: Fish, play: float) -> None:
     sizes = {"play": play}
     assert not BACKLASH.smooth
     assert strength(pike, BACKLASH, sizes) > 1.0
-    found = refitted(planted(pike, BACKLASH, sizes), BACKLASH)
+    found = refitted(synthetic(pike, BACKLASH, sizes), BACKLASH)
     assert found.status == "converged"
     assert abs(deviations(found, BACKLASH, sizes)["play"]) < 4.0
     assert found.sigma["servo_backlash.play"] < 0.001
@@ -98,6 +98,6 @@ def test_planted_play_is_found_again(pike: Fish, play: float) -> None:
 def test_how_hard_the_gears_meet_is_found_with_the_play(pike: Fish, contact: float) -> None:
     """Within its error, which is below a millisecond."""
     sizes = {"play": 0.01, "contact": contact}
-    found = refitted(planted(pike, BACKLASH, sizes), BACKLASH)
+    found = refitted(synthetic(pike, BACKLASH, sizes), BACKLASH)
     assert max(map(abs, deviations(found, BACKLASH, sizes).values())) < 4.0
     assert found.sigma["servo_backlash.contact"] < 0.001

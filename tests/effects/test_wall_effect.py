@@ -51,7 +51,7 @@ def _trial(tank: Tank | None, pose: np.ndarray | None) -> Trial:
     return Trial("one", None, time, np.zeros((2, 3)), pose=pose, tank=tank)
 
 
-def test_a_planted_run_along_a_wall_is_another_than_one_in_the_middle(pike: Fish) -> None:
+def test_a_wall_beside_the_run_changes_a_synthetic_trial(pike: Fish) -> None:
     """The start in the tank reaches the load, and the poses are those of the run."""
     places = [(0.0, 9.0, 0.2), (0.0, -0.1, 0.2)]
     wide = Tank((-5.0, 40.0), (-0.35, 20.0))

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from planted_swimming import TRUTH, problem, swimming
 from scipy import signal
+from synthetic_swimming import TRUTH, problem, swimming
 
 from mjfish.arrays import FloatArray
 from mjfish.drive.modes import MODES
@@ -37,7 +37,7 @@ class Draws:
 
     @property
     def truth(self) -> FloatArray:
-        """Planted coefficients (p,)."""
+        """True coefficients (p,)."""
         return self.problem.start(INSIDE)
 
     def fits(self, phi: float, count: int, seed: int) -> Iterator[Fit]:
@@ -79,7 +79,7 @@ class Draws:
 
 
 def draws(fish: Fish, modes: tuple[str, ...] = MODES, duration: float = 10.4) -> Draws:
-    """Plant `INSIDE` and make what all draws share."""
+    """Simulate `INSIDE` and make what all draws share."""
     posed = problem(swimming(fish, modes, values=INSIDE, noise=None, duration=duration), jobs=2)
     base = fit(posed, posed.start(INSIDE))
     sigma = np.sqrt(np.diag(base.covariance))

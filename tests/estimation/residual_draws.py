@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from planted_swimming import SIGMA, TRUTH, problem, swimming
 from scipy import signal
+from synthetic_swimming import SIGMA, TRUTH, problem, swimming
 
 from mjfish.arrays import FloatArray
 from mjfish.estimation import Fit, Problem
@@ -22,13 +22,13 @@ def coloured(rng: np.random.Generator, samples: int, phi: float) -> FloatArray:
     return np.asarray(signal.lfilter([1.0], [1.0, -phi], white, axis=0)[200:])
 
 
-def at(planted: Problem, x: FloatArray) -> Fit:
+def at(posed: Problem, x: FloatArray) -> Fit:
     """Return a fit that ended at `x`, whatever the data say."""
-    jacobian, free = planted.jacobian(x), np.zeros(len(x), dtype=np.bool_)
+    jacobian, free = posed.jacobian(x), np.zeros(len(x), dtype=np.bool_)
     spread = covariance(jacobian, free)
-    whitened = planted.residual(x)
+    whitened = posed.residual(x)
     return Fit(
-        planted.parameters, x, float(whitened @ whitened), whitened, jacobian, spread, np.sqrt(np.diag(spread)), free,
+        posed.parameters, x, float(whitened @ whitened), whitened, jacobian, spread, np.sqrt(np.diag(spread)), free,
         "converged", "", 1,
     )  # fmt: skip
 
@@ -68,8 +68,8 @@ class Draws:
 
 
 def draws(fish: Fish, modes: tuple[str, ...] = ("v1", "v5", "v3-t2"), duration: float = 6.4) -> Draws:
-    planted = problem(swimming(fish, modes, noise=None, duration=duration))
-    x = planted.start(TRUTH)
-    one = at(planted, x)
+    posed = problem(swimming(fish, modes, noise=None, duration=duration))
+    x = posed.start(TRUTH)
+    one = at(posed, x)
     span = np.linalg.svd(one.jacobian, full_matrices=False)[0]
-    return Draws(planted, planted.predictions(x), span, absorbed(planted, one))
+    return Draws(posed, posed.predictions(x), span, absorbed(posed, one))

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_swimming import SIGMA, TRUTH, as_measured, problem, swimming
 from residual_draws import coloured
+from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, swimming
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_swimming import SIGMA, TRUTH, problem, swimming
 from scipy import signal, stats
+from synthetic_swimming import SIGMA, TRUTH, problem, swimming
 
 from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial

@@ -1,4 +1,4 @@
-"""Bounded least squares: planted coefficients come back, with errors that are what they say."""
+"""Bounded least squares: true coefficients come back, with errors that are what they say."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_swimming import SIGMA, TRUTH, off_truth, problem, swimming
 from scipy import stats
+from synthetic_swimming import SIGMA, TRUTH, off_truth, problem, swimming
 
 from mjfish.arrays import readonly
 from mjfish.data import Dataset
@@ -17,13 +17,13 @@ from mjfish.parameter import Parameter
 
 
 @pytest.fixture(scope="module")
-def planted(pike: Fish) -> Dataset:
+def synthetic(pike: Fish) -> Dataset:
     return swimming(pike)
 
 
 @pytest.fixture(scope="module")
-def posed(planted: Dataset) -> Problem:
-    return problem(planted)
+def posed(synthetic: Dataset) -> Problem:
+    return problem(synthetic)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def _declared(fish: Fish, name: str, **changes: float) -> dict[str, Parameter]:
     return {name: next(p for p in fish.parameters if p.name == name).rebound(**changes)}
 
 
-def test_planted_coefficients_come_back_from_the_papers_start_values(posed: Problem, fitted: Fit) -> None:
+def test_true_coefficients_come_back_from_the_papers_start_values(posed: Problem, fitted: Fit) -> None:
     """Each within four standard errors, all nine together as chance would have it, and no start value just kept."""
     assert fitted.status == "converged"
     off = off_truth(fitted.values, fitted.sigma)
@@ -104,7 +104,7 @@ def test_twice_the_stated_noise_gives_the_same_estimates_with_twice_the_errors(p
 def test_an_estimate_that_the_data_push_against_a_bound_rests_on_it(
     pike: Fish, posed: Problem, fitted: Fit, side: str, bound: float
 ) -> None:
-    """c_d.head is planted at 1.5 and kept away from it: no error is claimed for it, and its interval is one-sided."""
+    """c_d.head is truly 1.5 and kept away from it: no error is claimed for it, and its interval is one-sided."""
     bounded = fit(replace(posed, declared=_declared(pike, "c_d.head", **{side: bound})))
     names = [p.name for p in bounded.parameters]
     index = names.index("c_d.head")
@@ -146,7 +146,7 @@ def test_a_start_that_diverges_is_a_status_with_trial_time_and_parameters(pike: 
     assert "; v5 diverged at" in lost.message
 
 
-def test_a_large_misfit_is_no_divergence(planted: Dataset, posed: Problem) -> None:
+def test_a_large_misfit_is_no_divergence(synthetic: Dataset, posed: Problem) -> None:
     """Where the noise is stated a hundred thousand times too small, residuals are large and the model still runs."""
     tiny = fit(replace(posed, noise=Noise.white(readonly(1e-5 * SIGMA))), evaluations=3)
     assert np.max(np.abs(tiny.residual)) > 1e4

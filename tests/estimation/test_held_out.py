@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_swimming import SIGMA, TRUTH, as_measured, problem, shifted, swimming
+from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, shifted, swimming
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
@@ -18,18 +18,18 @@ from mjfish.model import MARGIN
 
 
 @pytest.fixture(scope="module")
-def planted(pike: Fish) -> Dataset:
+def synthetic(pike: Fish) -> Dataset:
     return swimming(pike, ("v1", "v3", "v5"), duration=3.0, held_out=["v3"])
 
 
 @pytest.fixture(scope="module")
-def measured(planted: Dataset, pike: Fish) -> Trial:
+def measured(synthetic: Dataset, pike: Fish) -> Trial:
     """A held-out recording with nuisance parameters."""
-    return replace(as_measured(planted.trials[1], pike), role="held_out")
+    return replace(as_measured(synthetic.trials[1], pike), role="held_out")
 
 
-def _score(planted: Dataset, trial: Trial, *, free_clock: bool = False) -> Score:
-    return predict_held_out(problem(planted, free_clock=free_clock), TRUTH, (trial,))
+def _score(synthetic: Dataset, trial: Trial, *, free_clock: bool = False) -> Score:
+    return predict_held_out(problem(synthetic, free_clock=free_clock), TRUTH, (trial,))
 
 
 def _split(start: float, end: float, margin: float = 0.0) -> float:
@@ -43,33 +43,33 @@ def _corrupted(trial: Trial, where: FloatArray) -> Trial:
     return replace(trial, velocity=readonly(velocity))
 
 
-def test_a_trial_without_nuisance_parameters_is_scored_whole(planted: Dataset) -> None:
-    trial = planted.trials[1]
-    score = _score(planted, trial)
-    predicted = problem(planted).model.predict(trial, TRUTH).velocity
+def test_a_trial_without_nuisance_parameters_is_scored_whole(synthetic: Dataset) -> None:
+    trial = synthetic.trials[1]
+    score = _score(synthetic, trial)
+    predicted = problem(synthetic).model.predict(trial, TRUTH).velocity
     np.testing.assert_array_equal(score.predictions[0], predicted)
     np.testing.assert_allclose(score.residuals[0], trial.velocity - predicted, rtol=0.0, atol=1e-14)
     assert score.whitened_sse[0] == pytest.approx(float(np.sum((score.residuals[0] / SIGMA) ** 2)), rel=1e-12)
 
 
-def test_what_is_scored_does_not_move_the_prediction(planted: Dataset, measured: Trial) -> None:
+def test_what_is_scored_does_not_move_the_prediction(synthetic: Dataset, measured: Trial) -> None:
     """The start is fitted on the first quarter; garbage in the rest leaves the prediction as it was, bitwise."""
-    honest = _score(planted, measured)
-    late = _score(planted, _corrupted(measured, measured.time > _split(1.0, 3.0, MARGIN) + 1e-9))
+    honest = _score(synthetic, measured)
+    late = _score(synthetic, _corrupted(measured, measured.time > _split(1.0, 3.0, MARGIN) + 1e-9))
     assert late.predictions[0].tobytes() == honest.predictions[0].tobytes()
     assert late.whitened_sse[0] > 100.0 * honest.whitened_sse[0]
 
 
-def test_what_is_fitted_is_not_scored_not_even_the_sample_at_the_split(planted: Dataset, measured: Trial) -> None:
-    whole = planted.trials[1]
+def test_what_is_fitted_is_not_scored_not_even_the_sample_at_the_split(synthetic: Dataset, measured: Trial) -> None:
+    whole = synthetic.trials[1]
     trial = replace(whole, time=whole.time[:121], velocity=whole.velocity[:121])
     assert trial.time[30] == _split(0.0, 2.4)
-    assert len(_score(planted, trial, free_clock=True).residuals[0]) == 90
+    assert len(_score(synthetic, trial, free_clock=True).residuals[0]) == 90
     behind = (measured.time > _split(1.0, 3.0, MARGIN)) & (measured.time <= 3.0 - MARGIN + 1e-9)
-    assert len(_score(planted, measured).residuals[0]) == np.count_nonzero(behind)
+    assert len(_score(synthetic, measured).residuals[0]) == np.count_nonzero(behind)
 
 
-def test_a_trial_of_one_beat_is_long_enough(planted: Dataset, measured: Trial) -> None:
+def test_a_trial_of_one_beat_is_long_enough(synthetic: Dataset, measured: Trial) -> None:
     """Its ends do not count; what is left has a first part all the same."""
     short = replace(
         measured,
@@ -77,47 +77,47 @@ def test_a_trial_of_one_beat_is_long_enough(planted: Dataset, measured: Trial) -
         velocity=measured.velocity[:20],
         joint_angle=None if measured.joint_angle is None else measured.joint_angle[:20],
     )
-    score = _score(planted, short)
+    score = _score(synthetic, short)
     assert 3 <= len(score.residuals[0]) < 9
     assert np.all(np.isfinite(score.residuals[0]))
 
 
 def test_the_start_velocity_of_a_held_out_trial_is_found_from_its_first_part(
-    planted: Dataset, measured: Trial, pike: Fish
+    synthetic: Dataset, measured: Trial, pike: Fish
 ) -> None:
     """A first sample that is way off is no lasting harm: the fit looks at the whole first part."""
     wrong = _corrupted(measured, measured.time < 1.0 + 1e-9)
     wrong = replace(wrong, velocity=readonly(np.where(wrong.velocity > 6.0, measured.velocity + 0.05, wrong.velocity)))
-    honest, found = _score(planted, measured), _score(planted, wrong)
+    honest, found = _score(synthetic, measured), _score(synthetic, wrong)
     assert found.whitened_sse[0] == pytest.approx(honest.whitened_sse[0], rel=0.05)
     unit = honest.residuals[0] / SIGMA
     assert np.mean(unit**2) < 1.5
 
 
-def test_a_free_clock_of_a_held_out_trial_is_found_from_its_first_part(planted: Dataset) -> None:
-    late = shifted(planted.trials[1], 4)
-    free = _score(planted, late, free_clock=True)
+def test_a_free_clock_of_a_held_out_trial_is_found_from_its_first_part(synthetic: Dataset) -> None:
+    late = shifted(synthetic.trials[1], 4)
+    free = _score(synthetic, late, free_clock=True)
     assert np.mean((free.residuals[0] / SIGMA) ** 2) < 1.3
     assert len(free.residuals[0]) == np.count_nonzero(late.time > PREFIX * late.time[-1])
-    assert np.mean((_score(planted, late).residuals[0] / SIGMA) ** 2) > 3.0
+    assert np.mean((_score(synthetic, late).residuals[0] / SIGMA) ** 2) > 3.0
 
 
-def test_fixed_parameters_hold_for_held_out_trials_too(planted: Dataset) -> None:
+def test_fixed_parameters_hold_for_held_out_trials_too(synthetic: Dataset) -> None:
     fixed = {"c_m.head": TRUTH["c_m.head"]}
     free = {name: value for name, value in TRUTH.items() if name not in fixed}
-    score = predict_held_out(problem(planted, fixed=fixed), free, (planted.trials[1],))
-    assert score.predictions[0].tobytes() == _score(planted, planted.trials[1]).predictions[0].tobytes()
+    score = predict_held_out(problem(synthetic, fixed=fixed), free, (synthetic.trials[1],))
+    assert score.predictions[0].tobytes() == _score(synthetic, synthetic.trials[1]).predictions[0].tobytes()
 
 
-def test_a_held_out_trial_has_no_say_in_the_fit(planted: Dataset) -> None:
+def test_a_held_out_trial_has_no_say_in_the_fit(synthetic: Dataset) -> None:
     """Garbage in it, or its absence, leaves every estimate as it was, bitwise."""
-    garbage = _corrupted(planted.trials[1], np.arange(151) > 2)
+    garbage = _corrupted(synthetic.trials[1], np.arange(151) > 2)
     fits = [
-        identify(replace(planted, trials=trials), Settings(starts=1), jobs=1).fit
+        identify(replace(synthetic, trials=trials), Settings(starts=1), jobs=1).fit
         for trials in (
-            planted.trials,
-            (planted.trials[0], garbage, planted.trials[2]),
-            (planted.trials[0], planted.trials[2]),
+            synthetic.trials,
+            (synthetic.trials[0], garbage, synthetic.trials[2]),
+            (synthetic.trials[0], synthetic.trials[2]),
         )
     ]
     assert fits[1].x.tobytes() == fits[2].x.tobytes() == fits[0].x.tobytes()
@@ -125,21 +125,21 @@ def test_a_held_out_trial_has_no_say_in_the_fit(planted: Dataset) -> None:
     assert [p.name for p in fits[0].parameters] == list(COEFFICIENTS)
 
 
-def test_the_doubt_about_a_prediction_is_that_of_the_fit(planted: Dataset, measured: Trial) -> None:
+def test_the_doubt_about_a_prediction_is_that_of_the_fit(synthetic: Dataset, measured: Trial) -> None:
     """D D' = J C J', J by differences; what a held-out trial fits for itself has no part in it."""
-    fitted = problem(planted)
+    fitted = problem(synthetic)
     found = fit(fitted, tolerance=1e-6)
-    doubt = held_out_covariance_root(fitted, found, (planted.trials[1],))
+    doubt = held_out_covariance_root(fitted, found, (synthetic.trials[1],))
     slopes = []
     for i, p in enumerate(found.parameters):
         sides = []
         for by in (-1e-4, 1e-4):
             x = found.x.copy()
             x[i] += by * p.scale
-            sides.append(predict_held_out(fitted, fitted.named(x), (planted.trials[1],)).whitened[0])
+            sides.append(predict_held_out(fitted, fitted.named(x), (synthetic.trials[1],)).whitened[0])
         slopes.append((sides[0] - sides[1]) / (2e-4 * p.scale))
     j = np.stack(slopes, axis=1)
     np.testing.assert_allclose(doubt @ doubt.T, j @ found.covariance @ j.T, atol=1e-3 * float(np.max(doubt**2)))
-    own = held_out_covariance_root(problem(planted, free_clock=True), found, (measured,))
+    own = held_out_covariance_root(problem(synthetic, free_clock=True), found, (measured,))
     assert own.shape[1] == len(COEFFICIENTS)
-    assert len(own) == predict_held_out(problem(planted, free_clock=True), TRUTH, (measured,)).whitened[0].size
+    assert len(own) == predict_held_out(problem(synthetic, free_clock=True), TRUTH, (measured,)).whitened[0].size

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_swimming import problem, swimming
+from synthetic_swimming import problem, swimming
 
 from mjfish.arrays import FloatArray
 from mjfish.estimation import Fit, fit

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planted_swimming import SIGMA, TRUTH, off_truth, swimming
+from synthetic_swimming import SIGMA, TRUTH, off_truth, swimming
 
 from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
@@ -20,13 +20,13 @@ from mjfish.fish import COEFFICIENTS, Fish
 
 
 @pytest.fixture(scope="module")
-def planted(pike: Fish) -> Dataset:
+def synthetic(pike: Fish) -> Dataset:
     return swimming(pike, ("v1", "v3", "v5"), held_out=["v3"])
 
 
 @pytest.fixture(scope="module")
-def found(planted: Dataset) -> Identification:
-    return identify(planted, Settings(starts=1), jobs=1)
+def found(synthetic: Dataset) -> Identification:
+    return identify(synthetic, Settings(starts=1), jobs=1)
 
 
 def test_it_fits_the_fit_trials_and_scores_all(found: Identification) -> None:
@@ -39,16 +39,16 @@ def test_it_fits_the_fit_trials_and_scores_all(found: Identification) -> None:
 
 
 def test_nrmse_is_the_rms_of_the_residual_over_the_range_of_the_measurement(
-    planted: Dataset, found: Identification
+    synthetic: Dataset, found: Identification
 ) -> None:
     """At the right coefficients that is the noise over the range."""
     for score in found.scores:
-        velocity = next(trial.velocity for trial in planted.trials if trial.name == score.trial)
+        velocity = next(trial.velocity for trial in synthetic.trials if trial.name == score.trial)
         np.testing.assert_allclose(score.nrmse, SIGMA / np.ptp(velocity, axis=0), rtol=0.25)
 
 
-def test_noise_that_is_not_stated_is_estimated(planted: Dataset) -> None:
-    found = identify(replace(planted, noise=None), Settings(starts=1), jobs=1)
+def test_noise_that_is_not_stated_is_estimated(synthetic: Dataset) -> None:
+    found = identify(replace(synthetic, noise=None), Settings(starts=1), jobs=1)
     np.testing.assert_allclose(found.noise, SIGMA, rtol=0.2)
     assert "none stated" in found.remarks[0]
     assert np.max(np.abs(off_truth(found.fit.values, found.fit.sigma))) < 4.5
@@ -92,13 +92,13 @@ def test_strong_correlations_come_strongest_first_and_once(found: Identification
     assert found.strong_correlations(1.0) == []
 
 
-def test_a_start_that_diverges_is_reported_not_raised(pike: Fish, planted: Dataset, tmp_path: Path) -> None:
+def test_a_start_that_diverges_is_reported_not_raised(pike: Fish, synthetic: Dataset, tmp_path: Path) -> None:
     """With stated noise and without: no weights are made of a run that did not end."""
     wild = pike.with_coefficients(
         {p.name: p.rebound(low=1e7, high=1e9, start=1e8) for p in pike.parameters if p.name == "c_d.tail"}
     )
-    for noise in (planted.noise, None):
-        lost = identify(replace(planted, fish=wild, noise=noise), Settings(starts=1), jobs=1)
+    for noise in (synthetic.noise, None):
+        lost = identify(replace(synthetic, fish=wild, noise=noise), Settings(starts=1), jobs=1)
         assert lost.fit.status == "diverged"
         assert "c_d.tail = 1e+08" in lost.fit.message
         assert all(np.all(np.isnan(score.nrmse)) for score in lost.scores)
@@ -106,7 +106,7 @@ def test_a_start_that_diverges_is_reported_not_raised(pike: Fish, planted: Datas
         assert json.loads((tmp_path / "lost.json").read_text())["scores"][0]["nrmse"] == [None] * 3
 
 
-def test_threads_do_not_change_the_answer(planted: Dataset, found: Identification) -> None:
-    threaded = identify(planted, Settings(starts=1), jobs=2)
+def test_threads_do_not_change_the_answer(synthetic: Dataset, found: Identification) -> None:
+    threaded = identify(synthetic, Settings(starts=1), jobs=2)
     assert threaded.fit.x.tobytes() == found.fit.x.tobytes()
     assert threaded.scores == found.scores

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
-from planted_swimming import problem, swimming
+from synthetic_swimming import problem, swimming
 
 import mjfish
 from mjfish import fish_toml
@@ -34,37 +34,37 @@ FIXED = {"c_m.head": 0.5}
 
 
 @pytest.fixture(scope="module")
-def planted(pike: Fish) -> Dataset:
+def synthetic(pike: Fish) -> Dataset:
     """Bounds and starts are not the fish's own, one bound is in the way."""
     bounded = {p.name: p.rebound(high=1.3, start=1.1) for p in pike.parameters if p.name == "c_d.head"}
     return replace(swimming(pike, ("v1", "v5"), duration=3.0), fish=pike.with_coefficients(bounded))
 
 
 @pytest.fixture(scope="module")
-def found(planted: Dataset) -> Fit:
-    declared = {p.name: p.rebound(low=0.4, start=0.9) for p in planted.fish.parameters if p.name == "c_d.tail"}
-    one = fit(problem(planted, fixed=FIXED, declared=declared))
+def found(synthetic: Dataset) -> Fit:
+    declared = {p.name: p.rebound(low=0.4, start=0.9) for p in synthetic.fish.parameters if p.name == "c_d.tail"}
+    one = fit(problem(synthetic, fixed=FIXED, declared=declared))
     assert one.status == "converged"
     assert one.at_bound[[p.name for p in one.parameters].index("c_d.head")]
     return one
 
 
-def test_the_identified_fish_has_values_starts_and_bounds_of_the_fit(planted: Dataset, found: Fit) -> None:
-    fish = identified_fish(planted.fish, found, FIXED)
+def test_the_identified_fish_has_values_starts_and_bounds_of_the_fit(synthetic: Dataset, found: Fit) -> None:
+    fish = identified_fish(synthetic.fish, found, FIXED)
     assert fish.values == {**found.values, **FIXED}
     declared = {p.name: p for p in fish.parameters}
     assert (declared["c_d.tail"].low, declared["c_d.tail"].start) == (0.4, 0.9)
     assert (declared["c_d.head"].high, declared["c_d.head"].default) == (1.3, 1.3)
-    for old, new in zip(planted.fish.parameters, fish.parameters, strict=True):
+    for old, new in zip(synthetic.fish.parameters, fish.parameters, strict=True):
         if new.name != "c_d.tail":
             assert (new.start, new.low, new.high) == (old.start, old.low, old.high)
-    untouched = fish.model_copy(update={"coefficients": planted.fish.coefficients})
-    assert untouched == planted.fish
+    untouched = fish.model_copy(update={"coefficients": synthetic.fish.coefficients})
+    assert untouched == synthetic.fish
 
 
-def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(planted: Dataset, found: Fit, tmp_path: Path) -> None:
+def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(synthetic: Dataset, found: Fit, tmp_path: Path) -> None:
     """The way that a user goes: identify, write, load in MuJoCo."""
-    fish = identified_fish(planted.fish, found, FIXED)
+    fish = identified_fish(synthetic.fish, found, FIXED)
     told = origin("pool --\n", found, FIXED)
     fish_toml.write(tmp_path / "fish.toml", fish, told)
     assert load_fish(tmp_path / "fish.toml") == fish
@@ -79,8 +79,8 @@ def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(planted: Dataset, 
         assert f"c_d.tail = {found.values['c_d.tail']:.6g} +- {found.sigma['c_d.tail']:.2g}" in top
 
 
-def test_a_fit_that_stopped_early_says_so_on_top(planted: Dataset) -> None:
-    stopped = fit(problem(planted), evaluations=1)
+def test_a_fit_that_stopped_early_says_so_on_top(synthetic: Dataset) -> None:
+    stopped = fit(problem(synthetic), evaluations=1)
     assert "The fit stopped: The maximum number of function evaluations is exceeded." in origin("pool", stopped)
 
 
@@ -95,10 +95,10 @@ def _parquet(path: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize(("suffix", "read"), [(".csv", _csv), (".parquet", _parquet)])
 def test_tables_are_read_back_to_the_last_bit(
-    planted: Dataset, found: Fit, tmp_path: Path, suffix: str, read: Callable[[Path], list[dict[str, Any]]]
+    synthetic: Dataset, found: Fit, tmp_path: Path, suffix: str, read: Callable[[Path], list[dict[str, Any]]]
 ) -> None:
     """Words, numbers, truth values; a simulation's horizon is an empty cell."""
-    posed = problem(planted, fixed=FIXED)
+    posed = problem(synthetic, fixed=FIXED)
     own = intervals(posed, found)
     write_coefficients(tmp_path / f"coefficients{suffix}", found, own)
     table = read(tmp_path / f"coefficients{suffix}")

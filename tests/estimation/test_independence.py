@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_cases import STRONG
-from planted_swimming import SIGMA, TRUTH, problem, swimming
+from hidden_cases import STRONG
 from residual_draws import Draws, draws
 from scipy import linalg, signal, stats
+from synthetic_swimming import SIGMA, TRUTH, problem, swimming
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.effects import find

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from noise_draws import Draws, draws
-from planted_swimming import problem, swimming
+from synthetic_swimming import problem, swimming
 
 from mjfish.estimation import fit
 from mjfish.estimation.intervals import intervals

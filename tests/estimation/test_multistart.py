@@ -1,4 +1,4 @@
-"""Fits from many starts, robust fits, weights: on short planted swims."""
+"""Fits from many starts, robust fits, weights: on short synthetic trials."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_swimming import TRUTH, off_truth, problem, swimming
+from synthetic_swimming import TRUTH, off_truth, problem, swimming
 
 from mjfish.arrays import readonly
 from mjfish.data import Dataset
@@ -18,20 +18,20 @@ from mjfish.fish import COEFFICIENTS, Fish
 
 
 @pytest.fixture(scope="module")
-def planted() -> Dataset:
+def synthetic() -> Dataset:
     from mjfish.fish import load_fish
 
     return swimming(load_fish("pike"), ("v1", "v5"))
 
 
-def _few(planted: Dataset, **changes: object) -> Settings:
+def _few(synthetic: Dataset, **changes: object) -> Settings:
     fixed = {name: TRUTH[name] for name in COEFFICIENTS if name[:3] == "c_f" or name.endswith("head")}
     return Settings(**{"fixed": fixed, **changes})  # type: ignore[arg-type]
 
 
-def test_the_same_seed_gives_the_same_answer_for_any_number_of_jobs(planted: Dataset) -> None:
+def test_the_same_seed_gives_the_same_answer_for_any_number_of_jobs(synthetic: Dataset) -> None:
     """A draw inside a thread, or a fit that goes on from another's end, would show."""
-    one = problem(planted)
+    one = problem(synthetic)
     a = multistart(replace(one, jobs=1), 3, seed=5)
     b = multistart(replace(one, jobs=3), 3, seed=5)
     np.testing.assert_array_equal(a.optima, b.optima)
@@ -48,13 +48,13 @@ def test_the_hypercube_fills_the_bounds_and_leaves_what_belongs_to_a_trial(pike:
     np.testing.assert_array_equal(starts[:, 9:], np.tile(posed.start()[9:], (8, 1)))
 
 
-def test_every_start_finds_the_optimum_of_a_problem_that_has_one(planted: Dataset) -> None:
-    found = identify(planted, _few(planted, starts=4), jobs=1)
+def test_every_start_finds_the_optimum_of_a_problem_that_has_one(synthetic: Dataset) -> None:
+    found = identify(synthetic, _few(synthetic, starts=4), jobs=1)
     assert found.fit.status == "converged"
     assert (found.starts, found.reached) == (4, 1.0)
 
 
-def test_a_start_that_ends_elsewhere_is_counted(planted: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_start_that_ends_elsewhere_is_counted(synthetic: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     from mjfish.estimation import fit as module
 
     honest, calls = module.fit, []
@@ -65,30 +65,30 @@ def test_a_start_that_ends_elsewhere_is_counted(planted: Dataset, monkeypatch: p
         return replace(one, cost=2.0 * one.cost) if len(calls) == 2 else one
 
     monkeypatch.setattr(module, "fit", stuck)
-    assert multistart(problem(planted), 2, seed=1).reached == 0.5
+    assert multistart(problem(synthetic), 2, seed=1).reached == 0.5
 
 
-def test_where_every_start_diverges_none_reached_anything(planted: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_every_start_diverges_none_reached_anything(synthetic: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     from mjfish.estimation import fit as module
 
     honest = module.fit
     monkeypatch.setattr(module, "fit", lambda *a, **k: replace(honest(*a, **k), status="diverged"))
-    assert multistart(problem(planted), 2, seed=1).reached == 0.0
+    assert multistart(problem(synthetic), 2, seed=1).reached == 0.0
 
 
 @pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy"])
-def test_a_robust_loss_bears_outliers_that_least_squares_does_not(planted: Dataset, loss: str) -> None:
+def test_a_robust_loss_bears_outliers_that_least_squares_does_not(synthetic: Dataset, loss: str) -> None:
     """Two in a hundred samples of surge far off, one-sided, as where a marker is swapped."""
     rng = np.random.default_rng(2)
     trials = []
-    for trial in planted.trials:
+    for trial in synthetic.trials:
         velocity = trial.velocity.copy()
         hit = rng.choice(len(velocity), len(velocity) // 50, replace=False)
         velocity[hit, 0] += 0.5
         trials.append(replace(trial, velocity=readonly(velocity)))
-    spoilt = replace(planted, trials=tuple(trials))
-    plain = identify(spoilt, _few(planted, starts=1), jobs=1).fit
-    robust = identify(spoilt, _few(planted, starts=1, loss=loss), jobs=1).fit
+    spoilt = replace(synthetic, trials=tuple(trials))
+    plain = identify(spoilt, _few(synthetic, starts=1), jobs=1).fit
+    robust = identify(spoilt, _few(synthetic, starts=1, loss=loss), jobs=1).fit
     names = [p.name for p in robust.parameters]
     off = {n: [abs(one.values[n] - TRUTH[n]) for n in names] for n, one in (("plain", plain), ("robust", robust))}
     assert np.linalg.norm(off["robust"]) < 0.5 * np.linalg.norm(off["plain"])
@@ -108,31 +108,31 @@ def test_slopes_of_the_losses_are_those_of_scipy(loss: str) -> None:
         assert slope(loss, np.array([z]))[0] == pytest.approx(by_hand, rel=1e-6)  # type: ignore[arg-type]
 
 
-def test_the_papers_weights_give_another_estimate_that_is_right_too(planted: Dataset) -> None:
-    noise = identify(planted, _few(planted, starts=1), jobs=1).fit
-    paper = identify(planted, _few(planted, starts=1, weights="paper"), jobs=1)
+def test_the_papers_weights_give_another_estimate_that_is_right_too(synthetic: Dataset) -> None:
+    noise = identify(synthetic, _few(synthetic, starts=1), jobs=1).fit
+    paper = identify(synthetic, _few(synthetic, starts=1, weights="paper"), jobs=1)
     assert not np.allclose(noise.x, paper.fit.x, rtol=1e-6)
     np.testing.assert_allclose(paper.fit.x, noise.x, rtol=0.2)
     np.testing.assert_allclose(paper.noise, [0.01, 0.01, np.pi / 180.0])
 
 
-def test_fixed_parameters_stay_and_the_rest_is_found(planted: Dataset) -> None:
-    one = identify(planted, _few(planted, starts=1), jobs=1).fit
+def test_fixed_parameters_stay_and_the_rest_is_found(synthetic: Dataset) -> None:
+    one = identify(synthetic, _few(synthetic, starts=1), jobs=1).fit
     assert [p.name for p in one.parameters] == ["c_m.body", "c_m.tail", "c_d.body", "c_d.tail"]
     off = [(one.values[n] - TRUTH[n]) / one.sigma[n] for n in one.values]
     assert np.abs(off).max() < 4.0
 
 
-def test_fewer_data_than_parameters_are_refused(planted: Dataset) -> None:
-    trial = planted.trials[0]
+def test_fewer_data_than_parameters_are_refused(synthetic: Dataset) -> None:
+    trial = synthetic.trials[0]
     short = replace(trial, time=readonly(trial.time[:3]), velocity=readonly(trial.velocity[:3]))
     with pytest.raises(InputError, match="9 numbers for 9 free parameters; give more data, or fix parameters"):
-        identify(replace(planted, trials=(short,)), Settings(starts=1))
+        identify(replace(synthetic, trials=(short,)), Settings(starts=1))
 
 
-def test_a_channel_without_variation_is_said(planted: Dataset) -> None:
-    flat = [replace(t, velocity=readonly(t.velocity * [1.0, 0.0, 1.0])) for t in planted.trials]
-    found = identify(replace(planted, trials=tuple(flat)), _few(planted, starts=1), jobs=1)
+def test_a_channel_without_variation_is_said(synthetic: Dataset) -> None:
+    flat = [replace(t, velocity=readonly(t.velocity * [1.0, 0.0, 1.0])) for t in synthetic.trials]
+    found = identify(replace(synthetic, trials=tuple(flat)), _few(synthetic, starts=1), jobs=1)
     assert any("v1: sway does not vary" in remark for remark in found.remarks)
 
 

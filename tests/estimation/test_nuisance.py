@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_swimming import SIGMA, as_measured, off_truth, problem, shifted, swimming
+from synthetic_swimming import SIGMA, as_measured, off_truth, problem, shifted, swimming
 
 from mjfish.data import Dataset
 from mjfish.estimation import Fit, fit

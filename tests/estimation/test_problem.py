@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_swimming import SIGMA, TRUTH, as_measured, problem, swimming
+from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, swimming
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
@@ -23,23 +23,23 @@ from mjfish.noise import Autoregressive
 
 
 @pytest.fixture(scope="module")
-def planted(pike: Fish) -> Dataset:
+def synthetic(pike: Fish) -> Dataset:
     return swimming(pike, ("v1", "v3"), duration=2.0)
 
 
 @pytest.fixture(scope="module")
-def posed(planted: Dataset) -> Problem:
-    return problem(planted)
+def posed(synthetic: Dataset) -> Problem:
+    return problem(synthetic)
 
 
 @pytest.fixture(scope="module")
-def measured(planted: Dataset, pike: Fish) -> Trial:
-    return as_measured(planted.trials[0], pike)
+def measured(synthetic: Dataset, pike: Fish) -> Trial:
+    return as_measured(synthetic.trials[0], pike)
 
 
-def _turning(planted: Dataset) -> Trial:
-    drive = (*planted.trials[0].drive, DriveSegment(1.0, 18.0, (0.0, 1.0, 1.5, 2.0)))
-    return replace(planted.trials[0], drive=drive)
+def _turning(synthetic: Dataset) -> Trial:
+    drive = (*synthetic.trials[0].drive, DriveSegment(1.0, 18.0, (0.0, 1.0, 1.5, 2.0)))
+    return replace(synthetic.trials[0], drive=drive)
 
 
 def _fourth_order(posed: Problem, x: FloatArray, column: int, h: float) -> FloatArray:
@@ -81,13 +81,13 @@ def test_the_jacobian_is_the_derivative_of_the_prediction(posed: Problem, column
     assert np.linalg.norm(found - exact) < 1e-6 * np.linalg.norm(exact)
 
 
-def test_the_jacobian_of_every_effect_is_the_derivative_of_the_prediction(planted: Dataset) -> None:
+def test_the_jacobian_of_every_effect_is_the_derivative_of_the_prediction(synthetic: Dataset) -> None:
     """All causes on at once, each by two scales, a limit by six: below it joints do not feel it.
 
     Catches a hook that loses a derivative that went in.
     """
-    effects = tuple(effect for effect in catalogue().values() if not effect.not_applicable(planted))
-    posed = problem(planted, model=Model(planted.fish, effects), fixed=TRUTH)
+    effects = tuple(effect for effect in catalogue().values() if not effect.not_applicable(synthetic))
+    posed = problem(synthetic, model=Model(synthetic.fish, effects), fixed=TRUTH)
     names = [p.name for p in posed.parameters]
     assert names == [p.name for effect in effects for p in effect.parameters]
     scales = {"servo_rate_limit.slowness": 6.0}
@@ -109,11 +109,11 @@ def test_the_jacobian_of_every_effect_is_the_derivative_of_the_prediction(plante
     ],
 )
 def test_at_a_null_value_that_is_a_bound_the_derivative_is_one_sided_and_right(
-    planted: Dataset, name: str, limit: float
+    synthetic: Dataset, name: str, limit: float
 ) -> None:
     """By Richardson's extrapolation of ever smaller one-sided differences. Catches a step across the bound."""
     effect = catalogue()[name.partition(".")[0]]
-    posed = problem(planted, model=Model(planted.fish, (effect,)), fixed=TRUTH)
+    posed = problem(synthetic, model=Model(synthetic.fish, (effect,)), fixed=TRUTH)
     column = [p.name for p in posed.parameters].index(name)
     x, scale = posed.start(), posed.parameters[column].scale
 
@@ -158,8 +158,8 @@ def test_only_the_asked_for_sensitivities_are_returned(posed: Problem) -> None:
         np.testing.assert_array_equal(b, a[:, :, [1, 6]])
 
 
-def test_samples_beside_a_step_of_the_drive_do_not_count(posed: Problem, planted: Dataset) -> None:
-    trial = _turning(planted)
+def test_samples_beside_a_step_of_the_drive_do_not_count(posed: Problem, synthetic: Dataset) -> None:
+    trial = _turning(synthetic)
     mask = replace(posed, trials=(trial,)).mask(0)
     np.testing.assert_allclose(trial.time[~mask], [0.98, 1.0, 1.02])
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_swimming import as_measured, problem, swimming
 from scipy import stats
+from synthetic_swimming import as_measured, problem, swimming
 
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation import Fit, Problem, fit

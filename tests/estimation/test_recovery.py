@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from planted_swimming import SIGMA
 from scipy import stats
+from synthetic_swimming import SIGMA
 
 from mjfish.arrays import readonly
 from mjfish.drive import modes
@@ -31,7 +31,7 @@ _REACH = 4.0
 
 
 def _fitted(fish: Fish, optimum: str, names: Sequence[str], duration: float) -> tuple[Fit, Problem, np.ndarray]:
-    """Plant an optimum; fit all nine coefficients from the start values of Table III."""
+    """Simulate an optimum of the paper; fit all nine coefficients from the start values of Table III."""
     values = dict(zip(COEFFICIENTS, OPTIMA[optimum], strict=True))
     dataset = generate(fish, names, values=values, noise=SIGMA, duration=duration, seed=0)
     problem = Problem(Model(fish), dataset.trials, Noise.white(readonly(SIGMA)), jobs=1)
@@ -47,7 +47,7 @@ def _check(found: Fit, problem: Problem, truth: np.ndarray, z: float) -> None:
     assert found.sse <= float(at_truth @ at_truth)
     for p, at, true, reach, rests in zip(found.parameters, found.x, truth, found.reach, found.at_bound, strict=True):
         low, high = found.interval(p.name, z)
-        assert low <= true <= high, f"{p.name} = {at:g} in [{low:g}, {high:g}], planted {true:g}"
+        assert low <= true <= high, f"{p.name} = {at:g} in [{low:g}, {high:g}], true {true:g}"
         if rests:
             assert at in (p.low, p.high)
             assert abs(at - true) < _REACH * reach, p.name
@@ -64,7 +64,7 @@ def test_an_optimum_is_found_again_in_three_short_trials(pike: Fish, optimum: st
 def test_an_optimum_is_found_again_in_the_modes_of_table_iv(pike: Fish, optimum: str) -> None:
     """Ten modes of 10.4 s: every truth in its 95 % interval, all of them well known.
 
-    Catches what only long data tell, such as planting and fitting models whose steps do not agree.
+    Catches what only long data tell, such as generating and fitting models whose steps do not agree.
     """
     found, problem, truth = _fitted(pike, optimum, modes.MODES, modes.DURATION)
     _check(found, problem, truth, z=Z95)

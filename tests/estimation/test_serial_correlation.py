@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_swimming import problem, swimming
 from scipy import linalg
+from synthetic_swimming import problem, swimming
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.estimation import fit

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_swimming import as_measured, swimming
+from synthetic_swimming import as_measured, swimming
 
 from mjfish.errors import InputError, MjfishError, ParameterError, UnknownNameError
 from mjfish.estimation.identification import pose

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from noise_draws import INSIDE, Draws, draws
-from planted_swimming import as_measured, problem, swimming
 from scipy import stats
+from synthetic_swimming import as_measured, problem, swimming
 
 from mjfish.data import Trial
 from mjfish.estimation import Problem, fit
@@ -56,7 +56,7 @@ def test_p_values_of_a_stable_model_are_spread_evenly(pike: Fish, phi: float) ->
 
 
 def test_a_coefficient_that_differs_between_trials_is_named(unlike: Problem) -> None:
-    """Its estimates are what was planted: the same in two trials, 4 % less in the third."""
+    """Its estimates are the true values: the same in two trials, 4 % less in the third."""
     found = stability(unlike, fit(unlike))
     first = found.coefficients[0]
     assert found.stable is False

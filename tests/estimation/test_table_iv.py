@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
-from planted_swimming import TRUTH, as_measured, problem, swimming
+from synthetic_swimming import TRUTH, as_measured, problem, swimming
 
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.modes import MODES

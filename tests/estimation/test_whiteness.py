@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planted_swimming import SIGMA
 from residual_draws import coloured
 from scipy import signal, stats
+from synthetic_swimming import SIGMA
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial

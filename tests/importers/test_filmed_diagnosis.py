@@ -1,4 +1,4 @@
-"""The whole way on planted tracks: a fish that swims and rolls is filmed, imported, fitted and diagnosed."""
+"""The whole way on synthetic tracks: a fish that swims and rolls is filmed, imported, fitted and diagnosed."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from mjfish.estimation import Noise, Problem, fit, predict_held_out
 from mjfish.model import Model
 
 #: The head's markers over those of the plates as the mapping has it [m], and as the film has it.
-_TAKEN, _PLANTED = 0.1, float(HEIGHTS[0] - HEIGHTS[3])
+_TAKEN, _TRUE = 0.1, float(HEIGHTS[0] - HEIGHTS[3])
 #: Height of the head's markers that a fit must find: the roll is read off by the ratio of the two.
-_HEIGHT = float(HEIGHTS[0]) * _TAKEN / _PLANTED
+_HEIGHT = float(HEIGHTS[0]) * _TAKEN / _TRUE
 _SHAPES = {"roll.frequency": 8.0, "roll.damping": 0.2}
 
 
@@ -43,7 +43,7 @@ def rolling(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 def test_fish_that_rolls_is_predicted_on_an_unseen_run_and_its_height_is_found(rolling: Dataset) -> None:
-    """Without roll in the model sway is far off; with it the height is the planted one, and the unseen run holds."""
+    """Without roll in the model sway is far off; with it the height is the true one, and the unseen run holds."""
     assert rolling.noise is not None
     fitted, held = rolling.split()
     nominal = Problem(Model(rolling.fish), fitted, Noise.white(rolling.noise))
@@ -103,5 +103,5 @@ def test_nothing_is_wrong_with_film_that_has_nothing_wrong(tmp_path: Path, seed:
     result = diagnose(load_dataset(tmp_path / "dataset"))
     assert result.verdict == "nothing_wrong", result.message
     for group in ("head", "body", "tail"):
-        planted = FISH.values[f"c_m.{group}"]
-        assert result.nominal[f"c_m.{group}"].estimate == pytest.approx(planted, rel=0.1)
+        truth = FISH.values[f"c_m.{group}"]
+        assert result.nominal[f"c_m.{group}"].estimate == pytest.approx(truth, rel=0.1)

@@ -23,7 +23,7 @@ SIGMA = np.array([0.006, 0.006, 0.04])
 
 @cache
 def good(modes: tuple[str, ...] = MODES, seed: int = 5, duration: float = 7.2) -> Dataset:
-    """Plant swimming of several drives, one of them twice; v3 and v3-t2 are held out where they are there."""
+    """Generate swimming of several drives, one of them twice; v3 and v3-t2 are held out where they are there."""
     held = [mode for mode in ("v3", "v3-t2") if mode in modes]
     return generate(
         load_fish("pike"), modes, values=TRUTH, noise=SIGMA, duration=duration, seed=seed, held_out=held, name="good"

@@ -128,6 +128,6 @@ def test_differentiated_data_are_said_so() -> None:
         noise = signal.savgol_filter(rng.standard_normal((len(values) + 30, 3)), 9, 2, deriv=1, axis=0)[15:-15]
         return values + 3.0 * SIGMA * noise / noise.std(axis=0)
 
-    # The planted white noise stays below a tenth of it.
+    # The generated white noise stays below a tenth of it.
     found = remarked(_after(spoiled(velocity(filtered))), "velocity-differentiated")
     assert [("9 samples" in one.found, "time_offset" in one.cannot_tell) for one in found] == [(True, True)]

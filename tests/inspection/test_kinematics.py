@@ -26,7 +26,7 @@ def _compared(dataset: Dataset) -> Compatibility:
     return one
 
 
-def test_planted_errors_come_back_within_four_standard_errors() -> None:
+def test_true_errors_come_back_within_four_standard_errors() -> None:
     """All at once: scale 4 %, 2 degrees, 2 cm/s in surge, 10 ms late. Catches a sign, a transpose, a missing factor."""
     angle, late = math.radians(2.0), 0.01
 

@@ -15,7 +15,7 @@ from mjfish.inspection import inspect, noise_from_repeats
 
 
 def _repeated(phi: float, count: int = 4) -> Dataset:
-    """Repeat v1 with autoregressive noise on top of the planted white one."""
+    """Repeat v1 with autoregressive noise on top of the generated white one."""
     rng = np.random.default_rng(8)
     base = good(("v1", "v3", *("v1",) * (count - 1)))
 

@@ -1,4 +1,4 @@
-"""Coefficients of the planted fish, off those that the checks simulate with."""
+"""Coefficients of the synthetic fish, off those that the checks simulate with."""
 
 from mjfish.fish import COEFFICIENTS
 

@@ -104,7 +104,7 @@ def _fit(measured: sysid.ModelSequences, guesses: dict[str, float], **options: A
 
 @pytest.mark.parametrize("optimizer", ["mujoco", "scipy_parallel_fd"])
 def test_fit_recovers_drag_and_added_mass_of_the_plate(optimizer: str) -> None:
-    """Planted 1.9 and 1, started at half and less; every finite difference is a model with water of its own.
+    """True values 1.9 and 1, started at half and less; every finite difference is a model with water of its own.
 
     Catches models that share one water, and a model that is dry in a thread or was left with the water before it.
     """

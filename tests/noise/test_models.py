@@ -145,7 +145,7 @@ def test_the_log_determinant_is_that_of_the_filter(noise: Any) -> None:
 
 @pytest.fixture(scope="module")
 def swum(pike: Fish) -> tuple[Problem, Fit]:
-    """A fit of two planted trials without noise, to hang noise on."""
+    """A fit of two synthetic trials without noise, to hang noise on."""
     dataset = generate(pike, ["v1", "v5"], noise=np.full(3, 1e-6), duration=6.0, seed=1, held_out=[])
     problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
     return problem, fitted(problem, tolerance=1e-4)

@@ -1,4 +1,4 @@
-"""The advised run against a random one of the menu, planted and added."""
+"""The advised run against a random one of the menu, simulated and added."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ TRUTH = {
 TWO = ("v1", "v5")
 
 
-def planted(fish: Fish, names: tuple[str, ...], reason: Reason | None = None, **values: float) -> FloatArray:
+def table_of(fish: Fish, names: tuple[str, ...], reason: Reason | None = None, **values: float) -> FloatArray:
     """Ranges (modes, 3) of the model itself."""
     model = Model(fish, reason.effects if reason else (), step=study.STEP)
     own = model.values({key.replace("__", "."): value for key, value in values.items()})
@@ -94,10 +94,10 @@ def test_derivatives_of_ranges_are_those_of_the_ranges(pike: Fish, name: str) ->
         np.testing.assert_allclose(found[:, :, k], difference, rtol=2e-4, atol=2e-4 * np.abs(difference).max())
 
 
-def test_planted_coefficients_and_unit_are_fitted_back(pike: Fish) -> None:
+def test_a_fit_recovers_true_coefficients_and_unit(pike: Fish) -> None:
     """Exact ranges of another fish: the misfit goes, unit and coefficients come back."""
     names = ("v1", "v3-t2", "v7")
-    truth = planted(pike, names, UNIT, psi_unit__error=-0.25, **{k.replace(".", "__"): v for k, v in TRUTH.items()})
+    truth = table_of(pike, names, UNIT, psi_unit__error=-0.25, **{k.replace(".", "__"): v for k, v in TRUTH.items()})
     free = [p for p in pike.parameters if p.name in ("c_d.body", "c_d.tail", "c_f.tail", "c_m.tail")]
     fixed = {name: value for name, value in TRUTH.items() if name not in {p.name for p in free}}
     posed = RangeProblem(
@@ -111,10 +111,10 @@ def test_planted_coefficients_and_unit_are_fitted_back(pike: Fish) -> None:
     assert found.at_bounds == ()
 
 
-def test_a_planted_geometry_is_told_by_its_own_reason_and_no_other(pike: Fish) -> None:
+def test_an_altered_geometry_is_explained_by_its_own_reason_and_no_other(pike: Fish) -> None:
     """Sections 20 % higher, the fin 10 % lower: the heights account for all of the misfit, others for a part."""
     reason = named("heights")
-    truth = planted(pike, TWO, reason, section_height__error=0.2, fin_height__error=-0.1)
+    truth = table_of(pike, TWO, reason, section_height__error=0.2, fin_height__error=-0.1)
     done = {}
     for name in ("heights", "unit", "head_inertia"):
         own = named(name)
@@ -143,7 +143,7 @@ def test_noise_makes_ranges_larger_by_what_draws_of_it_do(pike: Fish) -> None:
 
 def test_no_fit_is_worse_than_that_of_a_smaller_problem(pike: Fish) -> None:
     """Ranges of the nominal fish itself: a reason that only gets worse starts ends at its null value."""
-    own = study._Study(pike, planted(pike, TWO), TWO, 0, 0.1)
+    own = study._Study(pike, table_of(pike, TWO), TWO, 0, 0.1)
     smaller = own.problem(coefficients=False).fitted(np.zeros(0))
     found = own.fit(own.problem(named("soft_start"), coefficients=False), 0, smaller)
     assert found.misfit <= smaller.misfit < 1e-12
@@ -200,13 +200,13 @@ def test_a_fish_whose_own_numbers_diverge_is_refused_before_any_fit(
         compare_paper(heavy, names=TWO)
 
 
-def test_the_study_names_a_planted_unit(pike: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_study_names_the_true_unit(pike: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two modes, two reasons, few starts, for time: lambda* with angles a third smaller."""
     for starts in ("_STARTS", "_BESIDE"):
         monkeypatch.setattr(study, starts, 1)
     monkeypatch.setattr(study, "reasons", lambda: (UNIT, named("head_inertia")))
     monkeypatch.setattr(study, "_UNITS", (0.06, 0.07))
-    truth = planted(pike, TWO, UNIT, psi_unit__error=-1.0 / 3.0)
+    truth = table_of(pike, TWO, UNIT, psi_unit__error=-1.0 / 3.0)
     found = compare_paper(pike, measured=truth, names=TWO, jobs=1)
     assert found.fits is not None
     unit, inertia = found.fits.accounts

@@ -11,7 +11,7 @@ from comparison import Comparison, Side, measure
 from mjfish.estimation import Problem
 from mjfish.fish import COEFFICIENTS
 
-#: Coefficients away from the planted ones, inside the bounds.
+#: Coefficients away from the true ones, inside the bounds.
 _ELSEWHERE = (1.5, 0.2, 0.9, 3.0, 0.5, 2.5, 0.004, 0.015, 0.006)
 
 

@@ -102,7 +102,7 @@ def page(
 def cost() -> None:
     """Time a diagnosis of eight trials of 10.4 s with a hidden lag, once compiled, on as many threads as cores."""
     lag = find("servo_lag")
-    planted = generate(
+    synthetic = generate(
         load_fish("pike"),
         ["v1", "v3", "v5", "v7", "v1-v5", "v5-v1", "v1-t1", "v3-t2"],
         values={"servo_lag.time_constant": 0.03},
@@ -113,7 +113,7 @@ def cost() -> None:
     )
     for what in ("the first time", "once compiled"):
         begun, worked = time.perf_counter(), time.process_time()
-        result = diagnose(planted)
+        result = diagnose(synthetic)
         took = f"{time.perf_counter() - begun:.1f} s, {time.process_time() - worked:.1f} s of CPU"
         print(f"{what}: {took} on {os.cpu_count()} cores: {result.message}")
 

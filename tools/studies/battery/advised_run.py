@@ -57,7 +57,7 @@ class Outcome:
 
 
 def swum(model: Model, truth: dict[str, float], like: Trial, sigma: FloatArray, rng: np.random.Generator) -> Trial:
-    """Swim a trial of the menu in the planted truth, with noise."""
+    """Simulate a trial of the menu with the true values and noise."""
     velocity = model.predict(like, truth).velocity
     return replace(like, velocity=readonly(velocity + sigma * rng.standard_normal(velocity.shape)))
 

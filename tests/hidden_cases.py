@@ -75,7 +75,7 @@ SHAPES: dict[str, Draw] = {
 
 @dataclass(frozen=True)
 class Case:
-    """A planted dataset and its truth, by full parameter name."""
+    """A synthetic dataset and its truth, by full parameter name."""
 
     dataset: Dataset
     effect: str | None

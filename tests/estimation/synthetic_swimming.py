@@ -1,4 +1,4 @@
-"""Small planted datasets for fits: coefficients inside their bounds, straight modes, a few seconds each."""
+"""Small synthetic datasets for fits: coefficients inside their bounds, straight modes, a few seconds each."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012
 
 
 def swimming(fish: Fish, modes: Sequence[str] = ("v1", "v3", "v5"), **changes: Any) -> Dataset:
-    """Plant `TRUTH` in short trials."""
+    """Simulate short trials with `TRUTH`."""
     arguments: dict[str, Any] = {"values": TRUTH, "noise": SIGMA, "duration": 3.0, "seed": 3, **changes}
     return generate(fish, modes, **arguments)
 
