@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,9 @@ from mjfish.estimation.fit import fit, hypercube, multistart, slope
 from mjfish.estimation.identification import identify
 from mjfish.estimation.settings import Settings
 from mjfish.fish import COEFFICIENTS, Fish
+
+#: The package exports its function `fit` under the name of the module.
+MODULE = importlib.import_module("mjfish.estimation.fit")
 
 
 @pytest.fixture(scope="module")
@@ -55,24 +59,20 @@ def test_every_start_finds_the_optimum_of_a_problem_that_has_one(synthetic: Data
 
 
 def test_a_start_that_ends_elsewhere_is_counted(synthetic: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    from mjfish.estimation import fit as module
-
-    honest, calls = module.fit, []
+    honest, calls = MODULE.fit, []
 
     def stuck(posed: object, x: object, **options: object) -> object:
         calls.append(x)
         one = honest(posed, x, **options)  # type: ignore[arg-type]
         return replace(one, cost=2.0 * one.cost) if len(calls) == 2 else one
 
-    monkeypatch.setattr(module, "fit", stuck)
+    monkeypatch.setattr(MODULE, "fit", stuck)
     assert multistart(problem(synthetic), 2, seed=1).reached == 0.5
 
 
 def test_where_every_start_diverges_none_reached_anything(synthetic: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    from mjfish.estimation import fit as module
-
-    honest = module.fit
-    monkeypatch.setattr(module, "fit", lambda *a, **k: replace(honest(*a, **k), status="diverged"))
+    honest = MODULE.fit
+    monkeypatch.setattr(MODULE, "fit", lambda *a, **k: replace(honest(*a, **k), status="diverged"))
     assert multistart(problem(synthetic), 2, seed=1).reached == 0.0
 
 
