@@ -54,7 +54,7 @@ def test_a_copy_of_the_package_elsewhere_finds_the_machine_code(tmp_path: Path) 
     for place in ("one", "two"):
         shutil.copytree(source, tmp_path / place / "mjfish")
         environment = {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(tmp_path / place), "PATH": ""}
-        code = "from mjfish.effects import catalogue; catalogue()"
+        code = "import mjfish.effects.linear_drag"
         subprocess.run([sys.executable, "-P", "-c", code], env=environment, check=True, cwd=tmp_path)
         counts.append(len(list((tmp_path / "mjfish").rglob("*.nbc"))))
     assert counts[0] > 0
@@ -111,10 +111,8 @@ def _run(script: Path, code: str) -> str:
 def test_a_second_process_loads_machine_code_and_adds_none(tmp_path: Path) -> None:
     """Loads are closures over what they call: a cache of them would grow with every process and never be hit."""
     code = """
-        from mjfish.effects import catalogue
+        import mjfish.effects.linear_drag
         from mjfish.hydro.load import load
-
-        catalogue()
 
         @load
         def push(link, parameters):
