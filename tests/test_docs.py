@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from doc_blocks import ROOT, blocks, commands, run_command, run_python
 
+import mjfish
 from mjfish.cli import console
-from mjfish.data import load_dataset
+from mjfish.data import Dataset, load_dataset
+from mjfish.diagnosis import Diagnosis
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
@@ -26,9 +30,32 @@ def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(console.out, "_width", 200)
 
 
+@pytest.fixture
+def diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page's command and its Python diagnose the same folder: the second gets the result of the first.
+
+    docs/diagnosis.md diagnoses its folder both ways.
+    """
+    diagnose, results = mjfish.diagnose, {}
+
+    def diagnose_once(dataset: Dataset | Path | str, **options: Any) -> Diagnosis:
+        dataset = dataset if isinstance(dataset, Dataset) else load_dataset(dataset)
+        key = b"".join(trial.velocity.tobytes() for trial in dataset.trials)
+        if key not in results:
+            results[key] = diagnose(dataset, **options)
+        return results[key]
+
+    monkeypatch.setattr(mjfish, "diagnose", diagnose_once)
+
+
+@pytest.mark.usefixtures("diagnosed_once")
 def test_readme_commands_and_python_run(tmp_path: Path) -> None:
+    """The first command runs as a user runs it, in a process of its own; the others share this one."""
     (tmp_path / "out").mkdir()
-    for command in commands(ROOT / "README.md"):
+    generate, *others = commands(ROOT / "README.md")
+    program = [str(Path(sys.executable).with_name("mjfish")), *shlex.split(generate)[1:]]
+    subprocess.run(program, cwd=tmp_path, check=True, capture_output=True)
+    for command in others:
         printed = run_command(command, tmp_path)
         if " diagnose " in command:
             assert "The cause is servo_lag" in printed
@@ -146,21 +173,20 @@ def test_a_cause_of_ones_own_goes_through_all_of_it(tmp_path: Path) -> None:
     assert abs(float(estimate[1]) - 0.06) < 0.002
 
 
-def _printed_by_blocks(page: Path, folder: Path) -> list[str]:
-    """Run a page's Python blocks from the root, each in a process of its own; return what each of them printed.
+def _printed_by_blocks(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Run a page's Python blocks from the root, with warnings as errors; return what each of them printed.
 
-    A block that begins with a comment ``# name.py`` is a file that others import. Warnings are errors.
+    A block that begins with a comment ``# name.py`` is a file that others import.
     """
+    monkeypatch.syspath_prepend(folder)
     printed = []
-    for number, block in enumerate(blocks(page, "python")):
-        named = re.match(r"# (\w+\.py)\n", block)
-        path = folder / (named[1] if named else f"block_{number}.py")
-        path.write_text(block)
-        if not named:
-            line = [sys.executable, "-W", "error", str(path)]
-            done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
-            assert done.returncode == 0, done.stderr
-            printed.append(done.stdout)
+    for block in blocks(page, "python"):
+        named = re.match(r"# (\w+)\.py\n", block)
+        if named:
+            (folder / f"{named[1]}.py").write_text(block)
+            monkeypatch.delitem(sys.modules, named[1], raising=False)
+        else:
+            printed.append(run_python(block, ROOT))
     return printed
 
 
@@ -172,19 +198,19 @@ def _assert_same_text(printed: str, written: str) -> None:
     np.testing.assert_allclose(*pairs, rtol=5e-3, atol=1e-12)
 
 
-def test_plug_in_page_does_what_it_says(tmp_path: Path) -> None:
+def test_plug_in_page_does_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its scripts print what the page shows; the three ways to describe a plate describe the same one."""
     page = ROOT / "docs" / "mujoco-plugin.md"
-    _, swimmer, plate = _printed_by_blocks(page, tmp_path)
+    _, swimmer, plate = _printed_by_blocks(page, tmp_path, monkeypatch)
     shown = blocks(page, "text")
     _assert_same_text(swimmer, shown[0])
     _assert_same_text(plate, shown[1])
 
 
-def test_fitter_page_recovers_what_it_says(tmp_path: Path) -> None:
+def test_fitter_page_recovers_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The fitter prints its iterations first."""
     page = ROOT / "docs" / "mujoco-sysid.md"
-    (printed,) = _printed_by_blocks(page, tmp_path)
+    (printed,) = _printed_by_blocks(page, tmp_path, monkeypatch)
     found = "".join(line for line in printed.splitlines(keepends=True) if line.startswith("c_"))
     _assert_same_text(found, blocks(page, "text")[0])
     for (value, half), truth in zip(re.findall(r"= (\S+) \+- (\S+)", found), (1.9, 1.0), strict=True):

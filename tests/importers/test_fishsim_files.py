@@ -97,14 +97,12 @@ def test_files_that_make_no_dataset_are_refused(tmp_path: Path) -> None:
 
 
 def test_no_trial_has_a_role_unless_something_sets_them_apart(tmp_path: Path) -> None:
+    """The report has a row a file, under its headers."""
     files = [Swim(seconds=4.0, seed=seed).write(tmp_path / f"markers_{seed}.csv") for seed in range(2)]
-    assert [run.role for run in importers.import_files("fishsim", files)[0].trials] == [None, None]
+    dataset, report = importers.import_files("fishsim", files)
+    assert [run.role for run in dataset.trials] == [None, None]
     assert [run.role for run in importers.import_files("fishsim", files, ["0"])[0].trials] == ["held_out", "fit"]
-
-
-def test_the_report_has_a_row_a_file_under_its_headers(tmp_path: Path) -> None:
-    files = [Swim(seconds=4.0, seed=seed).write(tmp_path / f"markers_{seed}.csv") for seed in range(2)]
-    rows = importers.import_files("fishsim", files)[1].rows()
+    rows = report.rows()
     assert [row[0] for row in rows] == [file.name for file in files]
     assert {len(row) for row in rows} == {len(importers.HEADERS)}
     assert rows[0][importers.HEADERS.index("frames")] == "240"
