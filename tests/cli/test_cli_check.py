@@ -75,7 +75,7 @@ def test_a_run_that_diverges_exits_with_1_and_its_json_is_valid(run: Run, tmp_pa
 def test_bad_input_is_refused_before_any_engine_runs(
     refuse: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, options: str, complaint: str
 ) -> None:
-    monkeypatch.setattr(crosscheck.realised, "simulate", None)
+    monkeypatch.setattr(crosscheck.cross_check, "simulate", None)
     assert complaint in refuse(f"check {options}").replace("│ ", "")
 
 

@@ -63,7 +63,7 @@ def test_a_fish_without_effects_is_itself(pike: Fish, tmp_path: Path) -> None:
     one = extended.load("pike", given={"c_d.head": 2.0})
     assert one.model == Model(pike)
     assert one.fish == pike.with_values({"c_d.head": 2.0})
-    assert (one.loads, one.seen, list(one.told())) == ((), (), [])
+    assert (one.active, one.seen, list(one.told())) == ((), (), [])
     extended.write(tmp_path / "plain.toml", Model(pike), {"c_d.head": 2.0})
     assert load_fish(tmp_path / "plain.toml") == one.fish
 
@@ -155,7 +155,7 @@ def test_a_load_that_one_engine_lacks_is_seen(pike: Fish, name: str, monkeypatch
     def dry(*given: Any, **options: Any) -> SimRollout:
         return honest(*given, **{**options, "loads": ()})
 
-    monkeypatch.setattr(crosscheck.realised, "simulate", dry)
+    monkeypatch.setattr(crosscheck.cross_check, "simulate", dry)
     found = crosscheck.check(one, "v3", duration=1.0, halvings=1)
     assert found.status == "disagrees"
     assert found.orders[0] < 0.5

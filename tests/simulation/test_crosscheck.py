@@ -51,12 +51,12 @@ def test_other_coefficients_agree_too(pike: Fish) -> None:
 
 def test_disagreement_in_the_water_is_seen(pike: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
     """A mutation: MuJoCo in water one per cent denser than the ODE's."""
-    simulate = crosscheck.realised.simulate
+    simulate = crosscheck.cross_check.simulate
 
     def denser(fish: Fish, *args: object, **options: object) -> object:
         return simulate(fish.model_copy(update={"density": 1010.0}), *args, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(crosscheck.realised, "simulate", denser)
+    monkeypatch.setattr(crosscheck.cross_check, "simulate", denser)
     found = crosscheck.check(pike, "v1", duration=2.0, halvings=1)
     assert found.status == "disagrees"
     assert found.orders[0] < 0.5
@@ -103,7 +103,7 @@ class Pushed(Effect):
 def test_the_cross_check_gives_loads_what_they_need_to_know_of_the_trial(pike: Fish) -> None:
     """Catches a check that leaves out the constants of an effect: both engines would agree, on a fish without it."""
     model = Model(pike, (Pushed(),))
-    with_force = crosscheck.check(Extended(model, {"pushed.force": 0.2}), "v1", duration=0.5, halvings=0)
+    with_force = crosscheck.check(Extended(model, {"pushed.force": 1.0}), "v1", duration=0.5, halvings=0)
     without = crosscheck.check("pike", "v1", duration=0.5, halvings=0)
     assert with_force.passed
     assert with_force.range["surge"] > 1.2 * without.range["surge"]
