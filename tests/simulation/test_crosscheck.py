@@ -95,15 +95,15 @@ class Pushed(Effect):
     load = _constant_push
 
     def constants(self, trial: Trial) -> tuple[float, ...]:
-        """Return two newtons a unit."""
+        """Return the factor of the force."""
         del trial
-        return (2.0,)
+        return (20.0,)
 
 
 def test_the_cross_check_gives_loads_what_they_need_to_know_of_the_trial(pike: Fish) -> None:
     """Catches a check that leaves out the constants of an effect: both engines would agree, on a fish without it."""
     model = Model(pike, (Pushed(),))
-    with_force = crosscheck.check(Extended(model, {"pushed.force": 1.0}), "v1", duration=0.5, halvings=0)
+    with_force = crosscheck.check(Extended(model, {"pushed.force": 0.5}), "v1", duration=0.5, halvings=0)
     without = crosscheck.check("pike", "v1", duration=0.5, halvings=0)
     assert with_force.passed
     assert with_force.range["surge"] > 1.2 * without.range["surge"]
