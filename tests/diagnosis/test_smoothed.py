@@ -40,18 +40,23 @@ def _problem(lag: float, *, motion: bool) -> Problem:
     return Problem(Model(fish), trials, Noise.white(SIGMA), jobs=1)
 
 
-def test_a_run_shorter_than_a_filter_is_no_trouble() -> None:
+def test_nothing_is_wrong_with_a_smoothed_motion_beside_a_run_shorter_than_the_filter() -> None:
     problem = _problem(0.0, motion=True)
     short = problem.trials[0]
     cut = replace(short, name="short", time=readonly(short.time[:15]), velocity=readonly(short.velocity[:15]))
-    findings, _ = screen(
+    findings, told = screen(
         replace(problem, trials=(*problem.trials, cut)), (LAG,), None, np.random.default_rng(0), silent
     )
+    assert findings.evidence.problem.smoothing == Differentiator(3, 2)
+    assert "differentiated over 3 samples, degree 2" in told
     assert findings.p_wrong >= ALARM
 
 
-@pytest.mark.parametrize("lag", [0.0, 0.01])
-@pytest.mark.parametrize("motion", [True, False], ids=["motion and noise", "noise alone"])
+@pytest.mark.parametrize(
+    ("motion", "lag"),
+    [(True, 0.01), (False, 0.0), (False, 0.01)],
+    ids=["motion and noise, lag", "noise alone", "noise alone, lag"],
+)
 def test_only_a_motion_that_was_smoothed_is_smoothed(lag: float, motion: bool) -> None:
     """Central differences at 50 Hz take a tenth of the second harmonic: far more than the noise hides."""
     findings, told = screen(_problem(lag, motion=motion), (LAG,), None, np.random.default_rng(0), silent)
