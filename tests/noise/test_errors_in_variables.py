@@ -96,7 +96,7 @@ def test_smoothing_knows_the_noise_of_the_angles() -> None:
     assert np.median(found) == pytest.approx(0.005, rel=0.1)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_noise_of_the_angles_is_not_taken_for_something_wrong(pike: Fish, seed: int) -> None:
     """Angles read with 0.004 rad of white noise: what they do to the yaw rate is as large as the camera's noise."""
     rng = np.random.default_rng([20, seed])
