@@ -72,7 +72,7 @@ def test_smallest_visible_sizes_are_those_of_the_score_tests_and_shrink() -> Non
     assert found.runs[0].worth >= again.worth
 
 
-def test_a_signature_that_a_refit_hides_whole_has_no_visible_size() -> None:
+def test_a_signature_that_a_refit_absorbs_has_no_detectable_size() -> None:
     """A gauge: rounding alone would give it a huge, meaningless one."""
     rng = np.random.default_rng(5)
     columns = rng.standard_normal((50, 2))

@@ -67,7 +67,7 @@ GAINS = {
 
 
 @pytest.mark.parametrize(("pair", "named"), [(593.0, ("stiff", "wake")), (540.0, ("drag", "stiff", "wake"))])
-def test_a_member_that_stood_in_for_a_later_one_is_dropped(
+def test_a_member_that_a_later_one_makes_redundant_is_dropped(
     monkeypatch: pytest.MonkeyPatch, pair: float, named: Names
 ) -> None:
     """Catches a set that keeps a superfluous member since nobody came by the set without it."""
@@ -94,7 +94,7 @@ def test_a_member_that_stood_in_for_a_later_one_is_dropped(
     assert found.sufficient == [named]
 
 
-def test_a_set_less_a_member_is_fitted_as_if_the_member_had_never_been() -> None:
+def test_a_set_without_a_member_has_the_fit_that_never_had_it() -> None:
     lag, scale = find("servo_lag"), find("velocity_scale")
     pike = load_fish("pike")
     values = {"servo_lag.time_constant": 0.03, "velocity_scale.error": 0.1}

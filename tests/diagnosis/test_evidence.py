@@ -37,7 +37,7 @@ def test_a_cause_that_the_coefficients_hide_changes_no_p_value() -> None:
 
 
 @pytest.mark.parametrize(("beyond", "hidden"), [(1e-2, False), (1e-4, True)])
-def test_what_a_refit_leaves_of_a_cause_counts_however_much_it_takes(beyond: float, hidden: bool) -> None:
+def test_a_cause_is_identifiable_by_whatever_a_refit_leaves_of_it(beyond: float, hidden: bool) -> None:
     """A ten-thousandth of the energy may show in precise data; of a true gauge only rounding is left, 1e-8."""
     dataset = draw("com_offset", "weak", trials=4).dataset
     problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)), jobs=1)

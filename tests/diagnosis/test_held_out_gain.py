@@ -96,7 +96,7 @@ def _drawn_columns() -> FloatArray:
 RIVALS = _drawn_columns()
 
 
-def test_held_out_trials_tell_rivals_apart_and_seldom_lose_the_true_one() -> None:
+def test_held_out_trials_separate_rivals_and_seldom_reject_the_true_one() -> None:
     """The true one stays in 95 of 100, the other leaves far more often than by the fitted rows alone.
 
     Catches held-out residuals taken for white, or for free of what the fit left open.
@@ -112,7 +112,7 @@ def test_held_out_trials_tell_rivals_apart_and_seldom_lose_the_true_one() -> Non
     assert kept[True][1] < 0.3 * 300 < 0.65 * 300 < kept[False][1], kept
 
 
-def test_a_held_out_trial_that_no_rival_predicts_says_nothing() -> None:
+def test_a_held_out_trial_that_no_rival_predicts_does_not_count() -> None:
     """Swapped labels, say: whom such a trial favours is chance."""
     for strays, counted in ((0.0, 80), (10.0, 40)):
         refits, held_out = _rivals(np.random.default_rng(12), strays)

@@ -63,16 +63,16 @@ def test_slow_noise_as_large_as_a_part_of_the_motion_blocks_the_verdict(trials: 
     assert "swim one drive twice" in found.remedy
 
 
-def test_noise_of_a_camera_does_not(trials: tuple[Trial, ...]) -> None:
+def test_noise_of_a_camera_does_not_block_the_verdict(trials: tuple[Trial, ...]) -> None:
     assert _asked(_Problem(trials, (0.04, 0.04, 0.04))) is None
 
 
-def test_what_is_quick_of_it_does_not_count(trials: tuple[Trial, ...]) -> None:
+def test_fast_residuals_do_not_count(trials: tuple[Trial, ...]) -> None:
     assert _asked(_Problem(trials, (0.12, 0.12, 0.12))) is not None
     assert _asked(_Problem(trials, (0.12, 0.12, 0.12), quick=True)) is None
 
 
-def test_large_noise_without_a_colour_is_believed(trials: tuple[Trial, ...]) -> None:
+def test_large_white_noise_is_accepted(trials: tuple[Trial, ...]) -> None:
     """A misfit is slow: it does not pass for white noise, nor for that of differentiated positions."""
     white = Noise.white(np.full(3, 0.01))
     rough = DifferentiationNoise(readonly(np.full(3, 0.01)), readonly(np.zeros((3, 0))))
@@ -133,7 +133,7 @@ def _swum(pike: Fish, size: float) -> Dataset:
     return replace(dataset, trials=tuple(trials))
 
 
-def test_a_diagnosis_says_when_the_bursts_were(pike: Fish) -> None:
+def test_a_diagnosis_states_the_times_of_bursts(pike: Fish) -> None:
     """Catches: jerks that pass for noise of another colour, and nothing wrong found."""
     few = {name: find(name) for name in ("servo_lag", "munk_moment", "velocity_scale")}
     assert diagnose(_swum(pike, 0.0), effects=few).verdict == "nothing_wrong"

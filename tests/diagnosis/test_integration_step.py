@@ -93,7 +93,7 @@ def test_a_tail_that_is_nearly_stiff_asks_for_a_shorter_step(jolted: tuple[Probl
     assert off(coarse) > 4.0
 
 
-def test_a_tail_that_rings_is_found_beyond_the_valleys_of_other_stiffnesses(
+def test_a_ringing_tail_is_found_beyond_the_local_minima_of_other_stiffnesses(
     jolted: tuple[Problem, dict[str, float]],
 ) -> None:
     """From a tail that is stiffer the fit ends where it rings a whole turn more often."""

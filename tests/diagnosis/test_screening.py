@@ -46,7 +46,7 @@ def _limited(pike: Fish, sigma: FloatArray) -> tuple[Evidence, float]:
 
 
 @pytest.mark.parametrize("share", [0.3, 0.02], ids=["noise", "hardly any noise"])
-def test_a_limit_that_is_hardly_met_is_found_in_its_narrow_valley(pike: Fish, share: float) -> None:
+def test_a_limit_that_is_hardly_met_is_found_in_its_narrow_minimum(pike: Fish, share: float) -> None:
     """From sizes that do not feel it there is no way down. Catches starts that step over the minimum.
 
     With hardly any noise an idle limit differs from none by rounding, and is not felt for it.
@@ -104,7 +104,7 @@ def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None
     assert (findings.p_wrong < 1e-6) is (off > 0.0)
 
 
-def test_a_tail_at_half_its_compliance_is_told_of_the_other_valley(pike: Fish) -> None:
+def test_a_fit_at_half_the_compliance_is_sent_to_the_better_minimum(pike: Fish) -> None:
     tail = find("tail_compliance")
     values = {"tail_compliance.compliance": 0.02, "tail_compliance.damping": 0.1}
     dataset = generate(pike, ["v3", "v5"], values=values, effects=[tail], noise=SIGMA, duration=4.0, seed=3)

@@ -23,7 +23,7 @@ MISFIT = Standing(rival_p=1.0, behind=0.0, saturated_p=1e-5, omnibus_p=0.5, exce
 LIKE = replace(MISFIT, excess=25.0, left=0.2)
 
 
-def test_a_cause_as_likely_as_the_best_stays_however_odd_that_is() -> None:
+def test_a_cause_as_likely_as_the_best_stays_a_rival() -> None:
     """Two causes that the data could have told apart, and that fit equally well: neither is named."""
     tied = Standing(rival_p=0.03, behind=0.1, saturated_p=0.5, omnibus_p=0.5, left=0.0)
     assert tied.in_set
@@ -93,7 +93,7 @@ def test_a_best_cause_that_leaves_a_residual_is_no_explanation() -> None:
     assert _rule({"a": MISFIT, "b": BEATEN}).verdict == "unexplained"
 
 
-def test_a_rival_that_fits_stands_in_for_a_best_that_does_not() -> None:
+def test_a_rival_that_fits_replaces_a_best_that_does_not() -> None:
     assert _rule({"a": MISFIT, "b": RIVAL}).sets == (("b",),)
 
 
@@ -108,7 +108,7 @@ def test_a_loss_on_held_out_trials_that_noise_explains_is_no_failure() -> None:
     assert decide(1e-6, comparison, None).verdict == "named"
 
 
-def test_where_the_best_fails_on_held_out_trials_the_others_are_heard_but_none_is_named() -> None:
+def test_where_the_best_fails_on_held_out_trials_others_are_compared_and_none_is_named() -> None:
     """The best may owe its lead to noise: what would do without it is told, and told as uncertain."""
     first, others = _hearing({"a": GOOD, "b": BEATEN}, {"a": -5.0}), _hearing({"b": GOOD})
     decision = decide(1e-6, first, None, (), others)
@@ -179,7 +179,7 @@ def test_a_single_cause_that_leaves_little_is_named_where_no_set_does_better() -
     assert _rule({"a": MISFIT}, several={"ab": MISFIT}).verdict == "unexplained"
 
 
-def test_where_a_form_that_is_not_quite_right_is_put_up_with_it_is_with_rivals_too() -> None:
+def test_a_small_lack_of_fit_is_accepted_with_rivals_too() -> None:
     """The best, 100, leaves 2; who is 1 behind leaves 3 % of 102, who is 20 behind leaves a fifth."""
     comparison = _hearing({"a": LITTLE, "b": BEATEN, "c": BEATEN})
     refits = {**comparison.refits, ("c",): _refit("c", 80.0)}

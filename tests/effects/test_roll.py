@@ -50,7 +50,7 @@ def test_a_sway_that_swings_makes_it_roll_as_the_transfer_function_says(straight
     np.testing.assert_allclose(found[settled], expected[settled], rtol=0.0, atol=0.01 * abs(gain))
 
 
-def test_in_a_steady_turn_it_leans_like_a_plumb_line(straight: Trial) -> None:
+def test_in_a_steady_turn_the_fish_leans_like_a_plumb_line(straight: Trial) -> None:
     """Towards -atan of yaw rate times surge over g, once; then it no longer rolls. Catches the sign of the turn."""
     long = replace(straight, time=readonly(np.arange(1001) / 50.0))
     state = np.zeros((1001, 8))

@@ -183,7 +183,7 @@ def test_the_low_end_of_a_drift_of_any_time_is_right(swum: tuple[Problem, Fit]) 
     assert abs(np.median(np.log(ratios))) < 0.2
 
 
-def test_what_a_short_recording_leaves_open_of_a_drift_is_told(swum: tuple[Problem, Fit]) -> None:
+def test_the_uncertainty_of_a_drift_in_a_short_recording_is_stated(swum: tuple[Problem, Fit]) -> None:
     """The power of its low end, the truth, is among the draws. Catches draws that are too close, or about elsewhere."""
     problem, _ = swum
     rng = np.random.default_rng(21)
@@ -198,7 +198,7 @@ def test_what_a_short_recording_leaves_open_of_a_drift_is_told(swum: tuple[Probl
     assert np.mean((rank > 0.25) & (rank < 0.75)) < 0.75
 
 
-def test_a_drift_is_not_taken_for_smaller_where_the_saturated_model_swallows_what_is_slow(
+def test_a_drift_is_not_underestimated_where_the_saturated_model_absorbs_slow_noise(
     swum: tuple[Problem, Fit],
 ) -> None:
     """Five slow waves a trial and channel are taken out. Catches spectra and likelihoods that do not know of it."""
@@ -236,7 +236,7 @@ def test_what_the_saturated_model_takes_is_weighed_by_sigma_and_not_by_unit(swum
     np.testing.assert_allclose(share[-1], 1.0, atol=0.02)
 
 
-def test_the_filter_behind_differentiated_positions_is_found_and_tells_more_than_an_autoregression(
+def test_the_filter_of_differentiated_positions_is_found_and_is_likelier_than_an_autoregression(
     swum: tuple[Problem, Fit],
 ) -> None:
     """What counts is the deep valley at low frequencies: an autoregression sees a slow effect there far worse."""
@@ -260,7 +260,7 @@ def _shapes(problem: Problem) -> list[FloatArray]:
 
 
 @pytest.mark.parametrize("rounding", [0.03, 0.07, 0.15])
-def test_rounding_is_told_where_the_saturated_model_took_what_is_slow(
+def test_rounding_is_estimated_where_the_saturated_model_absorbs_slow_noise(
     swum: tuple[Problem, Fit], rounding: float
 ) -> None:
     """Taking shapes out with white weights stirs up the valley at frequency nought, and rounding looks larger."""
@@ -326,7 +326,7 @@ def test_trials_at_two_steps_have_a_noise_each(pike: Fish) -> None:
         assert np.all(np.abs(product) < 5.0 / np.sqrt(len(white)))
 
 
-def test_one_quiet_channel_does_not_make_the_noise_of_the_others_their_innovations(swum: tuple[Problem, Fit]) -> None:
+def test_a_noise_free_channel_does_not_reduce_the_noise_of_the_others(swum: tuple[Problem, Fit]) -> None:
     """Surge without noise is held at the floor; sway with long memory keeps its whole spread."""
     problem, one = swum
     slow = Autoregressive(SIGMA, readonly([[0.0], [0.97], [0.0]]))
@@ -342,7 +342,7 @@ def test_one_quiet_channel_does_not_make_the_noise_of_the_others_their_innovatio
     assert noise.sigma[1] == pytest.approx(left[:, 1].std(), rel=0.25)
 
 
-def test_what_hardly_changes_within_a_run_is_not_noise(swum: tuple[Problem, Fit]) -> None:
+def test_a_constant_offset_of_each_run_is_not_taken_for_noise(swum: tuple[Problem, Fit]) -> None:
     """Every run is off by a constant: a wander of a third of a run cannot say all of that, and leaves it to be seen."""
     problem, _ = swum
     rng = np.random.default_rng(8)

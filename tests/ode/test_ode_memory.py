@@ -61,7 +61,7 @@ def test_a_memory_follows_its_rate(pike: Fish) -> None:
 
 
 @pytest.mark.parametrize("compliance", [0.0, 0.4])
-def test_a_load_is_told_where_its_link_is(pike: Fish, compliance: float) -> None:
+def test_a_load_knows_the_place_of_its_link(pike: Fish, compliance: float) -> None:
     """Joint and heading of every link, of the forward frame, from a measured start, on a bending fish."""
     fish = pike.model_copy(update={"tail_compliance": compliance})
     motion = waving(0.4, 400)

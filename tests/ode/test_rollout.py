@@ -78,7 +78,7 @@ def test_at_a_jump_the_value_after_it_is_read(pike: Fish) -> None:
     assert rollout.at(np.array([0.5 - 1e-6]))[0] == pytest.approx(rollout.state[after - 1, 1], abs=1e-3)
 
 
-def test_before_the_start_is_the_start_and_behind_the_end_is_nothing(pike: Fish) -> None:
+def test_before_the_start_the_first_value_is_read_and_behind_the_end_none(pike: Fish) -> None:
     rollout = ode.simulate(pike, waving(0.5, 100), velocity=np.array([0.1, 0.2, 0.3]))
     found = rollout.at(np.array([-1.0, 0.0, 0.5, 0.6]))
     assert np.array_equal(found[0], found[1])

@@ -68,7 +68,7 @@ def test_two_causes_have_their_strengths_beyond_each_other() -> None:
     assert alone > case.truth.strength["time_offset"]
 
 
-def test_a_gauge_cannot_be_made_strong() -> None:
+def test_a_structurally_unidentifiable_cause_cannot_be_made_strong() -> None:
     """A mass error that seems strong because the refit was linear."""
     case = scaled_case(14, "mass_error", 100.0, "white", runs=5)
     made = case.draft
