@@ -128,7 +128,7 @@ def test_intervals_are_those_of_clopper_and_pearson() -> None:
     assert row.interval == pytest.approx((0.0242, 0.0900), abs=5e-4)
 
 
-def test_a_guess_always_names_a_cause() -> None:
+def test_every_guesser_names_a_cause() -> None:
     cases = [_case("unexplained", {}), _case("named", {"servo_lag": 0.01})]
     names = {name: guess(cases[0]) for name, guess in baselines.guessers(cases).items()}
     assert names["refit with the lowest error"] == "servo_lag"
