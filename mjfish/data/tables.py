@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -18,7 +18,7 @@ import pyarrow.parquet
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import columns
-from mjfish.errors import InputError
+from mjfish.errors import InputError, UnknownNameError
 
 SUFFIXES = (".csv", ".parquet")
 _LONGEST_SHOWN = 40
@@ -112,17 +112,81 @@ def _write_parquet(file: BinaryIO, table: Mapping[str, FloatArray]) -> None:
     pa.parquet.write_table(pa.table(arrays), file, write_page_checksum=True)
 
 
+def read_columns(
+    path: Path, names: Sequence[str], *, header: bool, fewest: int, missing: bool = False, about: str = ""
+) -> dict[str, FloatArray]:
+    """Read columns of a CSV file of some laboratory, with headers of its own or none.
+
+    Args:
+        path: the file.
+        names: of the columns wanted; without a header, of all columns in their order.
+        header: whether the first line names the columns.
+        fewest: rows.
+        missing: whether cells may be empty or NaN.
+        about: what the file should be, for messages.
+
+    Returns:
+        Columns (n,) by name, finite but for missing cells, and read-only.
+
+    Raises:
+        InputError: no such file, no text, another number of columns, text or a missing number in a cell, too few rows.
+        UnknownNameError: no column of a name.
+    """
+    try:
+        text = _text(path)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; correct its name") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error}; {about or 'give a table of numbers'}") from None
+    found = [cell.strip() for cell in _first_row(text)] if header else list(names)
+    for name in names:
+        if name not in found:
+            raise UnknownNameError(f"column in {path}", name, found, "or correct it in the mapping file")
+    first_line = 2 if header else 1
+    cells = _cells(text, found, path, first_line, about)
+    if cells.num_rows < fewest:
+        raise InputError(
+            f"{path}: has {cells.num_rows} rows, expected one a frame and {fewest} or more; give a longer track"
+        )
+    read_as = "" if header else " (read as a file without header)"
+    result = {}
+    for name in names:
+        column = f"column {found.index(name) + 1} ({name}){read_as}"
+        values = _numbers(cells.column(name), path, column, missing=missing, first_line=first_line)
+        result[name] = values
+        wrong = np.flatnonzero(np.isinf(values) if missing else ~np.isfinite(values))
+        if wrong.size:
+            row = row_name(path, int(wrong[0]), first_line)
+            raise InputError(
+                f"{row}, {column}: {values[wrong[0]]}, expected a finite number; correct it or cut the track there"
+            )
+    return result
+
+
 def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
     """Parse every cell as text first: only so can a message show what stood in the file."""
     text = _text(path)
-    headers = next(csv.reader([text.partition("\n")[0]]))
+    headers = _first_row(text)
     if not headers:
         raise InputError(f"{path}: line 1 is empty, expected the headers of the columns; remove the lines above them")
     if len(headers) == 1 and (";" in text or "\t" in text):
         raise InputError(f"{path}: line 1 has no commas; separate the columns by commas, with points in the numbers")
     names = columns.parse(headers, path)
-    if "\n" not in text:
-        return dict.fromkeys(names, readonly([]))
+    cells = _cells(text, names, path)
+    return {
+        name: _numbers(cells.column(name), path, f"column '{columns.header(name)}'", missing=name in missing)
+        for name in names
+    }
+
+
+def _first_row(text: str) -> list[str]:
+    return next(csv.reader([text.partition("\n")[0]]))
+
+
+def _cells(text: str, names: Sequence[str], path: Path, first_line: int = 2, about: str = "") -> pa.Table:
+    """Return the cells as text; the rows begin at a line, from 1."""
+    if text.count("\n") + 1 < first_line:
+        return pa.table({name: pa.array([], pa.string()) for name in names})
     ragged: list[Any] = []
 
     def note(row: Any) -> str:
@@ -130,9 +194,9 @@ def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
         return "error"
 
     try:
-        table = pa.csv.read_csv(
+        return pa.csv.read_csv(
             pa.BufferReader(text.encode("utf-8")),
-            read_options=pa.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=1),
+            read_options=pa.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=first_line - 1),
             parse_options=pa.csv.ParseOptions(ignore_empty_lines=False, invalid_row_handler=note),
             convert_options=pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
         )
@@ -141,10 +205,10 @@ def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
             raise
         row = ragged[0]
         raise InputError(
-            f"{row_name(path, row.number - 2)}: {row.actual_columns} cells, expected {row.expected_columns} as in the "
-            f"header; found '{_short(row.text)}'; complete or remove the row"
+            f"{row_name(path, row.number - first_line, first_line)}: {row.actual_columns} cells, expected "
+            f"{row.expected_columns} ({names[0]} to {names[-1]}); found '{_short(row.text)}'; "
+            f"{about or 'complete or remove the row'}"
         ) from None
-    return {name: _numbers(name, table.column(name), path, name in missing) for name in names}
 
 
 def _text(path: Path) -> str:
@@ -160,17 +224,20 @@ def _text(path: Path) -> str:
     return text
 
 
-def _numbers(name: str, cells: Any, path: Path, missing: bool) -> FloatArray:
+def _numbers(cells: Any, path: Path, column: str, *, missing: bool, first_line: int = 2) -> FloatArray:
     """Convert a column of text; look for the cell at fault only where the fast way fails."""
     try:
         return readonly(cells.cast(pa.float64()).to_numpy())
     except pa.ArrowInvalid:
-        texts = enumerate(cells.to_pylist())
-        return readonly([np.nan if missing and not text.strip() else _number(name, text, k, path) for k, text in texts])
+        return readonly(
+            [
+                np.nan if missing and not text.strip() else _number(text, f"{row_name(path, k, first_line)}, {column}")
+                for k, text in enumerate(cells.to_pylist())
+            ]
+        )
 
 
-def _number(name: str, cell: str, index: int, path: Path) -> float:
-    where = f"{row_name(path, index)}, column '{columns.header(name)}'"
+def _number(cell: str, where: str) -> float:
     if not cell.strip():
         raise InputError(f"{where}: the cell is empty, expected a number; fill it in or remove the row")
     try:
@@ -199,7 +266,8 @@ def _read_parquet(path: Path, missing: Collection[str]) -> dict[str, FloatArray]
                 f"{path}: column '{columns.header(name)}' has type {cells.type}, expected float64; convert it"
             )
         if cells.null_count and name not in missing:
-            _number(name, "", int(np.argmax(cells.is_null().to_numpy())), path)
+            row = row_name(path, int(np.argmax(cells.is_null().to_numpy())))
+            _number("", f"{row}, column '{columns.header(name)}'")
         result[name] = readonly(cells.cast(pa.float64()).to_numpy())
     return result
 
@@ -214,7 +282,7 @@ def check_finite(name: str, values: FloatArray, path: Path) -> None:
         )
 
 
-def row_name(path: Path, index: int) -> str:
-    """Return the name of the row of data `index` (from 0): rows count from 1, and row 1 of a CSV is line 2."""
-    line = f" (line {index + 2})" if path.suffix.lower() == ".csv" else ""
+def row_name(path: Path, index: int, first_line: int = 2) -> str:
+    """Return the name of the row of data `index` (from 0): they count from 1, at the first line of data."""
+    line = f" (line {index + first_line})" if path.suffix.lower() == ".csv" and first_line > 1 else ""
     return f"{path}: row {index + 1}{line}"

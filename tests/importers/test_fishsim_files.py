@@ -28,13 +28,13 @@ def _cell(lines: Lines, row: int, column: int, text: str) -> Lines:
 SPOILED: dict[str, tuple[Callable[[Lines], Lines], tuple[str, ...]]] = {
     "header": (lambda lines: [",".join(["X", "Y"] * 9), *lines], ("row 1, column 1 (X0)", "'X'", "without header")),
     "text": (lambda lines: _cell(lines, 7, 6, "lost"), ("row 7, column 6 (Y2)", "'lost'", "correct")),
-    "empty cell": (lambda lines: _cell(lines, 8, 1, ""), ("row 8, column 1 (X0)", "''")),
+    "empty cell": (lambda lines: _cell(lines, 8, 1, ""), ("row 8, column 1 (X0)", "the cell is empty")),
     "nan": (lambda lines: _cell(lines, 9, 18, "nan"), ("row 9, column 18 (Y8)", "nan", "finite")),
     "infinite": (lambda lines: _cell(lines, 9, 17, "-inf"), ("row 9, column 17 (X8)", "-inf")),
-    "a column less": (lambda lines: [line.rpartition(",")[0] for line in lines], ("row 1", "17 columns", "18")),
-    "a ragged row": (lambda lines: [*lines[:20], lines[20] + ",1", *lines[21:]], ("row 21", "19 columns", "18")),
+    "a column less": (lambda lines: [line.rpartition(",")[0] for line in lines], ("row 1", "17 cells", "18")),
+    "a ragged row": (lambda lines: [*lines[:20], lines[20] + ",1", *lines[21:]], ("row 21", "19 cells", "18")),
     "too few rows": (lambda lines: lines[:59], ("59 rows", "60 or more")),
-    "empty": (lambda lines: [], ("0 rows", "60 or more")),
+    "empty": (lambda lines: [], ("the file is empty", "60 or more")),
 }
 
 
@@ -53,7 +53,7 @@ def test_absent_and_binary_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.csv: no such file"):
         importers.import_files("fishsim", [tmp_path / "nowhere.csv"])
     (tmp_path / "image.csv").write_bytes(b"\xff\xd8\xff\xe0" * 100)
-    with pytest.raises(InputError, match=r"image\.csv: cannot be read as text"):
+    with pytest.raises(InputError, match=r"image\.csv: line 1 is no UTF-8 text"):
         importers.import_files("fishsim", [tmp_path / "image.csv"])
 
 

@@ -16,12 +16,12 @@ from scipy.ndimage import median_filter
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset
-from mjfish.data.importers import rows
 from mjfish.data.importers.chain import Chain, Marker, Plane
 from mjfish.data.importers.mapping import MarkersMap, fish_of, layout, read_mapping
 from mjfish.data.importers.report import FileReport, ImportReport
 from mjfish.data.importers.smoothing import Basis, Fit, beat_frequency, smooth
 from mjfish.data.importers.trials import Recording, assign_roles, check_distinct, record, with_noise
+from mjfish.data.tables import read_columns
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish
 
@@ -348,11 +348,11 @@ def _import(path: Path, table: MarkersMap, marked: Marked, fish: Fish) -> _Impor
 def metres(path: Path, table: MarkersMap, marked: Marked) -> tuple[FloatArray, float]:
     """Return the markers (n, markers, 2) in metres, y up, by the known distance of the first two, and the scale."""
     columns = [name for entry in table.markers for name in (entry.columns or (f"X{entry.name}", f"Y{entry.name}"))]
-    read_columns = rows.read(
+    pixels = read_columns(
         path, columns, header=table.header, missing=table.missing, about=_ABOUT,
         fewest=int(np.ceil(_LEAST_SECONDS * table.rate)),
     )  # fmt: skip
-    raw = np.stack([read_columns[name] for name in columns], axis=1).reshape(-1, len(table.markers), 2)
+    raw = np.stack([pixels[name] for name in columns], axis=1).reshape(-1, len(table.markers), 2)
     first, second = marked.base
     apart = float(np.nanmedian(np.hypot(*(raw[:, second] - raw[:, first]).T)))
     if not apart > 0.0:

@@ -13,7 +13,6 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset, Trial
-from mjfish.data.importers import rows
 from mjfish.data.importers.mapping import (
     ANGLES,
     LENGTHS,
@@ -30,6 +29,7 @@ from mjfish.data.importers.markers import HARMONICS
 from mjfish.data.importers.report import FileReport, ImportReport
 from mjfish.data.importers.smoothing import Basis, Fit, MeasuredCoordinates, beat_frequency, smooth
 from mjfish.data.importers.trials import Recording, assign_roles, check_distinct, record, with_noise
+from mjfish.data.tables import read_columns
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 
@@ -75,7 +75,7 @@ def import_poses(
 
 def _import_pose_table(path: Path, table: PosesMap, fish: Fish, mapping: Path) -> _Imported:
     names = [table.time, table.x, table.y, table.yaw, *angle_columns(table)]
-    numbers = rows.read(path, names, header=True, fewest=_FEWEST_POSES, missing=True)
+    numbers = read_columns(path, names, header=True, fewest=_FEWEST_POSES, missing=True)
     time = _increasing(numbers[table.time] * TIMES[table.time_unit], path)
     pose = _at_nose(table, np.column_stack([numbers[name] for name in (table.x, table.y, table.yaw)]))
     joints = measured_angles(table, numbers, fish, mapping)
@@ -181,7 +181,7 @@ def _velocity_trial(path: Path, source: _Source) -> Trial:
     table = source.table
     names = (table.time, table.surge, table.sway, table.yaw_rate)
     joints = angle_columns(table)
-    numbers = rows.read(path, [*names, *joints], header=True, fewest=_FEWEST_VELOCITIES)
+    numbers = read_columns(path, [*names, *joints], header=True, fewest=_FEWEST_VELOCITIES)
     length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
     surge = numbers[table.surge] * (length if table.surge_to == "front" else -length)
     sway = numbers[table.sway] * (length if table.sway_to == "port" else -length)
