@@ -110,8 +110,8 @@ def test_installed_wheel_finds_the_hand_written_pike(tmp_path: Path) -> None:
     with zipfile.ZipFile(next(tmp_path.glob("mjfish-*.whl"))) as wheel:
         wheel.extractall(tmp_path / "site")
     code = (
-        "from mjfish import fish; from mjfish.mujoco import mjcf; import mjfish; print(mjfish.__file__);"
-        "mjcf.spec(fish.load('pike')).compile().geom('fin_upper'); print(mjcf.xml('pike_planar.xml'));"
+        "import mjfish; from mjfish.mujoco import mjcf; print(mjfish.__file__);"
+        "mjcf.spec(mjfish.load_fish('pike')).compile().geom('fin_upper'); print(mjcf.xml('pike_planar.xml'));"
         "print(mjcf.xml('pike_free.xml'))"
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
