@@ -95,7 +95,9 @@ def diagnosis(
         nominal_model=Model(fish),
         extended_model=Model(fish).extended(find(cause)) if wrong else Model(fish),
         overlays=tuple(overlays),
-        problem=Problem(Model(fish), tuple(one.trial for one in overlays if not one.held_out), Noise.white(SIGMA)),
+        problem=Problem(
+            Model(fish), tuple(overlay.trial for overlay in overlays if not overlay.held_out), Noise.white(SIGMA)
+        ),
         fits=_fits(fish.values, {cause: values, "time_offset": {"time_offset.offset": -0.0195}} if wrong else {}),
         effects=catalogue(),
         provenance={"versions": {"mjfish": "0.1.0"}, "commit": None, "seed": 7, "inputs": {"slow.csv": "ab12"}},

@@ -105,15 +105,15 @@ def check(
     from mjfish.model import extended
     from mjfish.serialise import fields_of
 
-    whole = extended.load(fish, catalogue(tuple(effects or ())))
-    whole.check_mujoco()
-    console.say(*whole.told())
+    extended_fish = extended.load(fish, catalogue(tuple(effects or ())))
+    extended_fish.check_mujoco()
+    console.say(*extended_fish.described())
     names = tuple(mode or (() if all_ else CHECKED))
     for name in names:
         drive(name)  # refuses an unknown mode before any work is done
     if json_ is not None:
         check_file(json_)
-    results = _check_engines(whole, names, reference) if all_ else _check_servos(whole, names, coriolis)
+    results = _check_engines(extended_fish, names, reference) if all_ else _check_servos(extended_fish, names, coriolis)
     passed = all(result.passed for result in results)
     if json_ is not None:
         entries = [{**fields_of(result), "passed": result.passed} for result in results]
@@ -123,20 +123,20 @@ def check(
 
 
 def _check_servos(
-    whole: Extended, names: Sequence[str], coriolis: Literal["corrected", "printed"]
+    extended_fish: Extended, names: Sequence[str], coriolis: Literal["corrected", "printed"]
 ) -> Sequence[CrossCheck]:
     """Check both engines on the joint motion of MuJoCo's servos in these modes, and show the differences."""
     from mjfish import simulation
     from mjfish.frames import CHANNELS, UNITS
 
-    simulation.cpg_of(whole.fish)
+    simulation.cpg_of(extended_fish.fish)
     results = []
     with console.progress_bar() as tell:
         for done, name in enumerate(names):
             tell(f"checking {name}", done / len(names))
-            results.append(simulation.check(whole, name, coriolis=coriolis))
+            results.append(simulation.check(extended_fish, name, coriolis=coriolis))
     headings = ("mode", "step [ms]", *(f"{c} [{UNITS[c]}]" for c in CHANNELS), "of the bound", "order")
-    title = f"{whole.fish.name}: largest difference ODE - MuJoCo, relative to each channel's range"
+    title = f"{extended_fish.fish.name}: largest difference ODE - MuJoCo, relative to each channel's range"
     table = console.table(title, headings, ("mode",))
     for result in results:
         for level, order in zip(result.levels, (math.nan, *result.orders), strict=False):
@@ -150,7 +150,7 @@ def _check_servos(
     return results
 
 
-def _check_engines(whole: Extended, names: Sequence[str], reference: Path | None) -> Sequence[Row]:
+def _check_engines(extended_fish: Extended, names: Sequence[str], reference: Path | None) -> Sequence[Row]:
     """Check every engine on every case, or on those of the named modes, and show the differences."""
     from mjfish import simulation
 
@@ -159,12 +159,12 @@ def _check_engines(whole: Extended, names: Sequence[str], reference: Path | None
         if name not in (case.mode for case in cases):
             raise UnknownNameError("mode of --all", name, [case.mode for case in simulation.CASES])
     with console.progress_bar() as tell:
-        rows = list(simulation.check_all(whole, cases=cases, reference=reference, tell=tell))
+        rows = list(simulation.check_all(extended_fish, cases=cases, reference=reference, tell=tell))
     words = ("mode", "engine", "coupling", "integrator", "verdict")
     headings = (*words[:-1], "step", "to ODE", "to ref.", "order", "verdict")
     table = console.table(
-        f"{whole.fish.name}, joints prescribed: largest differences in velocity", headings, words, box=box.SIMPLE,
-        collapse_padding=True, pad_edge=False, show_edge=False,
+        f"{extended_fish.fish.name}, joints prescribed: largest differences in velocity", headings, words,
+        box=box.SIMPLE, collapse_padding=True, pad_edge=False, show_edge=False,
         caption="to ODE: relative to the channel's range; to ref.: in m/s and rad/s; step in ms",
     )  # fmt: skip
     for row, following in zip(rows, (*rows[1:], None), strict=True):

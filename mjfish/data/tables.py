@@ -71,12 +71,12 @@ def write_table(path: str | Path, table: Mapping[str, FloatArray]) -> None:
     if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
         raise InputError(f"{path}: columns of shapes {shapes}, expected one-dimensional columns of one length")
     write = _write_csv if path.suffix.lower() == ".csv" else _write_parquet
-    with whole(path) as file:
+    with atomic_file(path) as file:
         write(file, table)
 
 
 @contextlib.contextmanager
-def whole(path: Path) -> Iterator[BinaryIO]:
+def atomic_file(path: Path) -> Iterator[BinaryIO]:
     """Open a file that appears under its name when the block is done, complete or not at all.
 
     Raises:

@@ -165,8 +165,8 @@ def _columns(trial: Trial) -> dict[str, FloatArray]:
     samples = np.size(trial.time)
     names: list[tuple[tuple[str, ...], FloatArray]] = [(CHANNELS, trial.velocity)]
     if trial.pose is not None:
-        whole = not np.isnan(trial.pose[:, :2]).all()
-        names.append((columns.POSE, trial.pose) if whole else (("yaw",), trial.pose[:, 2:]))
+        has_position = not np.isnan(trial.pose[:, :2]).all()
+        names.append((columns.POSE, trial.pose) if has_position else (("yaw",), trial.pose[:, 2:]))
     if trial.roll is not None:
         names.append((("roll",), np.reshape(trial.roll, (-1, 1))))
     if trial.joint_angle is not None:

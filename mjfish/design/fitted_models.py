@@ -84,12 +84,12 @@ class FittedModels:
     @classmethod
     def of(cls, diagnosis: Diagnosis, jobs: int | None = None) -> FittedModels:
         """Return what a diagnosis found."""
-        tried = [one for one in diagnosis.candidates if one.applicable and one.parameters]
-        ranked = [one.name for one in sorted(tried, key=lambda one: -one.statistic)]
+        tried = [candidate for candidate in diagnosis.candidates if candidate.applicable and candidate.parameters]
+        ranked = [candidate.name for candidate in sorted(tried, key=lambda candidate: -candidate.statistic)]
         named = [cause.name for cause in diagnosis.causes]
         question = _open_question(diagnosis.verdict, diagnosis.rivals, named, ranked)
         problem = replace(diagnosis.problem, jobs=jobs or diagnosis.problem.jobs)
-        fits = {one.causes: one for one in diagnosis.fits}
+        fits = {model.causes: model for model in diagnosis.fits}
         return cls(diagnosis.dataset, diagnosis.effects, problem, question, fits)
 
     @property
@@ -101,8 +101,10 @@ class FittedModels:
 
     def extended(self, effect: Effect) -> Problem:
         """Return the problem of the model with a cause, on all trials."""
-        whole = self.everything
-        return replace(whole, model=whole.model.extended(effect), declared={**whole.declared, **off_null(effect)})
+        with_all = self.everything
+        return replace(
+            with_all, model=with_all.model.extended(effect), declared={**with_all.declared, **off_null(effect)}
+        )
 
     def estimate(self, effect: Effect | None) -> ModelEstimate:
         """Return the model with a cause, or the nominal one, at its estimates.
@@ -131,9 +133,9 @@ class FittedModels:
             found.append(self.estimate(effect))
         if self.fits or self.dataset.noise is not None:
             return tuple(found)
-        best = min(found, key=lambda one: float(np.sum(one.problem.residual(one.x) ** 2)))
+        best = min(found, key=lambda model: float(np.sum(model.problem.residual(model.x) ** 2)))
         noise = estimate(best.problem.raw(best.x), lost=(len(best.x) - len(best.at_bound)) / 3.0)
-        return tuple(one.refitted(noise) for one in found)
+        return tuple(model.refitted(noise) for model in found)
 
     @cached_property
     def _nominal_fit(self) -> Fit:
@@ -190,8 +192,8 @@ def _restored(
     named = [cause["name"] for cause in raw["causes"]]
     question = _open_question(raw["verdict"], raw["rivals"], named, ranked)
     models = [
-        FittedModel(**{**one, "causes": tuple(one["causes"]), "at_bound": tuple(one["at_bound"])})
-        for one in raw["fits"]
+        FittedModel(**{**saved, "causes": tuple(saved["causes"]), "at_bound": tuple(saved["at_bound"])})
+        for saved in raw["fits"]
     ]
     known = FittedModels.undiagnosed(dataset, effects, jobs)
     fitted, _ = known.dataset.split()
@@ -200,9 +202,9 @@ def _restored(
     problem = replace(
         known.problem, trials=fitted, ends=compared["ends"], slope_step=compared["slope_step"], smoothing=smoothing
     )
-    values = next(one.values for one in models if not one.causes)
+    values = next(model.values for model in models if not model.causes)
     problem = replace(problem, noise=restore(compared["noise"], problem, values))
-    return replace(known, problem=problem, question=question, fits={one.causes: one for one in models})
+    return replace(known, problem=problem, question=question, fits={model.causes: model for model in models})
 
 
 @dataclass(frozen=True, eq=False)

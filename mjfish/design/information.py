@@ -161,9 +161,9 @@ class Detection:
         own = [sums.names.index(p.name) for p in self.amplitudes[cause]]
         others = {p.name for amplitudes in self.amplitudes.values() for p in amplitudes}
         theta = [i for i, name in enumerate(sums.names) if name not in others]
-        mixed, whole = sums.gram[np.ix_(theta, own)], sums.gram[np.ix_(own, own)]
-        left = whole - mixed.T @ solve(sums.gram[np.ix_(theta, theta)], mixed)
-        shown = np.diag(left) > _CONFOUNDED * np.maximum(np.diag(whole), 1e-300)
+        mixed, own_block = sums.gram[np.ix_(theta, own)], sums.gram[np.ix_(own, own)]
+        left = own_block - mixed.T @ solve(sums.gram[np.ix_(theta, theta)], mixed)
+        shown = np.diag(left) > _CONFOUNDED * np.maximum(np.diag(own_block), 1e-300)
         inverse = np.diag(np.linalg.pinv(left, hermitian=True))
         found = np.where(shown, np.sqrt(DETECTED * np.maximum(inverse, 0.0)), np.inf)
         return {p.name: float(size) * p.scale for p, size in zip(self.amplitudes[cause], found, strict=True)}
@@ -177,13 +177,13 @@ def detection(nominal: ModelEstimate, causes: Sequence[Effect], runs: Sequence[R
     parameters = [p for cause in causes for p in cause.parameters]
     here = {p.name: p.default for p in parameters} | problem.named(nominal.x)
     fixed = nominal.at_bound | {p.name for p in parameters if p.shape}
-    finite = [bool(np.all(np.isfinite(one))) for one in menu.predictions(menu.start(here))]
+    finite = [bool(np.all(np.isfinite(prediction))) for prediction in menu.predictions(menu.start(here))]
     added = _information(menu, here, fixed)
     data, *rest = _information(wide, here, fixed)
     return Detection(
         amplitudes={cause.name: tuple(p for p in cause.parameters if not p.shape) for cause in causes},
         data=sum(rest, start=data),
-        runs=tuple(one if ok else None for one, ok in zip(added, finite, strict=True)),
+        runs=tuple(run if ok else None for run, ok in zip(added, finite, strict=True)),
     )
 
 
@@ -274,10 +274,10 @@ def gain(data: Information, run: Information, k: str, l: str) -> Gain:  # noqa: 
         k, l: names of the rivals.
     """
     columns, d = _coordinates(run)
-    one = np.eye(len(d))
-    p_k, p_l = (one - _followed(data + run, columns, rival) for rival in (k, l))
+    identity = np.eye(len(d))
+    p_k, p_l = (identity - _followed(data + run, columns, rival) for rival in (k, l))
     error_k, error_l = (_error(data.of_rival(rival), columns) for rival in (k, l))
-    t_k = one + _covariance(error_k, data)
+    t_k = identity + _covariance(error_k, data)
     raw = float(d @ p_l @ d)
     by_noise = _covariance({**error_k, **{name: -e for name, e in error_l.items()}}, data)
     seen = max(raw - float(np.trace(p_l @ by_noise)), 0.0)
@@ -354,34 +354,34 @@ def separations(rivals: Sequence[ModelEstimate], runs: Sequence[Run]) -> tuple[S
                 for (eta_k, names_k, j_k), (eta_l, names_l, j_l) in zip(of_k.runs, of_l.runs, strict=True)
             ),
         )
-        for (k, of_k), (l, of_l) in combinations([(one, _linearised(one, runs)) for one in rivals], 2)  # noqa: E741
+        for (k, of_k), (l, of_l) in combinations([(rival, _linearised(rival, runs)) for rival in rivals], 2)  # noqa: E741
     )
 
 
-def _linearised(one: ModelEstimate, runs: Sequence[Run]) -> _Linearised:
+def _linearised(model_estimate: ModelEstimate, runs: Sequence[Run]) -> _Linearised:
     """Linearise a model at its estimates for all trials.
 
     Estimates that were fitted to some of the trials only, as those of a diagnosis, are moved for the others by one
     Gauss-Newton step, to first order: the sum of squares of the fitted ones is stationary there.
     """
-    problem = one.problem
-    free = [p.name for p in problem.parameters if p.name not in one.at_bound]
-    blocks = jacobians(problem, one.x, free)
-    residual, jacobian = problem.residual(one.x), np.concatenate(blocks)
-    first = sum(len(block) for block in blocks[: one.fitted])
+    problem = model_estimate.problem
+    free = [p.name for p in problem.parameters if p.name not in model_estimate.at_bound]
+    blocks = jacobians(problem, model_estimate.x, free)
+    residual, jacobian = problem.residual(model_estimate.x), np.concatenate(blocks)
+    first = sum(len(block) for block in blocks[: model_estimate.fitted])
     step = solve(jacobian.T @ jacobian, jacobian[first:].T @ residual[first:, None])[:, 0]
     moved = dict(zip(free, step, strict=True))
     menu = on_menu(problem, runs)
-    x = menu.start(problem.named(one.x))
-    felt = [p for p in menu.parameters if p.name in moved or ":" in p.name]
-    predictions, jacobians_ = menu.predictions(x), jacobians(menu, x, [p.name for p in felt])
+    x = menu.start(problem.named(model_estimate.x))
+    relevant = [p for p in menu.parameters if p.name in moved or ":" in p.name]
+    predictions, jacobians_ = menu.predictions(x), jacobians(menu, x, [p.name for p in relevant])
     parts = []
     for i, (eta, slopes) in enumerate(zip(predictions, jacobians_, strict=True)):
-        own = [j for j, p in enumerate(felt) if not elsewhere(p, menu.trials[i])]
+        own = [j for j, p in enumerate(relevant) if not elsewhere(p, menu.trials[i])]
         seen = eta[menu.mask(i)]
         white = menu.whitened(i, seen).ravel() if np.all(np.isfinite(seen)) else np.full(len(slopes), np.nan)
-        shift = np.array([moved.get(felt[j].name, 0.0) for j in own])
-        names = tuple(column(one.name, felt[j].name) for j in own)
+        shift = np.array([moved.get(relevant[j].name, 0.0) for j in own])
+        names = tuple(column(model_estimate.name, relevant[j].name) for j in own)
         parts.append((white + slopes[:, own] @ shift, names, slopes[:, own]))
-    names = tuple(column(one.name, name) for name in free)
+    names = tuple(column(model_estimate.name, name) for name in free)
     return _Linearised(names, residual - jacobian @ step, jacobian, tuple(parts))

@@ -202,7 +202,7 @@ def plan(
         progress("trying the runs of the menu", 0.5)
         options = _revealing(detection(models[0], tried, runs), runs, menu.pause)
     progress("done", 1.0)
-    converged = all(one.converged for one in models)
+    converged = all(model.converged for model in models)
     return Plan(
         dataset=known.dataset.name,
         status="nothing_to_offer" if not options else "ok" if converged else "fit_not_converged",
@@ -315,7 +315,9 @@ def _message(question: Question, options: Sequence[Option]) -> str:
         return "Nothing on the menu would help: the fish has no run that it can swim, or every cause is undetectable."
     calibrations = [option for option in options if option.kind == "calibration"]
     runs = [option for option in options if option.kind == "run"]
-    parts = [f"First {one.name}, which costs no swimming: {one.about}." for one in calibrations[:1]]
+    parts = [
+        f"First {calibration.name}, which costs no swimming: {calibration.about}." for calibration in calibrations[:1]
+    ]
     parts += [_advice(question, best, "Of the runs, " if calibrations else "") for best in runs[:1]]
     return " ".join(parts)
 

@@ -44,7 +44,9 @@ class Confirmation:
         return self.gained <= 0.0 and self.probability < _FAILED
 
 
-def confirmation(nominal: Score, extended: Score, doubts: tuple[FloatArray, FloatArray] | None = None) -> Confirmation:
+def confirmation(
+    nominal: Score, extended: Score, covariance_roots: tuple[FloatArray, FloatArray] | None = None
+) -> Confirmation:
     """Compare two models on held-out trials.
 
     With whitened predictions apart by d and the extended model true, the sum of squares falls by |d|^2 + 2 d' (eps - e)
@@ -54,14 +56,14 @@ def confirmation(nominal: Score, extended: Score, doubts: tuple[FloatArray, Floa
 
     Args:
         nominal, extended: of the models.
-        doubts: D_0 and D, `mjfish.estimation.held_out_covariance_root` of both models; None: both are known.
+        covariance_roots: D_0 and D, `mjfish.estimation.held_out_covariance_root` of both models; None: both are known.
     """
     before, after = np.concatenate(nominal.whitened), np.concatenate(extended.whitened)
     apart = before - after
     mean = variance = float(apart @ apart)
-    if doubts is not None:
-        mean -= 2.0 * max(float(np.sum(doubts[1] ** 2) - np.sum(doubts[0] ** 2)), 0.0)
-        variance += float(np.sum((doubts[1].T @ apart) ** 2))
+    if covariance_roots is not None:
+        mean -= 2.0 * max(float(np.sum(covariance_roots[1] ** 2) - np.sum(covariance_roots[0] ** 2)), 0.0)
+        variance += float(np.sum((covariance_roots[1].T @ apart) ** 2))
     here = float(before @ before - after @ after)
     return Confirmation(0.5 * here, float(stats.norm.cdf((here - mean) / (2.0 * np.sqrt(max(variance, 1e-300))))))
 
@@ -77,7 +79,7 @@ class HeldOut:
     def __init__(self, evidence: Evidence, trials: tuple[Trial, ...]) -> None:
         self.evidence, self.trials = evidence, trials
         self.scores: dict[Refit | None, Score] = {}
-        self.doubts: dict[Refit | None, FloatArray] = {}
+        self.covariance_roots: dict[Refit | None, FloatArray] = {}
 
     def score(self, refit: Refit | None) -> Score:
         """Return the score of a refit, None: of the nominal model."""
@@ -86,18 +88,20 @@ class HeldOut:
             self.scores[refit] = predict_held_out(of.problem, of.fit.values, self.trials)
         return self.scores[refit]
 
-    def doubt(self, refit: Refit | None) -> FloatArray:
-        """Return the columns (n, k) of the doubt about the prediction of a refit, None: of the nominal model."""
-        if refit not in self.doubts:
+    def covariance_root(self, refit: Refit | None) -> FloatArray:
+        """Return a root (n, k) of the covariance of a refit's prediction; None: of the nominal model's."""
+        if refit not in self.covariance_roots:
             of = self.evidence if refit is None else refit
-            self.doubts[refit] = held_out_covariance_root(of.problem, of.fit, self.trials)
-        return self.doubts[refit]
+            self.covariance_roots[refit] = held_out_covariance_root(of.problem, of.fit, self.trials)
+        return self.covariance_roots[refit]
 
     def confirmed(self, refit: Refit, against: Refit | None) -> Confirmation | None:
         """Return what a refit gains on the held-out trials; None where there are none."""
         if not self.trials:
             return None
-        return confirmation(self.score(against), self.score(refit), (self.doubt(against), self.doubt(refit)))
+        return confirmation(
+            self.score(against), self.score(refit), (self.covariance_root(against), self.covariance_root(refit))
+        )
 
     def of_rivals(self, refits: Mapping[Key, Refit]) -> dict[Key, FloatArray]:
         """Return the residuals (n,) of rivals on the held-out trials that one of them predicts, to compare them.
@@ -108,8 +112,8 @@ class HeldOut:
         """
         if not self.trials or len(refits) < 2:
             return {name: np.zeros(0) for name in refits}
-        doubt = self.doubt(max(refits.values(), key=lambda residual: residual.adjusted))
-        basis, size, _ = np.linalg.svd(doubt, full_matrices=False)
+        covariance_root = self.covariance_root(max(refits.values(), key=lambda refit: refit.adjusted))
+        basis, size, _ = np.linalg.svd(covariance_root, full_matrices=False)
         shrink = basis * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
         residuals = {name: np.concatenate(self.score(residual).whitened) for name, residual in refits.items()}
         white = np.stack([residual - shrink @ (basis.T @ residual) for residual in residuals.values()])

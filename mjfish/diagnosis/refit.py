@@ -62,9 +62,9 @@ class Refit:
 
     @functools.cached_property
     def degrees_of_freedom(self) -> int:
-        """Number of parameters that the causes add; a shape that these data do not feel is none."""
-        felt = {p.name for p, slope in zip(self.fit.parameters, self.fit.jacobian.T, strict=True) if np.any(slope)}
-        return sum(not p.shape or p.name in felt for effect in self.effects for p in effect.parameters)
+        """Number of parameters that the causes add; a shape to which the fit does not respond is not counted."""
+        responds = {p.name for p, slope in zip(self.fit.parameters, self.fit.jacobian.T, strict=True) if np.any(slope)}
+        return sum(not p.shape or p.name in responds for effect in self.effects for p in effect.parameters)
 
     @property
     def adjusted(self) -> float:
@@ -385,11 +385,11 @@ def find_threshold(tried: _Tried, column: int) -> None:
     sizes, promised = np.array([start[column] for start in tried.starts]), np.array(tried.promised)
     least = int(np.argmin(np.where(sizes > sizes.min(), sizes, np.inf)))
     idle = float(promised[least])
-    felt = np.abs(promised - idle) > _FELT
-    if felt.all() or not np.any(felt & (sizes > sizes[~felt].max())):
+    responds = np.abs(promised - idle) > _FELT
+    if responds.all() or not np.any(responds & (sizes > sizes[~responds].max())):
         return
-    start = tried.starts[int(np.argmax(np.where(felt, -np.inf, sizes)))]
-    low, high = float(start[column]), float(sizes[felt & (sizes > start[column])].min())
+    start = tried.starts[int(np.argmax(np.where(responds, -np.inf, sizes)))]
+    low, high = float(start[column]), float(sizes[responds & (sizes > start[column])].min())
 
     def at(size: float) -> float:
         x = start.copy()

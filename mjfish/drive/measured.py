@@ -57,14 +57,14 @@ class Smoothing:
         design: (n, size) basis functions at the samples.
         bands: of the normal matrix with the penalty, in the layout of `scipy.linalg.solveh_banded`.
         sigma: of the white noise that was smoothed away, [unit of the signal].
-        freedom: degrees of freedom of the spline, the trace of its hat matrix.
+        degrees_of_freedom: of the spline, the trace of its hat matrix.
     """
 
     spline: BSpline
     design: sparse.csr_array
     bands: FloatArray
     sigma: float
-    freedom: float
+    degrees_of_freedom: float
 
     def of(self, columns: FloatArray) -> BSpline:
         """Smooth columns (n, k) with the penalty that the signal was smoothed with."""
@@ -110,9 +110,9 @@ def smoothing(time: FloatArray, signal: FloatArray) -> Smoothing:
 
     best = optimize.minimize_scalar(lambda p: solve(p)[1], bounds=_SEARCH, method="bounded", options={"xatol": 0.05})
     penalty = float(best.x)
-    coefficients, _, variance, freedom = solve(penalty)
+    coefficients, _, variance, degrees_of_freedom = solve(penalty)
     spline = BSpline(knots, coefficients, _DEGREE)
-    return Smoothing(spline, design, bands(penalty), float(np.sqrt(variance)), freedom)
+    return Smoothing(spline, design, bands(penalty), float(np.sqrt(variance)), degrees_of_freedom)
 
 
 def _roughness(knots: FloatArray) -> sparse.csr_array:

@@ -138,8 +138,8 @@ def parts_of_trial(trial: Trial, settling: float = SETTLING) -> dict[Part, BoolA
 
 def noise_at(residuals: Sequence[Residual], step: float) -> Autoregressive:
     """Estimate the noise of the residuals that are sampled at `step` [s], of fitted trials where there are any."""
-    alike = [r for r in residuals if abs(r.trial.step / step - 1.0) < _SAME_RATE and not r.diverged]
-    chosen = [r for r in alike if r.role == "fit"] or alike
+    same_rate = [r for r in residuals if abs(r.trial.step / step - 1.0) < _SAME_RATE and not r.diverged]
+    chosen = [r for r in same_rate if r.role == "fit"] or same_rate
     there = [np.all(np.isfinite(r.values), axis=1) for r in chosen]
     kept = [(r.values[inside], r.rows[inside]) for r, inside in zip(chosen, there, strict=True) if np.any(inside)]
     return estimate([block for block, _ in kept], seen=[seen_of(rows - rows[0]) for _, rows in kept])
@@ -254,11 +254,11 @@ def of_residuals(residuals: Sequence[Residual], noise: Noise, free: int, *, stat
 
 def final_prediction_error(innovation: FloatArray, parameters: int) -> float:
     """Return det(S) (1 + d/N) / (1 - d/N) of innovations (N, channels); rows with a gap are left out."""
-    whole = innovation[np.all(np.isfinite(innovation), axis=1)]
-    ratio = parameters / max(len(whole), 1)
+    complete = innovation[np.all(np.isfinite(innovation), axis=1)]
+    ratio = parameters / max(len(complete), 1)
     if ratio >= 1.0:
         return np.inf
-    return float(np.linalg.det(whole.T @ whole / len(whole)) * (1.0 + ratio) / (1.0 - ratio))
+    return float(np.linalg.det(complete.T @ complete / len(complete)) * (1.0 + ratio) / (1.0 - ratio))
 
 
 def _log_likelihood(error: FloatArray, variance: FloatArray) -> float:

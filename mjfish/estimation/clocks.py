@@ -82,7 +82,9 @@ def _aligned(model: Model, trial: Trial) -> Trial:
         if predicted.status != "ok":
             continue
         swing = predicted.velocity[:, swinging] - predicted.velocity[:, swinging].mean(axis=0)
-        alike = (swing * measured).sum(axis=0) / np.sqrt((swing**2).sum(axis=0) * (measured**2).sum(axis=0) + 1e-300)
-        if alike.sum() > best:
-            best, found = float(alike.sum()), turned
+        correlation = (swing * measured).sum(axis=0) / np.sqrt(
+            (swing**2).sum(axis=0) * (measured**2).sum(axis=0) + 1e-300
+        )
+        if correlation.sum() > best:
+            best, found = float(correlation.sum()), turned
     return found

@@ -238,9 +238,9 @@ def multistart(
             tell(done / len(points))
         short = {} if starts == 1 else {"tolerance": _SCOUT_TOLERANCE, "evaluations": _SCOUT}
         scouts.append(fit(problem, point, loss=loss, loss_scale=loss_scale, **short))  # type: ignore[arg-type]
-    costs = np.array([_cost(one) for one in scouts])
+    costs = np.array([_cost(scout) for scout in scouts])
     order = int(np.argmin(costs))
-    best, evaluations = scouts[order], sum(one.evaluations for one in scouts)
+    best, evaluations = scouts[order], sum(scout.evaluations for scout in scouts)
     if starts > 1:
         best = fit(problem, best.x, loss=loss, loss_scale=loss_scale)
         costs[order] = min(costs[order], _cost(best))
@@ -249,7 +249,7 @@ def multistart(
     return MultiStart(
         best=replace(best, evaluations=evaluations),
         costs=costs,
-        optima=np.array([one.x for one in scouts]),
+        optima=np.array([scout.x for scout in scouts]),
         reached=float(np.mean(np.isfinite(costs) & (costs <= costs.min() + slack))),
     )
 
@@ -267,5 +267,5 @@ def hypercube(problem: Problem, count: int, seed: int) -> FloatArray:
     return x
 
 
-def _cost(one: Fit) -> float:
-    return np.inf if one.status == "diverged" else one.cost
+def _cost(fit_: Fit) -> float:
+    return np.inf if fit_.status == "diverged" else fit_.cost

@@ -58,10 +58,10 @@ def weaknesses(fit: Fit) -> tuple[Weakness, ...]:
     length = np.linalg.norm(fit.jacobian, axis=0) / noise
     off = [k for k in range(len(fit.x)) if not fit.at_bound[k]]
     alone = [_alone(fit.parameters[k], float(length[k])) for k in off]
-    seen = [k for k, one in zip(off, alone, strict=True) if one is None]
+    seen = [k for k, weakness in zip(off, alone, strict=True) if weakness is None]
     parameters = tuple(fit.parameters[k] for k in seen)
     together = _directions(parameters, fit.jacobian[:, seen] / noise, length[seen]) if len(seen) > 1 else []
-    return tuple(one for one in alone if one is not None) + tuple(together)
+    return tuple(weakness for weakness in alone if weakness is not None) + tuple(together)
 
 
 def _alone(p: Parameter, length: float) -> Weakness | None:
@@ -116,7 +116,7 @@ def _weakest(columns: FloatArray) -> FloatArray:
 
 def _known(names: set[str], found: list[Weakness]) -> bool:
     """Return whether one weakness in `found` has all these names."""
-    return any(names <= set(one.parameters) for one in found)
+    return any(names <= set(weakness.parameters) for weakness in found)
 
 
 def _open(parameters: list[Parameter], changes: FloatArray) -> bool:

@@ -153,30 +153,30 @@ class Identification(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the identification as plain data."""
-        one = self.fit
+        solution = self.fit
         return {
             "schema": SCHEMA,
             "dataset": self.dataset.name,
-            "status": one.status,
-            "message": one.message,
-            "evaluations": one.evaluations,
-            "cost": one.sse,
+            "status": solution.status,
+            "message": solution.message,
+            "evaluations": solution.evaluations,
+            "cost": solution.sse,
             "starts": self.starts,
             "reached": self.reached,
-            "samples": len(one.residual),
+            "samples": len(solution.residual),
             "noise": self.noise.tolist(),
             "parameters": {
                 p.name: {
-                    "estimate": one.values[p.name],
-                    "standard_error": one.sigma[p.name],
-                    "low": one.interval(p.name)[0],
-                    "high": one.interval(p.name)[1],
+                    "estimate": solution.values[p.name],
+                    "standard_error": solution.sigma[p.name],
+                    "low": solution.interval(p.name)[0],
+                    "high": solution.interval(p.name)[1],
                     "unit": p.unit,
                     "at_bound": bool(at_bound),
                 }
-                for p, at_bound in zip(one.parameters, one.at_bound, strict=True)
+                for p, at_bound in zip(solution.parameters, solution.at_bound, strict=True)
             },
-            "correlation": {"names": [p.name for p in one.parameters], "matrix": one.correlation.tolist()},
+            "correlation": {"names": [p.name for p in solution.parameters], "matrix": solution.correlation.tolist()},
             "scores": plain(self.scores),
             "remarks": list(self.remarks),
             "assessment": plain(self.assessment),
@@ -269,20 +269,20 @@ def identify(
     problem = pose(dataset, settings, jobs=jobs)
     robust = {"loss": settings.loss, "loss_scale": settings.loss_scale}
     many = multistart(problem, settings.starts, seed=settings.seed, tell=tell, **robust)  # type: ignore[arg-type]
-    one = many.best
+    solution = many.best
     remarks = tuple(_remarks(trials))
     for _ in range(2 if stated is None and settings.weights == "noise" else 0):
-        if one.status == "diverged":
+        if solution.status == "diverged":
             break
-        residual = np.concatenate(problem.raw(one.x))
+        residual = np.concatenate(problem.raw(solution.x))
         problem = replace(problem, noise=Noise.white(np.maximum(_spread(residual, settings.loss), floor(trials))))
-        one = fit(problem, one.x, **robust)  # type: ignore[arg-type]
+        solution = fit(problem, solution.x, **robust)  # type: ignore[arg-type]
     if stated is None and settings.weights == "noise":
         remarks += ("noise: none stated; the weights are the RMS of the residual",)
-    residuals = (*fitted(problem, one.x), *held_out(problem, one.values, held))
+    residuals = (*fitted(problem, solution.x), *held_out(problem, solution.values, held))
     return Identification(
-        dataset, one, np.asarray(problem.noise.sigma), tuple(_score(residual) for residual in residuals), remarks,
-        settings.starts, many.reached, problem, assess(problem, one, residuals),
+        dataset, solution, np.asarray(problem.noise.sigma), tuple(_score(residual) for residual in residuals), remarks,
+        settings.starts, many.reached, problem, assess(problem, solution, residuals),
     )  # fmt: skip
 
 

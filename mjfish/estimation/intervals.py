@@ -331,10 +331,10 @@ class _Walk:
         if len(others) == 0:
             residual = held.residual(others)
             return _Point(value, (float(residual @ residual) - self.fitted.sse) / self.scale, others)
-        one = self.refit(held, np.clip(others, low, high))
-        if one.status == "diverged":
+        refit = self.refit(held, np.clip(others, low, high))
+        if refit.status == "diverged":
             return None
-        return _Point(value, (_objective(one) - _objective(self.fitted)) / self.scale, one.x)
+        return _Point(value, (_objective(refit) - _objective(self.fitted)) / self.scale, refit.x)
 
     def _slope(self, points: list[_Point]) -> FloatArray:
         """Return how the others follow: the secant of the last two points; at the start the fit's covariance."""
@@ -344,9 +344,9 @@ class _Walk:
         return np.delete(self.fitted.covariance[self.index], self.index) / own if own > 0.0 else np.zeros(1)
 
 
-def _objective(one: Fit) -> float:
+def _objective(fit: Fit) -> float:
     """Return what the fit minimised: the sum of squares, or its robust form."""
-    return one.sse if np.isnan(one.cost) else one.cost
+    return fit.sse if np.isnan(fit.cost) else fit.cost
 
 
 def _crossing(inside: _Point, outside: _Point, threshold: float) -> float:

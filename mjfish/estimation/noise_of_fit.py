@@ -78,8 +78,8 @@ def noise_of(
         return select(left, stated, jacobians, patterns=patterns)
     rest = unaccounted(problem.trials)
     first = ErrorsInVariables.of(Noise.white(problem.noise.sigma if rest is None else rest), joints.loadings)
-    cleared = [first.cleared(*one) for one in zip(left.trials, left.masks, left.residuals, strict=True)]
-    lost = left.lost + sum(freedom for _, freedom in cleared) / len(CHANNELS)
+    cleared = [first.cleared(*arguments) for arguments in zip(left.trials, left.masks, left.residuals, strict=True)]
+    lost = left.lost + sum(degrees_of_freedom for _, degrees_of_freedom in cleared) / len(CHANNELS)
     left = replace(left, residuals=[block for block, _ in cleared], lost=lost)
     if rest is not None and np.all(excess(left, rest) < CONTRADICTED):
         return first, ""
@@ -196,7 +196,7 @@ def _accelerations(b: FloatArray, time: FloatArray, modes: BSpline) -> FloatArra
 def _white_errors(joint: Smoothing, sigma: float) -> BSpline:
     """Return the modes of white errors of the angles of a joint, smoothed."""
     samples = joint.design.shape[0]
-    count = min(samples, int(np.ceil(_WAVES * joint.freedom)))
+    count = min(samples, int(np.ceil(_WAVES * joint.degrees_of_freedom)))
     return joint.of(sigma * fft.idct(np.eye(samples)[:, :count], axis=0, norm="ortho"))
 
 
@@ -218,13 +218,13 @@ def smoothing_of(
         known: (n_r, 3, k) per trial, their signatures.
     """
     shortest = min(len(trial.time) for trial in problem.trials)
-    if not (tried := [one for one in _filters(noise) if one.window < shortest]):
+    if not (tried := [filter_ for filter_ in _filters(noise) if filter_.window < shortest]):
         return problem.smoothing
     weighed = replace(problem, noise=noise)
     predicted = replace(problem, smoothing=None).predictions(fit.x)
     columns = []
     for i, (trial, velocity) in enumerate(zip(problem.trials, predicted, strict=True)):
-        smooth = [velocity, *(one.of_trial(trial, velocity) for one in tried)]
+        smooth = [velocity, *(filter_.of_trial(trial, velocity) for filter_ in tried)]
         columns.append((trial.velocity[:, :, None] - np.stack(smooth, axis=2))[problem.mask(i)])
     span = orthonormal(weighed.whiten(problem.sensitivities(fit.x)))
     left = project_out(span, weighed.whiten(columns))
@@ -234,7 +234,7 @@ def smoothing_of(
     best = 1 + int(np.argmin(beside[1:]))
     sizes = [sum(not p.shape for p in effect.parameters) for effect in others]
     spans = [orthonormal(signs[:, block]) for block in blocks_of(sizes)]
-    rival = max((float(np.sum((one.T @ left[:, 0]) ** 2)) for one in spans), default=0.0)
+    rival = max((float(np.sum((span.T @ left[:, 0]) ** 2)) for span in spans), default=0.0)
     clear = beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival
     return tried[best - 1] if clear else None
 
@@ -272,7 +272,7 @@ def restore(saved: Mapping[str, Any], problem: Problem, values: Mapping[str, flo
     """
     kind = saved["kind"]
     if kind == NoiseByRate.__name__:
-        return NoiseByRate.of({float(step): restore(one, problem, values) for step, one in saved["models"].items()})
+        return NoiseByRate.of({float(step): restore(model, problem, values) for step, model in saved["models"].items()})
     if kind == ErrorsInVariables.__name__:
         return ErrorsInVariables.of(
             restore(saved["base"], problem, values), JointErrors(problem, dict(values)).loadings

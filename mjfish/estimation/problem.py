@@ -69,8 +69,8 @@ class Problem:
 
     def to_dict(self) -> dict[str, Any]:
         """Return how data and model are compared as plain data; model and trials are told elsewhere."""
-        told = {"noise": self.noise, "ends": self.ends, "slope_step": self.slope_step, "smoothing": self.smoothing}
-        return {key: plain(value) for key, value in told.items()}
+        fields = {"noise": self.noise, "ends": self.ends, "slope_step": self.slope_step, "smoothing": self.smoothing}
+        return {key: plain(value) for key, value in fields.items()}
 
     def residual(self, x: FloatArray) -> FloatArray:
         """Return whitened residuals (measured - predicted), all trials and channels stacked."""
@@ -91,8 +91,8 @@ class Problem:
     def divergence(self, x: FloatArray) -> str:
         """Return which trial diverges, when and with which parameters; empty where none does."""
         predicted = [(trial, self.prediction(trial, self.named(x))) for trial in self.trials]
-        lost = [(trial, one) for trial, one in predicted if not np.all(np.isfinite(one.velocity))]
-        return "; ".join(f"{trial.name} {one.message}" for trial, one in lost)
+        lost = [(trial, rollout) for trial, rollout in predicted if not np.all(np.isfinite(rollout.velocity))]
+        return "; ".join(f"{trial.name} {rollout.message}" for trial, rollout in lost)
 
     def jacobian(self, x: FloatArray) -> FloatArray:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters."""

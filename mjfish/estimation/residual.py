@@ -38,7 +38,7 @@ class Score:
     @property
     def whitened_sse(self) -> tuple[float, ...]:
         """Sum of squares of `whitened`, per trial."""
-        return tuple(float(one @ one) for one in self.whitened)
+        return tuple(float(block @ block) for block in self.whitened)
 
 
 def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
@@ -56,7 +56,7 @@ def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, .
 
     D = J C^(1/2), with J the derivative by the model's free parameters and C their covariance where they were fitted.
     """
-    shared = [p.name for p in fitted.parameters if p.name in {one.name for one in fitted.model.parameters}]
+    shared = [p.name for p in fitted.parameters if p.name in {parameter.name for parameter in fitted.model.parameters}]
     rows = [i for i, p in enumerate(found.parameters) if p.name in shared]
     values, vectors = np.linalg.eigh(found.covariance[np.ix_(rows, rows)])
     root = vectors * np.sqrt(np.maximum(values, 0.0))

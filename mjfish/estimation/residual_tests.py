@@ -240,12 +240,12 @@ def _background(
     lost = 0.0 if absorbed is None else absorbed.map.shape[1] / (len(CHANNELS) * len(residuals))
     rates = [tuple(bool(np.isclose(a.trial.step, b.trial.step, rtol=0.01)) for b in residuals) for a in residuals]
     found: dict[tuple[bool, ...], Autoregressive] = {}
-    for alike in rates:
-        if alike not in found:
-            members = np.flatnonzero(alike)
+    for same_rate in rates:
+        if same_rate not in found:
+            members = np.flatnonzero(same_rate)
             own = [grids[k] for k in members], [bases[k] for k in members]
-            found[alike] = background(*own, lost * len(members))
-    return [found[alike] for alike in rates]
+            found[same_rate] = background(*own, lost * len(members))
+    return [found[same_rate] for same_rate in rates]
 
 
 def _of(
@@ -570,5 +570,5 @@ def examine(
 
 def _least(tests: Sequence[Autocorrelation] | Sequence[CrossCorrelation]) -> float:
     """Return the smallest p value over all trials, times how many there are (Bonferroni); NaN without any."""
-    found = [one.p_value for one in tests if one.trial == ALL and np.isfinite(one.p_value)]
+    found = [test.p_value for test in tests if test.trial == ALL and np.isfinite(test.p_value)]
     return min(1.0, len(found) * min(found)) if found else np.nan

@@ -145,8 +145,8 @@ def serial(blocks: Sequence[Block], free: BoolArray, *, apart: bool = False) -> 
             middles = [sum(middles, np.zeros_like(middles[0]))] * len(blocks)
         halves = [w - 0.5 * u @ m for u, w, m in zip(basis, turned, middles, strict=True)]
         taken = [_lag_sums(u, w, n) for u, w, n in zip(basis, halves, lengths, strict=True)]
-        whole = [s + t + _turned(t) for s, t in zip(sums, taken, strict=True)]
-        found = _smoothed(blocks, whole, counts, lengths, longest)
+        corrected = [s + t + _turned(t) for s, t in zip(sums, taken, strict=True)]
+        found = _smoothed(blocks, corrected, counts, lengths, longest)
     return found
 
 

@@ -85,9 +85,9 @@ class Settings:
                 value = given.get(p.name)
                 fixed[p.name] = p.check(p.default if value is None else value, "fixed value")
             elif p.name in bounds or p.name in start:
-                one = p.rebound(low=low, high=high)
-                at = min(max(p.start, one.low), one.high) if p.name not in start else start[p.name]
-                declared[p.name] = one.rebound(start=one.check(at, "start"))
+                rebound = p.rebound(low=low, high=high)
+                at = min(max(p.start, rebound.low), rebound.high) if p.name not in start else start[p.name]
+                declared[p.name] = rebound.rebound(start=rebound.check(at, "start"))
         if len(fixed) == len(names):
             raise InputError("every parameter is fixed; leave one free at least")
         return fixed, declared

@@ -98,7 +98,7 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
     alone = [_moved(fit.parameters[k].name, float(fit.x[k]), small, place) for k, place in places.items()]
     columns = np.concatenate([small.split(place) for place in places.values()], axis=1)
     statistic, degrees_of_freedom, p_value = small.f_test(columns)
-    ranked = tuple(sorted(alone, key=lambda one: (one.p_value, -one.statistic)))
+    ranked = tuple(sorted(alone, key=lambda test: (test.p_value, -test.statistic)))
     p_value_of_first = min(1.0, len(ranked) * ranked[0].p_value)
     p_value_combined = min(1.0, 2.0 * min(p_value, p_value_of_first))
     text = _words(p_value_combined >= alpha, p_value_combined, ranked[0], len(problem.trials))

@@ -99,17 +99,17 @@ def group_of(trial: Trial) -> Group:
 
 
 def _of(trial: Trial, found: Iterable[Agreement]) -> Row:
-    whole = {a.channel: a for a in found if a.part == "whole"}
+    by_channel = {a.channel: a for a in found if a.part == "whole"}
     mode = mode_of(trial)
     paper = PAPER.get(mode, (None, None))
     return Row(
         name=trial.name,
         mode=mode,
         group=group_of(trial),
-        role=whole[CHANNELS[0]].role,
+        role=by_channel[CHANNELS[0]].role,
         trials=1,
-        rmse=_triple([whole[channel].rmse for channel in CHANNELS]),
-        nrmse=_triple([whole[channel].nrmse for channel in CHANNELS]),
+        rmse=_triple([by_channel[channel].rmse for channel in CHANNELS]),
+        nrmse=_triple([by_channel[channel].nrmse for channel in CHANNELS]),
         paper_rmse=paper[0],
         paper_nrmse=paper[1],
     )

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from mjfish.data.tables import check_suffix, whole
+from mjfish.data.tables import atomic_file, check_suffix
 from mjfish.errors import InputError
 from mjfish.estimation.agreement import Agreement
 from mjfish.estimation.fit import Fit
@@ -25,7 +25,7 @@ def coefficient_rows(fit: Fit, intervals: Intervals | None = None) -> list[dict[
         fit: the estimates; of it are the columns ``plain_..``, which take the residuals for white noise.
         intervals: that hold for correlated residuals; None: no columns for them.
     """
-    told = intervals.to_dict()["parameters"] if intervals is not None else {}
+    interval_of = intervals.to_dict()["parameters"] if intervals is not None else {}
     rows = []
     for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True):
         low, high = fit.interval(p.name)
@@ -37,7 +37,7 @@ def coefficient_rows(fit: Fit, intervals: Intervals | None = None) -> list[dict[
                 "estimate": fit.values[p.name],
                 "at_bound": bool(at_bound),
                 **plain,
-                **told.get(p.name, {}),
+                **interval_of.get(p.name, {}),
                 "start": p.start,
                 "lower_bound": p.low,
                 "upper_bound": p.high,
@@ -81,5 +81,5 @@ def write_rows(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
         raise InputError(f"{path}: {len(rows)} rows, expected one or more with the same columns; correct the rows")
     table = pa.Table.from_pylist([dict(row) for row in rows])
     write = pa.csv.write_csv if path.suffix.lower() == ".csv" else pa.parquet.write_table
-    with whole(path) as file:
+    with atomic_file(path) as file:
         write(table, file)

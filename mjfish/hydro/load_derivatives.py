@@ -40,12 +40,12 @@ class LoadChanges(NamedTuple):
 
 
 @compiled
-def _step_of(link: Any, column: int, hidden: float) -> Any:
+def _step_of(link: Any, column: int, memory_state: float) -> Any:
     """Return the step by u, v, w, x, y, heading (columns 0 to 5) or a hidden state."""
     if column < 3:
         speed = max(abs(link.u), abs(link.v), abs(link.w) * link.length, _LEAST_SPEED)
         return _VELOCITY_STEP * speed if column < 2 else _VELOCITY_STEP * speed / link.length
-    return _POSE_STEP if column < 6 else RELATIVE_STEP * max(abs(hidden), _LEAST_MEMORY)
+    return _POSE_STEP if column < 6 else RELATIVE_STEP * max(abs(memory_state), _LEAST_MEMORY)
 
 
 @compiled
@@ -106,20 +106,20 @@ def stateful_derivatives(links: Any, index: int, table: LoadTable, buffers: Load
     first = int(table.rows[0, AT_FIRST]) + index * memory
     u, v, w, x, y, heading = link.u, link.v, link.w, link.x, link.y, link.heading
     for column in range(6 + memory):
-        hidden = state[first + column - 6] if column >= 6 else 0.0
-        h = _step_of(link, column, hidden)
+        memory_state = state[first + column - 6] if column >= 6 else 0.0
+        h = _step_of(link, column, memory_state)
         for side in range(2):
             by = -h if side == 0 else h
             if column < 6:
                 _move(link, column, by)
             else:
-                state[first + column - 6] = hidden + by
+                state[first + column - 6] = memory_state + by
             loads_on(links, index, index, table, False, buffers)
             for k in range(3 + memory):
                 out[k, column] = buffers.output[k] if side == 0 else (buffers.output[k] - out[k, column]) / (2.0 * h)
             link.u, link.v, link.w, link.x, link.y, link.heading = u, v, w, x, y, heading
             if column >= 6:
-                state[first + column - 6] = hidden
+                state[first + column - 6] = memory_state
 
 
 @compiled

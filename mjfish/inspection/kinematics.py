@@ -76,7 +76,7 @@ class Compatibility:
     Attributes:
         translation: ``scale`` [-], ``rotation`` [rad], ``skew`` [s], ``surge_bias``, ``sway_bias`` [m/s] of the
             velocity against the position; empty where no position was measured.
-        turning: ``scale`` [-], ``skew`` [s], ``bias`` [rad/s] of the yaw rate against the yaw.
+        rotation: ``scale`` [-], ``skew`` [s], ``bias`` [rad/s] of the yaw rate against the yaw.
         derived: the velocity is a linear filter of the pose: made from it, so that agreement says nothing.
         differences: samples h to either side over which central differences were taken, of the positions and of the
             yaw; 0 where nothing says so.
@@ -85,7 +85,7 @@ class Compatibility:
     """
 
     translation: dict[str, Estimated]
-    turning: dict[str, Estimated]
+    rotation: dict[str, Estimated]
     derived: bool
     differences: tuple[int, int]
     trials: tuple[str, ...]
@@ -100,12 +100,12 @@ def compatibility(trials: Sequence[Trial]) -> Compatibility | None:
         return None
     placed = [window for window in windows if np.all(np.isfinite(window.position))]
     translation, of_positions = _explained(_translation, placed) if placed else ({}, 0)
-    turning, of_yaw = _explained(_turning, windows)
+    rotation, of_yaw = _explained(_turning, windows)
     omega = 2.0 * math.pi * max((f for trial in posed for f in beats(trial)), default=0.0)
     reach = max(of_positions, of_yaw) * omega * max(trial.step for trial in posed)
     return Compatibility(
         translation=translation,
-        turning=turning,
+        rotation=rotation,
         derived=all(_derived(trial) for trial in posed),
         differences=(of_positions, of_yaw),
         trials=tuple(trial.name for trial in posed),
@@ -330,16 +330,16 @@ def disagreements(found: Compatibility) -> Iterator[Finding]:
     for name, estimate in found.translation.items():
         if _is_off(name, estimate):
             yield _disagreement(name, estimate, ("surge", "sway"), found.trials)
-    for name, estimate in found.turning.items():
+    for name, estimate in found.rotation.items():
         if _is_off(name, estimate):
             yield _disagreement(name, estimate, ("yaw_rate",), found.trials)
 
 
 def _disagreement(name: str, estimate: Estimated, channels: tuple[str, ...], trials: tuple[str, ...]) -> Finding:
     unit = name == "scale" and not 1.0 / _UNIT < abs(estimate.value) < _UNIT
-    turning = channels == ("yaw_rate",)
+    rotation = channels == ("yaw_rate",)
     offset = "bias" in name
-    code = "bias" if offset else "gain" if name == "scale" and turning else name
+    code = "bias" if offset else "gain" if name == "scale" and rotation else name
     found, remedy = {
         "scale": (
             f"the velocity is {estimate.value:.4g} (+- {estimate.error:.2g}) times that of the pose",

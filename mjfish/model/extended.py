@@ -80,7 +80,7 @@ class Extended:
         """Names of the effects that MuJoCo's fish cannot have."""
         return tuple(effect.name for effect, _ in self.active if not effect.mujoco)
 
-    def told(self) -> Iterator[str]:
+    def described(self) -> Iterator[str]:
         """Yield lines that say which effects are on, and which of them are of the camera."""
         for effect, own in self.active:
             numbers = ", ".join(f"{p.short} = {own[p.short]:g} {p.unit}".removesuffix(" -") for p in effect.parameters)

@@ -149,11 +149,11 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
     if effect.overrides("start"):
         begun = difference(lambda value: _begun(at, at.kept(effect, (name, value))), p, at.values[name])
     if effect.overrides("body"):
-        hooked = tuple(one for one in at.kept(effect) if one[0].overrides("body"))
+        hooked = tuple(active for active in at.kept(effect) if active[0].overrides("body"))
         rows = _of_body(Same(at.model.fish), hooked, p, at.values[name])
         links, tail = rows[:, :-3], rows[0, -3:]
     if effect.overrides("drive") and at.trial.joint_angle is None:
-        servos = tuple(one for one in at.kept(effect) if one[0].family == "drive")
+        servos = tuple(active for active in at.kept(effect) if active[0].family == "drive")
         motion = _of_drive(Same(at.model.fish.cpg), at.trial, servos, p, at.values[name], at.run.step)
     if effect.load is not None:
         loads = np.zeros((len(at.loaded), PARAMETERS))
@@ -168,7 +168,7 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
 @functools.lru_cache(maxsize=64)
 def _of_coefficient(groups: tuple[str, ...], kind: str, group: str) -> Direction:
     rows = np.zeros((len(groups), NUMBERS))
-    rows[[one == group for one in groups], column(kind)] = 1.0
+    rows[[of_link == group for of_link in groups], column(kind)] = 1.0
     return Direction(links=rows)
 
 
@@ -183,9 +183,9 @@ def _replaced(hooked: Active, p: Parameter, value: float) -> Active:
 def _of_body(fish: Same[Fish], hooked: Active, p: Parameter, value: float) -> FloatArray:
     """Return rates of the link records, and in three more columns, in every row, of the tail; coefficients stay."""
 
-    def rows(one: float) -> FloatArray:
+    def rows(at_value: float) -> FloatArray:
         made = fish.thing
-        for effect, own in _replaced(hooked, p, one):
+        for effect, own in _replaced(hooked, p, at_value):
             made = effect.body(made, dict(own))
         numbers = numbers_of(made, fish.thing.values)
         return np.concatenate([numbers, np.broadcast_to(tail_of(made), (len(numbers), 3))], axis=1)
@@ -199,9 +199,9 @@ def _of_drive(
 ) -> FloatArray:
     """Return rates of angle, rate and acceleration (3, n, 3, joints)."""
 
-    def moves(one: float) -> FloatArray:
+    def moves(at_value: float) -> FloatArray:
         motion = asked_motion(cpg.thing, trial, step)
-        for effect, own in _replaced(servos, p, one):
+        for effect, own in _replaced(servos, p, at_value):
             motion = effect.drive(motion, dict(own))
         return np.stack([motion.angle, motion.rate, motion.acceleration])
 

@@ -170,13 +170,13 @@ def simulate(
 def _root(position: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return velocity, pose and attitude (n, 3) from position and speed of the root, planar or free."""
     attitude = np.zeros((len(speed), 3))
-    yaw, turning = position[:, 2], speed[:, 2]
+    yaw, yaw_speed = position[:, 2], speed[:, 2]
     if speed.shape[1] > ROOT:
         angles = euler_angles(position[:, 3:7])
         attitude[:, :2], attitude[:, 2] = angles[:, :2], position[:, 2]
-        yaw, turning = angles[:, 2], yaw_rate(angles, speed[:, 3:6])
+        yaw, yaw_speed = angles[:, 2], yaw_rate(angles, speed[:, 3:6])
     nose = frames.to_body(speed[:, :2], yaw)
-    return np.column_stack([nose, turning]), np.column_stack([position[:, :2], yaw]), attitude
+    return np.column_stack([nose, yaw_speed]), np.column_stack([position[:, :2], yaw]), attitude
 
 
 def _steps(fluid: StripFluid, data: mujoco.MjData, command: JointMotion) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -80,14 +80,16 @@ class Noise:
 
     def log_determinant(self, trial: Trial, mask: BoolArray) -> float:
         """Return the log determinant of the noise's covariance on the counted samples of a trial."""
-        return sum(one.log_determinant for one in self.filters(trial, grid(trial.time, mask)))
+        return sum(filter_.log_determinant for filter_ in self.filters(trial, grid(trial.time, mask)))
 
     def simulate(self, trial: Trial, rng: np.random.Generator) -> FloatArray:
         """Draw noise (n, 3) at the samples of a trial."""
         seen = grid(trial.time, np.ones(len(trial.time), dtype=np.bool_))
         filters = self.filters(trial, seen)
         white = np.split(rng.standard_normal((len(trial.time), 3)), len(filters), axis=1)
-        return np.concatenate([coloured(one, seen, part) for one, part in zip(filters, white, strict=True)], axis=1)
+        return np.concatenate(
+            [coloured(filter_, seen, part) for filter_, part in zip(filters, white, strict=True)], axis=1
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return kind and numbers as plain data; `mjfish.estimation.noise_of_fit.restore` reads them."""
@@ -205,9 +207,14 @@ def _with_gaps(residuals: Sequence[FloatArray], seen: Sequence[BoolArray], highe
     for block, there, values in zip(filled, seen, residuals, strict=True):
         block[there] = values
     counted = [there.astype(np.float64)[:, None] for there in seen]
-    pairs = np.array([sum(float((one[k:] * one[: len(one) - k]).sum()) for one in counted) for k in range(highest + 1)])
-    whole = np.array([sum(max(len(there) - k, 0) for there in seen) for k in range(highest + 1)])
-    covariances: FloatArray = lagged_products(filled, highest) / np.maximum(pairs, 1.0) * whole / whole[0]
+    pairs = np.array(
+        [
+            sum(float((present[k:] * present[: len(present) - k]).sum()) for present in counted)
+            for k in range(highest + 1)
+        ]
+    )
+    all_pairs = np.array([sum(max(len(there) - k, 0) for there in seen) for k in range(highest + 1)])
+    covariances: FloatArray = lagged_products(filled, highest) / np.maximum(pairs, 1.0) * all_pairs / all_pairs[0]
     for row in covariances:  # pairs that are missing may leave it indefinite
         row[0] += max(1e-3 * row[0] - float(np.linalg.eigvalsh(linalg.toeplitz(row))[0]), 0.0)
     return covariances

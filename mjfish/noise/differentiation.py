@@ -120,7 +120,7 @@ def _scaled(left: NoiseSample, window: int, degree: int, rounding: float) -> tup
     """Return the noise with its likeliest sigma, and minus twice its log-likelihood less a constant."""
     unit = DifferentiationNoise(readonly(np.ones(3)), window=window, degree=degree, rounding=rounding)
     series = list(zip(left.trials, left.masks, left.residuals, strict=True))
-    white = np.concatenate([unit.whiten(*one) for one in series])
+    white = np.concatenate([unit.whiten(*arguments) for arguments in series])
     variance = np.mean(white**2, axis=0)
     determinant = sum(unit.log_determinant(trial, mask) for trial, mask, _ in series)
     cost = len(white) * float(np.sum(np.log(variance))) + determinant

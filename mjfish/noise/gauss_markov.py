@@ -65,9 +65,9 @@ class GaussMarkov(Noise):
 
 @functools.lru_cache(maxsize=256)
 def _gains(sigma: float, drift: float, decay: float, seen: bytes) -> Gains:
-    one = np.ones((1, 1))
+    unit = np.ones((1, 1))
     return gains(
-        decay * one[None], drift**2 * (1.0 - decay**2) * one[None], one, sigma**2 * one, drift**2 * one,
+        decay * unit[None], drift**2 * (1.0 - decay**2) * unit[None], unit, sigma**2 * unit, drift**2 * unit,
         np.frombuffer(seen, dtype=np.bool_),
     )  # fmt: skip
 
@@ -97,7 +97,7 @@ def gauss_markov(left: NoiseSample, kept: FloatArray) -> GaussMarkov:
             for time in _TIMES
             if time <= most
         ]
-        best = min(tried, key=lambda one: float(one.fun)).x
+        best = min(tried, key=lambda optimum: float(optimum.fun)).x
         found[c] = np.exp(best)
         drawn[:, :, c] = _drawn(of, best, bounds[2], rng)
     sigma = readonly(found[:, 0])
@@ -131,7 +131,7 @@ def _drawn(of: _Whittle, best: FloatArray, times: tuple[float, float], rng: np.r
     Flat in their logarithms, the time within its bounds.
     """
     sizes, slowness = best[1] + np.linspace(-2.0, 2.0, _SIZES), np.linspace(*times, num=_TIMES_BETWEEN)
-    tried = np.stack([np.ravel(one) for one in np.meshgrid(best[0], sizes, slowness)])
+    tried = np.stack([np.ravel(axis) for axis in np.meshgrid(best[0], sizes, slowness)])
     cost = _INDEPENDENT * of.cost(tried)
     weight = np.exp(cost.min() - cost)
     return np.asarray(np.exp(tried[1:, rng.choice(len(cost), _DRAWS, p=weight / weight.sum())]).T)

@@ -73,7 +73,7 @@ class ProcessNoise(Noise):
         """Return A of a trial; of one that the noise was not estimated from, the mean of the others."""
         if trial.name in self.jacobians and len(self.jacobians[trial.name]) >= samples:
             return self.jacobians[trial.name][:samples]
-        return np.asarray(np.mean([one.mean(axis=0) for one in self.jacobians.values()], axis=0))[None]
+        return np.asarray(np.mean([jacobian.mean(axis=0) for jacobian in self.jacobians.values()], axis=0))[None]
 
 
 def process_noise(left: NoiseSample, jacobians: Mapping[str, FloatArray]) -> ProcessNoise:

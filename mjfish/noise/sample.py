@@ -191,7 +191,7 @@ def remaining_power(left: NoiseSample) -> FloatArray:
             spectrum(replace(left, residuals=np.split(series.reshape(-1, 3), ends)))
             for series in (white, white - basis @ (basis.T @ white))
         ]
-        power = power + np.stack([np.einsum("bcc->bc", one.power).real for one in drawn], axis=-1)
+        power = power + np.stack([np.einsum("bcc->bc", spectra.power).real for spectra in drawn], axis=-1)
     return np.asarray(np.clip(power[..., 1] / power[..., 0], _LEAST, 1.0))
 
 

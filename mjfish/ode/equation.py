@@ -73,9 +73,9 @@ def _derivative(system: System, joints: Joints, state: FloatArray, output: Float
     Args:
         system: fish and loads; the records of the links get their velocities.
         joints: at this instant.
-        state: (STATES + hidden,), the hidden states of the loads behind those of the fish.
+        state: (STATES + memory,), the hidden states of the loads behind those of the fish.
         output: (ANSWER,) scratch.
-        out: (STATES + hidden,), written.
+        out: (STATES + memory,), written.
     """
     links, tail, loads = system.links, system.tail, system.loads
     n = links.shape[0]

@@ -77,8 +77,8 @@ def link_forces(
     """
     if len(state) > len(motion.time):
         raise InputError(f"the state has {len(state)} samples, the motion {len(motion.time)} boundaries of steps")
-    hidden = memory_of(loads, len(fish.links))
-    full = np.zeros((len(state), max(STATES + hidden, state.shape[1])))
+    memory_states = memory_of(loads, len(fish.links))
+    full = np.zeros((len(state), max(STATES + memory_states, state.shape[1])))
     full[:, : state.shape[1]] = state
     full[:, :3], full[:, 3:6] = frames.flip(full[:, :3]), frames.flip(full[:, 3:6])
     angle, rate, acceleration = (

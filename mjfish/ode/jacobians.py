@@ -96,9 +96,9 @@ def linear_response(jacobian: FloatArray, forcing: FloatArray, time: FloatArray)
 
 
 def _states(rollout: Rollout) -> FloatArray:
-    """Return the states (n, STATES + hidden) at the start of every step, in the model's frame."""
-    hidden = np.zeros((len(rollout.state), 0)) if rollout.memory is None else rollout.memory[:, 0]
-    state = np.concatenate([rollout.state[:, 0], hidden], axis=1)
+    """Return the states (n, STATES + memory) at the start of every step, in the model's frame."""
+    memory = np.zeros((len(rollout.state), 0)) if rollout.memory is None else rollout.memory[:, 0]
+    state = np.concatenate([rollout.state[:, 0], memory], axis=1)
     state[:, :3], state[:, 3:6] = frames.flip(state[:, :3]), frames.flip(state[:, 3:6])
     return state
 

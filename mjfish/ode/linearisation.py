@@ -51,7 +51,7 @@ class Linearisation(NamedTuple):
             front of it.
         by_state: (STATE, ROWS) responses to u, v, w, the deflection and its rate.
         solver: (SOLVER,), see `solve`.
-        output, load_rates, load_matrix: (ANSWER,), (STATES + hidden,), (3, 3) scratch for loads.
+        output, load_rates, load_matrix: (ANSWER,), (STATES + memory,), (3, 3) scratch for loads.
     """
 
     links: Any
@@ -78,7 +78,7 @@ def linearise(
 
     Args:
         system, joints, state: as in `mjfish.ode.equation.derivative`.
-        derivative: (STATES + hidden,) of the state, of `mjfish.ode.equation.derivative`.
+        derivative: (STATES + memory,) of the state, of `mjfish.ode.equation.derivative`.
         all_joints: whether responses to all joints are asked for; else only to that of a flexible tail.
         velocity_only: leave out stateful loads; else they change with the velocity alone.
         out: written.

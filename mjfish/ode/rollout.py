@@ -44,7 +44,7 @@ class Rollout:
         derivative: (n, 2, 8) its time derivative.
         status: ``ok`` or ``diverged``.
         message: when and with which parameters it diverged, else empty.
-        memory: (n, 2, hidden) hidden states of the loads.
+        memory: (n, 2, states) memory of the loads.
     """
 
     motion: JointMotion
@@ -60,7 +60,7 @@ class Rollout:
         return self.motion.time[: len(self.state) + 1]
 
     def at_steps(self) -> FloatArray:
-        """Return states, the memory of loads behind them, (n + 1, 8 + hidden) at the boundaries, after each jump."""
+        """Return states, the memory of loads behind them, (n + 1, 8 + memory) at the boundaries, after each jump."""
         states = self.state if self.memory is None else np.concatenate([self.state, self.memory], axis=2)
         return np.concatenate([states[:, 0], states[-1:, 1]])
 
@@ -186,12 +186,12 @@ def joints_of(motion: JointMotion) -> Joints:
     return Joints(cos, sin, motion.rate, motion.acceleration, np.ascontiguousarray(motion.angle[:, :, -1]))
 
 
-def start_of(velocity: FloatArray | None, pose: FloatArray | None = None, hidden: int = 0) -> FloatArray:
-    """Return the state (STATES + hidden,) at the start, in the model's frame, from what it is in the forward one.
+def start_of(velocity: FloatArray | None, pose: FloatArray | None = None, memory_states: int = 0) -> FloatArray:
+    """Return the state (STATES + memory,) at the start, in the model's frame, from what it is in the forward one.
 
     None is rest, or the origin; a NaN of the pose is 0.
     """
-    start = np.zeros(STATES + hidden)
+    start = np.zeros(STATES + memory_states)
     if velocity is not None:
         start[:3] = frames.flip(np.asarray(velocity, dtype=np.float64))
     if pose is not None:
@@ -234,9 +234,9 @@ def integrate(
         joints: at start, middle and end of every step.
         time: (steps + 1,) [s].
         jumps: (steps,) whether the joint rates jump before a step.
-        start: (STATES + hidden,).
+        start: (STATES + memory,).
         workspace: scratch.
-        states, rates: (steps, 2, STATES + hidden), written: state and derivative at start and end of each step.
+        states, rates: (steps, 2, STATES + memory), written: state and derivative at start and end of each step.
     """
     steps = time.shape[0] - 1
     state, trial, k = workspace.state, workspace.trial, workspace.rates

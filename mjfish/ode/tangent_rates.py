@@ -77,7 +77,7 @@ class TangentScratch(NamedTuple):
 
     Attributes:
         linear: of the equation of motion.
-        left_rates: (STATES + hidden,) of the hidden states of loads.
+        left_rates: (STATES + memory,) of the hidden states of loads.
         load_jacobian: (ANSWER, 6 + MEMORY) of a stateful load.
         link_tangents: (links, 6, k) of u, v, w, x, y, heading of the links; k = 0 where no load is stateful.
         wrench: (4, k) at the nose, and torque of the tail.
@@ -105,11 +105,11 @@ def tangent_rates(
 
     Args:
         system, joints, state: as in `mjfish.ode.equation.derivative`, called before: the links have their velocities.
-        derivative: (STATES + hidden,) its answer.
-        tangents: (STATES + hidden, k) of the state.
+        derivative: (STATES + memory,) its answer.
+        tangents: (STATES + memory, k) of the state.
         directions: at this instant.
         scratch: overwritten.
-        out: (STATES + hidden, k), written.
+        out: (STATES + memory, k), written.
     """
     flexible = system.tail[0] > 0.0
     all_joints = directions.motion.shape[1] > 0 or directions.links.outlines.shape[0] > 0

@@ -261,8 +261,8 @@ class TangentWorkspace(NamedTuple):
 
     Attributes:
         state: of the rollout.
-        tangents, trial, total, rates: (STATES + hidden, k), as of the rollout; `tangents` holds those of the start.
-        left, left_rates: (STATES + hidden, k) at the start of the step.
+        tangents, trial, total, rates: (STATES + memory, k), as of the rollout; `tangents` holds those of the start.
+        left, left_rates: (STATES + memory, k) at the start of the step.
         motion: (3 joints, b) of one instant; tail: (3, k).
         scratch: of `mjfish.ode.tangent_rates`.
     """

@@ -134,16 +134,16 @@ def simulate(
         pike, v1, ode: mean surge of the second half ... m/s
         with munk_moment: kappa = 1
     """
-    whole = extended.load(fish, effects, values)
+    extended_fish = extended.load(fish, effects, values)
     if not 0.0 < duration < math.inf:
         raise InputError(f"duration: found {duration:g}, expected a finite number above 0 s; correct it")
     if free and engine != "mujoco":
         raise InputError("free: the ODE is planar; choose the engine mujoco")
     if engine == "mujoco":
-        whole.check_mujoco()
-    trial = _trial(whole.model.fish, mode, drive, duration)
-    check_can_act(whole.model.effects, trial)
-    run = replace(whole.model, step=STEP).prepare(trial, whole.values)
+        extended_fish.check_mujoco()
+    trial = _trial(extended_fish.model.fish, mode, drive, duration)
+    check_can_act(extended_fish.model.effects, trial)
+    run = replace(extended_fish.model, step=STEP).prepare(trial, extended_fish.values)
     swim = _in_mujoco if engine == "mujoco" else _in_ode
     simulated = swim(run, free)
     state = simulated.state
@@ -151,10 +151,10 @@ def simulate(
         state = effect.reading(state, own, trial)
     kept = np.isfinite(state[:, :6]).all(axis=1)
     return Simulation(
-        fish=whole.fish.name,
+        fish=extended_fish.fish.name,
         drive=trial.name,
         engine=engine,
-        effects=tuple(whole.told()),
+        effects=tuple(extended_fish.described()),
         status=simulated.status,
         message=simulated.message,
         time=trial.time[kept],

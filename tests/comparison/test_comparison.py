@@ -78,14 +78,14 @@ def test_parts_add_up_to_the_whole(pool: Dataset, tmp_path: Path) -> None:
 def test_a_shifted_clock_is_found_with_its_sign(pool: Dataset, tmp_path: Path, lead: float) -> None:
     """A rollout whose clock is ahead by `lead` shows at t + lead what was measured at t."""
     found = compare(pool, [write_all(tmp_path, 200.0, lead=lead, duration=4.4)])
-    for one in found.trials:
-        shifts = one.shifts
+    for trial in found.trials:
+        shifts = trial.shifts
         assert list(shifts) == [*CHANNELS, "all"]
         assert shifts["all"].time == pytest.approx(lead, abs=5e-4)
         assert shifts["yaw_rate"].time == pytest.approx(lead, abs=5e-4)
         assert not shifts["all"].at_limit
         np.testing.assert_allclose([shifts[channel].rmse for channel in CHANNELS], SIGMA, rtol=0.15)
-        scores = {score.channel: score for score in one.scores if score.part == "whole"}
+        scores = {score.channel: score for score in trial.scores if score.part == "whole"}
         assert scores["yaw_rate"].rmse > 3.0 * shifts["yaw_rate"].rmse
         ranges = np.array([scores[channel].range for channel in CHANNELS])
         assert shifts["all"].nrmse == pytest.approx(np.sqrt(np.mean((SIGMA / ranges) ** 2)), rel=0.15)
@@ -96,7 +96,7 @@ def test_a_rollout_that_ends_early_is_scored_where_it_is_and_fails(pool: Dataset
         kept = time <= (3.0 if name == "v1" else 9.0)
         write(tmp_path / f"{name}.csv", time[kept], velocity[kept])
     found = compare(pool, [tmp_path])
-    assert [one.status for one in found.trials] == ["partly", "covered"]
+    assert [trial.status for trial in found.trials] == ["partly", "covered"]
     assert {score.samples for score in _whole(found).values()} == {151}
     np.testing.assert_allclose([_whole(found)[channel].rmse for channel in CHANNELS], SIGMA, rtol=0.2)
     (failure,) = found.failures
@@ -108,7 +108,7 @@ def test_a_trial_without_rollout_fails_by_name(pool: Dataset, tmp_path: Path) ->
     write_all(tmp_path)
     (tmp_path / "v3.csv").rename(tmp_path / "other.csv")
     found = compare(pool, [tmp_path])
-    assert [one.status for one in found.trials] == ["covered", "absent"]
+    assert [trial.status for trial in found.trials] == ["covered", "absent"]
     assert found.failures == ("v3: no rollout; expected a file v3.csv",)
     assert found.unused == (tmp_path / "other.csv",)
     assert np.isnan(found.trials[1].worst)
@@ -128,7 +128,7 @@ def test_a_missing_channel_is_said_and_the_others_are_scored(pool: Dataset, tmp_
 
 def test_the_bound_is_on_the_worst_channel(pool: Dataset, tmp_path: Path) -> None:
     write_all(tmp_path)
-    worst = max(one.worst for one in compare(pool, [tmp_path]).trials)
+    worst = max(trial.worst for trial in compare(pool, [tmp_path]).trials)
     assert compare(pool, [tmp_path], bound=1.001 * worst).failures == ()
     assert len(compare(pool, [tmp_path], bound=0.999 * worst).failures) == 1
     for bound in (0.0, -1.0, np.nan, np.inf):
@@ -154,7 +154,7 @@ def test_steps_too_long_for_the_beat_are_said(pool: Dataset, tmp_path: Path) -> 
 def test_roles_are_those_of_the_dataset(pool: Dataset, tmp_path: Path) -> None:
     trials = tuple(replace(trial, role=role) for trial, role in zip(pool.trials, ("held_out", "fit"), strict=True))
     found = compare(replace(pool, trials=trials), [write_all(tmp_path)])
-    assert [one.role for one in found.trials] == ["held_out", "fit"]
+    assert [trial.role for trial in found.trials] == ["held_out", "fit"]
     assert {score.role for score in found.trials[0].scores} == {"held_out"}
 
 

@@ -76,12 +76,12 @@ def _rivals(rng: np.random.Generator, strays: float = 0.0) -> tuple[dict[str, An
     data[80:] += strays * rng.standard_normal(40)
     refits = {name: _Linear(np.hstack([shared, one])[:40], data[:40]) for name, one in (("a", own), ("b", other))}
     held_out = HeldOut(None, (None, None))  # type: ignore[arg-type]
-    for one, last in zip(refits.values(), (own, other), strict=True):
+    for refit, last in zip(refits.values(), (own, other), strict=True):
         columns = np.hstack([shared, last])
-        residual = (data - columns @ one.size)[40:]
-        held_out.scores[one] = Score((), (), (residual[:40], residual[40:]))  # type: ignore[index]
+        residual = (data - columns @ refit.size)[40:]
+        held_out.scores[refit] = Score((), (), (residual[:40], residual[40:]))  # type: ignore[index]
         inverse = np.linalg.inv(columns[:40].T @ columns[:40])
-        held_out.doubts[one] = columns[40:] @ np.linalg.cholesky(inverse)  # type: ignore[index]
+        held_out.doubts[refit] = columns[40:] @ np.linalg.cholesky(inverse)  # type: ignore[index]
     return refits, held_out
 
 
@@ -116,4 +116,4 @@ def test_a_held_out_trial_that_no_rival_predicts_does_not_count() -> None:
     """Swapped labels, say: whom such a trial favours is chance."""
     for strays, counted in ((0.0, 80), (10.0, 40)):
         refits, held_out = _rivals(np.random.default_rng(12), strays)
-        assert {len(one) for one in held_out.of_rivals(refits).values()} == {counted}
+        assert {len(of_rival) for of_rival in held_out.of_rivals(refits).values()} == {counted}

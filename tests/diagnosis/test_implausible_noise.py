@@ -127,8 +127,8 @@ def test_bursts_are_told_from_tails_and_from_channels_that_go_together(seed: int
 def _swum(pike: Fish, size: float) -> Dataset:
     dataset = generate(pike, ["v1", "v3", "v5"], noise=SIGMA, duration=10.4, seed=11, held_out=[])
     trials = [
-        replace(one, velocity=readonly(_jerked(one.velocity / SIGMA, range(40, 500, 77), size) * SIGMA))
-        for one in dataset.trials
+        replace(trial, velocity=readonly(_jerked(trial.velocity / SIGMA, range(40, 500, 77), size) * SIGMA))
+        for trial in dataset.trials
     ]
     return replace(dataset, trials=tuple(trials))
 

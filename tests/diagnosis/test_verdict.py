@@ -45,7 +45,7 @@ def _hearing(
     """Return a comparison of sets named by one letter a member."""
     return Comparison(
         {tuple(names): _refit(names, 100.0 - k) for k, names in enumerate(standings)},
-        {tuple(names): one for names, one in standings.items()},
+        {tuple(names): standing for names, standing in standings.items()},
         {
             tuple(names): None if gained is None else Confirmation(gained, chance)
             for names, gained in (held or dict.fromkeys(standings, 5.0)).items()

@@ -181,7 +181,7 @@ def test_the_background_is_the_noise_without_the_line_and_without_a_notch() -> N
 
 def test_a_trial_that_diverged_is_left_out_and_named(null: Draws, pike: Fish) -> None:
     residuals = null.residuals(np.random.default_rng(28), 0.0)
-    gone = [replace(one, predicted=np.full_like(one.predicted, np.nan)) for one in residuals]
+    gone = [replace(residual, predicted=np.full_like(residual.predicted, np.nan)) for residual in residuals]
     found = examine([gone[0], *residuals[1:]], null.problem.noise, pike.cpg)
     assert found.skipped == ("v1",)
     assert {t.trial for t in found.whiteness} == {"v5", "v3-t2", "all"}

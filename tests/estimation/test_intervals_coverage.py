@@ -22,8 +22,8 @@ def shared(pike: Fish) -> Draws:
 def _coverage(shared: Draws, phi: float, seed: int) -> tuple[FloatArray, FloatArray]:
     """Return whether each interval of each draw (draws, p) held the truth: the sandwich's, and the plain ones."""
     held, plain = [], []
-    for one in shared.fits(phi, COUNT, seed):
-        found = intervals(shared.problem, one)
+    for fit in shared.fits(phi, COUNT, seed):
+        found = intervals(shared.problem, fit)
         held.append((found.low <= shared.truth) & (shared.truth <= found.high))
         plain.append((found.plain_low <= shared.truth) & (shared.truth <= found.plain_high))
     return np.array(held), np.array(plain)

@@ -90,7 +90,7 @@ def test_trials_that_agree_are_said_to(shared: Draws) -> None:
     assert found.stable is True
     assert found.text.startswith("one set of coefficients serves all 3 trials (p = ")
     assert found.degrees_of_freedom[0] == pytest.approx(18.0, abs=1.0)
-    assert {one.name for one in found.coefficients} == set(INSIDE)
+    assert {coefficient.name for coefficient in found.coefficients} == set(INSIDE)
 
 
 def test_errors_of_the_estimates_by_trial_are_their_scatter(shared: Draws) -> None:

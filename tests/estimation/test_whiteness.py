@@ -37,10 +37,10 @@ def test_p_values_are_uniform_and_bands_hold_where_the_residual_is_white() -> No
     rng = np.random.default_rng(11)
     tests = [whiteness(_white(rng), WHITE) for _ in range(400)]
     for trial in ("v300", "all"):
-        p = np.array([t.p_value for one in tests for t in one if t.trial == trial])
+        p = np.array([t.p_value for test in tests for t in test if t.trial == trial])
         assert stats.kstest(p, "uniform").pvalue > 1e-3
         assert 0.03 < np.mean(p < 0.05) < 0.07
-    outside = np.mean([np.abs(t.value) > t.band for one in tests for t in one])
+    outside = np.mean([np.abs(t.value) > t.band for test in tests for t in test])
     assert outside == pytest.approx(0.01, abs=0.002)
 
 

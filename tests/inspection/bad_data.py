@@ -65,7 +65,7 @@ def with_pose(dataset: Dataset, noise: tuple[float, float, float] = (0.001, 0.00
 
 def wrong(found: Inspection) -> list[Finding]:
     """Return what is more than a remark."""
-    return [one for one in found.findings if one.severity != "remark"]
+    return [finding for finding in found.findings if finding.severity != "remark"]
 
 
 def only(found: Inspection, code: str) -> Finding:
@@ -77,4 +77,4 @@ def only(found: Inspection, code: str) -> Finding:
 
 def remarked(found: Inspection, code: str) -> list[Finding]:
     """Return the remarks whose code begins with `code`."""
-    return [one for one in found.findings if one.severity == "remark" and one.code.startswith(code)]
+    return [finding for finding in found.findings if finding.severity == "remark" and finding.code.startswith(code)]

@@ -64,8 +64,8 @@ def test_errors_are_honest(phi: float) -> None:
         base = spoiled(velocity(slow), dataset=good(("v1", "v5", "v3-t2"), seed))
         found = _compared(with_pose(base, seed=seed + 100))
         z += [found.translation[name].off(0.0) for name in ("rotation", "skew", "sway_bias")]
-        z.append(found.turning["skew"].off(0.0))
-        slowest.append(found.turning["bias"].off(0.0))
+        z.append(found.rotation["skew"].off(0.0))
+        slowest.append(found.rotation["bias"].off(0.0))
     spread = math.sqrt(float(np.mean(np.square(z))))
     assert 0.6 < spread < 1.6, spread
     assert max(z) < 5.0
@@ -175,5 +175,5 @@ def test_yaw_alone_is_enough_for_the_yaw_rate() -> None:
     )
     found = _compared(blind)
     assert found.translation == {}
-    assert found.turning["scale"].off(1.0) < 4.0
+    assert found.rotation["scale"].off(1.0) < 4.0
     assert wrong(inspect(blind)) == []

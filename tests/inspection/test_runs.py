@@ -17,7 +17,7 @@ from mjfish.inspection.runs import beats, missing_runs
 def _said(dataset: Dataset) -> dict[str, Finding]:
     found = inspect(dataset)
     assert wrong(found) == []
-    return {one.found: one for one in found.findings if one.code.startswith("design")}
+    return {finding.found: finding for finding in found.findings if finding.code.startswith("design")}
 
 
 def _of(*names: str) -> Dataset:

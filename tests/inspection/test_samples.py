@@ -61,7 +61,7 @@ def test_runs_without_noise_that_are_equal_are_a_remark() -> None:
     """Catches simulated data that are refused because two runs of one drive are the same."""
     base = good()
     silent = generate(base.fish, ("v1", "v3", "v1"), values=TRUTH, duration=7.2)
-    found = [one for one in inspect(silent).findings if one.code.startswith("copies")]
+    found = [finding for finding in inspect(silent).findings if finding.code.startswith("copies")]
     assert [(one.severity, one.trials) for one in found] == [("remark", ("v1", "v1.2"))]
 
 

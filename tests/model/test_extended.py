@@ -63,7 +63,7 @@ def test_a_fish_without_effects_is_itself(pike: Fish, tmp_path: Path) -> None:
     one = extended.load("pike", given={"c_d.head": 2.0})
     assert one.model == Model(pike)
     assert one.fish == pike.with_values({"c_d.head": 2.0})
-    assert (one.active, one.seen, list(one.told())) == ((), (), [])
+    assert (one.active, one.seen, list(one.described())) == ((), (), [])
     extended.write(tmp_path / "plain.toml", Model(pike), {"c_d.head": 2.0})
     assert load_fish(tmp_path / "plain.toml") == one.fish
 
@@ -79,7 +79,7 @@ def test_tables_by_hand_are_read(tmp_path: Path) -> None:
     one = extended.load(path, catalogue([OWN]), {"tail_compliance.damping": 0.05})
     assert (one.fish.tail_compliance, one.fish.tail_damping) == (0.25, 0.05)
     assert [effect.name for effect, _ in one.active] == ["tail_compliance"]
-    assert list(one.told()) == ["with tail_compliance: compliance = 0.25 rad/(N m), damping = 0.05 N m s/rad"]
+    assert list(one.described()) == ["with tail_compliance: compliance = 0.25 rad/(N m), damping = 0.05 N m s/rad"]
 
 
 BAD: dict[str, tuple[str, type[Exception], str]] = {
@@ -183,4 +183,4 @@ def test_a_cause_without_a_mujoco_side_is_refused_for_mujoco(pike: Fish) -> None
 def test_a_clock_is_said_to_be_of_the_camera_and_a_current_is_not(pike: Fish) -> None:
     one = _of(pike, "ambient_current", "time_offset", "servo_lag")
     assert one.seen == ("time_offset",)
-    assert [line.endswith("not the swimming") for line in one.told()] == [False, True, False]
+    assert [line.endswith("not the swimming") for line in one.described()] == [False, True, False]

@@ -131,7 +131,9 @@ def _theory(fish: Fish, trim: Trim, values: dict[str, float], axis: int) -> floa
     inertia = np.zeros((3, 3))
     model = mjcf.spec(fish, trim).compile()
     points, weights = np.polynomial.legendre.leggauss(12)
-    edges = np.unique([0.0, *np.cumsum([one.length for one in fish.links]), *(one.end for one in fish.sections)])
+    edges = np.unique(
+        [0.0, *np.cumsum([one.length for one in fish.links]), *(section.end for section in fish.sections)]
+    )
     front = np.cumsum([0.0, *(link.length for link in fish.links)])
     depth = trim.depth
     for link, start in zip(fish.links, front, strict=False):

@@ -36,7 +36,7 @@ def test_runs_approach_one_trajectory_at_the_integrators_order(
 def test_forces_alone_are_refused_where_damping_is_implicit_and_would_be_wrong(integrator: str) -> None:
     """Were the error small, the refusal would be a nuisance."""
     model = integrator_steps.model(trees.chain(), integrator, 2e-3)
-    links = [{"body": part.name, **one} for part in trees.chain() for one in part.strips]
+    links = [{"body": part.name, **strip} for part in trees.chain() for strip in part.strips]
     with pytest.raises(InputError, match=r'use coupling="inertia"'):
         StripFluid(model, links, coupling="xfrc")
     assert StripFluid(model, links).coupling == "inertia"

@@ -58,7 +58,7 @@ def _measure(spec: mujoco.MjSpec, commands: FloatArray, noise: float = 0.0) -> s
         [f"run_{k}" for k in range(len(commands))],
         [start] * len(commands),
         [sysid.TimeSeries(time, command) for command in commands],
-        [sysid.TimeSeries.from_names(states[0, :, 0], one, model) for one in sensors],
+        [sysid.TimeSeries.from_names(states[0, :, 0], sensor, model) for sensor in sensors],
     )
 
 

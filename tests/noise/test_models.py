@@ -368,9 +368,9 @@ def _with_noise(problem: Problem, draws: Sequence[Callable[[int], FloatArray]]) 
     return replace(problem, trials=tuple(trials))
 
 
-def _noise_found(problem: Problem, one: Fit) -> tuple[Noise, str]:
+def _noise_found(problem: Problem, fit: Fit) -> tuple[Noise, str]:
     """Return the noise where no cause may explain anything, and it in words."""
-    return noise_of(problem, one, [np.zeros((len(trial.time), 3, 1)) for trial in problem.trials], None)
+    return noise_of(problem, fit, [np.zeros((len(trial.time), 3, 1)) for trial in problem.trials], None)
 
 
 @pytest.mark.parametrize(

@@ -121,18 +121,18 @@ def test_derivatives_go_through_place_and_memory(
         conditions=Conditions(VALUES, start, POSE, loads=[(nothing, []), (everything, numbers)]),
     )  # fmt: skip
 
-    def moved(kind: str, one: Direction, size: float) -> FloatArray:
+    def moved(kind: str, direction: Direction, size: float) -> FloatArray:
         given, driven, begin = list(numbers), motion, start
-        if kind == "loads" and one.loads is not None:
-            given = [number + size * rate for number, rate in zip(numbers, one.loads[1], strict=False)]
-        if kind == "motion" and one.motion is not None:
+        if kind == "loads" and direction.loads is not None:
+            given = [number + size * rate for number, rate in zip(numbers, direction.loads[1], strict=False)]
+        if kind == "motion" and direction.motion is not None:
             sides = (motion.angle, motion.rate, motion.acceleration)
-            driven = JointMotion(motion.time, *(a + size * b for a, b in zip(sides, one.motion, strict=True)))
-        if kind == "velocity" and one.velocity is not None:
-            begin = start + size * one.velocity
+            driven = JointMotion(motion.time, *(a + size * b for a, b in zip(sides, direction.motion, strict=True)))
+        if kind == "velocity" and direction.velocity is not None:
+            begin = start + size * direction.velocity
         with monkeypatch.context() as patch:
-            if kind == "links" and one.links is not None:
-                rows = numbers_of(fish, VALUES) + size * one.links
+            if kind == "links" and direction.links is not None:
+                rows = numbers_of(fish, VALUES) + size * direction.links
                 records = rows.reshape(-1).view(np.dtype(_record()))
                 patch.setattr("mjfish.ode.rollout.link_records", lambda *_: records)
             return ode.simulate(

@@ -122,8 +122,8 @@ def test_the_printed_form(pike: Fish) -> None:
     _, found = simulate_tangents(
         fish, motion, directions, time, conditions=Conditions(VALUES, START, coriolis="printed")
     )
-    for k, one in enumerate(directions):
-        exact = rollout_along(fish, motion, one, VALUES, START, "printed").at(time).imag / TINY
+    for k, direction in enumerate(directions):
+        exact = rollout_along(fish, motion, direction, VALUES, START, "printed").at(time).imag / TINY
         np.testing.assert_allclose(found[:, :, k], exact, rtol=1e-9, atol=1e-10 * np.abs(exact).max())
 
 

@@ -59,7 +59,7 @@ def test_fits_and_reasons_are_those_of_the_page(run: Callable[[str], Result], tm
     for reason in told["reasons"]:
         page = [float(number) for number in re.findall(r"(\d\.\d{3}) \(", " ".join(written[reason["reason"]]))]
         fits = [reason[key] for key in ("alone", "with_coefficients", "with_coefficients_and_unit")]
-        assert page == pytest.approx([one["misfit"] for one in fits if one is not None], abs=0.004)
+        assert page == pytest.approx([fit["misfit"] for fit in fits if fit is not None], abs=0.004)
     said = "\n".join(told["says"])
     assert "Most likely reason: the unit of beta psi" in said
     assert "Units from 0.03 to 0.08 deg fit about as well" in said

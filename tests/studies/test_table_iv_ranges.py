@@ -175,7 +175,7 @@ def test_without_fits_the_table_stands_alone(pike: Fish) -> None:
     found = compare_paper(pike, fit=False)
     assert found.fits is None
     np.testing.assert_allclose(
-        np.exp(found.nominal.residuals), [one.whole for one in found.nominal_ranges] / published()
+        np.exp(found.nominal.residuals), [nominal_range.whole for nominal_range in found.nominal_ranges] / published()
     )
     assert found.nominal.misfit > 1.0  # lambda* is known not to give the paper's ranges
     told = found.to_dict()

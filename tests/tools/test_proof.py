@@ -62,7 +62,7 @@ def test_cheap_numbers_in_the_docs_are_those_of_the_code(make: Callable[[], Tabl
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("make", [one for one in tables.TABLES if one not in CHEAP])
+@pytest.mark.parametrize("make", [table for table in tables.TABLES if table not in CHEAP])
 def test_all_other_numbers_in_the_docs_are_those_of_the_code(make: Callable[[], Table], written: list[Table]) -> None:
     _compare(make(), written)
 

@@ -93,7 +93,7 @@ def drifts(
         with fluid.installed():
             for _ in range(_SAMPLES + 1):
                 alone.time, alone.qpos[:], alone.qvel[:] = data.time, data.qpos, data.qvel
-                found.append(np.concatenate([np.atleast_1d(one) for one in invariants(dry, alone, ideal)]))
+                found.append(np.concatenate([np.atleast_1d(invariant) for invariant in invariants(dry, alone, ideal)]))
                 mujoco.mj_step(model, data, round(_DURATION / _SAMPLES / step))
         change = np.abs(np.array(found) - found[0])
         scale = np.abs(found[0])

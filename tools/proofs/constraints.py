@@ -77,20 +77,20 @@ def balance(case: str, solver: str, states: int = 6) -> Balance:
     return Balance(active, worst, law, refused)
 
 
-def _touch(one: mujoco.MjModel, data: mujoco.MjData) -> None:
+def _touch(mj_model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Put the tail's sphere a millimetre into the floor."""
-    mujoco.mj_kinematics(one, data)
-    data.qpos[2] -= data.xipos[one.body("tail").id, 2] - 0.059
+    mujoco.mj_kinematics(mj_model, data)
+    data.qpos[2] -= data.xipos[mj_model.body("tail").id, 2] - 0.059
 
 
-def _law(one: mujoco.MjModel, data: mujoco.MjData) -> float:
+def _law(mj_model: mujoco.MjModel, data: mujoco.MjData) -> float:
     """Return how far limits and frictionloss are from f = -D (J q'' - a_ref), clipped to what each may do."""
     rows = data.nefc
-    jacobian = np.zeros((rows, one.nv))
-    if mujoco.mj_isSparse(one):
+    jacobian = np.zeros((rows, mj_model.nv))
+    if mujoco.mj_isSparse(mj_model):
         mujoco.mju_sparse2dense(jacobian, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
     else:
-        jacobian[:] = data.efc_J.reshape(rows, one.nv)
+        jacobian[:] = data.efc_J.reshape(rows, mj_model.nv)
     free = -data.efc_D * (jacobian @ data.qacc - data.efc_aref)
     limit, rubbing = data.efc_type == _LIMIT, data.efc_type == _RUBBING
     asked = np.where(limit, np.maximum(free, 0.0), np.clip(free, -data.efc_frictionloss, data.efc_frictionloss))
@@ -100,12 +100,12 @@ def _law(one: mujoco.MjModel, data: mujoco.MjData) -> float:
     return float(np.abs(data.efc_force - asked)[kept].max() / max(np.abs(asked[kept]).max(), 1e-300))
 
 
-def _under_xfrc(one: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+def _under_xfrc(mj_model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     """Return q'' with the wrenches of the unconstrained motion, as the plain callback writes them."""
-    other = mujoco.MjData(one)
+    other = mujoco.MjData(mj_model)
     other.qpos[:], other.qvel[:] = data.qpos, data.qvel
     with parts.plain_water():
-        mujoco.mj_forward(one, other)
+        mujoco.mj_forward(mj_model, other)
     return other.qacc.copy()
 
 

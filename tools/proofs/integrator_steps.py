@@ -59,36 +59,41 @@ def step_difference(tree: Sequence[Part], integrator: str, states: int = 5, step
     return worst
 
 
-def _one_step(one: mujoco.MjModel, data: mujoco.MjData, expected: FloatArray) -> float:
+def _one_step(mj_model: mujoco.MjModel, data: mujoco.MjData, expected: FloatArray) -> float:
     """Take a step in the water that is installed; return the relative difference of (v+ - v) / h from `expected`."""
     before = data.qvel.copy()
-    mujoco.mj_step(one, data)
-    return parts.relative((data.qvel - before) / one.opt.timestep, expected)
+    mujoco.mj_step(mj_model, data)
+    return parts.relative((data.qvel - before) / mj_model.opt.timestep, expected)
 
 
-def _dense(one: mujoco.MjModel, data: mujoco.MjData, integrator: str) -> FloatArray:
+def _dense(mj_model: mujoco.MjModel, data: mujoco.MjData, integrator: str) -> FloatArray:
     """Return (v+ - v) / h of the integrator's equation, see MuJoCo's documentation, "Numerical integration"."""
-    h = one.opt.timestep
-    exact = equation(one, data)
-    damping, stiffness = np.array(one.dof_damping), np.array([one.jnt_stiffness[j] for j in one.dof_jntid])
-    served = np.isin(np.arange(one.nv), [one.jnt_dofadr[one.actuator_trnid[k, 0]] for k in range(one.nu)])
+    h = mj_model.opt.timestep
+    exact = equation(mj_model, data)
+    damping, stiffness = (
+        np.array(mj_model.dof_damping),
+        np.array([mj_model.jnt_stiffness[j] for j in mj_model.dof_jntid]),
+    )
+    served = np.isin(
+        np.arange(mj_model.nv), [mj_model.jnt_dofadr[mj_model.actuator_trnid[k, 0]] for k in range(mj_model.nu)]
+    )
     implicit = np.diag(damping + (served * _KV if integrator != "Euler" else 0.0))
     force = exact.force.copy()
-    if integrator == "implicit" or (integrator != "Euler" and one.nbody == 2):  # a body alone is always treated so
-        implicit += _bias_slope(one, data) * _reached(one)
+    if integrator == "implicit" or (integrator != "Euler" and mj_model.nbody == 2):  # a body alone is always treated so
+        implicit += _bias_slope(mj_model, data) * _reached(mj_model)
     inertia = exact.inertia + h * implicit
     if integrator == "discrete":
-        springs = stiffness * (one.dof_jntid >= 0) + served * _KP
+        springs = stiffness * (mj_model.dof_jntid >= 0) + served * _KP
         inertia += h * h * np.diag(springs)
         force -= h * springs * data.qvel
     return np.asarray(np.linalg.solve(inertia, force))
 
 
-def _bias_slope(one: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+def _bias_slope(mj_model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     """Return d qfrc_bias / d qvel (nv, nv): the bias is quadratic in the velocity, so that differences are exact."""
-    dry = dried(one)
+    dry = dried(mj_model)
     columns = []
-    for dof in range(one.nv):
+    for dof in range(mj_model.nv):
         ends = []
         for sign in (1.0, -1.0):
             alone = state_of(dry, data)
@@ -99,14 +104,14 @@ def _bias_slope(one: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     return np.column_stack(columns)
 
 
-def _reached(one: mujoco.MjModel) -> FloatArray:
+def _reached(mj_model: mujoco.MjModel) -> FloatArray:
     """Return 1 where two dofs lie on one branch (nv, nv): MuJoCo keeps no other slope."""
-    on_branch = np.eye(one.nv)
-    for dof in range(one.nv):
-        above = one.dof_parentid[dof]
+    on_branch = np.eye(mj_model.nv)
+    for dof in range(mj_model.nv):
+        above = mj_model.dof_parentid[dof]
         while above >= 0:
             on_branch[dof, above] = on_branch[above, dof] = 1.0
-            above = one.dof_parentid[above]
+            above = mj_model.dof_parentid[above]
     return on_branch
 
 

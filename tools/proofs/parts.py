@@ -65,8 +65,8 @@ class Part:
             com=_flip(self.com),
             inertia=tuple(map(tuple, _MIRROR[:, None] * np.array(self.inertia) * _MIRROR)),
             strips=tuple(
-                {key: _flip(value) if key in ("origin", "axis", "up") else value for key, value in one.items()}
-                for one in self.strips
+                {key: _flip(value) if key in ("origin", "axis", "up") else value for key, value in strip.items()}
+                for strip in self.strips
             ),
         )
 
@@ -107,12 +107,14 @@ def spec(parts: Sequence[Part], *, integrator: str = "RK4", step: float = 1e-3) 
 
 def with_water(parts: Sequence[Part], **replaced: float) -> tuple[Part, ...]:
     """Return the parts with other coefficients of every link."""
-    return tuple(replace(part, strips=tuple({**one, **replaced} for one in part.strips)) for part in parts)
+    return tuple(replace(part, strips=tuple({**strip, **replaced} for strip in part.strips)) for part in parts)
 
 
 def wet(model: mujoco.MjModel, parts: Sequence[Part], coupling: Coupling | None = "inertia") -> StripFluid:
     """Put the water of the parts on a model."""
-    return StripFluid(model, [{"body": part.name, **one} for part in parts for one in part.strips], coupling=coupling)
+    return StripFluid(
+        model, [{"body": part.name, **strip} for part in parts for strip in part.strips], coupling=coupling
+    )
 
 
 @contextmanager

@@ -55,16 +55,18 @@ def _integrators(coupling: Coupling) -> list[str]:
 
 def _worst(of: Callable[..., float], **options: bool) -> list[str]:
     """Return the worst of all integrators for each coupling."""
-    return [_small(max(of(one, name, **options) for name in _integrators(one))) for one in COUPLINGS]
+    return [_small(max(of(coupling, name, **options) for name in _integrators(coupling))) for coupling in COUPLINGS]
 
 
 def push_table() -> Table:
     """A pushed link."""
     worst = {
-        one: _most(closed_forms.difference(c_m, one, name) for c_m in (0.06, 1.0, 30.0) for name in _integrators(one))
-        for one in COUPLINGS
+        coupling: _most(
+            closed_forms.difference(c_m, coupling, name) for c_m in (0.06, 1.0, 30.0) for name in _integrators(coupling)
+        )
+        for coupling in COUPLINGS
     }
-    rows = [(name, *(_small(worst[one][name]) for one in COUPLINGS)) for name in worst["inertia"]]
+    rows = [(name, *(_small(worst[coupling][name]) for coupling in COUPLINGS)) for name in worst["inertia"]]
     return Table(
         "A plate is pushed or turned from rest. Relative error of its acceleration against the closed form, largest of "
         "c_m = 0.06, 1, 30 and of all integrators that the coupling allows:",
@@ -89,11 +91,11 @@ def derivation_table() -> Table:
         told = f"{_small(float(np.median(found)))}, at worst {_small(found.max())}"
         rows.append((f"drag against adaptive quadrature, {where} of q_y, q_z changing sign on the link; median", told))
     rows.append(("drag of the plane against `hydro/force.py`", _small(derivation.planar_difference())))
-    for one in COUPLINGS:
+    for coupling in COUPLINGS:
         rows += [
-            (f"a free chain in a current, no drag: M q̈ + c - τ against Jᵀ F of the slices, {one}",
-             _small(derivation.balance(one, c_d=0.0))),
-            (f"the same with drag, {one}", _small(derivation.balance(one))),
+            (f"a free chain in a current, no drag: M q̈ + c - τ against Jᵀ F of the slices, {coupling}",
+             _small(derivation.balance(coupling, c_d=0.0))),
+            (f"the same with drag, {coupling}", _small(derivation.balance(coupling))),
         ]  # fmt: skip
     return Table(
         "The force in space against slices that share no formula with it (each minus the rate of its momentum, "
@@ -107,7 +109,7 @@ def sweep_table() -> Table:
     """Light to heavy added mass."""
     rows = []
     for ratio in lagged_added_mass.RATIOS:
-        ours = [_small(lagged_added_mass.run(ratio, one).error) for one in COUPLINGS]
+        ours = [_small(lagged_added_mass.run(ratio, coupling).error) for coupling in COUPLINGS]
         behind = lagged_added_mass.run(ratio, None)
         told = f"diverged at step {behind.diverged}" if behind.diverged >= 0 else f"error {_small(behind.error)}"
         rows.append((f"{ratio:g}", *ours, told))
@@ -125,12 +127,12 @@ def conservation_table() -> Table:
     rows = []
     for name, free in (("body", (trees.CROOKED,)), ("chain", trees.chain())):
         for current in (False, True):
-            for one in COUPLINGS:
-                found = conservation.drifts(free, one, current=current)
+            for coupling in COUPLINGS:
+                found = conservation.drifts(free, coupling, current=current)
                 fluid = "current" if current else "still water"
                 for k, kept in enumerate(conservation.KEPT):
                     coarse, fine = found.relative[0, k], found.relative[-1, k]
-                    cells = (f"{name}, {fluid}", one, kept, _small(coarse), _small(fine), f"{found.orders[k]:.2f}")
+                    cells = (f"{name}, {fluid}", coupling, kept, _small(coarse), _small(fine), f"{found.orders[k]:.2f}")
                     rows.append(cells)
     return Table(
         "No drag, κ = 1, nothing applied, RK4: the largest relative change of what must stay, in the frame that drifts "
@@ -211,7 +213,7 @@ def symmetry_table() -> Table:
     }
     for name, of in told.items():
         for drag in (False, True):
-            cells = [_small(of(one, drag=drag)) for one in COUPLINGS]
+            cells = [_small(of(coupling, drag=drag)) for coupling in COUPLINGS]
             rows.append((f"{name}, {'with' if drag else 'without'} drag", *cells))
     return Table(
         "What must make no difference. The first three: velocities of 300 steps of the free chain, every integrator; "
@@ -223,7 +225,7 @@ def symmetry_table() -> Table:
 
 def inverse_table() -> Table:
     """Inverse dynamics."""
-    found = [derivatives.inverse(one) for one in COUPLINGS]
+    found = [derivatives.inverse(coupling) for coupling in COUPLINGS]
     told = {
         "`qfrc_inverse` against the forces applied": "applied",
         'the same less `wrenches(data)["total"]`': "corrected",

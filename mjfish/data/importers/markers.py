@@ -337,7 +337,7 @@ def _import(path: Path, table: MarkersMap, marked: Marked, fish: Fish) -> _Impor
         beat=track.fit.beat,
         speed=float(np.concatenate([trial.velocity[:, 0] for trial in recording.trials]).mean()),
         noise=(float(recording.noise[0]), float(recording.noise[1]), float(recording.noise[2])),
-        alike=recording.alike,
+        correlated=recording.correlated,
         joint_noise=recording.joint_noise,
         cuts=recording.cuts,
         notes=_notes(track, marked, recording, scale),
@@ -385,7 +385,7 @@ def _notes(track: Track, marked: Marked, recording: Recording, scale: float) -> 
         notes.append(f"{recording.bridged} frames with lost markers bridged")
     spread = 1e3 * float(np.median(track.fit.sigma / np.sqrt(track.fit.frames)))
     notes.append(
-        f"markers known to {spread:.2g} mm ({spread / scale / 1e3:.2g} pixels), errors alike over "
+        f"markers known to {spread:.2g} mm ({spread / scale / 1e3:.2g} pixels), errors correlated over "
         f"{float(np.median(track.fit.frames)):.0f} frames"
     )
     return tuple(notes)

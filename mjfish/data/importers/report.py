@@ -51,7 +51,7 @@ class FileReport:
     beat: float | None
     speed: float
     noise: tuple[float, float, float] | None
-    alike: float = 0.0
+    correlated: float = 0.0
     joint_noise: float | None = None
     cuts: tuple[Cut, ...] = ()
     notes: tuple[str, ...] = ()
@@ -60,8 +60,8 @@ class FileReport:
 #: Headers of `rows`.
 HEADERS = (
     "file", "trials", "frames", "usable", "kept", "beat [Hz]", "mean speed [m/s]",
-    "sigma surge [m/s]", "sigma sway [m/s]", "sigma yaw_rate [rad/s]", "errors alike over [s]", "sigma joints [rad]",
-    "remarks",
+    "sigma surge [m/s]", "sigma sway [m/s]", "sigma yaw_rate [rad/s]", "errors correlated over [s]",
+    "sigma joints [rad]", "remarks",
 )  # fmt: skip
 
 
@@ -88,7 +88,10 @@ class ImportReport:
                 str(file.kept),
                 "-" if file.beat is None else f"{file.beat:.3f}",
                 f"{file.speed:.3f}",
-                *("-" if sigma is None else f"{sigma:.2g}" for sigma in (*(file.noise or (None,) * 3), file.alike)),
+                *(
+                    "-" if sigma is None else f"{sigma:.2g}"
+                    for sigma in (*(file.noise or (None,) * 3), file.correlated)
+                ),
                 "-" if file.joint_noise is None else f"{file.joint_noise:.2g}",
                 "; ".join([*map(str, file.cuts), *file.notes]),
             )

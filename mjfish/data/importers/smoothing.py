@@ -343,10 +343,10 @@ def noise_by_evidence(system: System, covariance: FloatArray, weight: FloatArray
     squares = (weight * np.square(system.residual).sum(axis=2)).sum(axis=0)
     directions = system.residual.shape[2]
     free = directions * (weight > 0.0).sum(axis=0) - leverage
-    # A point that its own coordinate follows everywhere tells nothing of its noise: there all are taken alike.
-    alike = squares.sum() / max(float(free.sum()), 1.0)
+    # A point that its own coordinate follows everywhere tells nothing of its noise: it gets the mean of all points.
+    pooled = squares.sum() / max(float(free.sum()), 1.0)
     enough = free > 0.05 * directions * weight.shape[0]
-    variance = np.where(enough, squares / np.maximum(free, 1e-9), alike)
+    variance = np.where(enough, squares / np.maximum(free, 1e-9), pooled)
     return np.asarray(np.sqrt(variance * float(np.median(correlation_frames(system.residual)))))
 
 
@@ -395,13 +395,13 @@ def intensity_by_evidence(
         known[i] = rank - float((rough * covariance[rows, rows]).sum()) / state.intensity[i]
     found = np.empty(count)
     for kind in np.unique(kinds):
-        alike = kinds == kind
-        held = _HELD * _LOW * float((first[alike] / state.intensity[alike]).mean())
+        same_kind = kinds == kind
+        held = _HELD * _LOW * float((first[same_kind] / state.intensity[same_kind]).mean())
         # The step of expectation maximisation, which is safe, lengthened where the data know few of the coefficients.
-        unknown = float((rank - known[alike]).sum())
-        ratio = (float(squares[alike].sum()) + unknown + held) / (rank * alike.sum() + _HELD)
-        longer = min(rank * alike.sum() / max(float(known[alike].sum()), 1.0), _LONGEST)
-        found[alike] = state.intensity[alike] * ratio**longer
+        unknown = float((rank - known[same_kind]).sum())
+        ratio = (float(squares[same_kind].sum()) + unknown + held) / (rank * same_kind.sum() + _HELD)
+        longer = min(rank * same_kind.sum() / max(float(known[same_kind].sum()), 1.0), _LONGEST)
+        found[same_kind] = state.intensity[same_kind] * ratio**longer
     return np.clip(found, _LEAST * first, _MOST * first)
 
 

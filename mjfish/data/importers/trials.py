@@ -151,7 +151,7 @@ class Recording:
     trials: tuple[Trial, ...]
     noise: FloatArray
     joint_noise: float | None
-    alike: float
+    correlated: float
     cuts: tuple[Cut, ...]
     bridged: int
     starts: tuple[float, ...]
@@ -217,7 +217,7 @@ def record(
         trials=tuple(trials),
         noise=np.sqrt(np.square(moved.sigma[inside]).mean(axis=0)),
         joint_noise=float(np.sqrt(np.square(angle_sigma[inside]).mean())) if joints else None,
-        alike=moved.apart * step,
+        correlated=moved.apart * step,
         cuts=tuple(Cut(a * step, b * step, _reason(reasons, a, b, len(seen), keep)) for a, b in runs(~inside)),
         bridged=int((inside & ~seen).sum()),
         starts=tuple(float(fit.basis.time[a]) for a, _ in kept),
@@ -226,7 +226,7 @@ def record(
 
 def with_noise(dataset: Dataset, recordings: Sequence[Recording]) -> Dataset:
     """Return the dataset with the rms of the noise over its fit trials: a held-out file must not change the fit."""
-    variance = {trial.name: np.square(one.noise) for one in recordings for trial in one.trials}
+    variance = {trial.name: np.square(recording.noise) for recording in recordings for trial in recording.trials}
     fitted, _ = dataset.split()
     weights = [len(trial.time) for trial in fitted]
     mean = np.average([variance[trial.name] for trial in fitted], axis=0, weights=weights)

@@ -30,8 +30,8 @@ def detectable(candidate: Candidate, diagnosis: Diagnosis) -> tuple[str, ...]:
 
 def remark(candidate: Candidate, diagnosis: Diagnosis) -> str:
     """Return all that is said of a candidate: the judgement, then what to mind about its numbers."""
-    said = judgement(candidate, diagnosis, detectable(candidate, diagnosis))
-    return " ".join(filter(None, [said, *cautions(candidate, diagnosis)]))
+    sentence = judgement(candidate, diagnosis, detectable(candidate, diagnosis))
+    return " ".join(filter(None, [sentence, *cautions(candidate, diagnosis)]))
 
 
 def judgement(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) -> str:

@@ -67,9 +67,9 @@ def tells(truth: ModelEstimate, rival: ModelEstimate) -> bool:
     return excluded(sse(rival) - sse(truth))
 
 
-def sse(one: ModelEstimate) -> float:
+def sse(model_estimate: ModelEstimate) -> float:
     """Return the sum of squared whitened residuals."""
-    return float(np.sum(one.problem.residual(one.x) ** 2))
+    return float(np.sum(model_estimate.problem.residual(model_estimate.x) ** 2))
 
 
 def case(seed: int) -> Outcome | None:
@@ -135,10 +135,10 @@ def _after(
     """Swim the run in the truth, fit both again: whether the truth is told."""
     trial = swum(model, truth, run.trial, sigma, rng)
     again = []
-    for one in rivals:
-        problem = replace(one.problem, trials=(*one.problem.trials, trial))
-        start = problem.start(one.problem.named(one.x))
-        again.append(ModelEstimate.of_fit(one.name, problem, fit(problem, start, tolerance=TOLERANCE)))
+    for rival in rivals:
+        problem = replace(rival.problem, trials=(*rival.problem.trials, trial))
+        start = problem.start(rival.problem.named(rival.x))
+        again.append(ModelEstimate.of_fit(rival.name, problem, fit(problem, start, tolerance=TOLERANCE)))
     return tells(again[0], again[1])
 
 

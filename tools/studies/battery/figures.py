@@ -53,26 +53,26 @@ def proportion(what: str, bar: str, hits: Iterable[bool], good: Callable[[float]
     return Figure(what, bar, share, sum(counted), len(counted), bool(counted) and good(share))
 
 
-def apart(one: Judged) -> float:
+def apart(judged: Judged) -> float:
     """Return lambda (1 - rho) of the hardest rival of a single cause."""
-    name = one.truth.causes[0]
-    return one.truth.strength[name] * (1.0 - one.truth.rho_max.get(name, 0.0))
+    name = judged.truth.causes[0]
+    return judged.truth.strength[name] * (1.0 - judged.truth.rho_max.get(name, 0.0))
 
 
-def apart_squared(one: Judged) -> float:
+def apart_squared(judged: Judged) -> float:
     """Return lambda (1 - rho^2), the part of a single cause that no rival has."""
-    name = one.truth.causes[0]
-    return one.truth.strength[name] * (1.0 - one.truth.rho_max.get(name, 0.0) ** 2)
+    name = judged.truth.causes[0]
+    return judged.truth.strength[name] * (1.0 - judged.truth.rho_max.get(name, 0.0) ** 2)
 
 
-def in_set(one: Judged) -> bool:
+def in_set(judged: Judged) -> bool:
     """Return whether the truth is among the sets that stayed; `unexplained` and `nothing_wrong` keep none."""
-    return any(set(names) == set(one.truth.causes) for names in one.answer["alternatives"])
+    return any(set(names) == set(judged.truth.causes) for names in judged.answer["alternatives"])
 
 
-def best_set(one: Judged) -> tuple[str, ...]:
+def best_set(judged: Judged) -> tuple[str, ...]:
     """Return the set that fits best of those that stayed; none where none did."""
-    return tuple(next(iter(one.answer["alternatives"]), ()))
+    return tuple(next(iter(judged.answer["alternatives"]), ()))
 
 
 def figures(cases: Sequence[Judged]) -> list[Figure]:

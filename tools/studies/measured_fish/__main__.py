@@ -65,7 +65,7 @@ def _said(one: Estimate | None) -> str:
 
 def over_the_beat(outcome: Outcome) -> Table:
     """Return the mean residual of the held-out runs over the phase of the beat."""
-    overlays = [one for one in outcome.diagnosis.overlays if one.held_out]
+    overlays = [overlay for overlay in outcome.diagnosis.overlays if overlay.held_out]
     rows = [
         (overlay.trial.name, model, channel, *(f"{1e3 * value:+.0f}" for value in mean[:, k]))
         for overlay in overlays

@@ -16,7 +16,7 @@ _ALIKE = 0.02
 
 def rows(found: Diagnosis) -> Iterator[tuple[str, ...]]:
     """Yield the first causes as cells under `HEAD`, by their fall, or by their score where they were not refitted."""
-    ranked = [one for one in found.candidates if one.applicable and one.statistic > 0.0]
+    ranked = [candidate for candidate in found.candidates if candidate.applicable and candidate.statistic > 0.0]
     for one in sorted(ranked, key=lambda one: -one.statistic)[:_FIRST]:
         yield (
             one.name,
@@ -30,7 +30,7 @@ def rows(found: Diagnosis) -> Iterator[tuple[str, ...]]:
 
 def left_out(found: Diagnosis) -> str:
     """Say which refits ended no better than the nominal fit; empty where none did."""
-    coarse = [one for one in found.candidates if one.parameters and one.statistic <= 0.0]
+    coarse = [candidate for candidate in found.candidates if candidate.parameters and candidate.statistic <= 0.0]
     if not coarse:
         return ""
     told = ", ".join(f"{one.name} (score {one.score:.0f})" for one in coarse)
@@ -43,9 +43,9 @@ def preferred(found: Diagnosis) -> str:
         return ""
     best, own = " and ".join(found.best), found.gain.extended["pooled"]
     others = sorted(
-        (one.held_out_error, one.name)
-        for one in found.candidates
-        if one.held_out_error is not None and one.name not in found.best
+        (candidate.held_out_error, candidate.name)
+        for candidate in found.candidates
+        if candidate.held_out_error is not None and candidate.name not in found.best
     )
     smaller = [f"{name} ({error:.3f})" for error, name in others if error < own]
     close = [f"{name} ({error:.3f})" for error, name in others if own <= error <= (1.0 + _ALIKE) * own]
@@ -61,7 +61,7 @@ def preferred(found: Diagnosis) -> str:
     return " ".join(said)
 
 
-def _sizes(one: Candidate) -> dict[str, Estimate]:
+def _sizes(candidate: Candidate) -> dict[str, Estimate]:
     """Return the sizes of a cause without shapes, which say nothing of how large it is."""
-    shapes = {parameter.short for parameter in find(one.name).parameters if parameter.shape}
-    return {name: value for name, value in (one.parameters or {}).items() if name not in shapes}
+    shapes = {parameter.short for parameter in find(candidate.name).parameters if parameter.shape}
+    return {name: value for name, value in (candidate.parameters or {}).items() if name not in shapes}

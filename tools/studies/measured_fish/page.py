@@ -104,12 +104,12 @@ def _rolled(outcome: Outcome) -> dict[str, str | bool]:
     layout = tomllib.loads((resources.files("mjfish.data.importers") / "layouts" / "fishsim.toml").read_text())
     below = next(plane["below"] for plane in layout["planes"] if "below" in plane)
     height = found.extended["roll.height"]
-    fitted = [one for one in found.overlays if not one.held_out]
+    fitted = [overlay for overlay in found.overlays if not overlay.held_out]
     alike = [_correlation(*pictures.lacking(outcome, one, height.estimate)) for one in fitted]
     each = [one.values["roll.height"] for _, one in alone(outcome, "extended")]
     both = refitted(outcome, "extended", found.dataset.split()[0])[1].values["roll.height"]
     apart = not all(height.low <= one <= height.high for one in (*each, both))
-    rolls = [one.trial.roll for one in found.overlays if one.trial.roll is not None]
+    rolls = [overlay.trial.roll for overlay in found.overlays if overlay.trial.roll is not None]
     return {
         "wobble": _list([f"{1e3 * below * np.sqrt(2.0) * float(roll.std()):.0f}" for roll in rolls]),
         "below": f"{1e3 * below:.0f}",

@@ -85,7 +85,7 @@ def lacking(outcome: Outcome, overlay: Overlay, height: float) -> tuple[FloatArr
 def _shown(outcome: Outcome) -> Overlay:
     """Return the first held-out run, else the last one."""
     overlays = outcome.diagnosis.overlays
-    return next((one for one in overlays if one.held_out), overlays[-1])
+    return next((overlay for overlay in overlays if overlay.held_out), overlays[-1])
 
 
 def _heading(overlay: Overlay) -> str:

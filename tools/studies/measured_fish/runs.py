@@ -190,8 +190,8 @@ def residual(diagnosis: Diagnosis, overlay: Overlay, model: Which) -> FloatArray
 def scores(diagnosis: Diagnosis) -> tuple[Score, ...]:
     """Return how well both models do on every run."""
     return tuple(
-        _score(one.trial, "held out" if one.held_out else "fitted", model, residual(diagnosis, one, model))
-        for one in diagnosis.overlays
+        _score(overlay.trial, "held out" if overlay.held_out else "fitted", model, residual(diagnosis, overlay, model))
+        for overlay in diagnosis.overlays
         for model in MODELS
     )
 
@@ -259,5 +259,5 @@ def told(outcome: Outcome) -> dict[str, Estimate]:
 
 def reached(outcome: Outcome, model: Which = "extended") -> tuple[float, float]:
     """Return the mean error of the mean speed [m/s] and nRMSE of the yaw rate over the held-out runs."""
-    held = [one for one in scores(outcome.diagnosis) if one.role == "held out" and one.model == model]
+    held = [score for score in scores(outcome.diagnosis) if score.role == "held out" and score.model == model]
     return float(np.mean([abs(one.error) for one in held])), float(np.mean([one.nrmse[2] for one in held]))

@@ -42,7 +42,7 @@ class Account:
         return {
             "reason": self.reason.name,
             "about": self.reason.about,
-            **{key: None if one is None else _outcome(one, names) for key, one in fits.items()},
+            **{key: None if fit is None else _outcome(fit, names) for key, fit in fits.items()},
         }
 
 
@@ -143,20 +143,20 @@ class PaperComparison:
             "rounding": rounding(self.modes),
             "scatter": dict(zip(CHANNELS, map(float, self.scatter), strict=True)),
             "nominal": _outcome(self.nominal, set()),
-            "speed [m/s]": {one.mode: one.speed for one in self.nominal_ranges},
+            "speed [m/s]": {nominal_range.mode: nominal_range.speed for nominal_range in self.nominal_ranges},
             "ranges": self.rows(),
         }
         if self.fits is not None:
             found |= {
                 "nominal_with_unit": {
                     "unit [deg]": self.unit_of(self.fits.scaled),
-                    "speed [m/s]": {one.mode: one.speed for one in self.fits.scaled_ranges},
+                    "speed [m/s]": {scaled_range.mode: scaled_range.speed for scaled_range in self.fits.scaled_ranges},
                     **_outcome(self.fits.scaled, set()),
                 },
                 "coefficients": _outcome(self.fits.coefficients),
                 "fitted": {
                     "unit [deg]": self.fitted_unit,
-                    "speed [m/s]": {one.mode: one.speed for one in self.fits.ranges},
+                    "speed [m/s]": {range_.mode: range_.speed for range_ in self.fits.ranges},
                     **_outcome(self.fits.fitted),
                 },
                 "unit_held": [

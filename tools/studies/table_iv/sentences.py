@@ -69,8 +69,8 @@ def _ranked(fits: Fits) -> Iterator[str]:
     yield f"With lambda* held, least is left by {told}."
 
 
-def _gain(one: Account, fits: Fits) -> str:
-    return f"{removed(one.beside.misfit, fits.coefficients.misfit):.0%} less".replace("-0%", "0%")
+def _gain(account: Account, fits: Fits) -> str:
+    return f"{removed(account.beside.misfit, fits.coefficients.misfit):.0%} less".replace("-0%", "0%")
 
 
 def removed(misfit: float, before: float) -> float:

@@ -120,7 +120,7 @@ def compare_paper(
 
 def _finite(fish: Fish, ranges: Sequence[Ranges]) -> None:
     """Refuse a fish whose own numbers diverge: there is nothing to compare, and nothing to fit from."""
-    lost = [one.mode for one in ranges if not np.all(np.isfinite(one.whole))]
+    lost = [range_.mode for range_ in ranges if not np.all(np.isfinite(range_.whole))]
     if lost:
         raise InputError(
             f"{fish.name}: its simulation diverges in {', '.join(lost)}, expected finite ranges; check density, "
@@ -137,7 +137,7 @@ def _fits(study: _Study, jobs: int, tell: Callable[[float], None]) -> Fits:
     fitted = finer.fitted(np.array([fitted.values[name] for name in finer.names]), fitted.evaluations)
     rest = [functools.partial(study.account, reason, coefficients, fitted) for reason in known]
     held, *accounts = _together([functools.partial(study.held, fitted), *rest], jobs, told)
-    scaled = next(one.alone for one in accounts if one.reason is UNIT)
+    scaled = next(account.alone for account in accounts if account.reason is UNIT)
     return Fits(
         coefficients, fitted, finer.ranges(fitted.values), scaled, finer.ranges(scaled.values), tuple(accounts), held
     )
