@@ -10,8 +10,8 @@ from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 
 
-def nothing_between(dataset: Dataset) -> str:
-    """Say that measured joint angles leave nothing between command and joint, where every trial has them."""
+def undetectable_behind_measured_joints(dataset: Dataset) -> str:
+    """Say why no servo can be detected, where every trial has measured joint angles."""
     if all(trial.joint_angle is not None for trial in dataset.trials):
         return "the joint angles were measured, so no servo stands between them and the model"
     return ""

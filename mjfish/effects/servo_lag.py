@@ -10,7 +10,7 @@ from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import cubic, nothing_between
+from mjfish.effects.commanded import cubic, undetectable_behind_measured_joints
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
 
@@ -42,7 +42,7 @@ class ServoLag(Effect):
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Measured joint angles leave nothing between command and joint."""
-        return nothing_between(dataset)
+        return undetectable_behind_measured_joints(dataset)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Filter the motion; the rate no longer jumps."""

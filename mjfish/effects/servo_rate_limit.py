@@ -10,7 +10,7 @@ from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, inlined
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import balanced, cubic, nothing_between
+from mjfish.effects.commanded import balanced, cubic, undetectable_behind_measured_joints
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
 
@@ -50,7 +50,7 @@ class ServoRateLimit(Effect):
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Measured joint angles leave nothing between command and joint."""
-        return nothing_between(dataset)
+        return undetectable_behind_measured_joints(dataset)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Let the joints follow as fast as they may."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import nothing_between
+from mjfish.effects.commanded import undetectable_behind_measured_joints
 from mjfish.effects.effect import Effect, Family, Fingerprint, Values
 from mjfish.parameter import Parameter
 
@@ -45,7 +45,7 @@ class ServoSaturation(Effect):
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Measured joint angles leave nothing between command and joint."""
-        return nothing_between(dataset)
+        return undetectable_behind_measured_joints(dataset)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Compress the angles; rates and accelerations by the chain rule."""

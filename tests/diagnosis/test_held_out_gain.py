@@ -81,7 +81,7 @@ def _rivals(rng: np.random.Generator, strays: float = 0.0) -> tuple[dict[str, An
         residual = (data - columns @ refit.size)[40:]
         held_out.scores[refit] = Score((), (), (residual[:40], residual[40:]))  # type: ignore[index]
         inverse = np.linalg.inv(columns[:40].T @ columns[:40])
-        held_out.doubts[refit] = columns[40:] @ np.linalg.cholesky(inverse)  # type: ignore[index]
+        held_out.covariance_roots[refit] = columns[40:] @ np.linalg.cholesky(inverse)  # type: ignore[index]
     return refits, held_out
 
 
