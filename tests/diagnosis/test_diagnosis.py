@@ -247,7 +247,7 @@ def test_no_candidate_left_is_refused(named: Diagnosis) -> None:
         diagnose(free, effects={"time_offset": find("time_offset")})
 
 
-@pytest.mark.parametrize("effect", [None, "munk_moment"])
+@pytest.mark.parametrize("effect", [pytest.param(None, marks=pytest.mark.slow), "munk_moment"])
 def test_data_without_noise_are_judged_by_the_effect_not_by_rounding(pike: Fish, effect: str | None) -> None:
     hidden = [] if effect is None else [find(effect)]
     truth = coefficients(np.random.default_rng(3)) | ({} if effect is None else {"munk_moment.kappa": 0.5})

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
@@ -37,6 +38,7 @@ def _dataset(seed: int, turned: float) -> Dataset:
     return Dataset("free clocks", FISH, tuple(trials), noise=(0.002, 0.004, 0.03))
 
 
+@pytest.mark.slow
 def test_a_clock_half_a_turn_off_does_not_mislead() -> None:
     """Without aligning the clocks first, the fit stops at a wrong turn and the misfit is blamed on something else."""
     result = diagnose(_dataset(3, turned=2.6), effects={name: find(name) for name in KNOWN}, jobs=1)

@@ -93,6 +93,7 @@ def test_a_tail_that_is_nearly_stiff_asks_for_a_shorter_step(jolted: tuple[Probl
     assert off(coarse) > 4.0
 
 
+@pytest.mark.slow
 def test_a_ringing_tail_is_found_beyond_the_local_minima_of_other_stiffnesses(
     jolted: tuple[Problem, dict[str, float]],
 ) -> None:

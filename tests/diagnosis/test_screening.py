@@ -45,7 +45,7 @@ def _limited(pike: Fish, sigma: FloatArray) -> tuple[Evidence, float]:
     return gather(problem, fit(problem), [LIMIT]), slowness
 
 
-@pytest.mark.parametrize("share", [0.3, 0.02], ids=["noise", "hardly any noise"])
+@pytest.mark.parametrize("share", [pytest.param(0.3, marks=pytest.mark.slow), 0.02], ids=["noise", "hardly any noise"])
 def test_a_limit_that_is_hardly_met_is_found_in_its_narrow_minimum(pike: Fish, share: float) -> None:
     """From sizes that do not feel it there is no way down. Catches starts that step over the minimum.
 
@@ -91,7 +91,9 @@ def test_sizes_just_above_an_edge_are_tried_where_there_is_one(
         assert np.count_nonzero((new > edge) & (new < 1.06 * edge)) >= 5
 
 
-@pytest.mark.parametrize("off", [0.0, 1.5], ids=["as generated", "runs off by a level"])
+@pytest.mark.parametrize(
+    "off", [pytest.param(0.0, marks=pytest.mark.slow), 1.5], ids=["as generated", "runs off by a level"]
+)
 def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None:
     """No candidate explains that two runs are off by a constant each; a wandering camera would, but for patterns."""
     synthetic = generate(pike, ["v1", "v3"], noise=SIGMA, duration=5.2, seed=6)

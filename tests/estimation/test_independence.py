@@ -41,7 +41,7 @@ def _p(tests: Sequence[CrossCorrelation], *, pooled: bool) -> FloatArray:
     return np.array([t.p_value for t in tests if (t.trial == "all") == pooled])
 
 
-@pytest.mark.parametrize("phi", [0.0, 0.8])
+@pytest.mark.parametrize("phi", [pytest.param(0.0, marks=pytest.mark.slow), 0.8])
 @pytest.mark.parametrize("count", [16, pytest.param(200, marks=pytest.mark.slow)])
 def test_p_values_are_uniform_and_bands_hold_under_the_null(null: Draws, pike: Fish, phi: float, count: int) -> None:
     """Fits of white and of drifting noise, 18 + 6 tests each. Catches R_e left out, the notch, the fit left out."""

@@ -37,7 +37,8 @@ def _with_tail(pike: Fish, factor: float) -> tuple[Trial, ...]:
     return (*alike.trials[:2], other.trials[2])
 
 
-@pytest.mark.parametrize("phi", [pytest.param(0.0, marks=pytest.mark.slow), 0.8])
+@pytest.mark.slow
+@pytest.mark.parametrize("phi", [0.0, 0.8])
 def test_p_values_of_a_stable_model_are_spread_evenly(pike: Fish, phi: float) -> None:
     """80 draws, white and coloured: about five in a hundred below 0.05, half of them below a half.
 

@@ -56,7 +56,7 @@ def _at(time: FloatArray, values: FloatArray) -> FloatArray:
     return np.column_stack([np.interp(time, frames, column) for column in values.T])
 
 
-@pytest.mark.parametrize("swim", [ABOVE, TILTED], ids=["above", "tilted"])
+@pytest.mark.parametrize("swim", [ABOVE, pytest.param(TILTED, marks=pytest.mark.slow)], ids=["above", "tilted"])
 def test_velocities_have_no_bias_and_the_stated_errors(tmp_path: Path, swim: Swim) -> None:
     """Over three draws. A sigma that is stated half as large doubles the ratio; a smoother that cuts peaks shows below.
 
@@ -161,7 +161,7 @@ def test_two_plates_lost_are_refused(tmp_path: Path) -> None:
         assert part in str(caught.value), (part, str(caught.value))
 
 
-@pytest.mark.parametrize("heading", [0.4, 1.9])
+@pytest.mark.parametrize("heading", [pytest.param(0.4, marks=pytest.mark.slow), 1.9])
 def test_swimming_forward_is_positive_surge_and_turning_counter_clockwise_positive_yaw(
     tmp_path: Path, heading: float
 ) -> None:

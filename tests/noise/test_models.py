@@ -91,7 +91,7 @@ def _pushed(rng: np.random.Generator, samples: int) -> FloatArray:
     return out + SIGMA * rng.standard_normal((samples, 3))
 
 
-@pytest.mark.parametrize("gaps", [False, True], ids=["whole", "gaps"])
+@pytest.mark.parametrize("gaps", [pytest.param(False, marks=pytest.mark.slow), True], ids=["whole", "gaps"])
 @pytest.mark.parametrize(
     ("noise", "draw"),
     [(COLOURED, _coloured), (DRIFTING, _drifting), (ROUGH, _rough), (PUSHED, _pushed)],
@@ -183,6 +183,7 @@ def test_the_low_end_of_a_drift_of_any_time_is_right(swum: tuple[Problem, Fit]) 
     assert abs(np.median(np.log(ratios))) < 0.2
 
 
+@pytest.mark.slow
 def test_the_uncertainty_of_a_drift_in_a_short_recording_is_stated(swum: tuple[Problem, Fit]) -> None:
     """The power of its low end, the truth, is among the draws. Catches draws that are too close, or about elsewhere."""
     problem, _ = swum

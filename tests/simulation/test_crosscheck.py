@@ -17,7 +17,7 @@ from mjfish.model.extended import Extended
 from mjfish.parameter import Parameter
 
 
-@pytest.mark.parametrize("mode", ["v5-v1", "v3-t2"])
+@pytest.mark.parametrize("mode", [pytest.param("v5-v1", marks=pytest.mark.slow), "v3-t2"])
 def test_engines_agree_and_converge(pike: Fish, mode: str) -> None:
     """Catches any term that one engine has and the other has not; a lagged force shows as order one."""
     found = crosscheck.check(pike, mode)

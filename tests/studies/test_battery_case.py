@@ -20,7 +20,14 @@ from studies.battery.generator.truth import open_truth, seal
 from studies.battery.generator.world import FINE
 
 
-@pytest.mark.parametrize(("cause", "kind"), [("servo_saturation", "white"), ("fin_lift", "drift"), ("tether", "white")])
+@pytest.mark.parametrize(
+    ("cause", "kind"),
+    [
+        pytest.param("servo_saturation", "white", marks=pytest.mark.slow),
+        ("fin_lift", "drift"),
+        pytest.param("tether", "white", marks=pytest.mark.slow),
+    ],
+)
 def test_a_case_has_the_strength_asked_for(cause: str, kind: noise.Kind) -> None:
     """A size that is found in other units than those of the noise; measured here over runs of full accuracy."""
     case = scaled_case(11, cause, 150.0, kind)
@@ -68,6 +75,7 @@ def test_two_causes_have_their_strengths_beyond_each_other() -> None:
     assert alone > case.truth.strength["time_offset"]
 
 
+@pytest.mark.slow
 def test_a_structurally_unidentifiable_cause_cannot_be_made_strong() -> None:
     """A mass error that seems strong because the refit was linear."""
     case = scaled_case(14, "mass_error", 100.0, "white", runs=5)
@@ -151,6 +159,7 @@ def test_a_decoy_at_its_bound_has_a_coefficient_there() -> None:
     assert any(value in bounds[name] for name, value in case.truth.theta.items())
 
 
+@pytest.mark.slow
 def test_rivals_know_that_a_clock_looks_like_a_lag() -> None:
     """Correlations taken before the refit, or with the cause itself."""
     case = scaled_case(9, "time_offset", 100.0, "white", rivals=True, pose=True)
