@@ -9,9 +9,12 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
-from mjfish.diagnosis.discrepancy import Description, Measured, MissingForce, Term, Where
+from mjfish.diagnosis.description import Description, Term
+from mjfish.diagnosis.fingerprint import Measured
 from mjfish.diagnosis.held_out import Gain
+from mjfish.diagnosis.missing_force import MissingForce
 from mjfish.diagnosis.result import Verdict
+from mjfish.diagnosis.where import Where
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import catalogue, find
 from mjfish.estimation import Noise, Problem

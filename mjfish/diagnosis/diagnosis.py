@@ -12,10 +12,12 @@ from threadpoolctl import threadpool_limits
 
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.diagnosis.combinations import find_combinations
-from mjfish.diagnosis.discrepancy import describe, fingerprint, locate, missing_force
+from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.evidence import Evidence, p_value_of
+from mjfish.diagnosis.fingerprint import fingerprint
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.diagnosis.implausible_noise import bursts, too_large
+from mjfish.diagnosis.missing_force import missing_force
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.refit import Refit
@@ -23,6 +25,7 @@ from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, Fitte
 from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.select import standings
 from mjfish.diagnosis.verdict import ALARM, Comparison, Decision, decide
+from mjfish.diagnosis.where import locate
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.errors import InputError
 from mjfish.estimation import Fit, Noise, Problem

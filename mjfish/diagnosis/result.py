@@ -8,8 +8,11 @@ from typing import Any, Literal
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
-from mjfish.diagnosis.discrepancy import Description, Measured, MissingForce, Where
+from mjfish.diagnosis.description import Description
+from mjfish.diagnosis.fingerprint import Measured
 from mjfish.diagnosis.held_out import Gain
+from mjfish.diagnosis.missing_force import MissingForce
+from mjfish.diagnosis.where import Where
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
 from mjfish.inspection import Inspection

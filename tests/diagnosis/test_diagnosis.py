@@ -16,8 +16,8 @@ from mjfish.arrays import readonly
 from mjfish.data import load_dataset, save
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.diagnosis import remarks
-from mjfish.diagnosis.discrepancy import FIFTHS, fifths
 from mjfish.diagnosis.provenance import provenance
+from mjfish.diagnosis.where import FIFTHS, fifths
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect, catalogue, find
 from mjfish.effects.effect import Family, Values

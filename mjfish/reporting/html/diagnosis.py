@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mjfish.diagnosis import Candidate, Diagnosis, Estimate
-from mjfish.diagnosis.discrepancy import FIFTHS
 from mjfish.diagnosis.select import GOODNESS, KEEP
+from mjfish.diagnosis.where import FIFTHS
 from mjfish.files import write_text
 from mjfish.frames import CHANNELS
 from mjfish.reporting.html.figures import beat_figure, force_figure, overlay_figure

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import readonly
-from mjfish.diagnosis.discrepancy import missing_force, stretched
+from mjfish.diagnosis.missing_force import missing_force, stretched
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
