@@ -94,7 +94,7 @@ def _holds_tables(value: Any) -> bool:
 def parse(raw: object, model: type[T], place: str) -> T:
     """Validate the parsed table `raw` as `model`; `place` opens every message.
 
-    Strictly, so that ``"1.5"`` and ``true`` are no numbers.
+    Strictly, so that ``"1.5"`` and ``true`` are not numbers.
     """
     try:
         return model.model_validate(frozen(raw), strict=True)

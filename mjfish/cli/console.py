@@ -1,6 +1,6 @@
 """What the commands share: consoles, tables, the progress bar, parsing of numbers, exit codes.
 
-The consoles print text as it is: brackets, as in units, are no markup. Styles are given beside the text.
+The consoles print text as it is: brackets, as in units, are not markup. Styles are given beside the text.
 """
 
 from __future__ import annotations

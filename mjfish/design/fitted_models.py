@@ -101,10 +101,8 @@ class FittedModels:
 
     def extended(self, effect: Effect) -> Problem:
         """Return the problem of the model with a cause, on all trials."""
-        with_all = self.everything
-        return replace(
-            with_all, model=with_all.model.extended(effect), declared={**with_all.declared, **off_null(effect)}
-        )
+        problem = self.everything
+        return replace(problem, model=problem.model.extended(effect), declared={**problem.declared, **off_null(effect)})
 
     def estimate(self, effect: Effect | None) -> ModelEstimate:
         """Return the model with a cause, or the nominal one, at its estimates.

@@ -1,6 +1,6 @@
 """A description of the missing force where no cause of the catalogue fits: terms of the link velocities.
 
-It is for the reader and not a physics; no verdict rests on it.
+It tells the reader what the force looks like, not what causes it; no verdict rests on it.
 
 [Pati1993] Y. Pati, R. Rezaiifar, P. Krishnaprasad, 27th Asilomar Conference.
 [Shah2013] R. Shah, R. Samworth, Variable selection with error control: another look at stability selection, J. R.

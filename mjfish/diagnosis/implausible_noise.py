@@ -125,7 +125,7 @@ def bursts(evidence: Evidence, rng: np.random.Generator) -> Finding | None:
 
 
 def stand_out(bursty: float, together: float) -> bool:
-    """Return whether bursts are no chance, by `burstiness` and `coincidence`."""
+    """Return whether bursts are more than chance, by `burstiness` and `coincidence`."""
     return bursty + min(together, _TOGETHER) > _STANDS_OUT
 
 

@@ -22,7 +22,7 @@ from mjfish.noise import Autoregressive, estimate
 _FEWEST = 100
 #: Lags of the autocorrelation that is shown.
 _LAGS = 10
-#: Powers that differences at the beat and twice the beat may have over their neighbours, before they are no noise.
+#: Largest power of differences at the beat and twice the beat, over their neighbours, that counts as noise.
 LINE = 25.0
 
 

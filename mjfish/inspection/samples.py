@@ -26,7 +26,7 @@ _ROUNDS = 5
 #: After a start or a step of the drive, beats that are left out.
 _BEATS = 2.5
 _HUBER = 1.5
-#: Probability below which repeated values, or a far sample, are no accident.
+#: Repeated values, or a far sample, that are less probable than this are a finding.
 _LEVEL = 1e-4
 #: Samples at an extreme value that make a clipped channel, and how many times more than at the next values.
 _CLIPPED = 4

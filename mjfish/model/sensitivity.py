@@ -168,7 +168,7 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
 @functools.lru_cache(maxsize=64)
 def _of_coefficient(groups: tuple[str, ...], kind: str, group: str) -> Direction:
     rows = np.zeros((len(groups), NUMBERS))
-    rows[[of_link == group for of_link in groups], column(kind)] = 1.0
+    rows[[link_group == group for link_group in groups], column(kind)] = 1.0
     return Direction(links=rows)
 
 

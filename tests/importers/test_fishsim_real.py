@@ -130,7 +130,7 @@ def test_noise_is_a_few_per_cent_of_the_motion(imported: tuple[Dataset, ImportRe
     moved = np.mean([np.ptp(run.velocity, axis=0) for run in dataset.trials], axis=0)
     assert np.all(dataset.noise / moved < [0.15, 0.06, 0.08])
     assert np.all(dataset.noise / moved > 0.003)
-    assert all(0.03 < file.correlated < 0.5 for file in report.files)
+    assert all(0.03 < file.correlation_time < 0.5 for file in report.files)
 
 
 def test_the_dataset_is_saved_and_drives_the_model(imported: tuple[Dataset, ImportReport], tmp_path: Path) -> None:

@@ -132,7 +132,7 @@ def _theory(fish: Fish, trim: Trim, values: dict[str, float], axis: int) -> floa
     model = mjcf.spec(fish, trim).compile()
     points, weights = np.polynomial.legendre.leggauss(12)
     edges = np.unique(
-        [0.0, *np.cumsum([one.length for one in fish.links]), *(section.end for section in fish.sections)]
+        [0.0, *np.cumsum([link.length for link in fish.links]), *(section.end for section in fish.sections)]
     )
     front = np.cumsum([0.0, *(link.length for link in fish.links)])
     depth = trim.depth

@@ -70,10 +70,8 @@ def _dense(mj_model: mujoco.MjModel, data: mujoco.MjData, integrator: str) -> Fl
     """Return (v+ - v) / h of the integrator's equation, see MuJoCo's documentation, "Numerical integration"."""
     h = mj_model.opt.timestep
     exact = equation(mj_model, data)
-    damping, stiffness = (
-        np.array(mj_model.dof_damping),
-        np.array([mj_model.jnt_stiffness[j] for j in mj_model.dof_jntid]),
-    )
+    damping = np.array(mj_model.dof_damping)
+    stiffness = np.array([mj_model.jnt_stiffness[j] for j in mj_model.dof_jntid])
     served = np.isin(
         np.arange(mj_model.nv), [mj_model.jnt_dofadr[mj_model.actuator_trnid[k, 0]] for k in range(mj_model.nu)]
     )

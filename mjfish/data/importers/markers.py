@@ -337,7 +337,7 @@ def _import(path: Path, table: MarkersMap, marked: Marked, fish: Fish) -> _Impor
         beat=track.fit.beat,
         speed=float(np.concatenate([trial.velocity[:, 0] for trial in recording.trials]).mean()),
         noise=(float(recording.noise[0]), float(recording.noise[1]), float(recording.noise[2])),
-        correlated=recording.correlated,
+        correlation_time=recording.correlation_time,
         joint_noise=recording.joint_noise,
         cuts=recording.cuts,
         notes=_notes(track, marked, recording, scale),

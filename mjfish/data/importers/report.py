@@ -37,7 +37,7 @@ class FileReport:
         beat: frequency of the beat [Hz]; None where there is none or nobody looked.
         speed: mean surge [m/s].
         noise: sigma of surge, sway [m/s] and yaw rate [rad/s], estimated from this file; None: not known.
-        alike: how long the errors of the velocities stay alike [s]; samples closer than that are no news.
+        correlation_time: of the errors of the velocities [s]; samples closer than that add hardly any information.
         joint_noise: sigma of the joint angles, mean over the joints [rad]; None: not estimated.
         cuts: stretches that were not kept.
         notes: what else was done, sentences.
@@ -51,7 +51,7 @@ class FileReport:
     beat: float | None
     speed: float
     noise: tuple[float, float, float] | None
-    correlated: float = 0.0
+    correlation_time: float = 0.0
     joint_noise: float | None = None
     cuts: tuple[Cut, ...] = ()
     notes: tuple[str, ...] = ()
@@ -90,7 +90,7 @@ class ImportReport:
                 f"{file.speed:.3f}",
                 *(
                     "-" if sigma is None else f"{sigma:.2g}"
-                    for sigma in (*(file.noise or (None,) * 3), file.correlated)
+                    for sigma in (*(file.noise or (None,) * 3), file.correlation_time)
                 ),
                 "-" if file.joint_noise is None else f"{file.joint_noise:.2g}",
                 "; ".join([*map(str, file.cuts), *file.notes]),

@@ -343,7 +343,7 @@ def noise_by_evidence(system: System, covariance: FloatArray, weight: FloatArray
     squares = (weight * np.square(system.residual).sum(axis=2)).sum(axis=0)
     directions = system.residual.shape[2]
     free = directions * (weight > 0.0).sum(axis=0) - leverage
-    # A point that its own coordinate follows everywhere tells nothing of its noise: it gets the mean of all points.
+    # The noise of a point that its own coordinate follows exactly is unknown: it gets the mean of all points.
     pooled = squares.sum() / max(float(free.sum()), 1.0)
     enough = free > 0.05 * directions * weight.shape[0]
     variance = np.where(enough, squares / np.maximum(free, 1e-9), pooled)

@@ -96,7 +96,7 @@ def _import_pose_table(path: Path, table: PosesMap, fish: Fish, mapping: Path) -
         beat=fit.beat,
         speed=float(np.concatenate([trial.velocity[:, 0] for trial in recording.trials]).mean()),
         noise=(float(recording.noise[0]), float(recording.noise[1]), float(recording.noise[2])),
-        correlated=recording.correlated,
+        correlation_time=recording.correlation_time,
         joint_noise=recording.joint_noise,
         cuts=recording.cuts,
         notes=(f"{recording.bridged} frames without a pose bridged",) if recording.bridged else (),

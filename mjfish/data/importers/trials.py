@@ -142,7 +142,7 @@ class Recording:
         trials: without roles.
         noise: (3,) sigma of surge, sway [m/s], yaw rate [rad/s], rms over what is kept.
         joint_noise: rms sigma of the joint angles [rad]; None without joints.
-        alike: how long the errors stay alike [s].
+        correlation_time: of the errors [s].
         cuts: what was not kept, and why.
         bridged: frames kept in which points were lost.
         starts: when each trial begins in the file [s].
@@ -151,7 +151,7 @@ class Recording:
     trials: tuple[Trial, ...]
     noise: FloatArray
     joint_noise: float | None
-    correlated: float
+    correlation_time: float
     cuts: tuple[Cut, ...]
     bridged: int
     starts: tuple[float, ...]
@@ -217,7 +217,7 @@ def record(
         trials=tuple(trials),
         noise=np.sqrt(np.square(moved.sigma[inside]).mean(axis=0)),
         joint_noise=float(np.sqrt(np.square(angle_sigma[inside]).mean())) if joints else None,
-        correlated=moved.apart * step,
+        correlation_time=moved.apart * step,
         cuts=tuple(Cut(a * step, b * step, _reason(reasons, a, b, len(seen), keep)) for a, b in runs(~inside)),
         bridged=int((inside & ~seen).sum()),
         starts=tuple(float(fit.basis.time[a]) for a, _ in kept),
