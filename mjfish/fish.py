@@ -149,6 +149,7 @@ class Fish(Table):
         munk_moment: share kappa of the Munk moment u p_y; 0 is a Morison slice, 1 Kirchhoff's.
         tail_compliance: elastic deflection of the last link about its joint [rad/(N m)]; 0 is rigid.
         tail_damping: damping of that deflection [N m s/rad].
+        tail_hardening: how its moment grows, M = delta (1 + hardening delta^2) / compliance [1/rad2].
         links: nose first.
         sections: the outline, nose to tip, without gaps.
         coefficients: the nine hydrodynamic coefficients.
@@ -172,6 +173,7 @@ class Fish(Table):
     munk_moment: float = Field(default=0.0, ge=-2.0, le=3.0)
     tail_compliance: NotNegative = Field(default=0.0, le=1e6)
     tail_damping: NotNegative = Field(default=0.02, le=1e6)
+    tail_hardening: NotNegative = Field(default=0.0, le=1e6)
     links: tuple[Link, ...] = Field(min_length=2)
     sections: tuple[Section, ...] = Field(min_length=1)
     coefficients: Coefficients

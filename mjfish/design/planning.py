@@ -17,7 +17,7 @@ from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect, catalogue, find
-from mjfish.effects.calibration import CALIBRATIONS, FAMILIES, Calibration
+from mjfish.effects.calibration import CALIBRATIONS, DOMAINS, Calibration
 from mjfish.errors import InputError
 from mjfish.result import Result
 from mjfish.serialise import unsaved
@@ -278,7 +278,7 @@ def _calibrations(rivals: Sequence[Effect], pairs: Sequence[Separation]) -> list
 
 def calibration_of(effect: Effect) -> Calibration | None:
     """Return the calibration that measures a cause directly; None where only swimming shows it."""
-    return effect.calibration or FAMILIES.get(effect.family)
+    return effect.calibration or DOMAINS.get(effect.domain)
 
 
 def _revealing(found: Detection, runs: Sequence[Run], pause: float) -> tuple[Option, ...]:

@@ -60,7 +60,7 @@ class JointMotion:
 
     def angle_at(self, time: FloatArray) -> FloatArray:
         """Return the angles (m, joints) [rad] at any times, by cubic Hermite interpolation inside each half step."""
-        nodes, angle, rate = self._nodes()
+        nodes, angle, rate = self.half_steps()
         index = np.clip(np.searchsorted(nodes, time, side="right") - 1, 0, len(nodes) - 2)
         width = nodes[index + 1] - nodes[index]
         s = np.clip((time - nodes[index]) / width, 0.0, 1.0)[:, None]
@@ -73,7 +73,7 @@ class JointMotion:
             + s**2 * (s - 1) * slope_right
         )
 
-    def _nodes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def half_steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return half-step nodes (2n + 1,) and angle, rate at both ends of each half step (2n, 2, joints)."""
         middle = 0.5 * (self.time[:-1] + self.time[1:])
         nodes = np.sort(np.concatenate([self.time, middle]))

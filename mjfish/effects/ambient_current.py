@@ -10,7 +10,7 @@ from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.effects.calibration import DRIFT, Calibration
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.parameter import Parameter
 
 
@@ -25,7 +25,8 @@ class AmbientCurrent(Effect):
     """
 
     name: ClassVar[str] = "ambient_current"
-    family: ClassVar[Family] = "water"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "current"
     summary: ClassVar[str] = "the water in the tank moves"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("ambient_current.x", "m/s", 0.0, -0.5, 0.5, 0.0, 0.01, about="current along world x"),

@@ -1,6 +1,6 @@
 """Bench measurements that settle a cause without a run, from the quickest to the most laborious.
 
-An effect names the one that measures it in `Effect.calibration`; `FAMILIES` has those of effects that name none.
+An effect names the one that measures it in `Effect.calibration`; `DOMAINS` has those of effects that name none.
 """
 
 from __future__ import annotations
@@ -35,5 +35,5 @@ CALIBRATIONS = (
     SYNC_FLASH, SCALE_BAR, DRIFT, JOINT_LOG, ROLL_LOG, CALIPERS, WEIGHING, SPRING_BALANCE, TOW_TEST,
 )  # fmt: skip
 
-#: By the family of an effect that names no calibration.
-FAMILIES = {"data": SCALE_BAR, "drive": JOINT_LOG, "out_of_plane": ROLL_LOG, "body": WEIGHING}
+#: By the domain of an effect that names no calibration.
+DOMAINS = {"data": SCALE_BAR, "drive": JOINT_LOG, "out_of_plane": ROLL_LOG, "body": WEIGHING}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from mjfish.data import Dataset
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -19,7 +19,8 @@ class ComOffset(Effect):
     """
 
     name: ClassVar[str] = "com_offset"
-    family: ClassVar[Family] = "body"
+    domain: ClassVar[Domain] = "body"
+    mechanism: ClassVar[str] = "mass_distribution"
     summary: ClassVar[str] = "the head's centre of mass is elsewhere"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("com_offset.shift", "m", 0.0, -0.08, 0.08, 0.0, 0.005, about="of the head's com, towards the tail"),

@@ -11,6 +11,8 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.calibration import Calibration
+from mjfish.effects.curve import Curve, Penalty
+from mjfish.effects.mechanism import MECHANISMS, Domain
 from mjfish.errors import ParameterError, UnknownNameError
 from mjfish.fish import KINDS, Fish
 from mjfish.hydro.load import PARAMETERS, Load
@@ -18,11 +20,10 @@ from mjfish.parameter import Parameter
 
 #: Values of an effect's parameters by their short names, e.g. ``{"offset": 0.02}``.
 Values = Mapping[str, float]
-Family = Literal["data", "drive", "body", "water", "out_of_plane"]
 Part = Literal["start-up", "transition", "steady", "turn", "everywhere"]
 #: Exponents of the beat frequency above this size count as a change with frequency.
 _SCALES = 0.25
-_DECLARED = ("name", "family", "summary", "parameters", "source", "signature", "confirm")
+_DECLARED = ("name", "domain", "summary", "parameters", "source", "signature", "confirm")
 _HOOKS = ("drive", "body", "clock", "reading")
 
 
@@ -54,14 +55,17 @@ class Effect(ABC):
 
     Attributes:
         name: unique; parameters are addressed ``name.short``.
-        family: where it acts.
+        domain: where it acts.
+        mechanism: of which it is a form, by its name in `mjfish.effects.mechanism`; without one, it is its own.
+        learned: whether its form is learned from the data: numbers of a curve, kept smooth by `penalties`. It is
+            asked for only where no formula of the catalogue explains the data, and to judge such formulas.
         summary: one line, as a reader would say it.
         parameters: its numbers; ``default`` is the null value at which it does nothing. At least one is no ``shape``.
         source: where the physics comes from.
         signature: what the residual looks like if this is the cause.
         confirm: the experiment that would confirm it.
         fingerprint: how its discrepancy scales, what symmetry it breaks, where it sits.
-        calibration: the bench measurement that settles it; None: that of its family, if there is one.
+        calibration: the bench measurement that settles it; None: that of its domain, if there is one.
         resembles: codes of findings about the data (see `mjfish.inspection`) that look like this cause, or with
             which the data cannot show it.
         smooth: whether predictions are differentiable in its amplitudes at the null value; else it is always refitted.
@@ -74,7 +78,7 @@ class Effect(ABC):
 
         >>> import mjfish
         >>> class GyroGain(mjfish.Effect):
-        ...     name, family, summary = "gyro_gain", "data", "the gyro's gain is off"
+        ...     name, domain, summary = "gyro_gain", "data", "the gyro's gain is off"
         ...     parameters = (mjfish.Parameter("gyro_gain.error", "-", 0.0, -0.3, 0.3, 0.0, 0.02),)
         ...     source, signature, confirm = "data sheet", "the yaw rate is off by a factor", "turn it by hand"
         ...     def reading(self, state, values, trial):
@@ -86,7 +90,9 @@ class Effect(ABC):
     """
 
     name: ClassVar[str]
-    family: ClassVar[Family]
+    domain: ClassVar[Domain]
+    mechanism: ClassVar[str] = ""
+    learned: ClassVar[bool] = False
     summary: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     source: ClassVar[str]
@@ -99,6 +105,11 @@ class Effect(ABC):
     least: ClassVar[float] = 0.002
     load: ClassVar[Load | None] = None
     mujoco: ClassVar[bool] = True
+
+    def __init_subclass__(cls) -> None:
+        """Let a cause that names no mechanism be one by itself."""
+        super().__init_subclass__()
+        cls.mechanism = cls.mechanism or getattr(cls, "name", "")
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Say why `dataset` cannot show this effect; empty where it can."""
@@ -145,6 +156,15 @@ class Effect(ABC):
         """
         del values, trial
         return state
+
+    def curves(self, fish: Fish) -> tuple[Curve, ...]:
+        """Return its form as functions of what the mechanism depends on; none where it is a number."""
+        del fish
+        return ()
+
+    def penalties(self) -> tuple[Penalty, ...]:
+        """Return what keeps a learned form smooth, and what is known of its numbers beforehand."""
+        return ()
 
     @classmethod
     def for_fish(cls, fish: Fish) -> Effect | None:
@@ -196,8 +216,10 @@ def _complaints(cls: type[Effect]) -> Iterator[str]:
             yield f"attribute '{attribute}' is missing or empty; declare it"
     if not str(cls.name).isidentifier() or cls.name in KINDS:
         yield f"name '{cls.name}', expected letters, digits and _, and no kind of coefficient; choose another"
-    if cls.family not in get_args(Family):
-        yield f"family '{cls.family}', expected one of {', '.join(get_args(Family))}; correct it"
+    if cls.domain not in get_args(Domain):
+        yield f"domain '{cls.domain}', expected one of {', '.join(get_args(Domain))}; correct it"
+    elif (known := MECHANISMS.get(cls.mechanism)) is not None and known.domain != cls.domain:
+        yield f"domain '{cls.domain}', but its mechanism {known.name} is of domain {known.domain}; correct one"
     if not isinstance(cls.parameters, tuple) or not all(isinstance(p, Parameter) for p in cls.parameters):
         yield "parameters must be a tuple of Parameter; with one, write (Parameter(...),)"
     if all(parameter.shape for parameter in cls.parameters):

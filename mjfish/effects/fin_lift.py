@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Effect, Family, Fingerprint
+from mjfish.effects.effect import Effect, Domain, Fingerprint
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
@@ -33,7 +33,8 @@ class FinLift(Effect):
     """
 
     name: ClassVar[str] = "fin_lift"
-    family: ClassVar[Family] = "water"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "lift"
     summary: ClassVar[str] = "the caudal fin has circulatory lift"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("fin_lift.slope", "-", 0.0, 0.0, 8.0, 0.0, 0.05, about="C, slope of the lift coefficient"),

@@ -9,7 +9,7 @@ import numpy as np
 from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.parameter import Parameter
 
 
@@ -22,7 +22,8 @@ class FrameMisalignment(Effect):
     """
 
     name: ClassVar[str] = "frame_misalignment"
-    family: ClassVar[Family] = "data"
+    domain: ClassVar[Domain] = "data"
+    mechanism: ClassVar[str] = "camera_axes"
     summary: ClassVar[str] = "the axis taken for the fish's is turned"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("frame_misalignment.angle", "rad", 0.0, -0.5, 0.5, 0.0, 0.01, about="of the recorded axis, to port"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -17,7 +17,8 @@ class InertiaError(Effect):
     """
 
     name: ClassVar[str] = "inertia_error"
-    family: ClassVar[Family] = "body"
+    domain: ClassVar[Domain] = "body"
+    mechanism: ClassVar[str] = "mass_distribution"
     summary: ClassVar[str] = "the yaw inertias of the links are off"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("inertia_error.error", "-", 0.0, -0.6, 1.5, 0.0, 0.05, about="relative error of all yaw inertias"),

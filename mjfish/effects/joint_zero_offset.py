@@ -10,7 +10,7 @@ import numpy as np
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import undetectable_behind_measured_joints
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -30,7 +30,8 @@ class JointZeroOffset(Effect):
     """
 
     name: ClassVar[str] = "joint_zero_offset"
-    family: ClassVar[Family] = "drive"
+    domain: ClassVar[Domain] = "drive"
+    mechanism: ClassVar[str] = "joint_zero"
     summary: ClassVar[str] = "the joints are not straight where they are told to be"
     parameters: ClassVar[tuple[Parameter, ...]] = _zeros(4)
     source: ClassVar[str] = "Joint offsets in kinematic calibration: Siciliano et al., Robotics (2009), sec. 2.11"

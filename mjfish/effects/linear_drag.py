@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Effect, Family, Fingerprint
+from mjfish.effects.effect import Effect, Domain, Fingerprint
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
@@ -32,7 +32,8 @@ class LinearDrag(Effect):
     """
 
     name: ClassVar[str] = "linear_drag"
-    family: ClassVar[Family] = "water"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "drag_law"
     summary: ClassVar[str] = "a viscous drag in proportion to the speed"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("linear_drag.along", "N s/m3", 0.0, 0.0, 20.0, 0.0, 0.2, about="psi_f, per wetted area"),

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.parameter import Parameter
 
 
@@ -21,7 +21,8 @@ class MarkerOffset(Effect):
     """
 
     name: ClassVar[str] = "marker_offset"
-    family: ClassVar[Family] = "data"
+    domain: ClassVar[Domain] = "data"
+    mechanism: ClassVar[str] = "tracked_point"
     summary: ClassVar[str] = "the tracked point is not the nose"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -19,7 +19,8 @@ class MassError(Effect):
     """
 
     name: ClassVar[str] = "mass_error"
-    family: ClassVar[Family] = "body"
+    domain: ClassVar[Domain] = "body"
+    mechanism: ClassVar[str] = "mass_distribution"
     summary: ClassVar[str] = "masses and inertias are off by one factor"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("mass_error.error", "-", 0.0, -0.5, 1.0, 0.0, 0.05, about="relative error of masses and inertias"),

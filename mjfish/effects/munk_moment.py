@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -18,7 +18,8 @@ class MunkMoment(Effect):
     """
 
     name: ClassVar[str] = "munk_moment"
-    family: ClassVar[Family] = "water"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "reactive_force"
     summary: ClassVar[str] = "the added mass turns the links broadside (Munk moment)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("munk_moment.kappa", "-", 0.0, -1.0, 2.0, 0.0, 0.2, about="share of the Munk moment"),

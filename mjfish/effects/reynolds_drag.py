@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Effect, Family, Fingerprint
+from mjfish.effects.effect import Effect, Domain, Fingerprint
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
 
@@ -43,7 +43,8 @@ class ReynoldsDrag(Effect):
     """
 
     name: ClassVar[str] = "reynolds_drag"
-    family: ClassVar[Family] = "water"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "drag_law"
     summary: ClassVar[str] = "drag coefficients depend on the Reynolds number"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("reynolds_drag.friction", "-", 0.0, 0.0, 20.0, 0.0, 0.2, about="relative rise of c_f at 0.3 m/s"),

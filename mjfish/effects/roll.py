@@ -11,7 +11,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.compiled import compiled
 from mjfish.data import Trial
 from mjfish.drive.measured import smoothing_spline
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.parameter import Parameter
 
 #: Acceleration of gravity [m/s2].
@@ -37,7 +37,8 @@ class Roll(Effect):
     """
 
     name: ClassVar[str] = "roll"
-    family: ClassVar[Family] = "out_of_plane"
+    domain: ClassVar[Domain] = "out_of_plane"
+    mechanism: ClassVar[str] = "roll"
     summary: ClassVar[str] = "the fish rolls, and the marker with it"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("roll.height", "m", 0.0, -0.2, 0.2, 0.0, 0.003, about="of the marker above the roll axis"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from mjfish.effects.calibration import CALIPERS, Calibration
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -19,7 +19,8 @@ class SectionHeight(Effect):
     """
 
     name: ClassVar[str] = "section_height"
-    family: ClassVar[Family] = "body"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "added_mass"
     summary: ClassVar[str] = "the sections are higher or lower than measured"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("section_height.error", "-", 0.0, -0.5, 1.0, 0.0, 0.05, about="relative error of all heights"),

@@ -11,7 +11,7 @@ from mjfish.compiled import compiled, inlined
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import balanced, undetectable_behind_measured_joints
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.parameter import Parameter
 
 #: Parts of each half step of the drive, in which the play is straight.
@@ -35,7 +35,8 @@ class ServoBacklash(Effect):
     """
 
     name: ClassVar[str] = "servo_backlash"
-    family: ClassVar[Family] = "drive"
+    domain: ClassVar[Domain] = "drive"
+    mechanism: ClassVar[str] = "servo_play"
     summary: ClassVar[str] = "the gears of the servos have play"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("servo_backlash.play", "rad", 0.0, 0.0, 0.3, 0.02, 0.01, about="total width of the gap"),

@@ -11,7 +11,7 @@ from mjfish.compiled import compiled
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import cubic, undetectable_behind_measured_joints
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.parameter import Parameter
 
 #: A shorter lag is none: the steps behind a step of the drive could not follow its kick [s].
@@ -28,7 +28,8 @@ class ServoLag(Effect):
     """
 
     name: ClassVar[str] = "servo_lag"
-    family: ClassVar[Family] = "drive"
+    domain: ClassVar[Domain] = "drive"
+    mechanism: ClassVar[str] = "servo_dynamics"
     summary: ClassVar[str] = "the servos follow their command late"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("servo_lag.time_constant", "s", 0.0, 0.0, 0.5, 0.0, 0.005, about="of the first-order lag"),

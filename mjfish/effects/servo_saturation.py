@@ -9,7 +9,7 @@ import numpy as np
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import undetectable_behind_measured_joints
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.parameter import Parameter
 
 
@@ -27,7 +27,8 @@ class ServoSaturation(Effect):
     """
 
     name: ClassVar[str] = "servo_saturation"
-    family: ClassVar[Family] = "drive"
+    domain: ClassVar[Domain] = "drive"
+    mechanism: ClassVar[str] = "servo_limit"
     summary: ClassVar[str] = "the joints do not reach the large angles they are told"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("servo_saturation.psi", "1/rad2", 0.0, 0.0, 10.0, 0.0, 0.05, about="1 / (largest angle)^2"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from mjfish.effects.calibration import SPRING_BALANCE, Calibration
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -18,7 +18,8 @@ class TailCompliance(Effect):
     """
 
     name: ClassVar[str] = "tail_compliance"
-    family: ClassVar[Family] = "body"
+    domain: ClassVar[Domain] = "body"
+    mechanism: ClassVar[str] = "tail_flexibility"
     summary: ClassVar[str] = "the caudal link gives way elastically"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("tail_compliance.compliance", "rad/(N m)", 0.0, 0.0, 2.0, 0.0, 0.05, about="deflection per torque"),

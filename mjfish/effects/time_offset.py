@@ -7,7 +7,7 @@ from typing import ClassVar
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.effects.calibration import SYNC_FLASH, Calibration
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.parameter import Parameter
 
 
@@ -18,7 +18,8 @@ class TimeOffset(Effect):
     """
 
     name: ClassVar[str] = "time_offset"
-    family: ClassVar[Family] = "data"
+    domain: ClassVar[Domain] = "data"
+    mechanism: ClassVar[str] = "clock"
     summary: ClassVar[str] = "the clocks of camera and drive are apart"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
-from mjfish.effects.effect import Effect, Family, Fingerprint, Values
+from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
 from mjfish.parameter import Parameter
 
 
@@ -18,7 +18,8 @@ class VelocityScale(Effect):
     """
 
     name: ClassVar[str] = "velocity_scale"
-    family: ClassVar[Family] = "data"
+    domain: ClassVar[Domain] = "data"
+    mechanism: ClassVar[str] = "camera_scale"
     summary: ClassVar[str] = "the scale of the camera is off"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("velocity_scale.error", "-", 0.0, -0.3, 0.3, 0.0, 0.01, about="relative error of the camera's scale"),

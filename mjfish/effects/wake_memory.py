@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from mjfish.effects.effect import Effect, Family, Fingerprint
+from mjfish.effects.effect import Effect, Domain, Fingerprint
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
@@ -35,7 +35,8 @@ class WakeMemory(Effect):
     """
 
     name: ClassVar[str] = "wake_memory"
-    family: ClassVar[Family] = "water"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "wake_memory"
     summary: ClassVar[str] = "drag across the body follows its motion late: the wake remembers"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("wake_memory.share", "-", 0.0, 0.0, 1.0, 0.0, 0.05, about="psi, of the drag that comes late"),

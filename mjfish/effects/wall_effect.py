@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.data import Dataset, Trial
-from mjfish.effects.effect import Effect, Family, Fingerprint
+from mjfish.effects.effect import Effect, Domain, Fingerprint
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
@@ -38,7 +38,8 @@ class WallEffect(Effect):
     """
 
     name: ClassVar[str] = "wall_effect"
-    family: ClassVar[Family] = "water"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "walls"
     summary: ClassVar[str] = "drag grows near the walls of the tank"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("wall_effect.size", "-", 0.0, 0.0, 5.0, 0.0, 0.1, about="psi, relative increase at the wall"),

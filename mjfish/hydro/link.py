@@ -14,14 +14,14 @@ import numpy as np
 from mjfish.arrays import FloatArray, RecordArray
 from mjfish.errors import UnknownNameError
 from mjfish.fish import COEFFICIENTS, KINDS, Fish
-from mjfish.hydro.outline import INTERVALS, STRIPS, outlines
+from mjfish.hydro.outline import COARSE, INTERVALS, STRIPS, outlines
 
 #: Most hidden states a load may have on each link.
 MEMORY = 4
 #: One link; every field is a float64, so that a record is also a plain row of numbers.
 #: mass, com, inertia, length: of the body; last: 1 of the last link, else 0.
 #: density, c_m, c_d, c_f, munk: of the water on it.
-#: added, wetted, height_moment, node_height, strip_*: integrals, see `mjfish.hydro.outline.LinkOutline`.
+#: added, wetted, height_moment, node_height, strip_*, coarse_*: integrals, see `mjfish.hydro.outline.LinkOutline`.
 #: u, v, w: velocity of the link's origin relative to the water in the link's frame (x towards the tail).
 #: x, y, heading: place of the link's origin in the world and its heading, of the forward frame; for loads only.
 #: memory: hidden states of the load that is called, on this link.
@@ -53,6 +53,9 @@ LINK = np.dtype(
         ("strip_height", "f8", (STRIPS,)),
         ("strip_width", "f8", (STRIPS,)),
         ("strip_perimeter", "f8", (STRIPS,)),
+        ("coarse_r", "f8", (COARSE,)),
+        ("coarse_weight", "f8", (COARSE,)),
+        ("coarse_height", "f8", (COARSE,)),
     ],
     align=True,
 )

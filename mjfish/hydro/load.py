@@ -26,7 +26,7 @@ from mjfish.errors import InputError, ParameterError
 from mjfish.hydro.link import LINK, MEMORY, MOVING, column
 
 #: Most parameters a load may have.
-PARAMETERS = 8
+PARAMETERS = 16
 #: A row of a `LoadTable`: parameters; number of hidden states on a link and where they begin in the state; 0 where the
 #: force depends on the velocity only, 1 where it is stateful, 2 where it is stateful and exerts nothing (inactive).
 AT_MEMORY, AT_FIRST, AT_STATEFUL, ROW = range(PARAMETERS, PARAMETERS + 4)
@@ -72,12 +72,14 @@ class Load:
         callback: keeps the code alive.
         fields: names of the fields of a link that it reads.
         memory: hidden states it has on each link.
+        gradient: address of ``void(link*, parameters*, gradient*)``, its derivatives by all parameters; 0: has none.
     """
 
     address: int
     callback: Any
     fields: frozenset[str] = frozenset(LINK.names or ())
     memory: int = 0
+    gradient: int = 0
 
     @property
     def stateful(self) -> bool:
@@ -98,21 +100,30 @@ def load(function: Callable[[Any, Any], tuple[float, ...]], *, memory: int = 0) 
 
 
 @overload
-def load(*, memory: int) -> Callable[[Callable[[Any, Any], tuple[float, ...]]], Load]: ...
+def load(
+    *, memory: int = 0, gradient: Callable[[Any, Any, Any], None] | None = None
+) -> Callable[[Callable[[Any, Any], tuple[float, ...]]], Load]: ...
 
 
-def load(function: Callable[[Any, Any], tuple[float, ...]] | None = None, *, memory: int = 0) -> Any:
+def load(
+    function: Callable[[Any, Any], tuple[float, ...]] | None = None,
+    *,
+    memory: int = 0,
+    gradient: Callable[[Any, Any, Any], None] | None = None,
+) -> Any:
     """Compile ``function(link, parameters) -> (fx, fy, mz)`` to a load; ``@load``, or ``@load(memory=2)``.
 
     Args:
         function: the load; with a memory it returns the rates of its hidden states behind (fx, fy, mz).
         memory: hidden states on each link, at most MEMORY, zero at the start; read in ``link.memory``.
+        gradient: ``gradient(link, parameters, out)`` writes into out (3, PARAMETERS) the derivatives of fx, fy, mz by
+            the parameters, where that is cheaper than a difference for each; of a load without memory.
 
     Raises:
         ParameterError: more memory than there is.
     """
     if function is None:
-        return lambda decorated: load(decorated, memory=memory)
+        return lambda decorated: load(decorated, memory=memory, gradient=gradient)
     if not 0 <= memory <= MEMORY:
         raise ParameterError(f"a load with memory = {memory}; give 0 to {MEMORY}")
     inner = compiled(function)
@@ -133,7 +144,15 @@ def load(function: Callable[[Any, Any], tuple[float, ...]] | None = None, *, mem
             k += 1  # noqa: SIM113 # numba unrolls no enumerate
 
     callback = c_callback(_SIGNATURE, cached=False)(remembering if memory else plain)
-    return Load(address=callback.address, callback=callback, fields=fields_read(function), memory=memory)
+    if gradient is None:
+        return Load(address=callback.address, callback=callback, fields=fields_read(function), memory=memory)
+    slopes = compiled(gradient)
+
+    def sloping(link: Any, parameters: Any, out: Any) -> None:
+        slopes(carray(link, 1)[0], carray(parameters, PARAMETERS), carray(out, (3, PARAMETERS)))
+
+    slope = c_callback(_SIGNATURE, cached=False)(sloping)
+    return Load(callback.address, (callback, slope), fields_read(function), memory, slope.address)
 
 
 def fields_read(function: Callable[..., Any]) -> frozenset[str]:
@@ -224,6 +243,25 @@ def apply_loads(
         fy += force[1]
         mz += force[2]
     return fx, fy, mz
+
+
+@merged
+def gradient_on(links: Any, link: int, address: Any, row: FloatArray, out: FloatArray) -> None:
+    """Write the derivatives of one load on a link by its parameters.
+
+    Args:
+        links: `LINK` records.
+        link: index.
+        address: of the gradient.
+        row: of a `LoadTable`.
+        out: (3 * PARAMETERS,), written.
+    """
+    _call(
+        address,
+        np.uint64(links.ctypes.data + link * LINK_SIZE),
+        np.uint64(row.ctypes.data),
+        np.uint64(out.ctypes.data),
+    )
 
 
 @merged

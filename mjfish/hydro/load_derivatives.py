@@ -18,7 +18,7 @@ RELATIVE_STEP = 1e-5
 #: Step by parameters of inactive loads, to one side.
 INACTIVE_STEP = 1e-8
 #: Columns behind a row of `LoadTable` in `LoadChanges`.
-AT_DIRECTION, AT_STEP = ROW, ROW + 1
+AT_DIRECTION, AT_STEP, AT_PARAMETER, CHANGE = ROW, ROW + 1, ROW + 2, ROW + 3
 #: Relative step by velocities: shorter, as the second derivative of a power of |q| may be singular where a strip stops.
 _VELOCITY_STEP = 2e-6
 _LEAST_SPEED = 1e-3  # the step is not shorter than that of this speed [m/s]
@@ -31,11 +31,14 @@ class LoadChanges(NamedTuple):
 
     Attributes:
         addresses: (q,) of the loads that change.
-        rows: (2 q, ROW + 2): pairs of rows moved forward and back along a change, the tangent direction, and the step;
-            it is negative where the load is inactive: it exerts nothing at the row itself, and one side is enough.
+        gradients: (q,) of their gradients; 0 where there is none, or the change is not of one parameter.
+        rows: (2 q, CHANGE): pairs of rows moved forward and back along a change, the tangent direction, the step, and
+            the parameter. The step is negative where the load is inactive: it exerts nothing at the row itself, and one
+            side is enough.
     """
 
     addresses: Any
+    gradients: Any
     rows: FloatArray
 
 

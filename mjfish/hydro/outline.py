@@ -17,8 +17,9 @@ from mjfish.fish import Fish, Section
 
 #: Intervals of the table of cumulative height moments.
 INTERVALS = 128
-#: Strips a link for forces that have no closed form.
+#: Strips a link for forces that have no closed form; and for a smooth factor on such a force.
 STRIPS = 32
+COARSE = 8
 _GAUSS_POINTS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
@@ -38,6 +39,7 @@ class LinkOutline:
         node_height: (INTERVALS + 1,) h at the same r [m].
         width_moment, node_width: the same of the width.
         strip_r, strip_weight, strip_height, strip_width, strip_perimeter: (STRIPS,) Gauss strips [m].
+        coarse_r, coarse_weight, coarse_height: (COARSE,) Gauss strips, fewer [m].
     """
 
     added: FloatArray
@@ -56,6 +58,9 @@ class LinkOutline:
     strip_height: FloatArray
     strip_width: FloatArray
     strip_perimeter: FloatArray
+    coarse_r: FloatArray
+    coarse_weight: FloatArray
+    coarse_height: FloatArray
 
 
 def perimeter(height: FloatArray, width: FloatArray) -> FloatArray:
@@ -118,8 +123,10 @@ def outline(sections: tuple[Section, ...], density: float, start: float, end: fl
     def added(extent: FloatArray) -> FloatArray:
         return readonly(density * np.pi / 4.0 * np.einsum("cg,cg,cgk->k", weight, extent**2, powers[..., :3]))
 
-    strip_r, strip_weight = _strips(edges)
+    strip_r, strip_weight = _strips(edges, STRIPS)
     strip_height, strip_width = section_at(sections, start + strip_r)
+    coarse_r, coarse_weight = _strips(edges, COARSE)
+    coarse_height, _ = section_at(sections, start + coarse_r)
     return LinkOutline(
         added=added(height),
         added_width=added(width),
@@ -137,6 +144,9 @@ def outline(sections: tuple[Section, ...], density: float, start: float, end: fl
         strip_height=readonly(strip_height),
         strip_width=readonly(strip_width),
         strip_perimeter=readonly(perimeter(strip_height, strip_width)),
+        coarse_r=readonly(coarse_r),
+        coarse_weight=readonly(coarse_weight),
+        coarse_height=readonly(coarse_height),
     )
 
 
@@ -152,12 +162,12 @@ def _gauss(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]
     return left[:, None] + width * t**2, width * 2.0 * t * weight
 
 
-def _strips(edges: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Spread STRIPS Gauss points over the pieces between `edges`, as evenly as they go; over all where too many."""
-    if len(edges) > STRIPS:
+def _strips(edges: FloatArray, strips: int) -> tuple[FloatArray, FloatArray]:
+    """Spread Gauss points over the pieces between `edges`, as evenly as they go; over all where too many."""
+    if len(edges) > strips:
         edges = edges[[0, -1]]
     pieces = len(edges) - 1
-    counts = [STRIPS // pieces + (1 if piece < STRIPS % pieces else 0) for piece in range(pieces)]
+    counts = [strips // pieces + (1 if piece < strips % pieces else 0) for piece in range(pieces)]
     r, weight = [], []
     for count, a, b in zip(counts, edges[:-1], edges[1:], strict=True):
         points, weights = np.polynomial.legendre.leggauss(count)

@@ -65,7 +65,7 @@ class Extended:
     def drive(self, motion: JointMotion) -> JointMotion:
         """Return the joint motion that the joints get, from the one that is asked for."""
         for effect, own in self.active:
-            if effect.family == "drive":
+            if effect.domain == "drive":
                 motion = effect.drive(motion, own)
         return motion
 

@@ -156,7 +156,7 @@ class Model:
         fish = self.fish
         for effect, own in active:
             fish = effect.body(fish, own)
-        servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.family == "drive")
+        servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.domain == "drive")
         step = _refined(self.step, fish, asked_motion(self.fish.cpg, trial, self.step), values)
         time, begun = trial.time + offset, np.zeros(3) if velocity is None else velocity
         for effect, own in active:
@@ -241,7 +241,7 @@ def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
 def joint_motion(
     cpg: Cpg | None, trial: Trial, servos: tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...], step: float
 ) -> JointMotion:
-    """Return the joint motion that the joints got: the one asked for, through every effect of family ``drive``.
+    """Return the joint motion that the joints got: the one asked for, through every effect of domain ``drive``.
 
     Measured joint angles are what the joints got; nothing comes in between.
     """

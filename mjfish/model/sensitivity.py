@@ -21,7 +21,7 @@ from mjfish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
 from mjfish.model import Model, Prepared, asked_motion, headed, pose_of
-from mjfish.ode.equation import tail_of
+from mjfish.ode.equation import TAIL, tail_of
 from mjfish.ode.rollout import Conditions
 from mjfish.ode.tangents import Direction, simulate_tangents
 from mjfish.parameter import Parameter
@@ -113,7 +113,7 @@ class _At:
     @property
     def servos(self) -> Active:
         """The effects between what the joints are asked for and what they do."""
-        return tuple((e, tuple(own.items())) for e, own in self.run.active if e.family == "drive")
+        return tuple((e, tuple(own.items())) for e, own in self.run.active if e.domain == "drive")
 
     def kept(self, owner: Effect, shift: tuple[str, float] | None = None) -> Active:
         """Return the effects that act, and the owner of a parameter even if it does not, with one value replaced."""
@@ -151,9 +151,9 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
     if effect.overrides("body"):
         hooked = tuple(active for active in at.kept(effect) if active[0].overrides("body"))
         rows = _of_body(Same(at.model.fish), hooked, p, at.values[name])
-        links, tail = rows[:, :-3], rows[0, -3:]
+        links, tail = rows[:, :-TAIL], rows[0, -TAIL:]
     if effect.overrides("drive") and at.trial.joint_angle is None:
-        servos = tuple(active for active in at.kept(effect) if active[0].family == "drive")
+        servos = tuple(active for active in at.kept(effect) if active[0].domain == "drive")
         motion = _of_drive(Same(at.model.fish.cpg), at.trial, servos, p, at.values[name], at.run.step)
     if effect.load is not None:
         loads = np.zeros((len(at.loaded), PARAMETERS))
@@ -181,14 +181,14 @@ def _replaced(hooked: Active, p: Parameter, value: float) -> Active:
 
 @functools.lru_cache(maxsize=256)
 def _of_body(fish: Same[Fish], hooked: Active, p: Parameter, value: float) -> FloatArray:
-    """Return rates of the link records, and in three more columns, in every row, of the tail; coefficients stay."""
+    """Return rates of the link records, and in TAIL more columns, in every row, of the tail; coefficients stay."""
 
     def rows(at_value: float) -> FloatArray:
         made = fish.thing
         for effect, own in _replaced(hooked, p, at_value):
             made = effect.body(made, dict(own))
         numbers = numbers_of(made, fish.thing.values)
-        return np.concatenate([numbers, np.broadcast_to(tail_of(made), (len(numbers), 3))], axis=1)
+        return np.concatenate([numbers, np.broadcast_to(tail_of(made), (len(numbers), TAIL))], axis=1)
 
     return readonly(difference(rows, p, value))
 

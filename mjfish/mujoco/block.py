@@ -175,6 +175,8 @@ def plane_records(model: mujoco.MjModel, links: Sequence[StripLink], density: fl
             if field in (SPATIAL.names or ()):
                 record[field] = spatial[field]
         record["strip_perimeter"] = integrals.strip_perimeter
+        for field in ("coarse_r", "coarse_weight", "coarse_height"):
+            record[field] = getattr(integrals, field)
         body = model.body(link.body)
         turn = np.empty(9)
         mujoco.mju_quat2Mat(turn, body.iquat)

@@ -180,6 +180,7 @@ def _add_deflection(fish: Fish, specification: mujoco.MjSpec) -> None:
     bent = specification.body(last.name).add_joint(name=DEFLECTION, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 0, 1))
     specification.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     bent.stiffness[0], bent.damping[0] = 1.0 / fish.tail_compliance, fish.tail_damping
+    bent.stiffness[2] = fish.tail_hardening / fish.tail_compliance
 
 
 def strips(fish: Fish, values: Mapping[str, float] | None = None, free: Trim | None = None) -> tuple[StripLink, ...]:

@@ -20,6 +20,8 @@ from mjfish.hydro.load import AT_STATEFUL, LoadBuffers, LoadTable, loads_on
 
 #: u, v, w [m/s, m/s, rad/s] of the nose, x, y [m], yaw [rad], tail deflection [rad], its rate [rad/s]; model's frame.
 STATES = 8
+#: Numbers of a flexible tail: flexible (0 or 1), stiffness [N m/rad], damping [N m s/rad], cubic stiffness [N m/rad3].
+TAIL = 4
 
 
 class System(NamedTuple):
@@ -27,7 +29,7 @@ class System(NamedTuple):
 
     Attributes:
         links: (n,) `mjfish.hydro.link.LINK` records; their velocities and poses are overwritten.
-        tail: (3,) flexible (0 or 1), stiffness [N m/rad], damping [N m s/rad] of the last joint's deflection.
+        tail: (TAIL,) of the last joint's deflection, see `tail_of`.
         printed: whether c m w u is dropped from the moments, as the paper prints gamma_i.
         loads: extra forces, of `mjfish.hydro.load.load_rows`.
     """
@@ -55,9 +57,10 @@ class Joints(NamedTuple):
 
 
 def tail_of(fish: Fish) -> FloatArray:
-    """Return flexible (0 or 1), stiffness [N m/rad] and damping [N m s/rad] of the last joint's deflection (3,)."""
+    """Return the numbers (TAIL,) of the last joint's deflection, see `TAIL`."""
     flexible = fish.tail_compliance > 0.0
-    return np.array([float(flexible), 1.0 / fish.tail_compliance if flexible else 0.0, fish.tail_damping])
+    stiffness = 1.0 / fish.tail_compliance if flexible else 0.0
+    return np.array([float(flexible), stiffness, fish.tail_damping, stiffness * fish.tail_hardening])
 
 
 @inlined
@@ -158,7 +161,7 @@ def _derivative(system: System, joints: Joints, state: FloatArray, output: Float
     k0, k1, k2, torque = 0.0, 0.0, 0.0, 0.0
     if flexible:  # eliminate the deflection: row and column of the last link's own rotation
         k0, k1, k2 = gx, gy, j + x * gy - y * gx
-        torque = mz - tail[1] * state[6] - tail[2] * state[7]
+        torque = mz - (tail[1] + tail[3] * state[6] * state[6]) * state[6] - tail[2] * state[7]
         m00 -= k0 * k0 / j
         m01 -= k0 * k1 / j
         m02 -= k0 * k2 / j

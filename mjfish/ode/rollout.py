@@ -19,7 +19,7 @@ from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, Load, LoadTable, load_rows, memory_of
-from mjfish.ode.equation import STATES, Joints, System, derivative_merged, tail_of
+from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative_merged, tail_of
 
 Coriolis = Literal["corrected", "printed"]
 #: A rollout has diverged once a velocity passes this [m/s or rad/s]: no fish does.
@@ -216,7 +216,7 @@ class Workspace(NamedTuple):
         """Return scratch for a number of states and joints; `kind` of numbers is real or complex."""
         state, trial, total, rates = (np.zeros(states, dtype=kind) for _ in range(4))
         rate, acceleration = (np.zeros(joints, dtype=kind) for _ in range(2))
-        return cls(state, trial, total, rates, np.zeros(ANSWER), rate, acceleration, np.zeros(3, dtype=kind))
+        return cls(state, trial, total, rates, np.zeros(ANSWER), rate, acceleration, np.zeros(TAIL, dtype=kind))
 
 
 @borrowing
@@ -301,6 +301,7 @@ def rest(state: FloatArray, tail: FloatArray) -> None:
     """Keep heading and deflection only: the fish on which a jump of the joint rates acts is at rest, its tail loose."""
     tail[1] = 0.0
     tail[2] = 0.0
+    tail[3] = 0.0
     for row in (0, 1, 2, 3, 4, 7):
         state[row] = 0.0
 

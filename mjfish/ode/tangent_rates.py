@@ -15,9 +15,19 @@ from mjfish.arrays import FloatArray
 from mjfish.compiled import borrowing, merged
 from mjfish.hydro.force import crossflow_tangent
 from mjfish.hydro.link import MEMORY
-from mjfish.hydro.load import ANSWER, AT_FIRST, AT_MEMORY, AT_STATEFUL, LoadBuffers, LoadTable
+from mjfish.hydro.load import (
+    ANSWER,
+    AT_FIRST,
+    AT_MEMORY,
+    AT_STATEFUL,
+    PARAMETERS,
+    LoadBuffers,
+    LoadTable,
+    gradient_on,
+)
 from mjfish.hydro.load_derivatives import (
     AT_DIRECTION,
+    AT_PARAMETER,
     AT_STEP,
     LoadChanges,
     parameter_derivative,
@@ -57,7 +67,7 @@ class Directions(NamedTuple):
     """What k tangent directions change.
 
     Attributes:
-        tail: (3, k) of the flexible tail.
+        tail: (TAIL, k) of the flexible tail.
         motion: (3 joints, b) of angles, rates, accelerations of the joints in the first b directions, at one instant;
             of a run, (steps, 3, 3 joints, b).
         links: of the links.
@@ -81,6 +91,7 @@ class TangentScratch(NamedTuple):
         load_jacobian: (ANSWER, 6 + MEMORY) of a stateful load.
         link_tangents: (links, 6, k) of u, v, w, x, y, heading of the links; k = 0 where no load is stateful.
         wrench: (4, k) at the nose, and torque of the tail.
+        gradients: (links, 3 * PARAMETERS) of one load by its parameters.
     """
 
     linear: Linearisation
@@ -88,11 +99,14 @@ class TangentScratch(NamedTuple):
     load_jacobian: FloatArray
     link_tangents: FloatArray
     wrench: FloatArray
+    gradients: FloatArray
 
     @classmethod
     def empty(cls, joints: int, states: int, directions: int, stateful: bool) -> TangentScratch:
         """Return scratch for a fish of so many joints and states; `stateful`: whether any load is."""
-        shapes = (states, (ANSWER, 6 + MEMORY), (joints + 1, 6, directions if stateful else 0), (4, directions))
+        links = joints + 1
+        moving = (links, 6, directions if stateful else 0)
+        shapes = (states, (ANSWER, 6 + MEMORY), moving, (4, directions), (links, 3 * PARAMETERS))
         return cls(Linearisation.empty(joints, states), *(np.zeros(shape) for shape in shapes))
 
 
@@ -127,7 +141,7 @@ def tangent_rates(
     left = LoadBuffers(linear.output, state, scratch.left_rates)
     _by_links(system, directions.links, linear, right, left, out)
     for change in range(directions.loads.addresses.shape[0]):
-        _by_load(system, directions.loads, change, linear, right, left, out)
+        _by_load(system, directions.loads, change, scratch, right, left, out)
     if system.loads.addresses.shape[0] > 0 and scratch.link_tangents.shape[2] > 0:
         _write_link_tangents(system, state, tangents, directions, scratch)
         _by_stateful_loads(system, state, tangents, scratch, out)
@@ -169,7 +183,7 @@ def _by_tail(state: FloatArray, tail: FloatArray, solver: FloatArray, out: Float
     """Add what changes of the tail's stiffness and damping change."""
     a0, a1, a2, bend = solve(solver, True, 0.0, 0.0, 0.0, -1.0)
     for k in range(out.shape[1]):
-        torque = tail[1, k] * state[6] + tail[2, k] * state[7]
+        torque = (tail[1, k] + tail[3, k] * state[6] * state[6]) * state[6] + tail[2, k] * state[7]
         out[0, k] += a0 * torque
         out[1, k] += a1 * torque
         out[2, k] += a2 * torque
@@ -238,16 +252,25 @@ def _by_links(
 
 @merged
 def _by_load(
-    system: System, loads: LoadChanges, change: int, linear: Linearisation, right: LoadBuffers, left: LoadBuffers,
+    system: System, loads: LoadChanges, change: int, scratch: TangentScratch, right: LoadBuffers, left: LoadBuffers,
     out: FloatArray,
 ) -> None:  # fmt: skip
     """Add what a change of the parameters of a load changes."""
-    row = loads.rows[2 * change]
+    row, linear = loads.rows[2 * change], scratch.linear
+    gradient = loads.gradients[change]
+    column = int(row[AT_PARAMETER])
+    if gradient != 0 and (change == 0 or loads.gradients[change - 1] != gradient):
+        for i in range(system.links.shape[0]):
+            gradient_on(system.links, i, gradient, row, scratch.gradients[i])
     direction = int(row[AT_DIRECTION])
     gx, gy, gz, torque = 0.0, 0.0, 0.0, 0.0
     for i in range(system.links.shape[0]):
-        fx, fy, mz = parameter_derivative(system.links, i, loads, change, right, left)
-        if row[AT_STEP] > 0.0:
+        if gradient != 0:
+            by = scratch.gradients[i]
+            fx, fy, mz = by[column], by[PARAMETERS + column], by[2 * PARAMETERS + column]
+        else:
+            fx, fy, mz = parameter_derivative(system.links, i, loads, change, right, left)
+        if row[AT_STEP] > 0.0 and gradient == 0:
             _add_memory_rates(row, i, row[AT_STEP], right, left, direction, out)
         hx, hy, hz = to_head(linear.links[i], fx, fy, mz)
         gx += hx

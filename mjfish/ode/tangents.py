@@ -18,9 +18,9 @@ from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, NUMBERS, column
 from mjfish.hydro.load import AT_STATEFUL, PARAMETERS, ROW, Load, LoadTable, load_rows, memory_of
-from mjfish.hydro.load_derivatives import INACTIVE_STEP, RELATIVE_STEP, LoadChanges
+from mjfish.hydro.load_derivatives import CHANGE, INACTIVE_STEP, RELATIVE_STEP, LoadChanges
 from mjfish.hydro.outline import INTERVALS
-from mjfish.ode.equation import STATES, Joints, System, derivative
+from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative
 from mjfish.ode.rollout import (
     DIVERGED,
     PHASE_END,
@@ -56,7 +56,7 @@ class Direction:
 
     Attributes:
         links: (links, numbers of `LINK`) of the link records.
-        tail: (3,) of the flexible tail, see `mjfish.ode.equation.System`.
+        tail: (TAIL,) of the flexible tail, see `mjfish.ode.equation.System`.
         velocity: (3,) of the velocity at the start, in the forward frame.
         motion: (3, n, 3, joints) of angle, rate and acceleration of the joints.
         loads: (k, PARAMETERS) of the parameters of the loads, those of the conditions and then the inactive ones.
@@ -102,7 +102,7 @@ def simulate_tangents(
     start = start_of(given.velocity, given.pose, memory_of(loads[:acting], links))
     table = load_rows(loads, links, STATES, [load for load, _ in inactive])
     system = system_of(fish, given.values, given.coriolis, LoadTable(table.addresses[:acting], table.rows))
-    tangents, tail, length = np.zeros((len(start), width)), np.zeros((3, width)), np.zeros((links, width))
+    tangents, tail, length = np.zeros((len(start), width)), np.zeros((TAIL, width)), np.zeros((links, width))
     for k, direction in enumerate(ordered):
         if direction.velocity is not None:
             tangents[:STATES, k] = start_of(direction.velocity)
@@ -112,7 +112,7 @@ def simulate_tangents(
             length[:, k] = direction.links[:, column("length")]
     changed = Directions(
         tail, _joint_changes(ordered, motion), _link_changes(ordered, system.links, given.loads),
-        _load_changes(ordered, table, row_of, len(given.loads)), length,
+        _load_changes(ordered, loads, table, row_of, len(given.loads)), length,
     )  # fmt: skip
     states, rates = np.zeros((2, len(motion.time) - 1, 2, len(start)))
     index, place = place_in(motion.time, time)
@@ -128,7 +128,7 @@ def simulate_tangents(
         left=np.zeros_like(tangents),
         left_rates=np.zeros_like(tangents),
         motion=np.zeros(changed.motion.shape[2:]),
-        tail=np.zeros((3, width)),
+        tail=np.zeros((TAIL, width)),
         scratch=TangentScratch.empty(motion.joints, len(start), width, stateful),
     )
     jumps = motion.jumps | _jumps(changed.motion, motion.joints)
@@ -216,16 +216,23 @@ def _products(here: FloatArray, rate: FloatArray) -> Any:
     return changes
 
 
-def _load_changes(directions: Sequence[Direction], table: LoadTable, row_of: Sequence[int], active: int) -> LoadChanges:
+def _load_changes(
+    directions: Sequence[Direction],
+    loads: Sequence[tuple[Load, Sequence[float]]],
+    table: LoadTable,
+    row_of: Sequence[int],
+    active: int,
+) -> LoadChanges:
     """Return what the directions change of the parameters of loads.
 
     Args:
         directions: in their order.
-        table: of all loads.
+        loads: all of them.
+        table: of these.
         row_of: (k,) row in the table of each load of a direction.
         active: how many of the rows exert something; those behind are inactive.
     """
-    rows, changed = [], []
+    rows, changed, gradients = [], [], []
     for k, direction in enumerate(directions):
         if direction.loads is None:
             continue
@@ -235,11 +242,14 @@ def _load_changes(directions: Sequence[Direction], table: LoadTable, row_of: Seq
             relative = RELATIVE_STEP if row < active else INACTIVE_STEP
             step = relative * float(np.min(np.maximum(np.abs(here[hit]), 0.1) / np.abs(rate[hit])))
             signed = step if row < active else -step
-            rows += [[*(here + side * step * rate), k, signed] for side in (1.0, -1.0)]
+            rows += [[*(here + side * step * rate), k, signed, np.argmax(hit)] for side in (1.0, -1.0)]
             changed.append(row)
-    pairs = np.array(rows).reshape(-1, ROW + 2)
+            gradients.append(loads[row][0].gradient if np.count_nonzero(hit) == 1 and rate[hit][0] == 1.0 else 0)
+    pairs = np.array(rows).reshape(-1, CHANGE)
     pairs[:, AT_STATEFUL] = 0.0  # it is called for its answer here, whatever else it depends on
-    return LoadChanges(table.addresses[np.array(changed, dtype=np.int64)], pairs)
+    return LoadChanges(
+        table.addresses[np.array(changed, dtype=np.int64)], np.array(gradients, dtype=np.uint64), pairs
+    )
 
 
 class Samples(NamedTuple):
@@ -263,7 +273,7 @@ class TangentWorkspace(NamedTuple):
         state: of the rollout.
         tangents, trial, total, rates: (STATES + memory, k), as of the rollout; `tangents` holds those of the start.
         left, left_rates: (STATES + memory, k) at the start of the step.
-        motion: (3 joints, b) of one instant; tail: (3, k).
+        motion: (3 joints, b) of one instant; tail: (TAIL, k).
         scratch: of `mjfish.ode.tangent_rates`.
     """
 
@@ -321,7 +331,10 @@ def integrate_tangents(
             )  # fmt: skip
             now_directions = Directions(
                 work.tail, work.motion, directions.links,
-                LoadChanges(directions.loads.addresses[:changes], directions.loads.rows), directions.length,
+                LoadChanges(
+                    directions.loads.addresses[:changes], directions.loads.gradients[:changes], directions.loads.rows
+                ),
+                directions.length,
             )  # fmt: skip
             derivative(now_system, at, trial, work.state.output, k)
             tangent_rates(now_system, at, trial, k, work.trial, now_directions, work.scratch, work.rates)
@@ -368,6 +381,7 @@ def _jump_tangents(motion_before: FloatArray, work: TangentWorkspace) -> None:
             work.trial[row, k] = 0.0
         work.tail[1, k] = 0.0
         work.tail[2, k] = 0.0
+        work.tail[3, k] = 0.0
     for j in range(joints):
         for k in range(work.motion.shape[1]):
             work.motion[2 * joints + j, k] = work.motion[joints + j, k] - motion_before[joints + j, k]

@@ -20,7 +20,7 @@ from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.where import FIFTHS, fifths
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect, catalogue, find
-from mjfish.effects.effect import Family, Values
+from mjfish.effects.effect import Domain, Values
 from mjfish.errors import InputError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.frames import CHANNELS
@@ -40,7 +40,7 @@ class FadingBattery(Effect):
     """Amplitude lost in time: an effect that no list has."""
 
     name: ClassVar[str] = "fading_battery"
-    family: ClassVar[Family] = "drive"
+    domain: ClassVar[Domain] = "drive"
     summary: ClassVar[str] = "the amplitude of the joints falls with time"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("fading_battery.loss", "1/s", 0.0, 0.0, 0.1, 0.0, 0.01, about="relative loss of amplitude a second"),

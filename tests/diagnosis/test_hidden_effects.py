@@ -12,8 +12,8 @@ from mjfish.effects import catalogue, find
 
 #: Causes that the free coefficients hide (see below), and one that needs a tank (tests/effects/test_wall_effect.py).
 ELSEWHERE = ("mass_error", "section_height", "wall_effect")
-#: A hidden cause of each family. The slow tests hide the others; tests/effects recovers the size of each by a fit.
-OF_EACH_FAMILY = ("velocity_scale", "joint_zero_offset", "com_offset", "munk_moment", "roll")
+#: A hidden cause of each domain. The slow tests hide the others; tests/effects recovers the size of each by a fit.
+OF_EACH_DOMAIN = ("velocity_scale", "joint_zero_offset", "com_offset", "munk_moment", "roll")
 #: Sum of squares below which an effect leaves no trace to speak of, before any refit.
 LEAST = 30.0
 #: Half-widths of the 95 % interval that make one of 99.9 %: of two dozen intervals one would miss at 95 %.
@@ -42,13 +42,13 @@ def _assert_found(effect: str) -> None:
     assert result.status == "ok"
 
 
-@pytest.mark.parametrize("effect", OF_EACH_FAMILY)
+@pytest.mark.parametrize("effect", OF_EACH_DOMAIN)
 def test_a_hidden_effect_is_named_with_its_size_and_gains_on_held_out_trials(effect: str) -> None:
     _assert_found(effect)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", sorted(set(STRONG) - set(OF_EACH_FAMILY)))
+@pytest.mark.parametrize("effect", sorted(set(STRONG) - set(OF_EACH_DOMAIN)))
 def test_the_other_hidden_effects_are_named_too(effect: str) -> None:
     _assert_found(effect)
 
@@ -56,7 +56,7 @@ def test_the_other_hidden_effects_are_named_too(effect: str) -> None:
 def test_every_cause_of_the_catalogue_is_hidden_once_or_cannot_be_seen() -> None:
     """A cause that is added must be added here."""
     assert set(catalogue()) == set(STRONG) | set(ELSEWHERE)
-    assert {find(name).family for name in OF_EACH_FAMILY} == {effect.family for effect in catalogue().values()}
+    assert {find(name).domain for name in OF_EACH_DOMAIN} == {effect.domain for effect in catalogue().values()}
 
 
 @pytest.mark.slow

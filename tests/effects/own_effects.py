@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects import Effect
-from mjfish.effects.effect import Family, Values
+from mjfish.effects.effect import Domain, Values
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
 
@@ -14,7 +14,7 @@ class CameraScale(Effect):
     """The camera's scale is off: translations are read (1 + error) times too large."""
 
     name: ClassVar[str] = "camera_scale"
-    family: ClassVar[Family] = "data"
+    domain: ClassVar[Domain] = "data"
     summary: ClassVar[str] = "the scale of the camera is off"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("camera_scale.error", "-", 0.0, -0.3, 0.3, 0.0, 0.01, about="relative error of the scale"),
@@ -40,7 +40,7 @@ class LinearDamping(Effect):
     """Every link is held back in proportion to its forward speed."""
 
     name: ClassVar[str] = "linear_damping"
-    family: ClassVar[Family] = "water"
+    domain: ClassVar[Domain] = "water"
     summary: ClassVar[str] = "a damping along the body"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("linear_damping.coefficient", "N s/m", 0.0, 0.0, 5.0, 0.0, 0.05, about="of every link"),

@@ -90,7 +90,7 @@ BROKEN = {
     "empty source": ('"a calibration against a ruler"', '""', "'source' is missing or empty; declare it"),
     "no parameters": ("(\n        Parameter(", "()\n    other = (\n        Parameter(", "'parameters' is missing"),
     "one alone": ('"),\n    )', '")\n    )', "must be a tuple of Parameter; with one, write"),
-    "family": ('"data"', '"camera"', "family 'camera', expected one of data, drive, body, water"),
+    "domain": ('"data"', '"camera"', "domain 'camera', expected one of data, drive, body, water"),
     "name with a dot": ('= "camera_scale"', '= "camera.scale"', "name 'camera.scale', expected letters, digits and _"),
     "name of a coefficient": ("camera_scale", "c_d", "name 'c_d', expected letters, digits and _, and no kind of"),
     "parameter of another": ("camera_scale.error", "other.error", r"'other.error' must be named 'camera_scale.NAME'"),

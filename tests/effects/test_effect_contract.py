@@ -14,7 +14,7 @@ from mjfish.data import Dataset, Tank, Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect, catalogue
-from mjfish.effects.effect import Family
+from mjfish.effects.effect import Domain
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model import Model
@@ -96,7 +96,7 @@ def test_no_two_parameters_of_all_causes_and_coefficients_share_a_name() -> None
 @over_all
 def test_the_declaration_is_complete(effect: Effect) -> None:
     effect.check_declaration()
-    assert effect.family in get_args(Family)
+    assert effect.domain in get_args(Domain)
     assert effect.__doc__
     for text in (effect.summary, effect.source, effect.signature, effect.confirm):
         assert text == text.strip()

@@ -23,7 +23,7 @@ from mjfish.mujoco import SimRollout, simulate
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
-SWIMS = [e.name for e in catalogue().values() if e.mujoco and e.family in ("drive", "body", "water")]
+SWIMS = [e.name for e in catalogue().values() if e.mujoco and e.domain in ("drive", "body", "water")]
 
 
 def _plain(effect: Effect) -> dict[str, float]:

@@ -12,7 +12,7 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import Effect, find
-from mjfish.effects.effect import Family, Values
+from mjfish.effects.effect import Domain, Values
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.load import load
 from mjfish.model import Model
@@ -147,7 +147,7 @@ class _Own(Effect):
     """A user's load, with everything a load may read."""
 
     name: ClassVar[str] = "own"
-    family: ClassVar[Family] = "water"
+    domain: ClassVar[Domain] = "water"
     summary: ClassVar[str] = "sum"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("own.size", "-", 0.0, -1.0, 1.0, 0.0, 0.1),)
     source: ClassVar[str] = "none"
@@ -166,7 +166,7 @@ class _Wider(_Own):
     """A body that changes the sections the load reads."""
 
     name: ClassVar[str] = "wider"
-    family: ClassVar[Family] = "body"
+    domain: ClassVar[Domain] = "body"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("wider.share", "-", 0.0, -0.5, 0.5, 0.0, 0.05),)
     load: ClassVar[None] = None  # type: ignore[assignment]
 

@@ -89,7 +89,7 @@ def _constant_push(link: Any, parameters: Any) -> tuple[float, float, float]:
 class Pushed(Effect):
     """A force along each link, whose second factor is a number of the trial."""
 
-    name, family, summary = "pushed", "water", "something pushes"
+    name, domain, summary = "pushed", "water", "something pushes"
     parameters = (Parameter("pushed.force", "N", 0.0, 0.0, 1.0, 0.0, 0.1),)
     source, signature, confirm = "test", "test", "test"
     load = _constant_push

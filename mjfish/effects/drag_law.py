@@ -1,0 +1,202 @@
+"""The drag law learned from the data: coefficients as smooth functions of the speed."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.compiled import inlined
+from mjfish.data import Trial
+from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.curve import Curve, Penalty, Quantity, smoothness
+from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.fish import Fish
+from mjfish.hydro.load import Load, load
+from mjfish.hydro.outline import outlines
+from mjfish.hydro.spline import spline, spline_weights
+from mjfish.parameter import Parameter
+
+#: Octaves below the reference speed at which the knots begin, and their number: of c_d, of c_f.
+_BELOW_D, _KNOTS_D = 3, 6
+_BELOW_F, _KNOTS_F = 2, 5
+#: The reference speed, in lengths of the fish a second.
+_LENGTHS = 0.5
+_WHOLE, _HEIGHT, _ACROSS, _ALONG = 0, 1, 2, 2 + _KNOTS_D - 1
+_SPEED, _TALL = _ALONG + _KNOTS_F - 1, _ALONG + _KNOTS_F
+
+
+#: Step by the shapes, for their derivatives.
+_STEP = 1e-5
+
+
+@inlined
+def _octave(here: float, other: float, whole: float, speed: float) -> float:
+    """Return log2 of sqrt(here^2 + whole other^2) over the reference speed."""
+    return float(np.log2((np.sqrt(here * here + whole * other * other) + 1e-9) / speed))
+
+
+def _slopes(link: Any, parameters: Any, out: Any) -> None:
+    """Write the derivatives of the excess by all parameters."""
+    out[:] = 0.0
+    whole, power, speed, height = parameters[_WHOLE], parameters[_HEIGHT], parameters[_SPEED], parameters[_TALL]
+    half = -0.5 * link.density
+    u, middle = link.u, link.v + 0.5 * link.length * link.w
+    t = _octave(u, middle, whole, speed) + _BELOW_F
+    k, a, b, c, d = spline_weights(t, _KNOTS_F)
+    g = spline(t, parameters, _ALONG, _KNOTS_F, _BELOW_F)
+    friction = half * link.c_f * link.wetted * abs(u) * u * np.exp(g)
+    for j in range(4):
+        at = k - 1 + j
+        if at >= 0 and at < _KNOTS_F and at != _BELOW_F:
+            share = a if j == 0 else (b if j == 1 else (c if j == 2 else d))
+            out[0, _ALONG + at - (1 if at > _BELOW_F else 0)] += friction * share
+    moved = spline(_octave(u, middle, whole + _STEP, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F, _BELOW_F)
+    out[0, _WHOLE] = friction * np.expm1(moved - g) / _STEP
+    for s in range(link.coarse_r.shape[0]):
+        r = link.coarse_r[s]
+        q = link.v + link.w * r
+        taller = np.log2(link.coarse_height[s] / height + 1e-9)
+        t = _octave(q, u, whole, speed) + power * taller + _BELOW_D
+        k, a, b, c, d = spline_weights(t, _KNOTS_D)
+        g = spline(t, parameters, _ACROSS, _KNOTS_D, _BELOW_D)
+        force = half * link.c_d * link.coarse_weight[s] * link.coarse_height[s] * abs(q) * q * np.exp(g)
+        for j in range(4):
+            at = k - 1 + j
+            if at >= 0 and at < _KNOTS_D and at != _BELOW_D:
+                share = a if j == 0 else (b if j == 1 else (c if j == 2 else d))
+                place = _ACROSS + at - (1 if at > _BELOW_D else 0)
+                out[1, place] += force * share
+                out[2, place] += force * share * r
+        t = _octave(q, u, whole + _STEP, speed) + power * taller + _BELOW_D
+        change = force * np.expm1(spline(t, parameters, _ACROSS, _KNOTS_D, _BELOW_D) - g) / _STEP
+        out[1, _WHOLE] += change
+        out[2, _WHOLE] += change * r
+        t = _octave(q, u, whole, speed) + (power + _STEP) * taller + _BELOW_D
+        change = force * np.expm1(spline(t, parameters, _ACROSS, _KNOTS_D, _BELOW_D) - g) / _STEP
+        out[1, _HEIGHT] += change
+        out[2, _HEIGHT] += change * r
+
+
+@load(gradient=_slopes)
+def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
+    """Excess over the constant coefficients, strip by strip."""
+    whole, power, speed, height = parameters[_WHOLE], parameters[_HEIGHT], parameters[_SPEED], parameters[_TALL]
+    u, middle = link.u, link.v + 0.5 * link.length * link.w
+    g = spline(_octave(u, middle, whole, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F, _BELOW_F)
+    along = np.expm1(g) * link.c_f * link.wetted * abs(u) * u
+    across = 0.0
+    moment = 0.0
+    for s in range(link.coarse_r.shape[0]):
+        q = link.v + link.w * link.coarse_r[s]
+        t = _octave(q, u, whole, speed) + power * np.log2(link.coarse_height[s] / height + 1e-9) + _BELOW_D
+        g = spline(t, parameters, _ACROSS, _KNOTS_D, _BELOW_D)
+        share = link.coarse_weight[s] * link.coarse_height[s] * abs(q) * q * np.expm1(g)
+        across += share
+        moment += share * link.coarse_r[s]
+    half = -0.5 * link.density
+    return half * along, half * link.c_d * across, half * link.c_d * moment
+
+
+def _names(short: str, count: int) -> list[str]:
+    return [f"drag_law.{short}_{k}" for k in range(1, count)]
+
+
+def _values(short: str, count: int, below: int, what: str) -> tuple[Parameter, ...]:
+    octaves = [k - below for k in range(count) if k != below]
+    return tuple(
+        Parameter(name, "-", 0.0, -3.0, 3.0, 0.0, 0.2, about=f"ln of {what} at 2^{octave} times the reference speed")
+        for name, octave in zip(_names(short, count), octaves, strict=True)
+    )
+
+
+class DragLaw(Effect):
+    """Drag coefficients are smooth functions of the speed: c = c_0 exp(g(log2(V / U_0))), g(0) = 0.
+
+    g is a cubic between its values at knots an octave apart, one curve for c_d and one for c_f, constant beyond the
+    outermost knots; c_0 is the coefficient of the link's group at the reference speed U_0 = 0.5 L / s. The speed is
+
+        V = sqrt(q^2 + b u^2) (h / h_0)^p  of c_d,      V = sqrt(u^2 + b q^2)  of c_f,
+
+    b = 0 the local speed across or along, b = 1 the whole one, and with b = p = 1 V goes with the Reynolds number of
+    the section. Drag takes power whatever g is, as c stays positive.
+    """
+
+    name: ClassVar[str] = "drag_law"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "drag_law"
+    learned: ClassVar[bool] = True
+    summary: ClassVar[str] = "drag coefficients are another function of the speed, learned"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("drag_law.whole", "-", 0.2, 0.0, 1.0, 0.2, 0.2, about="b, share of the other speed", shape=True),
+        Parameter("drag_law.height", "-", 0.2, 0.0, 1.0, 0.2, 0.2, about="p, power of the local height", shape=True),
+        *_values("across", _KNOTS_D, _BELOW_D, "c_d"),
+        *_values("along", _KNOTS_F, _BELOW_F, "c_f"),
+    )
+    source: ClassVar[str] = "Eilers and Marx, Statistical Science 11 (1996): penalised splines"
+    signature: ClassVar[str] = "forward speed against beat frequency is bent; start-ups differ from steady swimming"
+    confirm: ClassVar[str] = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = TOW_TEST
+    resembles: ClassVar[tuple[str, ...]] = ("design-short",)
+    load: ClassVar[Load | None] = _excess
+    reference: ClassVar[tuple[float, float]] = (0.3, 0.1)  # speed [m/s] and height [m]
+
+    @classmethod
+    def for_fish(cls, fish: Fish) -> Effect:
+        """Return the effect with the reference speed and height of the fish."""
+        length = sum(link.length for link in fish.links)
+        heights = np.concatenate([outline.strip_height for outline in outlines(fish)])
+        return _scaled(round(_LENGTHS * length, 6), round(float(heights.max()), 6))
+
+    def constants(self, trial: Trial) -> tuple[float, ...]:
+        """Return the reference speed and height."""
+        del trial
+        return self.reference
+
+    def penalties(self) -> tuple[Penalty, ...]:
+        """Keep both curves smooth."""
+        return (
+            *smoothness(_names("across", _KNOTS_D), _BELOW_D, 0.3, 0.7),
+            *smoothness(_names("along", _KNOTS_F), _BELOW_F, 0.3, 0.7),
+        )
+
+    def curves(self, fish: Fish) -> tuple[Curve, ...]:
+        """Return c_d and c_f of every group of links against the speed."""
+        groups = dict.fromkeys(link.group for link in fish.links)
+        return tuple(
+            self._curve(fish, kind, group) for kind in ("c_d", "c_f") for group in groups
+        )
+
+    def _curve(self, fish: Fish, kind: str, group: str) -> Curve:
+        short, count, below = ("across", _KNOTS_D, _BELOW_D) if kind == "c_d" else ("along", _KNOTS_F, _BELOW_F)
+        at = self.reference[0] * 2.0 ** np.linspace(-below, count - 1 - below, 4 * (count - 1) + 1)
+        names = _names(short, count)
+
+        def value(values: Mapping[str, float]) -> FloatArray:
+            knots = np.array([values[name] for name in names])
+            g = [spline(t, knots, 0, count, below) for t in np.linspace(0.0, count - 1.0, len(at))]
+            return np.asarray(values[f"{kind}.{group}"] * np.exp(g))
+
+        own = [i for i, link in enumerate(fish.links) if link.group == group]
+        strips = [outlines(fish)[i].strip_r for i in own]
+
+        def visits(u: FloatArray, v: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+            if kind == "c_f":
+                speed = np.abs(u[:, own]).ravel()
+            else:
+                pairs = zip(own, strips, strict=True)
+                speed = np.abs(np.concatenate([v[:, i, None] + w[:, i, None] * r for i, r in pairs], axis=1)).ravel()
+            return speed, speed**4
+
+        return Curve(kind, group, Quantity("speed", "m/s"), Quantity(kind, "-"), at, value, visits)
+
+
+@functools.cache
+def _scaled(speed: float, height: float) -> DragLaw:
+    """Return one and the same instance for a size of fish."""
+    own: DragLaw = type("DragLaw", (DragLaw,), {"reference": (speed, height)})()
+    return own

@@ -1,0 +1,106 @@
+"""Lift learned from the data: forces of fin and body by the angle of attack."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.curve import Curve, Penalty, Quantity
+from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.fish import Fish
+from mjfish.hydro.load import Load, load
+from mjfish.hydro.outline import INTERVALS
+from mjfish.parameter import Parameter
+
+
+
+
+@load
+def _force(link: Any, parameters: Any) -> tuple[float, float, float]:
+    """Return the force on a link: across its stream, and across its chord."""
+    first, second, normal = parameters[0], parameters[1], parameters[2]
+    place, downwash = parameters[3], parameters[4]
+    if link.last == 0.0:
+        first, second, normal = parameters[5], 0.0, parameters[6]
+        place, downwash = 0.5, 0.5
+    u = link.u
+    q = link.v + downwash * link.length * link.w
+    square = u * u + q * q + 1e-18
+    speed = np.sqrt(square)
+    half = 0.5 * link.density * link.height_moment[INTERVALS, 0]
+    lift = half * (first + second * (u * u - q * q) / square) * abs(u) * q / speed
+    fx = lift * q if u > 0.0 else -lift * q
+    fy = -lift * abs(u) - half * normal * abs(u) * q
+    return fx, fy, place * link.length * fy
+
+
+class Lift(Effect):
+    """Fin and body have forces that are odd functions of their angle of attack, learned.
+
+    With the velocity V of a point of the chord and its angle of attack alpha,
+
+        across the stream   L = 1/2 rho S V^2 C_L(alpha),  C_L = (a_1 / 2) sin 2 alpha + (a_2 / 4) sin 4 alpha
+        across the chord    N = 1/2 rho S V^2 (b / 2) sin 2 alpha
+
+    C_L is odd and zero at 0 and 90 degrees, and takes no power; N takes power for b >= 0. The fin has a_1, a_2, b, the
+    place where its force acts and that of its velocity; the links of the body have a_1 and b at their middle.
+    """
+
+    name: ClassVar[str] = "lift"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "lift"
+    learned: ClassVar[bool] = True
+    summary: ClassVar[str] = "fin or body have lift, learned"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("lift.fin_1", "-", 0.0, -8.0, 12.0, 0.0, 0.05, about="a_1 of the fin"),
+        Parameter("lift.fin_2", "-", 0.0, -8.0, 8.0, 0.0, 0.05, about="a_2 of the fin"),
+        Parameter("lift.fin_normal", "-", 0.0, -2.0, 12.0, 0.0, 0.05, about="b of the fin"),
+        Parameter("lift.place", "-", 0.25, 0.0, 1.0, 0.25, 0.1, about="of the fin's force, in chords", shape=True),
+        Parameter("lift.downwash", "-", 0.75, 0.0, 1.0, 0.75, 0.1, about="of the velocity, in chords", shape=True),
+        Parameter("lift.body_1", "-", 0.0, -8.0, 8.0, 0.0, 0.05, about="a_1 of the body"),
+        Parameter("lift.body_normal", "-", 0.0, -2.0, 8.0, 0.0, 0.05, about="b of the body"),
+    )
+    source: ClassVar[str] = "Hoerner and Borst, Fluid-Dynamic Lift (1975), ch. 3, 17 and 19"
+    signature: ClassVar[str] = "sway and yaw rate of the beat, growing with forward speed; little at rest"
+    confirm: ClassVar[str] = "hold the fin in a stream and measure its force along and across it against the angle"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = TOW_TEST
+    load: ClassVar[Load | None] = _force
+
+    def penalties(self) -> tuple[Penalty, ...]:
+        """Slopes of lift are of the order of those of foils; the second harmonic is smaller."""
+        names = tuple(f"lift.{short}" for short in ("fin_1", "fin_normal", "body_1", "body_normal"))
+        return Penalty(names, np.eye(4), 4.0, False), Penalty(("lift.fin_2",), np.eye(1), 1.0, True)
+
+    def curves(self, fish: Fish) -> tuple[Curve, ...]:
+        """Return the coefficient of the force across the chord of fin and body against the angle of attack."""
+        return tuple(
+            Curve(
+                "c_n", group, Quantity("angle_of_attack", "rad"), Quantity("c_n", "-"), np.linspace(0.0, 1.5, 31),
+                lambda values, group=group: _normal(values, group), _visits(fish, group),
+            )
+            for group in ("fin", "body")
+        )  # fmt: skip
+
+
+def _normal(values: Mapping[str, float], group: str) -> FloatArray:
+    angle = np.linspace(0.0, 1.5, 31)
+    second = values["lift.fin_2"] if group == "fin" else 0.0
+    lift = 0.5 * values[f"lift.{group}_1"] * np.sin(2.0 * angle) + 0.25 * second * np.sin(4.0 * angle)
+    return np.asarray(lift * np.cos(angle) + 0.5 * values[f"lift.{group}_normal"] * np.sin(2.0 * angle))
+
+
+def _visits(fish: Fish, group: str) -> Any:
+    own = [len(fish.links) - 1] if group == "fin" else list(range(len(fish.links) - 1))
+    arm = np.array([(0.75 if group == "fin" else 0.5) * fish.links[i].length for i in own])
+
+    def visits(u: FloatArray, v: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        q = np.abs(v[:, own] + arm * w[:, own])
+        along = np.abs(u[:, own])
+        return np.arctan2(q, along).ravel(), ((along**2 + q**2) ** 2).ravel()
+
+    return visits

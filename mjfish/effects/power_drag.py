@@ -1,0 +1,61 @@
+"""Drag by another power of the speed than the square."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.hydro.load import Load, load
+from mjfish.parameter import Parameter
+
+
+#: Speed at which the coefficients are those of the fish [m/s].
+REFERENCE_SPEED = 0.3
+#: A slower strip counts as this fast in the factor [m/s]: a power below zero has no value at rest.
+_SLOWEST = 1e-4
+
+
+@load
+def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
+    """Excess over quadratic drag: c ((V / U_0)^n - 1) in place of c, strip by strip."""
+    friction = parameters[0]
+    pressure = parameters[1]
+    factor = np.expm1(friction * np.log(max(abs(link.u), _SLOWEST) / REFERENCE_SPEED))
+    along = factor * link.c_f * link.wetted * abs(link.u) * link.u
+    across = 0.0
+    moment = 0.0
+    for k in range(link.strip_r.shape[0]):
+        r = link.strip_r[k]
+        q = link.v + link.w * r
+        factor = np.expm1(pressure * np.log(max(abs(q), _SLOWEST) / REFERENCE_SPEED))
+        share = link.strip_weight[k] * link.strip_height[k] * factor * abs(q) * q
+        across += share
+        moment += share * r
+    half = -0.5 * link.density
+    return half * along, half * link.c_d * across, half * link.c_d * moment
+
+
+class PowerDrag(Effect):
+    """Drag goes as the speed to another power: c(V) = c (V / U_0)^n, V = |u| along and |q| across, U_0 = 0.3 m/s.
+
+    n = 0 is quadratic drag, n = -1/2 that of a laminar boundary layer, n = -1/5 of a turbulent one, n = -1 linear drag.
+    """
+
+    name: ClassVar[str] = "power_drag"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "drag_law"
+    summary: ClassVar[str] = "drag goes as the speed to another power than two"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("power_drag.friction", "-", 0.0, -0.95, 1.5, 0.0, 0.1, about="n of c_f"),
+        Parameter("power_drag.pressure", "-", 0.0, -0.95, 1.5, 0.0, 0.1, about="n of c_d"),
+    )
+    source: ClassVar[str] = "Schlichting, Boundary-Layer Theory (1979), ch. VII and XXI"
+    signature: ClassVar[str] = "forward speed against beat frequency is bent; start-ups differ from steady swimming"
+    confirm: ClassVar[str] = "tow the stretched fish at several speeds: the slope of the logarithms is no 2"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = TOW_TEST
+    resembles: ClassVar[tuple[str, ...]] = ("design-short",)
+    load: ClassVar[Load | None] = _excess

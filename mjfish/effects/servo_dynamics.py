@@ -1,0 +1,49 @@
+"""Servo dynamics learned from the data: dead time, rate limit and a filter of second order."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from mjfish.data import Dataset
+from mjfish.drive.motion import JointMotion
+from mjfish.effects.commanded import SHORTEST, filtered, limited, undetectable_behind_measured_joints
+from mjfish.effects.effect import Domain, Effect, Fingerprint, Values
+from mjfish.parameter import Parameter
+
+
+class ServoDynamics(Effect):
+    """The joints follow their command through a rate limit, a dead time, and a filter of second order.
+
+    A stable and causal filter of unit static gain: the limit of `ServoRateLimit`, a dead time, and the filter of
+    `ServoSecondOrder`, one behind the other.
+    """
+
+    name: ClassVar[str] = "servo_dynamics"
+    domain: ClassVar[Domain] = "drive"
+    mechanism: ClassVar[str] = "servo_dynamics"
+    learned: ClassVar[bool] = True
+    summary: ClassVar[str] = "the joints follow their command late, learned"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("servo_dynamics.time", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="T, 1 / natural frequency"),
+        Parameter("servo_dynamics.delay", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="dead time"),
+        Parameter("servo_dynamics.slowness", "s/rad", 0.0, 0.0, 0.5, 0.0, 0.03, about="1 / (largest rate)"),
+        Parameter("servo_dynamics.damping", "-", 0.7, 0.1, 3.0, 0.7, 0.2, about="zeta, damping ratio", shape=True),
+    )
+    source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
+    signature: ClassVar[str] = "late, and smaller or larger by frequency"
+    confirm: ClassVar[str] = "log the joint angles on the bench while the command steps"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
+    smooth: ClassVar[bool] = False
+
+    def not_applicable(self, dataset: Dataset) -> str:
+        """Measured joint angles leave nothing between command and joint."""
+        return undetectable_behind_measured_joints(dataset)
+
+    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        """Delay, limit and filter the motion."""
+        if max(values["delay"], values["slowness"]) <= 0.0 and values["time"] < SHORTEST:
+            return motion
+        if values["slowness"] > 0.0:
+            motion = limited(motion, values["slowness"])
+        return filtered(motion, values["time"], values["damping"], values["delay"])

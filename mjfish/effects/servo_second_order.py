@@ -1,0 +1,44 @@
+"""Servos that answer as a filter of second order."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from mjfish.data import Dataset
+from mjfish.drive.motion import JointMotion
+from mjfish.effects.commanded import SHORTEST, filtered, undetectable_behind_measured_joints
+from mjfish.effects.effect import Domain, Effect, Fingerprint, Values
+from mjfish.parameter import Parameter
+
+
+class ServoSecondOrder(Effect):
+    """The joints follow their command as a filter of second order: T^2 theta'' + 2 zeta T theta' + theta = c.
+
+    From rest where the command starts: theta(0) = c(0), theta'(0) = 0. A position loop around a motor with inertia; a
+    damping ratio zeta below 0.7 overshoots.
+    """
+
+    name: ClassVar[str] = "servo_second_order"
+    domain: ClassVar[Domain] = "drive"
+    mechanism: ClassVar[str] = "servo_dynamics"
+    summary: ClassVar[str] = "the servos answer with inertia"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("servo_second_order.time", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="T, 1 / natural frequency"),
+        Parameter("servo_second_order.damping", "-", 0.7, 0.1, 3.0, 0.7, 0.2, about="zeta, damping ratio", shape=True),
+    )
+    source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
+    signature: ClassVar[str] = "late, and larger or smaller near its natural frequency; steps overshoot or come smooth"
+    confirm: ClassVar[str] = "log the joint angles on the bench while the command steps"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
+    smooth: ClassVar[bool] = False
+
+    def not_applicable(self, dataset: Dataset) -> str:
+        """Measured joint angles leave nothing between command and joint."""
+        return undetectable_behind_measured_joints(dataset)
+
+    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        """Filter the motion."""
+        if values["time"] < SHORTEST:
+            return motion
+        return filtered(motion, values["time"], values["damping"])

@@ -1,0 +1,45 @@
+"""Elastic deflection of the caudal link that grows less than its load."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from mjfish.effects.calibration import SPRING_BALANCE, Calibration
+from mjfish.effects.effect import Domain, Effect, Fingerprint, Values
+from mjfish.fish import Fish
+from mjfish.parameter import Parameter
+
+
+class TailHardening(Effect):
+    """The last link bends back about its joint, ever stiffer: M = delta (1 + h delta^2) / compliance + damping delta'.
+
+    A beam of large deflection, or a joint that runs into its stop; h = 0 is the linear spring of `TailCompliance`. The
+    moment is odd and grows with the deflection for h >= 0.
+    """
+
+    name: ClassVar[str] = "tail_hardening"
+    domain: ClassVar[Domain] = "body"
+    mechanism: ClassVar[str] = "tail_flexibility"
+    summary: ClassVar[str] = "the caudal link gives way elastically, ever less with its load"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("tail_hardening.compliance", "rad/(N m)", 0.0, 0.0, 2.0, 0.0, 0.05, about="deflection per torque"),
+        Parameter("tail_hardening.damping", "N m s/rad", 0.02, 0.0, 0.2, 0.1, 0.02, about="of it", shape=True),
+        Parameter("tail_hardening.hardening", "1/rad2", 10.0, 0.0, 300.0, 10.0, 10.0, about="h, of it", shape=True),
+    )
+    source: ClassVar[str] = "Duffing's equation: Kovacic and Brennan (2011), ch. 2"
+    signature: ClassVar[str] = "the tail gives way at small load and less so at large: it shows most at slow beats"
+    confirm: ClassVar[str] = "hold the peduncle, load the fin with a spring balance and read the deflection"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = SPRING_BALANCE
+    smooth: ClassVar[bool] = False
+    least: ClassVar[float] = 0.02  # see `TailCompliance`
+
+    def body(self, fish: Fish, values: Values) -> Fish:
+        """Add the compliance to the fish's own."""
+        return fish.model_copy(
+            update={
+                "tail_compliance": fish.tail_compliance + values["compliance"],
+                "tail_damping": values["damping"],
+                "tail_hardening": values["hardening"],
+            }
+        )

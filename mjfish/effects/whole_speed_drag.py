@@ -1,0 +1,55 @@
+"""Drag that goes with the whole speed of a strip."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.hydro.load import Load, load
+from mjfish.parameter import Parameter
+
+
+
+@load
+def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
+    """Excess over the crossflow principle: (V - |q|) q and (V - |u|) u, V = sqrt(u^2 + q^2)."""
+    u = link.u
+    middle = link.v + 0.5 * link.length * link.w
+    along = parameters[0] * link.c_f * link.wetted * (np.sqrt(u * u + middle * middle) - abs(u)) * u
+    across = 0.0
+    moment = 0.0
+    for k in range(link.strip_r.shape[0]):
+        r = link.strip_r[k]
+        q = link.v + link.w * r
+        share = link.strip_weight[k] * link.strip_height[k] * (np.sqrt(u * u + q * q) - abs(q)) * q
+        across += share
+        moment += share * r
+    half = -0.5 * link.density
+    pressure = half * parameters[1] * link.c_d
+    return half * along, pressure * across, pressure * moment
+
+
+class WholeSpeedDrag(Effect):
+    """Drag across goes as |V| q in place of |q| q, and friction as |V| u in place of |u| u, V the whole velocity.
+
+    The crossflow principle takes the flow along a section not to matter for the drag across it, which holds of laminar
+    flow around infinite cylinders. A share psi of the other extreme is added: psi (V - |q|) q, psi (V - |u|) u.
+    """
+
+    name: ClassVar[str] = "whole_speed_drag"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "drag_law"
+    summary: ClassVar[str] = "drag goes with the whole speed, not with that across or along"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("whole_speed_drag.friction", "-", 0.0, 0.0, 2.0, 0.0, 0.2, about="psi of the friction along"),
+        Parameter("whole_speed_drag.pressure", "-", 0.0, 0.0, 2.0, 0.0, 0.2, about="psi of the drag across"),
+    )
+    source: ClassVar[str] = "Hoerner, Fluid-Dynamic Drag (1965), sec. 3-10: crossflow principle; Sarpkaya and Isaacson (1981)"
+    signature: ClassVar[str] = "sway and yaw rate of the beat are damped more, the faster the fish swims"
+    confirm: ClassVar[str] = "tow the stretched fish at an angle: the side force grows with the speed along"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration: ClassVar[Calibration | None] = TOW_TEST
+    load: ClassVar[Load | None] = _excess
