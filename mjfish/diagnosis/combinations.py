@@ -9,7 +9,7 @@ the data cannot tell apart are all kept (the lower boundary of [Ferrari2015]).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
-from mjfish.diagnosis.refit import Refit, refined, refit_with
+from mjfish.diagnosis.refit import Refit, refined, refit_learned, refit_with
 from mjfish.diagnosis.select import GOODNESS, Standing, standings
 from mjfish.effects.effect import Effect
 
@@ -29,6 +29,8 @@ _BASES, _ADDED = 2, 3
 _SEEN = 0.01
 #: and the set must explain this much beyond every smaller one, also as a share of what it explains.
 MEMBER, SHARE = 20.0, 0.01
+#: and beyond every smaller one with a learned form, whose basis has its limits, this share.
+LEARNED_SHARE = 0.03
 
 Names = tuple[str, ...]
 
@@ -73,7 +75,7 @@ def find_combinations(
         The sets with their standings; None where no second cause is to be seen, or no set has earned all its members.
     """
     known: dict[Names, Refit] = {(name,): refit for name, refit in singles.items()}
-    bases = sorted(known.values(), key=lambda refit: -refit.gain)[:_BASES]
+    bases = _best(known.values())
     best: Combinations | None = None
     for size in range(2, LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
@@ -90,8 +92,15 @@ def find_combinations(
                     return _standing({**_of_size(size - 1, known), **parts}, candidates, known, held_out, rng)
         if not earned:
             return best
-        bases = sorted(earned.values(), key=lambda refit: -refit.gain)[:_BASES]
+        bases = _best(earned.values())
     return best
+
+
+def _best(refits: Iterable[Refit]) -> list[Refit]:
+    """Return the refits to extend: those with formulas that explain most, and the best with a learned form."""
+    ranked = sorted(refits, key=lambda refit: -refit.adjusted)
+    formulas = [refit for refit in ranked if not refit.learned]
+    return [*formulas[:_BASES], *[refit for refit in ranked if refit.learned][:1]]
 
 
 def _grown(
@@ -121,19 +130,24 @@ def _extended(
 ) -> dict[Names, Refit]:
     """Refit the bases with the best few additions to each; those near the best to the optimum."""
     found: dict[Names, Refit] = {}
+    learnable = {effect.mechanism for effect in candidates if effect.learned}
     for base in bases:
-        after = gather(base.problem, base.fit, candidates)
+        taken = learnable.intersection(base.mechanisms)  # two forms of one mechanism are one cause
+        after = gather(base.problem, base.fit, [effect for effect in candidates if effect.mechanism not in taken])
         for effect in shortlist(after, rng):
             names = tuple(sorted((*base.names, effect.name)))
             if names not in known:
-                refit = refit_with(after, effect, gained=base.gain)
+                refit = (refit_learned if effect.learned else refit_with)(after, effect, gained=base.gain)
                 if names not in found or refit.gain > found[names].gain:
                     found[names] = refit
     if found:
         top = max(refit.gain for refit in found.values())
         floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
         least = min(refit.fit.sse for refit in found.values())
-        found = {names: refined(refit, least) if refit.gain >= floor else refit for names, refit in found.items()}
+        found = {
+            names: refined(refit, least) if refit.gain >= floor and not refit.learned else refit
+            for names, refit in found.items()
+        }
     return found
 
 
@@ -142,7 +156,7 @@ def _visible_additions(after: Evidence, rng: np.random.Generator) -> list[Effect
     shown = [effect for effect in after.candidates if not after.unidentifiable(effect.name)]
     if not shown or after.directed_p(rng) > _SEEN:
         return []
-    return sorted(shown, key=lambda effect: -after.statistic(effect.name))[:_ADDED]
+    return sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
 
 
 def _nonsmooth_additions(after: Evidence, rng: np.random.Generator) -> list[Effect]:
@@ -150,7 +164,7 @@ def _nonsmooth_additions(after: Evidence, rng: np.random.Generator) -> list[Effe
     del rng
     if min(after.saturated_p(), after.omnibus_p()) >= GOODNESS:
         return []
-    return [effect for effect in after.candidates if not effect.smooth]
+    return [effect for effect in after.candidates if not effect.smooth and not effect.learned]
 
 
 def _without(refit: Refit, known: Mapping[Names, Refit]) -> list[Refit]:
@@ -192,8 +206,11 @@ def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit]) -> bool:
 
     Two are subtracted for every further parameter: a cause of four parameters explains some noise.
     """
-    worth = refit.adjusted - max(other.adjusted for names, other in known.items() if len(names) < len(refit.names))
-    return worth >= max(MEMBER, SHARE * refit.gain)
+    smaller = [other for names, other in known.items() if len(names) < len(refit.names)]
+    return all(
+        refit.adjusted - other.adjusted >= max(MEMBER, (LEARNED_SHARE if other.learned else SHARE) * refit.gain)
+        for other in smaller
+    )
 
 
 def _standing(

@@ -18,7 +18,8 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import inlined
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.effects.effect import Effect, Family
+from mjfish.effects.effect import Effect
+from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Fit, Problem
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
@@ -57,7 +58,7 @@ def _yaw_load(link: Any, p: Any) -> tuple[float, float, float]:
 class _Term(Effect):
     """Forces on every link per length; not in the catalogue, for it names no cause."""
 
-    family: ClassVar[Family] = "water"
+    domain: ClassVar[Domain] = "water"
     source: ClassVar[str] = "a description, not a physics"
     signature: ClassVar[str] = "that of its terms"
     confirm: ClassVar[str] = "find the cause"

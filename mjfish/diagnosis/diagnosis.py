@@ -15,6 +15,7 @@ from mjfish.diagnosis.combinations import find_combinations
 from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.evidence import Evidence, p_value_of
 from mjfish.diagnosis.fingerprint import fingerprint
+from mjfish.diagnosis.forms import named_mechanisms, refit_learned_forms, staying
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.diagnosis.implausible_noise import bursts, too_large
 from mjfish.diagnosis.missing_force import missing_force
@@ -88,7 +89,9 @@ def _diagnosed(
     candidates = tuple(of_fish(catalogue() if effects is None else effects, dataset.fish).values())
     known = {effect.name: effect for effect in candidates}
     reasons = {effect.name: effect.not_applicable(dataset) for effect in candidates}
-    applicable = tuple(effect for effect in candidates if not reasons[effect.name])
+    formulas = tuple(effect for effect in candidates if not effect.learned)
+    applicable = tuple(effect for effect in formulas if not reasons[effect.name])
+    learnable = tuple(effect for effect in candidates if effect.learned and not reasons[effect.name])
     if not applicable:
         raise InputError(f"{dataset.name}: none of the {len(candidates)} effects applies to this dataset; add one")
     dataset = aligned(dataset)
@@ -115,13 +118,29 @@ def _diagnosed(
     held_out = HeldOut(evidence, held)
     single = _compared(refits, applicable, held_out, rng)
     combined, others = None, None
+    learned: dict[str, Refit] = {}
+    if refits:
+        clear = single.retained(clean=True)
+        asked = [refits[name].mechanisms[0] for (name,) in clear] or [effect.mechanism for effect in learnable]
+        learned = refit_learned_forms(evidence, learnable, asked)
+        if not clear:
+            refits = {**refits, **learned}
+            single = _compared(refits, applicable, held_out, rng)
     if refits and not single.retained(clean=True):
-        combined = _combined(refits, applicable, held_out, rng, part(progress, 0.8, 0.15))
+        combined = _combined(refits, (*applicable, *learnable), held_out, rng, part(progress, 0.8, 0.15))
         if failed := single.failed():
             rest = {name: refit for name, refit in refits.items() if (name,) not in failed}
             others = _compared(rest, applicable, held_out, rng)
     decision = decide(screening.p_wrong, single, combined, checks.blocks, others)
     best = _best(decision, single, combined)
+    retained = [best, *_retained(decision, single, combined)] if best is not None else []
+    if decision.verdict == "named" and best is not None:
+        form = learned.get(best.mechanisms[0]) if len(best.effects) == 1 else None
+        if stay := staying([refit for refit in retained if not refit.learned], form):
+            best, retained = stay[0], list(stay)
+        elif form is not None:
+            best, retained = form, [form]
+        decision = replace(decision, sets=tuple(dict.fromkeys(refit.names for refit in retained)))
 
     progress("looking at what is wrong", 0.96)
     scores = (held_out.score(None), held_out.score(best)) if held else None
@@ -138,6 +157,7 @@ def _diagnosed(
         remarks=tuple(remarks(noise_remark, evidence.fit, converged, held)),
         checks=checks,
         causes=_causes(best) if best is not None and decision.verdict == "named" else (),
+        mechanisms=named_mechanisms(best, retained, learned) if decision.verdict == "named" and best else (),
         rivals=decision.rivals,
         alternatives=decision.sets,
         certain=decision.certain,
@@ -203,6 +223,12 @@ def _best(decision: Decision, single: Comparison, combined: Comparison | None) -
     return max(single.refits.values(), key=lambda refit: refit.adjusted) if single.refits else None
 
 
+def _retained(decision: Decision, single: Comparison, combined: Comparison | None) -> list[Refit]:
+    """Return the refits of the sets of a decision."""
+    found = {**single.refits, **({} if combined is None else combined.refits)}
+    return [found[names] for names in decision.sets if names in found]
+
+
 def _causes(best: Refit) -> tuple[Cause, ...]:
     """Return the causes of a refit with the estimates of their parameters."""
     return tuple(Cause(effect.name, effect.summary, _parameters(best, effect)) for effect in best.effects)
@@ -247,20 +273,12 @@ def _candidates(
     result = []
     for effect in effects:
         name = effect.name
+        if effect.learned and name not in refits:
+            continue
         if reasons[name]:
             result.append(Candidate(name, False, remark=reasons[name]))
             continue
-        unidentifiable = evidence.unidentifiable(name)
-        score = 0.0 if unidentifiable else evidence.statistic(name)
-        scored = Candidate(
-            name=name,
-            applicable=True,
-            score=score,
-            statistic=score,
-            degrees_of_freedom=sum(not p.shape for p in effect.parameters),
-            confounded=evidence.confounded(name),
-            minimum_detectable=evidence.minimum_detectable(name) if effect.smooth and not unidentifiable else None,
-        )
+        scored = Candidate(name, True) if effect.learned else _scored(effect, evidence)
         if (refit := refits.get(name)) is not None:
             scored = replace(
                 scored,
@@ -278,6 +296,22 @@ def _candidates(
             scored = replace(scored, held_out_gain=confirmation.gained)
         result.append(replace(scored, p_value=p_value_of(scored.statistic, scored.degrees_of_freedom)))
     return tuple(sorted(result, key=lambda candidate: -candidate.statistic))
+
+
+def _scored(effect: Effect, evidence: Evidence) -> Candidate:
+    """Return a candidate with its score at the fit of the nominal model."""
+    name = effect.name
+    unidentifiable = evidence.unidentifiable(name)
+    score = 0.0 if unidentifiable else evidence.statistic(name)
+    return Candidate(
+        name=name,
+        applicable=True,
+        score=score,
+        statistic=score,
+        degrees_of_freedom=sum(not p.shape for p in effect.parameters),
+        confounded=evidence.confounded(name),
+        minimum_detectable=evidence.minimum_detectable(name) if effect.smooth and not unidentifiable else None,
+    )
 
 
 def remarks(noise: str, nominal: Fit, converged: Mapping[str, str], held: Sequence[Trial]) -> Iterator[str]:

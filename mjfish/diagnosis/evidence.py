@@ -27,8 +27,8 @@ from mjfish.parameter import Parameter
 def one_sided_statistic(u: FloatArray, information: FloatArray, positive: BoolArray) -> FloatArray:
     """Return T = max over feasible amplitudes psi of 2 u'psi - psi' I psi, for many draws at once.
 
-    The maximum is that of an active set of amplitudes whose unconstrained solution has allowed signs; there are few
-    amplitudes (d <= 3 or so), so that all sets are tried.
+    The maximum is that of a set of amplitudes off zero whose unconstrained solution has allowed signs; few of them
+    cannot be negative, so that all sets of these are tried, with all others.
 
     Args:
         u: (draws, d) scores.
@@ -36,19 +36,25 @@ def one_sided_statistic(u: FloatArray, information: FloatArray, positive: BoolAr
         positive: (d,) amplitudes that cannot be negative.
     """
     best = np.zeros(len(u))
-    for active in chain.from_iterable(combinations(range(len(positive)), k + 1) for k in range(len(positive))):
-        index = list(active)
+    for index in _active_sets(positive):
         solution = u[:, index] @ np.linalg.pinv(information[np.ix_(index, index)], hermitian=True)
         feasible = np.all((solution >= 0.0) | ~positive[index], axis=1)
         best = np.maximum(best, np.where(feasible, np.einsum("ij,ij->i", solution, u[:, index]), 0.0))
     return best
 
 
+def _active_sets(positive: BoolArray) -> Iterator[list[int]]:
+    """Yield the sets of amplitudes that may be off zero: those of any sign, and some of the others."""
+    signed, other = np.flatnonzero(~positive), np.flatnonzero(positive)
+    for some in chain.from_iterable(combinations(other, k) for k in range(len(other) + 1)):
+        if len(signed) + len(some):
+            yield sorted([*map(int, signed), *map(int, some)])
+
+
 def amplitudes(u: FloatArray, information: FloatArray, positive: BoolArray) -> FloatArray:
     """Return the feasible amplitudes psi (d,) that maximise 2 u'psi - psi' I psi."""
     best, found = 0.0, np.zeros(len(u))
-    for active in chain.from_iterable(combinations(range(len(positive)), k + 1) for k in range(len(positive))):
-        index = list(active)
+    for index in _active_sets(positive):
         solution = np.linalg.pinv(information[np.ix_(index, index)], hermitian=True) @ u[index]
         if np.all((solution >= 0.0) | ~positive[index]) and (value := float(solution @ u[index])) > best:
             best, found = value, np.zeros(len(u))
@@ -56,7 +62,7 @@ def amplitudes(u: FloatArray, information: FloatArray, positive: BoolArray) -> F
     return found
 
 
-def p_value_of(statistic: float, degrees_of_freedom: int) -> float:
+def p_value_of(statistic: float, degrees_of_freedom: float) -> float:
     """Return the p value of a likelihood-ratio statistic."""
     return float(stats.chi2.sf(max(statistic, 0.0), degrees_of_freedom))
 
@@ -130,6 +136,10 @@ class Evidence:
     def statistic(self, name: str) -> float:
         """Return T of one candidate at the observed score."""
         return float(self._statistics(name, self.score[None, :])[0])
+
+    def worth(self, name: str) -> float:
+        """Return T of one candidate less two for every amplitude: what candidates of different size compare on."""
+        return self.statistic(name) - 2.0 * self._degrees_of_freedom(name)
 
     def statistics(self, draws: FloatArray) -> dict[str, FloatArray]:
         """Return T of every candidate for many score vectors (draws, d)."""

@@ -15,6 +15,7 @@ from mjfish.diagnosis.integration_step import finer
 from mjfish.diagnosis.progress import Progress, silent
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem, fit
+from mjfish.estimation.smoothness import effective_degrees_of_freedom, smoothed
 from mjfish.parameter import Parameter, bounds
 from mjfish.threads import threaded
 
@@ -60,11 +61,27 @@ class Refit:
         """Names of the causes."""
         return tuple(effect.name for effect in self.effects)
 
+    @property
+    def learned(self) -> bool:
+        """Whether the form of a cause is learned."""
+        return any(effect.learned for effect in self.effects)
+
+    @property
+    def mechanisms(self) -> tuple[str, ...]:
+        """Names of the mechanisms of the causes, sorted."""
+        return tuple(sorted({effect.mechanism for effect in self.effects}))
+
     @functools.cached_property
-    def degrees_of_freedom(self) -> int:
-        """Number of parameters that the causes add; a shape to which the fit does not respond is not counted."""
+    def degrees_of_freedom(self) -> float:
+        """Number of parameters that the causes add; a shape to which the fit does not respond is not counted.
+
+        Of a learned form, the effective number: priors take the place of data.
+        """
         responds = {p.name for p, slope in zip(self.fit.parameters, self.fit.jacobian.T, strict=True) if np.any(slope)}
-        return sum(not p.shape or p.name in responds for effect in self.effects for p in effect.parameters)
+        formulas = (p for effect in self.effects if not effect.learned for p in effect.parameters)
+        learned = [p.name for effect in self.effects if effect.learned for p in effect.parameters]
+        plain = sum(not p.shape or p.name in responds for p in formulas)
+        return plain + effective_degrees_of_freedom(self.problem, self.fit, learned) if learned else plain
 
     @property
     def adjusted(self) -> float:
@@ -197,6 +214,20 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Re
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse)
 
 
+def refit_learned(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
+    """Add a cause of learned form to a fitted model: to its optimum, its smoothness by marginal likelihood.
+
+    Args:
+        evidence: of the model that it extends, with the cause among its candidates.
+        effect: the cause.
+        gained: what that model gained already against the nominal one.
+    """
+    rough = refit_with(evidence, effect, gained=gained)
+    found = fit(rough.problem, rough.fit.x, tolerance=TOLERANCE)
+    problem, found = smoothed(rough.problem, found, tolerance=TOLERANCE)
+    return Refit(rough.effects, problem, found, gained + evidence.fit.sse - found.sse)
+
+
 def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
     """Return a refit under the noise of the evidence, some evaluations later.
 
@@ -225,15 +256,15 @@ def refined(refit: Refit, best: float) -> Refit:
     fits = min(best, result.sse) <= _MISFIT * len(result.residual)
     if not fits:
         start = refit.problem.start(refit.parameter_values())
-        result = min(result, _followed(refit.problem, start, result.sse, best), key=lambda each: each.sse)
+        result = min(result, _followed(refit.problem, start, result.sse, best), key=lambda each: each.objective)
     for _ in range(_MOST_MINIMA):
         starts = other_minima(result, refit.problem, fits=fits)
         others = [_followed(refit.problem, start, result.sse, best) for start in starts]
-        lower = min([result, *others], key=lambda each: each.sse)
+        lower = min([result, *others], key=lambda each: each.objective)
         if lower is result:
             break
         result = lower
-    if result.sse <= refit.fit.sse:
+    if result.objective <= refit.fit.objective:
         refit = replace(refit, fit=result, gain=refit.gain + refit.fit.sse - result.sse)
     return _resolved(refit)
 
@@ -417,8 +448,9 @@ def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, flo
     for multiple in _MULTIPLES:
         signs = {p.name: -1.0 if one_step[p.name] < p.default else 1.0 for p in amplitudes}
         found.append({p.name: p.default + multiple * signs[p.name] * p.scale for p in amplitudes})
-    if not effect.smooth and len(amplitudes) == 1:  # an optimum in another minimum is out of a fit's reach
-        found += [{p.name: p.default + share * p.scale for p in amplitudes} for share in _GRID]
+    if not effect.smooth:  # an optimum in another minimum is out of a fit's reach
+        null = {p.name: p.default for p in amplitudes}
+        found += [{**null, p.name: p.default + share * p.scale} for p in amplitudes for share in _GRID]
     if any(p.start != p.default for p in amplitudes):  # declared where there is no gradient at the null
         found += [{p.name: p.default + share * (p.start - p.default) for p in amplitudes} for share in (1.0, 2.0)]
     return [_inside(effect, guess) for guess in found]

@@ -10,6 +10,7 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis.description import Description
 from mjfish.diagnosis.fingerprint import Measured
+from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.missing_force import MissingForce
 from mjfish.diagnosis.where import Where
@@ -80,7 +81,7 @@ class Candidate:
     applicable: bool
     score: float = 0.0
     statistic: float = 0.0
-    degrees_of_freedom: int = 0
+    degrees_of_freedom: float = 0
     p_value: float = 1.0
     rival_p: float | None = None
     fit_p: float | None = None
@@ -143,6 +144,7 @@ class Diagnosis(Result):
         remarks: what a reader should know: noise, bounds, what was left out.
         checks: what is to be known of the data before physics is blamed.
         causes: named ones, together.
+        mechanisms: of the named causes: what acts, as deep as the data say it, with its curves.
         rivals: groups of names that the data cannot tell apart.
         alternatives: every set of causes that stays: the named one, or those that the data cannot tell apart.
         certain: the causes that all of these have: the named ones, or what several sets share.
@@ -173,6 +175,7 @@ class Diagnosis(Result):
     remarks: tuple[str, ...]
     checks: Inspection
     causes: tuple[Cause, ...]
+    mechanisms: tuple[NamedMechanism, ...]
     rivals: tuple[tuple[str, ...], ...]
     alternatives: tuple[tuple[str, ...], ...]
     certain: tuple[str, ...]
@@ -219,8 +222,8 @@ class Diagnosis(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the diagnosis as plain data, the content of ``diagnosis.json``."""
         kept = (
-            "verdict", "message", "status", "remarks", "causes", "rivals", "alternatives", "certain", "candidates",
-            "undetectable", "checks", "fingerprint", "description", "p_wrong", "where", "fits", "provenance",
+            "verdict", "message", "status", "remarks", "causes", "mechanisms", "rivals", "alternatives", "certain",
+            "candidates", "undetectable", "checks", "fingerprint", "description", "p_wrong", "where", "fits", "provenance",
         )  # fmt: skip
         return {
             "schema": SCHEMA,

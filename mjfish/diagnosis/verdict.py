@@ -10,6 +10,7 @@ from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.refit import Refit
 from mjfish.diagnosis.result import Verdict
 from mjfish.diagnosis.select import LEFT, RESEMBLES, Standing
+from mjfish.effects.mechanism import MECHANISMS
 from mjfish.inspection import Finding
 
 #: Something is wrong where the nominal model's p value is below this: 1.2 false alarms in a hundred.
@@ -35,7 +36,9 @@ class Decision:
     @property
     def certain(self) -> Names:
         """The causes that are at work whichever set is the truth: the named ones, or what several sets share."""
-        return shared(self.sets) if self.verdict == "named" or len(self.sets) > 1 else ()
+        if self.verdict == "named":
+            return self.sets[0]
+        return shared(self.sets) if len(self.sets) > 1 else ()
 
     @property
     def rivals(self) -> tuple[Names, ...]:
@@ -73,7 +76,11 @@ class Comparison:
             and (standing.clean if clean else standing.fits)
             and not _failed(self.held_out.get(names))
         ]
-        return tuple(sorted(kept, key=lambda names: self.standings[names].behind))
+        return tuple(sorted(kept, key=lambda names: (self.refits[names].learned, self.standings[names].behind)))
+
+    def one_mechanism(self, sets: Sequence[Names]) -> bool:
+        """Return whether all sets are forms of the same mechanisms."""
+        return len({self.refits[names].mechanisms for names in sets}) == 1
 
     def similar(self, names: Names, share: float) -> tuple[Names, ...]:
         """Return a set that leaves a misfit, followed by the rivals that leave at most this share of all.
@@ -136,10 +143,11 @@ def decide(
         )
     for comparison, clean in ((single, True), (several, False), (single, False)):
         retained = comparison.retained(clean=clean) if comparison is not None else ()
-        if comparison is single and len(retained) == 1 and not single.standings[retained[0]].clean:
-            retained = single.similar(retained[0], LEFT)
-        if comparison is not None and len(retained) == 1:
-            return _alone(retained[0], comparison.refits[retained[0]], comparison.standings[retained[0]])
+        if comparison is single and not clean and retained and single.one_mechanism(retained):
+            first = min(retained, key=lambda names: single.standings[names].behind)
+            retained = tuple(dict.fromkeys((*retained, *single.similar(first, LEFT))))
+        if comparison is not None and retained and comparison.one_mechanism(retained):
+            return _alone(retained, comparison)
         if retained:
             return Decision("cannot_tell", retained, _tied(retained))
     best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
@@ -169,12 +177,14 @@ def _nearly(best: Names, comparison: Comparison) -> Decision | None:
     return Decision("cannot_tell", similar, f"Something is wrong, but these data cannot tell what: {choice}.")
 
 
-def _alone(names: Names, refit: Refit, standing: Standing) -> Decision:
-    """Rule on the only set that stays."""
+def _alone(sets: Sequence[Names], comparison: Comparison) -> Decision:
+    """Rule on the only set that stays, or on sets that are forms of the same mechanisms."""
+    names = sets[0]
+    refit, standing = comparison.refits[names], comparison.standings[names]
     p = p_value_of(refit.gain, refit.degrees_of_freedom)
     if p < _OWN:
         left = "" if standing.clean else f" It leaves {standing.left:.1%} of what there was to explain: {_OTHERWISE}."
-        return Decision("named", (names,), _named(refit) + left)
+        return Decision("named", tuple(sets), _named([comparison.refits[each] for each in sets]) + left)
     choice = f"{_listed([names])} would do, and explains no more than chance might (p = {p:.2g})"
     return Decision("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {choice}.")
 
@@ -192,7 +202,14 @@ def _listed(sets: Sequence[Names]) -> str:
     return " or ".join(" with ".join(names) for names in sets)
 
 
-def _named(refit: Refit) -> str:
+def _named(refits: Sequence[Refit]) -> str:
+    refit = refits[0]
+    if len(refit.effects) == 1 and (len(refits) > 1 or refit.learned):
+        mechanism = refit.mechanisms[0]
+        summary = MECHANISMS[mechanism].summary if mechanism in MECHANISMS else refit.effects[0].summary
+        formulas = [other.names[0] for other in refits if not other.learned]
+        form = f"its form may be {' or '.join(formulas)}" if formulas else "no formula fits, its form is learned"
+        return f"The mechanism is {mechanism}: {summary}; {form}."
     if len(refit.effects) == 1:
         return f"The cause is {refit.names[0]}: {refit.effects[0].summary}."
     listed = " and ".join(f"{effect.name} ({effect.summary})" for effect in refit.effects)

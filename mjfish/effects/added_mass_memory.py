@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
-
 
 
 @load(memory=2)

@@ -10,7 +10,8 @@ from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.effects.calibration import DRIFT, Calibration
-from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
-
 
 
 @load
@@ -18,8 +18,8 @@ def _lift(link: Any, parameters: Any) -> tuple[float, float, float]:
     if link.last == 1.0:
         return 0.0, 0.0, 0.0
     arm = 0.5 * link.length
-    force = -0.5 * link.density * parameters[0] * link.height_moment[INTERVALS, 0] * abs(link.u) * (
-        link.v + arm * link.w
+    force = (
+        -0.5 * link.density * parameters[0] * link.height_moment[INTERVALS, 0] * abs(link.u) * (link.v + arm * link.w)
     )
     return 0.0, force, arm * force
 

@@ -17,6 +17,7 @@ _SHARP, _OFF_CORNER = 256.0, 0.87
 SHORTEST = 1e-3
 _SHARE = 0.25
 
+
 def undetectable_behind_measured_joints(dataset: Dataset) -> str:
     """Say why no servo can be detected, where every trial has measured joint angles."""
     if all(trial.joint_angle is not None for trial in dataset.trials):
@@ -64,9 +65,7 @@ def _corner(x: float) -> float:
 
 def limited(motion: JointMotion, slowness: float) -> JointMotion:
     """Return the motion behind a rate limit of 1 / slowness, see `mjfish.effects.servo_rate_limit.ServoRateLimit`."""
-    angle, rate, acceleration = _limited(
-        np.diff(motion.time), motion.angle, motion.rate, motion.acceleration, slowness
-    )
+    angle, rate, acceleration = _limited(np.diff(motion.time), motion.angle, motion.rate, motion.acceleration, slowness)
     return balanced(motion.time, angle, rate, acceleration)
 
 

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.compiled import inlined
 from mjfish.data import Trial
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.curve import Curve, Penalty, Quantity, smoothness
-from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.fish import Fish
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import outlines
 from mjfish.hydro.spline import spline, spline_weights
 from mjfish.parameter import Parameter
+from mjfish.prior import Prior, smooth_curve
 
 #: Octaves below the reference speed at which the knots begin, and their number: of c_d, of c_f.
 _BELOW_D, _KNOTS_D = 3, 6
@@ -157,42 +156,12 @@ class DragLaw(Effect):
         del trial
         return self.reference
 
-    def penalties(self) -> tuple[Penalty, ...]:
+    def priors(self) -> tuple[Prior, ...]:
         """Keep both curves smooth."""
         return (
-            *smoothness(_names("across", _KNOTS_D), _BELOW_D, 0.3, 0.7),
-            *smoothness(_names("along", _KNOTS_F), _BELOW_F, 0.3, 0.7),
+            *smooth_curve("drag_law.across", _names("across", _KNOTS_D), _BELOW_D, 0.3, 0.7),
+            *smooth_curve("drag_law.along", _names("along", _KNOTS_F), _BELOW_F, 0.3, 0.7),
         )
-
-    def curves(self, fish: Fish) -> tuple[Curve, ...]:
-        """Return c_d and c_f of every group of links against the speed."""
-        groups = dict.fromkeys(link.group for link in fish.links)
-        return tuple(
-            self._curve(fish, kind, group) for kind in ("c_d", "c_f") for group in groups
-        )
-
-    def _curve(self, fish: Fish, kind: str, group: str) -> Curve:
-        short, count, below = ("across", _KNOTS_D, _BELOW_D) if kind == "c_d" else ("along", _KNOTS_F, _BELOW_F)
-        at = self.reference[0] * 2.0 ** np.linspace(-below, count - 1 - below, 4 * (count - 1) + 1)
-        names = _names(short, count)
-
-        def value(values: Mapping[str, float]) -> FloatArray:
-            knots = np.array([values[name] for name in names])
-            g = [spline(t, knots, 0, count, below) for t in np.linspace(0.0, count - 1.0, len(at))]
-            return np.asarray(values[f"{kind}.{group}"] * np.exp(g))
-
-        own = [i for i, link in enumerate(fish.links) if link.group == group]
-        strips = [outlines(fish)[i].strip_r for i in own]
-
-        def visits(u: FloatArray, v: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-            if kind == "c_f":
-                speed = np.abs(u[:, own]).ravel()
-            else:
-                pairs = zip(own, strips, strict=True)
-                speed = np.abs(np.concatenate([v[:, i, None] + w[:, i, None] * r for i, r in pairs], axis=1)).ravel()
-            return speed, speed**4
-
-        return Curve(kind, group, Quantity("speed", "m/s"), Quantity(kind, "-"), at, value, visits)
 
 
 @functools.cache

@@ -7,11 +7,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
-
 
 
 @load

@@ -11,12 +11,12 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.calibration import Calibration
-from mjfish.effects.curve import Curve, Penalty
 from mjfish.effects.mechanism import MECHANISMS, Domain
 from mjfish.errors import ParameterError, UnknownNameError
 from mjfish.fish import KINDS, Fish
 from mjfish.hydro.load import PARAMETERS, Load
 from mjfish.parameter import Parameter
+from mjfish.prior import Prior
 
 #: Values of an effect's parameters by their short names, e.g. ``{"offset": 0.02}``.
 Values = Mapping[str, float]
@@ -57,7 +57,7 @@ class Effect(ABC):
         name: unique; parameters are addressed ``name.short``.
         domain: where it acts.
         mechanism: of which it is a form, by its name in `mjfish.effects.mechanism`; without one, it is its own.
-        learned: whether its form is learned from the data: numbers of a curve, kept smooth by `penalties`. It is
+        learned: whether its form is learned from the data: numbers of a curve, kept smooth by `priors`. It is
             asked for only where no formula of the catalogue explains the data, and to judge such formulas.
         summary: one line, as a reader would say it.
         parameters: its numbers; ``default`` is the null value at which it does nothing. At least one is no ``shape``.
@@ -157,12 +157,7 @@ class Effect(ABC):
         del values, trial
         return state
 
-    def curves(self, fish: Fish) -> tuple[Curve, ...]:
-        """Return its form as functions of what the mechanism depends on; none where it is a number."""
-        del fish
-        return ()
-
-    def penalties(self) -> tuple[Penalty, ...]:
+    def priors(self) -> tuple[Prior, ...]:
         """Return what keeps a learned form smooth, and what is known of its numbers beforehand."""
         return ()
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Effect, Domain, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter

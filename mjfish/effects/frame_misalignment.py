@@ -9,7 +9,8 @@ import numpy as np
 from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
-from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.curve import Curve, Penalty, Quantity
-from mjfish.effects.effect import Domain, Effect, Fingerprint
-from mjfish.fish import Fish
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
-
-
+from mjfish.prior import Prior
 
 
 @load
@@ -71,36 +67,7 @@ class Lift(Effect):
     calibration: ClassVar[Calibration | None] = TOW_TEST
     load: ClassVar[Load | None] = _force
 
-    def penalties(self) -> tuple[Penalty, ...]:
+    def priors(self) -> tuple[Prior, ...]:
         """Slopes of lift are of the order of those of foils; the second harmonic is smaller."""
         names = tuple(f"lift.{short}" for short in ("fin_1", "fin_normal", "body_1", "body_normal"))
-        return Penalty(names, np.eye(4), 4.0, False), Penalty(("lift.fin_2",), np.eye(1), 1.0, True)
-
-    def curves(self, fish: Fish) -> tuple[Curve, ...]:
-        """Return the coefficient of the force across the chord of fin and body against the angle of attack."""
-        return tuple(
-            Curve(
-                "c_n", group, Quantity("angle_of_attack", "rad"), Quantity("c_n", "-"), np.linspace(0.0, 1.5, 31),
-                lambda values, group=group: _normal(values, group), _visits(fish, group),
-            )
-            for group in ("fin", "body")
-        )  # fmt: skip
-
-
-def _normal(values: Mapping[str, float], group: str) -> FloatArray:
-    angle = np.linspace(0.0, 1.5, 31)
-    second = values["lift.fin_2"] if group == "fin" else 0.0
-    lift = 0.5 * values[f"lift.{group}_1"] * np.sin(2.0 * angle) + 0.25 * second * np.sin(4.0 * angle)
-    return np.asarray(lift * np.cos(angle) + 0.5 * values[f"lift.{group}_normal"] * np.sin(2.0 * angle))
-
-
-def _visits(fish: Fish, group: str) -> Any:
-    own = [len(fish.links) - 1] if group == "fin" else list(range(len(fish.links) - 1))
-    arm = np.array([(0.75 if group == "fin" else 0.5) * fish.links[i].length for i in own])
-
-    def visits(u: FloatArray, v: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-        q = np.abs(v[:, own] + arm * w[:, own])
-        along = np.abs(u[:, own])
-        return np.arctan2(q, along).ravel(), ((along**2 + q**2) ** 2).ravel()
-
-    return visits
+        return Prior("lift.slopes", names, np.eye(4), 4.0), Prior("lift.harmonic", ("lift.fin_2",), np.eye(1), 2.0)

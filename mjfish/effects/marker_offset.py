@@ -6,7 +6,8 @@ from typing import ClassVar
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
-from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 

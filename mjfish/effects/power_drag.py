@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
-
 
 #: Speed at which the coefficients are those of the fish [m/s].
 REFERENCE_SPEED = 0.3

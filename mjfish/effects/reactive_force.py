@@ -7,12 +7,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.curve import Penalty
-from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
-
+from mjfish.prior import Prior
 
 
 @load
@@ -56,6 +56,6 @@ class ReactiveForce(Effect):
     resembles: ClassVar[tuple[str, ...]] = ("design-no-turn",)
     load: ClassVar[Load | None] = _force
 
-    def penalties(self) -> tuple[Penalty, ...]:
+    def priors(self) -> tuple[Prior, ...]:
         """Shares are of the order of one."""
-        return (Penalty(tuple(p.name for p in self.parameters), np.eye(4), 1.0, False),)
+        return (Prior("reactive_force.shares", tuple(p.name for p in self.parameters), np.eye(4), 1.0),)

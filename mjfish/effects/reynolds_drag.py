@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Effect, Domain, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
 

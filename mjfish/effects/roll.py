@@ -11,7 +11,8 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.compiled import compiled
 from mjfish.data import Trial
 from mjfish.drive.measured import smoothing_spline
-from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 #: Acceleration of gravity [m/s2].

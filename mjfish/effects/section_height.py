@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from mjfish.effects.calibration import CALIPERS, Calibration
-from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.mechanism import Domain
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 

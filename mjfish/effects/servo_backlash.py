@@ -11,7 +11,8 @@ from mjfish.compiled import compiled, inlined
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import balanced, undetectable_behind_measured_joints
-from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 #: Parts of each half step of the drive, in which the play is straight.

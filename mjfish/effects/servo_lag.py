@@ -11,7 +11,8 @@ from mjfish.compiled import compiled
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import cubic, undetectable_behind_measured_joints
-from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 #: A shorter lag is none: the steps behind a step of the drive could not follow its kick [s].

@@ -9,7 +9,8 @@ import numpy as np
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import undetectable_behind_measured_joints
-from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 

@@ -7,11 +7,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
-
 
 #: Where the velocity is taken and the force acts, in chords behind the joint.
 _DOWNWASH, _CENTRE = 0.75, 0.25
@@ -46,7 +46,7 @@ class StreamLift(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("stream_lift.slope", "-", 0.0, 0.0, 8.0, 0.0, 0.05, about="C, slope of the lift at small angles"),
     )
-    source: ClassVar[str] = "Hoerner and Borst, Fluid-Dynamic Lift (1975), ch. 3 and 17: lift of flat plates up to 90 degrees"
+    source: ClassVar[str] = "Hoerner and Borst, Fluid-Dynamic Lift (1975), ch. 3 and 17: plates to 90 degrees"
     signature: ClassVar[str] = "sway, yaw rate and thrust of the beat, growing with forward speed; little at rest"
     confirm: ClassVar[str] = "hold the fin in a stream and measure its force along and across it against the angle"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")

@@ -7,7 +7,8 @@ from typing import ClassVar
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.effects.calibration import SYNC_FLASH, Calibration
-from mjfish.effects.effect import Effect, Domain, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from mjfish.effects.effect import Effect, Domain, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter

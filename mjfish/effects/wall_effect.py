@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.data import Dataset, Trial
-from mjfish.effects.effect import Effect, Domain, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter

@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Domain, Effect, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
-
 
 
 @load
@@ -47,7 +47,7 @@ class WholeSpeedDrag(Effect):
         Parameter("whole_speed_drag.friction", "-", 0.0, 0.0, 2.0, 0.0, 0.2, about="psi of the friction along"),
         Parameter("whole_speed_drag.pressure", "-", 0.0, 0.0, 2.0, 0.0, 0.2, about="psi of the drag across"),
     )
-    source: ClassVar[str] = "Hoerner, Fluid-Dynamic Drag (1965), sec. 3-10: crossflow principle; Sarpkaya and Isaacson (1981)"
+    source: ClassVar[str] = "Hoerner, Fluid-Dynamic Drag (1965), sec. 3-10: crossflow principle"
     signature: ClassVar[str] = "sway and yaw rate of the beat are damped more, the faster the fish swims"
     confirm: ClassVar[str] = "tow the stretched fish at an angle: the side force grows with the speed along"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")

@@ -34,7 +34,8 @@ class Fit:
     Attributes:
         parameters: the free parameters (p,).
         x: their estimates (p,).
-        sse: sum of squared whitened residuals.
+        sse: sum of squared whitened residuals, those of the data.
+        penalty: what priors add to it.
         residual: (n,) whitened.
         jacobian: (n, p) of the whitened prediction.
         covariance: (p, p); rows and columns of parameters at a bound are zero.
@@ -58,6 +59,12 @@ class Fit:
     message: str
     evaluations: int
     cost: float = math.nan
+    penalty: float = 0.0
+
+    @property
+    def objective(self) -> float:
+        """What a fit minimises: `sse` and the penalty of the priors."""
+        return self.sse + self.penalty
 
     @property
     def values(self) -> dict[str, float]:
@@ -110,11 +117,13 @@ def fit(
     inside = 1e-6 * (high - low)
     x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
 
+    prior = problem.prior_root
+
     def residual_of(y: FloatArray) -> FloatArray:
-        return problem.residual(y * scale)
+        return np.concatenate([problem.residual(y * scale), -prior @ (y * scale)])
 
     def jacobian_of(y: FloatArray) -> FloatArray:
-        return np.asarray(-problem.jacobian(y * scale) * scale)
+        return np.asarray(-np.concatenate([problem.jacobian(y * scale), prior]) * scale)
 
     with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
         solution = optimize.least_squares(
@@ -133,26 +142,29 @@ def fit(
         )
     x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
     if loss == "linear":  # known already; putting an estimate onto its bound is a move too small for a Jacobian
-        residual = problem.residual(x) if at_bound.any() else np.asarray(solution.fun)
-        jacobian = np.asarray(-solution.jac / scale)
+        rows = len(solution.fun) - len(prior)
+        residual = problem.residual(x) if at_bound.any() else np.asarray(solution.fun[:rows])
+        jacobian = -np.asarray(solution.jac)[:rows] / scale
     else:
         residual, jacobian = problem.residual(x), problem.jacobian(x)
     divergence = problem.divergence(x) if np.abs(residual).max(initial=0.0) >= LOST else ""
     weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
     residual, jacobian = residual * weight, jacobian * weight[:, None]
+    both = np.concatenate([jacobian, prior])
     return Fit(
         parameters=parameters,
         x=x,
         sse=float(residual @ residual),
         residual=residual,
         jacobian=jacobian,
-        covariance=covariance(jacobian, at_bound),
-        reach=np.sqrt(np.diag(covariance(jacobian, np.zeros_like(at_bound)))),
+        covariance=covariance(both, at_bound),
+        reach=np.sqrt(np.diag(covariance(both, np.zeros_like(at_bound)))),
         at_bound=at_bound,
         status="diverged" if divergence else ("converged" if solution.status > 0 else "stopped"),
         message=divergence or str(solution.message),
         evaluations=int(solution.nfev),
         cost=2.0 * float(solution.cost),
+        penalty=float(np.sum((prior @ x) ** 2)),
     )
 
 

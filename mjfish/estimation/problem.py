@@ -19,6 +19,7 @@ from mjfish.model import MARGIN, Model, Prediction
 from mjfish.model.sensitivity import one_sided, sensitivities
 from mjfish.noise import Noise
 from mjfish.parameter import Parameter
+from mjfish.prior import Prior
 from mjfish.serialise import plain
 from mjfish.threads import threaded
 
@@ -46,6 +47,7 @@ class Problem:
         slope_step: longest integration step of the derivatives [s]; None: that of the model. A fit goes by them, where
             it ends the residuals say: they may be rougher.
         smoothing: filter that the recorded velocities went through, and predictions do, too; None: none.
+        prior_sds: of learned priors, by name; those of others, and where it has none, are the declared ones.
         jobs: threads.
     """
 
@@ -59,6 +61,7 @@ class Problem:
     ends: int = 0
     slope_step: float | None = None
     smoothing: Differentiator | None = None
+    prior_sds: Mapping[str, float] = field(default_factory=dict)
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
 
     @cached_property
@@ -66,6 +69,26 @@ class Problem:
         """The free parameters: the model's, then the nuisance parameters of every trial."""
         every = (*self.model.parameters, *(p for trial in self.trials for p in nuisances(trial, self.free_clock)))
         return tuple(self.declared.get(p.name, p) for p in every if p.name not in self.fixed)
+
+    @cached_property
+    def priors(self) -> tuple[Prior, ...]:
+        """What is known of the parameters beforehand."""
+        declared = (prior for effect in self.model.effects for prior in effect.priors())
+        return tuple(replace(prior, sd=self.prior_sds.get(prior.name, prior.sd)) for prior in declared)
+
+    def prior_rows(self, prior: Prior) -> FloatArray:
+        """Return the rows (m, p) of a prior over the free parameters, in units of its sd."""
+        places = {p.name: i for i, p in enumerate(self.parameters)}
+        rows = np.zeros((len(prior.rows), len(places)))
+        for name, column in zip(prior.parameters, prior.rows.T, strict=True):
+            if name in places:
+                rows[:, places[name]] = column / prior.sd
+        return rows
+
+    @cached_property
+    def prior_root(self) -> FloatArray:
+        """Rows R (m, p) of all priors: they add |R x|^2 to the sum of squares; none where nothing is known."""
+        return np.concatenate([np.zeros((0, len(self.parameters))), *map(self.prior_rows, self.priors)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return how data and model are compared as plain data; model and trials are told elsewhere."""

@@ -96,7 +96,12 @@ class Load:
 
 
 @overload
-def load(function: Callable[[Any, Any], tuple[float, ...]], *, memory: int = 0) -> Load: ...
+def load(
+    function: Callable[[Any, Any], tuple[float, ...]],
+    *,
+    memory: int = 0,
+    gradient: Callable[[Any, Any, Any], None] | None = None,
+) -> Load: ...
 
 
 @overload

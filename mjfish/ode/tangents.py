@@ -247,9 +247,7 @@ def _load_changes(
             gradients.append(loads[row][0].gradient if np.count_nonzero(hit) == 1 and rate[hit][0] == 1.0 else 0)
     pairs = np.array(rows).reshape(-1, CHANGE)
     pairs[:, AT_STATEFUL] = 0.0  # it is called for its answer here, whatever else it depends on
-    return LoadChanges(
-        table.addresses[np.array(changed, dtype=np.int64)], np.array(gradients, dtype=np.uint64), pairs
-    )
+    return LoadChanges(table.addresses[np.array(changed, dtype=np.int64)], np.array(gradients, dtype=np.uint64), pairs)
 
 
 class Samples(NamedTuple):

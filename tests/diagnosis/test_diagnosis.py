@@ -20,7 +20,8 @@ from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.where import FIFTHS, fifths
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect, catalogue, find
-from mjfish.effects.effect import Domain, Values
+from mjfish.effects.effect import Values
+from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.frames import CHANNELS

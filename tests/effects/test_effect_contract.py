@@ -14,7 +14,7 @@ from mjfish.data import Dataset, Tank, Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect, catalogue
-from mjfish.effects.effect import Domain
+from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model import Model

@@ -12,7 +12,8 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import Effect, find
-from mjfish.effects.effect import Domain, Values
+from mjfish.effects.effect import Values
+from mjfish.effects.mechanism import Domain
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.load import load
 from mjfish.model import Model

@@ -1,0 +1,251 @@
+"""Forms as curves: what a fitted mechanism makes of a coefficient, with its band and where the runs have been.
+
+A curve is read off the forces themselves: a link alone is moved through the water, and its force is divided by what
+stands beside the coefficient in the textbook. So a learned form and a formula are drawn alike. The band is that of the
+linearised fit, y +- 1.96 sqrt(g' C g) with the gradient g of y by the parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mjfish.arrays import FloatArray, RecordArray
+from mjfish.data import Trial
+from mjfish.diagnosis.refit import Refit
+from mjfish.estimation.fit import Z95
+from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.hydro.force import drag
+from mjfish.hydro.link import link_records
+from mjfish.hydro.load import apply_loads, load_table
+from mjfish.hydro.outline import outlines
+from mjfish.model import Model
+from mjfish.model.model import active_effects, loads_of
+from mjfish.ode.kinematics import link_velocities
+
+#: Shares of the information between which a variable counts as visited.
+_VISITED = (0.02, 0.98)
+#: Points of a curve.
+_POINTS = 25
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Name and unit of what stands at an axis, with its values."""
+
+    name: str
+    unit: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Band(Axis):
+    """An axis with the 95 % band of its values."""
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class MeasuredCurve:
+    """One curve of a form.
+
+    Attributes:
+        quantity: what the form gives.
+        group: of the links that have it.
+        x, y: what stands at the axes; y with its band.
+        nominal: y of the nominal model, at the same x.
+        visited: smallest and largest x where the runs say something of y.
+    """
+
+    quantity: str
+    group: str
+    x: Axis
+    y: Band
+    nominal: tuple[float, ...]
+    visited: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class _Form:
+    """A curve before it is measured: its value (n,) at x (n,) for a fish with causes, and where the runs have been."""
+
+    quantity: str
+    group: str
+    x: tuple[str, str]
+    y: tuple[str, str]
+    at: FloatArray
+    value: Callable[[_Fish, FloatArray], FloatArray]
+    visits: tuple[FloatArray, FloatArray]
+
+
+def curves_of(mechanism: str, refit: Refit) -> tuple[MeasuredCurve, ...]:
+    """Return the curves of a mechanism in a fitted model; none where its form is no function of one variable."""
+    make = _FORMS.get(mechanism)
+    return () if make is None else tuple(_measured(form, mechanism, refit) for form in make(refit))
+
+
+def _measured(form: _Form, mechanism: str, refit: Refit) -> MeasuredCurve:
+    own = tuple(effect for effect in refit.effects if effect.mechanism == mechanism)
+    model, trial = Model(refit.problem.model.fish, own), refit.problem.trials[0]
+    names = [p.name for p in model.parameters]
+    values = {name: refit.fit.values[name] for name in names if name in refit.fit.values}
+
+    def at(changed: Mapping[str, float]) -> FloatArray:
+        return form.value(_Fish.of(model, {**values, **changed}, trial), form.at)
+
+    y = at({})
+    index = {p.name: i for i, p in enumerate(refit.fit.parameters)}
+    free = [name for name in names if name in index]
+    scales = {p.name: p.scale for p in model.parameters}
+    slopes = np.zeros((len(y), len(free)))
+    for k, name in enumerate(free):
+        h = 1e-3 * scales[name]
+        slopes[:, k] = (at({name: values[name] + h}) - at({name: values[name] - h})) / (2.0 * h)
+    rows = [index[name] for name in free]
+    covariance = refit.fit.covariance[np.ix_(rows, rows)]
+    half = Z95 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
+    nominal = form.value(_Fish.of(Model(model.fish, ()), values, trial), form.at)
+    return MeasuredCurve(
+        form.quantity,
+        form.group,
+        Axis(*form.x, tuple(map(float, form.at))),
+        Band(*form.y, tuple(map(float, y)), tuple(map(float, y - half)), tuple(map(float, y + half))),
+        tuple(map(float, nominal)),
+        _visited(*form.visits),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fish:
+    """A fish with a cause: its body, records of its links, and the table of its loads."""
+
+    body: Fish
+    records: RecordArray
+    loads: tuple[Any, FloatArray]
+
+    @classmethod
+    def of(cls, model: Model, values: Mapping[str, float], trial: Trial) -> _Fish:
+        """Return it with these values; loads that know a place or a past have none here."""
+        everything = {p.name: values.get(p.name, p.default) for p in model.parameters}
+        active, body = active_effects(model, everything), model.fish
+        for effect, own in active:
+            body = effect.body(body, own)
+        loads = [pair for pair in loads_of(active, trial) if not pair[0].stateful]
+        coefficients = {name: everything[name] for name in COEFFICIENTS}
+        return cls(body, link_records(body, coefficients), load_table(loads))
+
+    def force(self, link: int, u: float, v: float) -> tuple[float, float]:
+        """Return the force of the loads on a link that moves at u along and v across [N]."""
+        self.records["u"], self.records["v"], self.records["w"] = u, v, 0.0
+        fx, fy, _ = apply_loads(self.records, link, *self.loads, np.zeros(3))
+        return fx, fy
+
+
+def _visited(x: FloatArray, weight: FloatArray) -> tuple[float, float]:
+    """Return the x between which most of the weight lies; (0, 0) where nothing was visited."""
+    if x.size == 0 or not weight.sum() > 0.0:
+        return 0.0, 0.0
+    order = np.argsort(x)
+    share = np.cumsum(weight[order]) / weight.sum()
+    low, high = (float(x[order][np.searchsorted(share, bound)]) for bound in _VISITED)
+    return low, high
+
+
+def _velocities(refit: Refit) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return u, v, w (n, links) of the links in all fitted trials."""
+    problem, parts = refit.problem, []
+    for trial in problem.trials:
+        rollout = problem.prediction(trial, {**problem.fixed, **refit.fit.values}).rollout
+        parts.append(np.stack(link_velocities(problem.model.fish, rollout)))
+    u, v, w = np.concatenate(parts, axis=1)
+    return u, v, w
+
+
+def _drag(refit: Refit) -> Iterator[_Form]:
+    """Return c_d of a link that moves across, and c_f of one that moves along, by its speed."""
+    fish = refit.problem.model.fish
+    u, v, w = _velocities(refit)
+    fastest = float(np.quantile(np.abs(u), 0.999)), float(np.quantile(np.abs(v), 0.999))
+    for kind, top in (("c_d", fastest[1]), ("c_f", fastest[0])):
+        for group in dict.fromkeys(link.group for link in fish.links):
+            own = [i for i, link in enumerate(fish.links) if link.group == group]
+            if kind == "c_f":
+                speed = np.abs(u[:, own])
+            else:
+                strips = [outlines(fish)[i].coarse_r for i in own]
+                pairs = zip(own, strips, strict=True)
+                speed = np.abs(np.concatenate([v[:, i, None] + w[:, i, None] * r for i, r in pairs], axis=1))
+            at = np.geomspace(0.02 * top, 1.5 * top, _POINTS)
+            yield _Form(
+                kind, group, ("speed", "m/s"), (kind, "-"), at, _coefficient(kind, own[0]),
+                (speed.ravel(), speed.ravel() ** 4),
+            )  # fmt: skip
+
+
+def _coefficient(kind: str, link: int) -> Callable[[_Fish, FloatArray], FloatArray]:
+    def value(fish: _Fish, speeds: FloatArray) -> FloatArray:
+        outline = outlines(fish.body)[link]
+        area = outline.wetted if kind == "c_f" else outline.height_moment[-1, 0]
+        found = []
+        for speed in speeds:
+            u, v = (speed, 0.0) if kind == "c_f" else (0.0, speed)
+            force = np.add(fish.force(link, u, v), drag(fish.records[link])[:2])[0 if kind == "c_f" else 1]
+            found.append(-2.0 * force / (fish.body.density * area * speed**2))
+        return np.array(found)
+
+    return value
+
+
+def _lift(refit: Refit) -> Iterator[_Form]:
+    """Return the coefficient of the force across the chord of fin and body by the angle of attack, drag left out."""
+    fish = refit.problem.model.fish
+    u, v, w = _velocities(refit)
+    last = len(fish.links) - 1
+    for group, own in (("fin", [last]), ("body", list(range(last)))):
+        arm = 0.5 * np.array([fish.links[i].length for i in own])
+        across, along = np.abs(v[:, own] + arm * w[:, own]), np.abs(u[:, own])
+        visits = np.arctan2(across, along).ravel(), ((along**2 + across**2) ** 2).ravel()
+        at = np.linspace(0.0, 1.5, _POINTS)
+        speed = float(np.sqrt(np.mean(along**2 + across**2)))
+        yield _Form(
+            "c_n", group, ("angle_of_attack", "rad"), ("c_n", "-"), at, _normal(own[-1], speed), visits
+        )  # fmt: skip
+
+
+def _normal(link: int, speed: float) -> Callable[[_Fish, FloatArray], FloatArray]:
+    def value(fish: _Fish, angles: FloatArray) -> FloatArray:
+        pressure = 0.5 * fish.body.density * outlines(fish.body)[link].height_moment[-1, 0] * speed**2
+        forces = [fish.force(link, -speed * np.cos(angle), speed * np.sin(angle))[1] for angle in angles]
+        return np.asarray(-np.array(forces) / pressure)
+
+    return value
+
+
+def _tail(refit: Refit) -> Iterator[_Form]:
+    """Return the moment of the tail's spring by its deflection."""
+    problem, bent = refit.problem, []
+    for trial in problem.trials:
+        bent.append(problem.prediction(trial, {**problem.fixed, **refit.fit.values}).rollout.state[:, 0, 6])
+    deflection = np.abs(np.concatenate(bent))
+    at = np.linspace(0.0, 1.2 * max(float(np.nanquantile(deflection, 0.999)), 1e-6), _POINTS)
+    visits = deflection[np.isfinite(deflection)], deflection[np.isfinite(deflection)] ** 2
+    yield _Form("moment", "tail", ("deflection", "rad"), ("moment", "N m"), at, _moment, visits)
+
+
+def _moment(fish: _Fish, deflection: FloatArray) -> FloatArray:
+    compliance, hardening = fish.body.tail_compliance, fish.body.tail_hardening
+    if compliance <= 0.0:
+        return np.zeros_like(deflection)
+    return np.asarray(deflection * (1.0 + hardening * deflection**2) / compliance)
+
+
+#: By mechanism; others have forms that are numbers.
+_FORMS: Mapping[str, Callable[[Refit], Iterator[_Form]]] = {
+    "drag_law": _drag,
+    "lift": _lift,
+    "tail_flexibility": _tail,
+}

@@ -1,0 +1,103 @@
+"""Forms of a mechanism: which formulas stay beside the learned form, and at which level the data name it.
+
+Formulas of a mechanism are nested, or nearly, in its learned form: a formula stays where the learned form does not beat
+it by more than chance, by the likelihood ratio with the effective degrees of freedom that the learned form has more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from mjfish.diagnosis.curves import MeasuredCurve, curves_of
+from mjfish.diagnosis.evidence import Evidence, gather, p_value_of
+from mjfish.diagnosis.refit import Refit, refit_in_parallel, refit_learned, with_jobs
+from mjfish.effects.effect import Effect
+from mjfish.effects.mechanism import MECHANISMS
+
+#: A formula is given up for the learned form below this p value.
+_BEATEN = 0.01
+
+
+@dataclass(frozen=True)
+class NamedMechanism:
+    """What acts, as deep as the data say it.
+
+    Attributes:
+        name: of the mechanism.
+        domain: where it acts.
+        level: ``form`` where one formula stays alone, else ``mechanism``.
+        form: the formula that stays alone, else ``learned``.
+        forms: the formulas that stay.
+        curves: the form as curves, with their bands.
+    """
+
+    name: str
+    domain: str
+    level: Literal["form", "mechanism"]
+    form: str
+    forms: tuple[str, ...]
+    curves: tuple[MeasuredCurve, ...]
+
+
+def refit_learned_forms(evidence: Evidence, learned: Iterable[Effect], wanted: Iterable[str]) -> dict[str, Refit]:
+    """Fit the learned forms of mechanisms together with the coefficients, by name.
+
+    Args:
+        evidence: of the nominal model.
+        learned: causes of learned form.
+        wanted: names of mechanisms.
+    """
+    asked = set(wanted)
+    chosen = [effect for effect in learned if effect.mechanism in asked]
+    if not chosen:
+        return {}
+    jobs = evidence.problem.jobs
+    alone = with_jobs(gather(evidence.problem, evidence.fit, chosen), 1)
+    seen = [effect for effect in chosen if not effect.smooth or not alone.unidentifiable(effect.name)]
+    results = refit_in_parallel(lambda effect: refit_learned(alone, effect), seen, jobs)
+    return {effect.name: refit for effect, refit in zip(seen, results, strict=True)}
+
+
+def staying(formulas: Sequence[Refit], learned: Refit | None) -> tuple[Refit, ...]:
+    """Return the refits with a formula that the learned form of the mechanism does not beat."""
+    if learned is None:
+        return tuple(formulas)
+    kept = []
+    for formula in formulas:
+        more = max(learned.degrees_of_freedom - formula.degrees_of_freedom, 1.0)
+        if p_value_of(learned.gain - formula.gain, more) >= _BEATEN:
+            kept.append(formula)
+    return tuple(kept)
+
+
+def named_mechanisms(
+    best: Refit, retained: Sequence[Refit], learned: Mapping[str, Refit]
+) -> tuple[NamedMechanism, ...]:
+    """Return the mechanisms of the named causes.
+
+    Args:
+        best: the refit that is shown.
+        retained: refits of all sets that stay, of the same mechanisms.
+        learned: refits of learned forms alone, by name.
+    """
+    found = []
+    for effect in best.effects:
+        name = effect.mechanism
+        members = (member for refit in retained for member in refit.effects if not member.learned)
+        forms = dict.fromkeys(member.name for member in members if member.mechanism == name)
+        single = len(forms) == 1 and not effect.learned
+        shown = next((r for r in learned.values() if r.mechanisms == (name,)), best) if len(best.effects) == 1 else best
+        known = MECHANISMS.get(name)
+        found.append(
+            NamedMechanism(
+                name=name,
+                domain=effect.domain if known is None else known.domain,
+                level="form" if single else "mechanism",
+                form=effect.name if single else "learned",
+                forms=tuple(forms),
+                curves=curves_of(name, shown),
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,319 @@
+"""Causes in forms that the catalogue does not have: mechanisms as others would write them.
+
+They are planted in data, never fitted. A wrong form of the right mechanism must not bring in a second cause.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+from mjfish.arrays import FloatArray
+from mjfish.data import Trial
+from mjfish.drive.motion import JointMotion
+from mjfish.effects.effect import Effect, Values
+from mjfish.effects.mechanism import Domain
+from mjfish.fish import Fish
+from mjfish.hydro.load import Load, load
+from mjfish.parameter import Parameter
+
+_TEXT = {"summary": "foreign", "source": "foreign", "signature": "foreign", "confirm": "foreign"}
+
+
+def _size(name: str) -> tuple[Parameter, ...]:
+    return (Parameter(f"{name}.size", "-", 0.0, -5.0, 5.0, 0.0, 0.1, about="size"),)
+
+
+class _Foreign(Effect):
+    summary: ClassVar[str] = "foreign"
+    source: ClassVar[str] = "foreign"
+    signature: ClassVar[str] = "foreign"
+    confirm: ClassVar[str] = "foreign"
+
+
+@load
+def _bent(link: Any, parameters: Any) -> tuple[float, float, float]:
+    across = 0.0
+    moment = 0.0
+    for k in range(link.strip_r.shape[0]):
+        r = link.strip_r[k]
+        q = link.v + link.w * r
+        factor = parameters[0] * 1.5 / (1.0 + (abs(q) / 0.25) ** 2)
+        share = link.strip_weight[k] * link.strip_height[k] * factor * abs(q) * q
+        across += share
+        moment += share * r
+    along = 1.5 * parameters[0] / (1.0 + (abs(link.u) / 0.25) ** 2) * link.c_f * link.wetted * abs(link.u) * link.u
+    half = -0.5 * link.density
+    return half * along, half * link.c_d * across, half * link.c_d * moment
+
+
+class BentDrag(_Foreign):
+    """c (1 + 1.5 a / (1 + (V / 0.25)^2)): a drag crisis smeared out."""
+
+    name: ClassVar[str] = "bent_drag"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "drag_law"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("bent_drag")
+    load: ClassVar[Load | None] = _bent
+
+
+@load
+def _exponential(link: Any, parameters: Any) -> tuple[float, float, float]:
+    across = 0.0
+    moment = 0.0
+    along = 0.0
+    for k in range(link.strip_r.shape[0]):
+        r = link.strip_r[k]
+        q = link.v + link.w * r
+        rise = parameters[0] * 2.0 * np.exp(-np.sqrt(q * q + link.u * link.u) * link.strip_height[k] / 0.025)
+        share = link.strip_weight[k] * link.strip_height[k] * rise * abs(q) * q
+        across += share
+        moment += share * r
+        along += link.strip_weight[k] * link.strip_perimeter[k] * rise * link.c_f * abs(link.u) * link.u
+    half = -0.5 * link.density
+    return half * along, half * link.c_d * across, half * link.c_d * moment
+
+
+class ExponentialReynolds(_Foreign):
+    """1 + 2 a exp(-Re / 25000), whole speed and local height."""
+
+    name: ClassVar[str] = "exponential_reynolds"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "drag_law"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("exponential_reynolds")
+    load: ClassVar[Load | None] = _exponential
+
+
+@load
+def _power(link: Any, parameters: Any) -> tuple[float, float, float]:
+    across = 0.0
+    moment = 0.0
+    for k in range(link.strip_r.shape[0]):
+        r = link.strip_r[k]
+        q = link.v + link.w * r
+        factor = (np.sqrt(q * q + link.u * link.u + 1e-8) / 0.3) ** (-0.6 * parameters[0]) - 1.0
+        share = link.strip_weight[k] * link.strip_height[k] * factor * abs(q) * q
+        across += share
+        moment += share * r
+    factor = (np.sqrt(link.u * link.u + 1e-8) / 0.3) ** (-0.4 * parameters[0]) - 1.0
+    along = factor * link.c_f * link.wetted * abs(link.u) * link.u
+    half = -0.5 * link.density
+    return half * along, half * link.c_d * across, half * link.c_d * moment
+
+
+class PowerOfWholeSpeed(_Foreign):
+    """c_d (|V| / 0.3)^(-0.6 a), c_f (|u| / 0.3)^(-0.4 a)."""
+
+    name: ClassVar[str] = "power_of_whole_speed"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "drag_law"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("power_of_whole_speed")
+    load: ClassVar[Load | None] = _power
+
+
+@load
+def _stalling(link: Any, parameters: Any) -> tuple[float, float, float]:
+    if link.last == 0.0:
+        return 0.0, 0.0, 0.0
+    u = link.u
+    q = link.v + 0.5 * link.length * link.w
+    angle = np.arctan2(q, abs(u))
+    area = link.height_moment[128, 0]
+    c = 3.0 * parameters[0] * np.sin(2.0 * angle) * (1.0 - 0.35 * np.sin(angle) ** 2)
+    lift = 0.5 * link.density * area * c * (u * u + q * q)
+    speed = np.sqrt(u * u + q * q) + 1e-12
+    fx = lift * q / speed if u > 0.0 else -lift * q / speed
+    fy = -lift * abs(u) / speed
+    return fx, fy, 0.33 * link.length * fy
+
+
+class StallingLift(_Foreign):
+    """Lift of the fin across the stream, 3 a sin 2 alpha (1 - 0.35 sin^2 alpha), at a third of the chord."""
+
+    name: ClassVar[str] = "stalling_lift"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "lift"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("stalling_lift")
+    load: ClassVar[Load | None] = _stalling
+
+
+@load
+def _body(link: Any, parameters: Any) -> tuple[float, float, float]:
+    if link.last == 1.0:
+        return 0.0, 0.0, 0.0
+    u = link.u
+    q = link.v + 0.3 * link.length * link.w
+    speed = np.sqrt(u * u + q * q) + 1e-12
+    area = link.height_moment[128, 0]
+    lift = 0.5 * link.density * area * parameters[0] * 1.2 * abs(u) * q
+    fx = lift * q / speed if u > 0.0 else -lift * q / speed
+    fy = -lift * abs(u) / speed
+    return fx, fy, 0.3 * link.length * fy
+
+
+class BodyAcrossStream(_Foreign):
+    """Lift of the links of the body across the stream, 0.6 a sin 2 alpha, at 0.3 of each."""
+
+    name: ClassVar[str] = "body_across_stream"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "lift"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("body_across_stream")
+    load: ClassVar[Load | None] = _body
+
+
+@load
+def _munk(link: Any, parameters: Any) -> tuple[float, float, float]:
+    if link.last == 1.0:
+        return 0.0, 0.0, 0.0
+    momentum = link.c_m * (link.added[0] * link.v + link.added[1] * link.w)
+    return 0.0, 0.0, -parameters[0] * link.u * momentum
+
+
+class MunkOfBody(_Foreign):
+    """The Munk moment of all links but the last."""
+
+    name: ClassVar[str] = "munk_of_body"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "reactive_force"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("munk_of_body")
+    load: ClassVar[Load | None] = _munk
+
+
+def _through(motion: JointMotion, rates: Any, start: Any) -> JointMotion:
+    """Integrate a servo's own equation x' = rates(t, c, c', x) from `start(c)` and return what the joints did."""
+    nodes, angle, rate = motion.half_steps()
+    knots = np.concatenate([angle[:, 0], angle[-1:, 1]])
+    command = CubicSpline(nodes, knots)
+    joints = motion.joints
+    x0 = np.concatenate(start(knots[0]))
+    states = len(x0) // joints
+
+    def f(t: float, x: FloatArray) -> FloatArray:
+        return np.concatenate(rates(command(t), command(t, 1), x.reshape(states, joints)))
+
+    solved = solve_ivp(f, (nodes[0], nodes[-1]), x0, t_eval=nodes, max_step=0.002, rtol=1e-7, atol=1e-9)
+    theta = solved.y[:joints].T
+    turn = np.array([f(t, x)[:joints] for t, x in zip(nodes, solved.y.T, strict=True)])
+    change = CubicSpline(nodes, turn)(nodes, 1)
+    shape = (len(motion.time) - 1, 3, joints)
+    index = np.add.outer(2 * np.arange(shape[0]), np.arange(3))
+    return JointMotion(motion.time, theta[index], turn[index], change[index])
+
+
+class PlantWithInertia(_Foreign):
+    """theta'' = w^2 (c - theta) - 2 z w theta', w = 35 / a, z = 0.5, from rest."""
+
+    name: ClassVar[str] = "plant_with_inertia"
+    domain: ClassVar[Domain] = "drive"
+    mechanism: ClassVar[str] = "servo_dynamics"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("plant_with_inertia")
+
+    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        w = 35.0 / values["size"]
+
+        def rates(c: FloatArray, _: FloatArray, x: FloatArray) -> list[FloatArray]:
+            return [x[1], w * w * (c - x[0]) - 2.0 * 0.5 * w * x[1]]
+
+        return _through(motion, rates, lambda c: [c, 0.0 * c])
+
+
+class LimitAndLag(_Foreign):
+    """theta' = clip((c - theta) / 2 ms, +- 6 / a rad/s), from rest."""
+
+    name: ClassVar[str] = "limit_and_lag"
+    domain: ClassVar[Domain] = "drive"
+    mechanism: ClassVar[str] = "servo_dynamics"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("limit_and_lag")
+
+    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        most = 6.0 / values["size"]
+
+        def rates(c: FloatArray, _: FloatArray, x: FloatArray) -> list[FloatArray]:
+            return [np.clip((c - x[0]) / 0.002, -most, most)]
+
+        return _through(motion, rates, lambda c: [c])
+
+
+class TwoLags(_Foreign):
+    """Two lags of first order, 12 a and 20 a milliseconds, and a dead time of 10 a."""
+
+    name: ClassVar[str] = "two_lags"
+    domain: ClassVar[Domain] = "drive"
+    mechanism: ClassVar[str] = "servo_dynamics"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("two_lags")
+
+    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        a = values["size"]
+
+        def rates(c: FloatArray, _: FloatArray, x: FloatArray) -> list[FloatArray]:
+            return [(x[1] - x[0]) / (0.02 * a), (c - x[1]) / (0.012 * a)]
+
+        return _through(motion, rates, lambda c: [c, c])
+
+
+class Sloppy(_Foreign):
+    """A tail whose spring hardens strongly: h = 120 / rad^2."""
+
+    name: ClassVar[str] = "sloppy"
+    domain: ClassVar[Domain] = "body"
+    mechanism: ClassVar[str] = "tail_flexibility"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("sloppy")
+
+    def body(self, fish: Fish, values: Values) -> Fish:
+        return fish.model_copy(
+            update={"tail_compliance": 0.4 * values["size"], "tail_damping": 0.05, "tail_hardening": 60.0}
+        )
+
+
+def _knots(seed: int) -> FloatArray:
+    """Return a random smooth curve at 12 knots an octave apart, about zero."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(8.0)
+    length = rng.uniform(1.5, 4.0)
+    covariance = np.exp(-0.5 * (np.subtract.outer(x, x) / length) ** 2) + 1e-9 * np.eye(8)
+    return rng.multivariate_normal(np.zeros(8), covariance)
+
+
+def random_drag(seed: int) -> Effect:
+    """Return drag whose c_d and c_f are random functions of the speed: Gaussian processes in its logarithm."""
+    across, along = _knots(2 * seed), _knots(2 * seed + 1)
+
+    @load
+    def excess(link: Any, parameters: Any) -> tuple[float, float, float]:
+        force = 0.0
+        moment = 0.0
+        for k in range(link.strip_r.shape[0]):
+            r = link.strip_r[k]
+            q = link.v + link.w * r
+            g = parameters[0] * np.interp(np.log2(abs(q) / 0.3 + 1e-9) + 5.0, np.arange(8.0), across)
+            share = link.strip_weight[k] * link.strip_height[k] * np.expm1(g) * abs(q) * q
+            force += share
+            moment += share * r
+        g = parameters[0] * np.interp(np.log2(abs(link.u) / 0.3 + 1e-9) + 5.0, np.arange(8.0), along)
+        friction = np.expm1(g) * link.c_f * link.wetted * abs(link.u) * link.u
+        half = -0.5 * link.density
+        return half * friction, half * link.c_d * force, half * link.c_d * moment
+
+    body = {
+        "name": "random_drag", "domain": "water", "mechanism": "drag_law", "parameters": _size("random_drag"),
+        "load": excess,
+    }  # fmt: skip
+    cause: Effect = type("RandomDrag", (_Foreign,), body)()
+    return cause
+
+
+FOREIGN: tuple[Effect, ...] = (
+    BentDrag(),
+    ExponentialReynolds(),
+    PowerOfWholeSpeed(),
+    StallingLift(),
+    BodyAcrossStream(),
+    MunkOfBody(),
+    PlantWithInertia(),
+    LimitAndLag(),
+    TwoLags(),
+    Sloppy(),
+)
