@@ -41,17 +41,17 @@ def _bent(link: Any, parameters: Any) -> tuple[float, float, float]:
     for k in range(link.strip_r.shape[0]):
         r = link.strip_r[k]
         q = link.v + link.w * r
-        factor = parameters[0] * 1.5 / (1.0 + (abs(q) / 0.25) ** 2)
+        factor = parameters[0] * 1.5 / (1.0 + (abs(q) / 1.0) ** 2)
         share = link.strip_weight[k] * link.strip_height[k] * factor * abs(q) * q
         across += share
         moment += share * r
-    along = 1.5 * parameters[0] / (1.0 + (abs(link.u) / 0.25) ** 2) * link.c_f * link.wetted * abs(link.u) * link.u
+    along = 1.5 * parameters[0] / (1.0 + (abs(link.u) / 1.0) ** 2) * link.c_f * link.wetted * abs(link.u) * link.u
     half = -0.5 * link.density
     return half * along, half * link.c_d * across, half * link.c_d * moment
 
 
 class BentDrag(_Foreign):
-    """c (1 + 1.5 a / (1 + (V / 0.25)^2)): a drag crisis smeared out."""
+    """c (1 + 1.5 a / (1 + (V / (1 m/s))^2)): a drag crisis smeared out."""
 
     name: ClassVar[str] = "bent_drag"
     domain: ClassVar[Domain] = "water"
@@ -68,7 +68,7 @@ def _exponential(link: Any, parameters: Any) -> tuple[float, float, float]:
     for k in range(link.strip_r.shape[0]):
         r = link.strip_r[k]
         q = link.v + link.w * r
-        rise = parameters[0] * 2.0 * np.exp(-np.sqrt(q * q + link.u * link.u) * link.strip_height[k] / 0.025)
+        rise = parameters[0] * 2.0 * np.exp(-np.sqrt(q * q + link.u * link.u) * link.strip_height[k] / 0.1)
         share = link.strip_weight[k] * link.strip_height[k] * rise * abs(q) * q
         across += share
         moment += share * r
@@ -78,7 +78,7 @@ def _exponential(link: Any, parameters: Any) -> tuple[float, float, float]:
 
 
 class ExponentialReynolds(_Foreign):
-    """1 + 2 a exp(-Re / 25000), whole speed and local height."""
+    """1 + 2 a exp(-Re / 100000), whole speed and local height."""
 
     name: ClassVar[str] = "exponential_reynolds"
     domain: ClassVar[Domain] = "water"
@@ -288,11 +288,11 @@ def random_drag(seed: int) -> Effect:
         for k in range(link.strip_r.shape[0]):
             r = link.strip_r[k]
             q = link.v + link.w * r
-            g = parameters[0] * np.interp(np.log2(abs(q) / 0.3 + 1e-9) + 5.0, np.arange(8.0), across)
+            g = parameters[0] * np.interp(np.log2(abs(q) / 0.6 + 1e-9) + 4.0, np.arange(8.0), across)
             share = link.strip_weight[k] * link.strip_height[k] * np.expm1(g) * abs(q) * q
             force += share
             moment += share * r
-        g = parameters[0] * np.interp(np.log2(abs(link.u) / 0.3 + 1e-9) + 5.0, np.arange(8.0), along)
+        g = parameters[0] * np.interp(np.log2(abs(link.u) / 0.6 + 1e-9) + 4.0, np.arange(8.0), along)
         friction = np.expm1(g) * link.c_f * link.wetted * abs(link.u) * link.u
         half = -0.5 * link.density
         return half * friction, half * link.c_d * force, half * link.c_d * moment

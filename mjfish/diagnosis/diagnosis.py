@@ -122,7 +122,7 @@ def _diagnosed(
     if refits:
         clear = single.retained(clean=True)
         asked = [refits[name].mechanisms[0] for (name,) in clear] or [effect.mechanism for effect in learnable]
-        learned = refit_learned_forms(evidence, learnable, asked)
+        learned = refit_learned_forms(evidence, learnable, asked, refits)
         if not clear:
             refits = {**refits, **learned}
             single = _compared(refits, applicable, held_out, rng)

@@ -18,6 +18,8 @@ from mjfish.effects.mechanism import MECHANISMS
 
 #: A formula is given up for the learned form below this p value.
 _BEATEN = 0.01
+#: A learned form is fitted where its score, or a formula of its mechanism, explains this share of the best formula.
+_PROMISING = 0.3
 
 
 @dataclass(frozen=True)
@@ -41,13 +43,16 @@ class NamedMechanism:
     curves: tuple[MeasuredCurve, ...]
 
 
-def refit_learned_forms(evidence: Evidence, learned: Iterable[Effect], wanted: Iterable[str]) -> dict[str, Refit]:
+def refit_learned_forms(
+    evidence: Evidence, learned: Iterable[Effect], wanted: Iterable[str], refits: Mapping[str, Refit]
+) -> dict[str, Refit]:
     """Fit the learned forms of mechanisms together with the coefficients, by name.
 
     Args:
         evidence: of the nominal model.
         learned: causes of learned form.
         wanted: names of mechanisms.
+        refits: of formulas, by name.
     """
     asked = set(wanted)
     chosen = [effect for effect in learned if effect.mechanism in asked]
@@ -55,9 +60,17 @@ def refit_learned_forms(evidence: Evidence, learned: Iterable[Effect], wanted: I
         return {}
     jobs = evidence.problem.jobs
     alone = with_jobs(gather(evidence.problem, evidence.fit, chosen), 1)
-    seen = [effect for effect in chosen if not effect.smooth or not alone.unidentifiable(effect.name)]
+    seen = [effect for effect in chosen if promising(effect, alone, refits)]
     results = refit_in_parallel(lambda effect: refit_learned(alone, effect), seen, jobs)
     return {effect.name: refit for effect, refit in zip(seen, results, strict=True)}
+
+
+def promising(effect: Effect, evidence: Evidence, refits: Mapping[str, Refit]) -> bool:
+    """Return whether a learned form may explain much: as its score says, or the best formula of its mechanism."""
+    best = max((refit.gain for refit in refits.values()), default=0.0)
+    formulas = [refit.gain for refit in refits.values() if effect.mechanism in refit.mechanisms]
+    score = evidence.statistic(effect.name) if effect.smooth and not evidence.unidentifiable(effect.name) else 0.0
+    return max([score, *formulas]) >= _PROMISING * best
 
 
 def staying(formulas: Sequence[Refit], learned: Refit | None) -> tuple[Refit, ...]:

@@ -13,9 +13,8 @@ from mjfish.drive.motion import JointMotion
 _CATCH_UP = 100.0
 #: Exponent n of the corner, and the share of the limit below which it is not there, nor above the inverse.
 _SHARP, _OFF_CORNER = 256.0, 0.87
-#: Shortest time constant of a filter of second order [s], and what of it, or of the catching up, a step may last.
+#: Shortest time constant of a filter of second order [s].
 SHORTEST = 1e-3
-_SHARE = 0.25
 
 
 def undetectable_behind_measured_joints(dataset: Dataset) -> str:
@@ -128,25 +127,22 @@ def filtered(motion: JointMotion, time: float, damping: float, delay: float = 0.
 
 
 @inlined
-def _asked(at: float, k: int, j: int, nodes: FloatArray, angle: FloatArray, rate: FloatArray) -> float:
-    """Return the angle of joint j at a time within half step k, by the cubic; at rest before the first."""
-    if at <= nodes[0]:
-        return float(angle[0, 0, j])
-    width = nodes[k + 1] - nodes[k]
-    s = (at - nodes[k]) / width
-    rise = angle[k, 1, j] - angle[k, 0, j]
-    left, right = rate[k, 0, j] * width, rate[k, 1, j] * width
-    return float(angle[k, 0, j] + s * (left + s * (3.0 * rise - 2.0 * left - right + s * (left + right - 2.0 * rise))))
+def _decay(t: float, time: float, damping: float) -> tuple[float, float]:
+    """Return E C and E S of the free filter, E = exp(-zeta t / T), with w^2 = (1 - zeta^2) / T^2.
 
-
-@inlined
-def _half_step(at: float, k: int, nodes: FloatArray) -> int:
-    """Return the half step that a time is in, from one that it is near."""
-    while k + 2 < nodes.shape[0] and nodes[k + 1] <= at:
-        k += 1
-    while k > 0 and nodes[k] > at:
-        k -= 1
-    return k
+    C = cos w t, S = sin(w t) / w; where zeta > 1, cosh and sinh.
+    """
+    a = damping / time
+    square = (1.0 - damping * damping) / (time * time)
+    if abs(square) * t * t < 1e-8:
+        decay = np.exp(-a * t)
+        return decay, decay * t
+    w = np.sqrt(abs(square))
+    if square > 0.0:
+        decay = np.exp(-a * t)
+        return decay * np.cos(w * t), decay * np.sin(w * t) / w
+    slow, fast = np.exp((w - a) * t), np.exp(-(w + a) * t)
+    return 0.5 * (slow + fast), 0.5 * (slow - fast) / w
 
 
 @compiled
@@ -160,36 +156,62 @@ def _filter(
     delay: float,
     out: FloatArray,
 ) -> None:
-    """Integrate theta and theta' by Runge-Kutta steps; write angle, rate, acceleration (3, n, 3, joints)."""
-    joints = angle.shape[2]
+    """Solve the filter exactly, its input a cubic in every half step; write angle, rate, acceleration (3, n, 3, joints).
+
+    Behind a cubic c the filter's own motion is sum_k g_k c^(k), with 1 / (1 + 2 zeta T D + T^2 D^2) = sum_k g_k D^k;
+    what differs from it decays freely.
+    """
+    joints, last = angle.shape[2], nodes.shape[0] - 2
     here, turn = angle[0, 0].copy(), np.zeros(joints)
     stiffness, friction = 1.0 / (time * time), 2.0 * damping / time
-    fastest = max(1.0, 2.0 * damping) / time
+    g1 = -2.0 * damping * time
+    g2 = -2.0 * damping * time * g1 - time * time
+    g3 = -2.0 * damping * time * g2 - time * time * g1
     k = 0
     for step in range(edges.shape[0]):
         for stage in range(3):
-            begun = edges[step, max(stage - 1, 0)]
-            d = edges[step, stage] - begun
-            parts = int(np.ceil(d * fastest / _SHARE))
-            h = d / max(parts, 1)
-            for part in range(parts):
+            end = edges[step, stage]
+            now = edges[step, max(stage - 1, 0)]
+            while now < end:
+                at = now - delay
+                resting = at < nodes[0] - 1e-12
+                while not resting and k < last and nodes[k + 1] <= at + 1e-12:
+                    k += 1
+                until = end if not resting and k == last else min(end, (nodes[0] if resting else nodes[k + 1]) + delay)
+                t = until - now
+                c, s = _decay(t, time, damping)
+                width = nodes[k + 1] - nodes[k]
+                x = at - nodes[k]
                 for j in range(joints):
-                    x, w, x0, w0 = 0.0, 0.0, 0.0, 0.0
-                    for inner in range(4):
-                        ahead = 0.0 if inner == 0 else (h if inner == 3 else 0.5 * h)
-                        at = begun + part * h + ahead - delay
-                        k = _half_step(at, k, nodes)
-                        theta, omega = here[j] + ahead * x0, turn[j] + ahead * w0
-                        x0, w0 = omega, stiffness * (_asked(at, k, j, nodes, angle, rate) - theta) - friction * omega
-                        weight = 1.0 if inner == 0 or inner == 3 else 2.0
-                        x += weight * x0
-                        w += weight * w0
-                    here[j] += h / 6.0 * x
-                    turn[j] += h / 6.0 * w
-            at = edges[step, stage] - delay
-            k = _half_step(at, k, nodes)
+                    c0, c1, c2, c3 = angle[0, 0, j], 0.0, 0.0, 0.0
+                    if not resting:
+                        left, right = rate[k, 0, j], rate[k, 1, j]
+                        rise = (angle[k, 1, j] - angle[k, 0, j]) / width
+                        b2 = (3.0 * rise - 2.0 * left - right) / width
+                        c3 = (left + right - 2.0 * rise) / (width * width)
+                        c0 = angle[k, 0, j] + x * (left + x * (b2 + x * c3))
+                        c1 = left + x * (2.0 * b2 + 3.0 * c3 * x)
+                        c2 = b2 + 3.0 * c3 * x
+                    p0 = c0 + g1 * c1 + 2.0 * g2 * c2 + 6.0 * g3 * c3
+                    p1 = c1 + 2.0 * g1 * c2 + 6.0 * g2 * c3
+                    p2 = c2 + 3.0 * g1 * c3
+                    y, v = here[j] - p0, turn[j] - p1
+                    a = damping / time
+                    here[j] = p0 + t * (p1 + t * (p2 + t * c3)) + (c + a * s) * y + s * v
+                    turn[j] = p1 + t * (2.0 * p2 + 3.0 * t * c3) + (c - a * s) * v - stiffness * s * y
+                now = until
+            at = end - delay
             for j in range(joints):
-                asked = _asked(at, k, j, nodes, angle, rate)
+                asked = angle[0, 0, j]
+                if at > nodes[0]:
+                    while k < last and nodes[k + 1] <= at:
+                        k += 1
+                    width = nodes[k + 1] - nodes[k]
+                    x = (at - nodes[k]) / width
+                    rise = angle[k, 1, j] - angle[k, 0, j]
+                    left, right = rate[k, 0, j] * width, rate[k, 1, j] * width
+                    bend = 3.0 * rise - 2.0 * left - right + x * (left + right - 2.0 * rise)
+                    asked = angle[k, 0, j] + x * (left + x * bend)
                 out[0, step, stage, j] = here[j]
                 out[1, step, stage, j] = turn[j]
                 out[2, step, stage, j] = stiffness * (asked - here[j]) - friction * turn[j]

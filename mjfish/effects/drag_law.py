@@ -20,10 +20,10 @@ from mjfish.parameter import Parameter
 from mjfish.prior import Prior, smooth_curve
 
 #: Octaves below the reference speed at which the knots begin, and their number: of c_d, of c_f.
-_BELOW_D, _KNOTS_D = 3, 6
-_BELOW_F, _KNOTS_F = 2, 5
+_BELOW_D, _KNOTS_D = 3, 7
+_BELOW_F, _KNOTS_F = 3, 6
 #: The reference speed, in lengths of the fish a second.
-_LENGTHS = 0.5
+_LENGTHS = 1.0
 _WHOLE, _HEIGHT, _ACROSS, _ALONG = 0, 1, 2, 2 + _KNOTS_D - 1
 _SPEED, _TALL = _ALONG + _KNOTS_F - 1, _ALONG + _KNOTS_F
 
@@ -116,7 +116,7 @@ class DragLaw(Effect):
     """Drag coefficients are smooth functions of the speed: c = c_0 exp(g(log2(V / U_0))), g(0) = 0.
 
     g is a cubic between its values at knots an octave apart, one curve for c_d and one for c_f, constant beyond the
-    outermost knots; c_0 is the coefficient of the link's group at the reference speed U_0 = 0.5 L / s. The speed is
+    outermost knots; c_0 is the coefficient of the link's group at the reference speed U_0 = L / s. The speed is
 
         V = sqrt(q^2 + b u^2) (h / h_0)^p  of c_d,      V = sqrt(u^2 + b q^2)  of c_f,
 

@@ -26,17 +26,17 @@ def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
     along = 0.0
     across = 0.0
     moment = 0.0
-    for k in range(link.strip_r.shape[0]):
-        r = link.strip_r[k]
+    for k in range(link.coarse_r.shape[0]):
+        r = link.coarse_r[k]
         q = link.v + link.w * r
-        height = link.strip_height[k]
+        height = link.coarse_height[k]
         rise = np.exp(-decay * height * np.sqrt(u * u + q * q))
-        along += link.strip_weight[k] * link.strip_perimeter[k] * rise
-        share = link.strip_weight[k] * height * rise * abs(q) * q
+        along += link.coarse_weight[k] / link.length * rise
+        share = link.coarse_weight[k] * height * rise * abs(q) * q
         across += share
         moment += share * r
     half = -0.5 * link.density
-    along *= friction * link.c_f * abs(u) * u
+    along *= friction * link.c_f * link.wetted * abs(u) * u
     pressure *= half * link.c_d
     return half * along, pressure * across, pressure * moment
 

@@ -27,11 +27,11 @@ def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
     along = factor * link.c_f * link.wetted * abs(link.u) * link.u
     across = 0.0
     moment = 0.0
-    for k in range(link.strip_r.shape[0]):
-        r = link.strip_r[k]
+    for k in range(link.coarse_r.shape[0]):
+        r = link.coarse_r[k]
         q = link.v + link.w * r
         factor = np.expm1(pressure * np.log(max(abs(q), _SLOWEST) / REFERENCE_SPEED))
-        share = link.strip_weight[k] * link.strip_height[k] * factor * abs(q) * q
+        share = link.coarse_weight[k] * link.coarse_height[k] * factor * abs(q) * q
         across += share
         moment += share * r
     half = -0.5 * link.density

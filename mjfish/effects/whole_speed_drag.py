@@ -21,10 +21,10 @@ def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
     along = parameters[0] * link.c_f * link.wetted * (np.sqrt(u * u + middle * middle) - abs(u)) * u
     across = 0.0
     moment = 0.0
-    for k in range(link.strip_r.shape[0]):
-        r = link.strip_r[k]
+    for k in range(link.coarse_r.shape[0]):
+        r = link.coarse_r[k]
         q = link.v + link.w * r
-        share = link.strip_weight[k] * link.strip_height[k] * (np.sqrt(u * u + q * q) - abs(q)) * q
+        share = link.coarse_weight[k] * link.coarse_height[k] * (np.sqrt(u * u + q * q) - abs(q)) * q
         across += share
         moment += share * r
     half = -0.5 * link.density
