@@ -64,12 +64,29 @@ STRONG: dict[str, Draw] = {
     "fin_lift": _one("slope", 2.0, 4.0),
     "roll": _one("height", 0.015, 0.03, signed=True),
     "wake_memory": _one("share", 0.3, 0.6),
+    "power_drag": lambda rng: {"friction": rng.uniform(0.4, 0.8), "pressure": rng.uniform(0.4, 0.8)},
+    "whole_speed_drag": lambda rng: {"friction": rng.uniform(0.6, 1.2), "pressure": rng.uniform(0.6, 1.2)},
+    "exponential_drag": lambda rng: {"friction": rng.uniform(3.0, 6.0), "pressure": rng.uniform(2.0, 4.0)},
+    "stream_lift": _one("slope", 2.0, 4.0),
+    "body_lift": _one("slope", 1.0, 2.0),
+    "axial_momentum": _one("share", 0.8, 1.5),
+    "edge_momentum": _one("share", 0.5, 1.0),
+    "added_mass_memory": _one("share", 0.6, 1.2),
+    "servo_second_order": _one("time", 0.02, 0.04),
+    "servo_delay": _one("time", 0.02, 0.04),
+    "servo_limited_lag": _one("slowness", 0.3, 0.45),
+    "tail_hardening": _one("compliance", 0.2, 0.5),
 }
 #: Shapes, which a strength does not scale.
 SHAPES: dict[str, Draw] = {
     "tail_compliance": _one("damping", 0.005, 0.08),
     "wake_memory": _one("time", 0.08, 0.3),
     "roll": lambda rng: {"frequency": rng.uniform(5.0, 15.0), "damping": rng.uniform(0.1, 0.5)},
+    "exponential_drag": _one("reynolds", 15.0, 60.0),
+    "added_mass_memory": _one("time", 0.08, 0.3),
+    "servo_second_order": _one("damping", 0.4, 1.0),
+    "servo_limited_lag": _one("time", 0.003, 0.01),
+    "tail_hardening": lambda rng: {"damping": rng.uniform(0.005, 0.08), "hardening": rng.uniform(20.0, 100.0)},
 }
 
 

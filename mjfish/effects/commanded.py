@@ -10,7 +10,7 @@ from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 
 #: Rate at which a joint behind its command closes in on it, below the limit [1/s]: position loops of servos.
-_CATCH_UP = 100.0
+CATCH_UP = 100.0
 #: Exponent n of the corner, and the share of the limit below which it is not there, nor above the inverse.
 _SHARP, _OFF_CORNER = 256.0, 0.87
 #: Shortest time constant of a filter of second order [s].
@@ -94,14 +94,14 @@ def _limited(
                     for part in range(4):
                         s = 0.0 if part == 0 else (d if part == 3 else 0.5 * d)
                         asked = a0 + s * (a1 + s * (a2 + s * a3))
-                        wanted = asked - _CATCH_UP * (error[j] + s * k)
+                        wanted = asked - CATCH_UP * (error[j] + s * k)
                         k = wanted * _corner(slowness * wanted) - asked
                         total += k if part == 0 or part == 3 else 2.0 * k
                     error[j] += d / 6.0 * total
-                wanted = rate[step, stage, j] - _CATCH_UP * error[j]
+                wanted = rate[step, stage, j] - CATCH_UP * error[j]
                 x = slowness * wanted
                 follow = wanted * _corner(x)
-                behind = acceleration[step, stage, j] - _CATCH_UP * (follow - rate[step, stage, j])
+                behind = acceleration[step, stage, j] - CATCH_UP * (follow - rate[step, stage, j])
                 limited[step, stage, j] = angle[step, stage, j] + error[j]
                 limited_rate[step, stage, j] = follow
                 limited_acceleration[step, stage, j] = behind * _corner(x) ** (_SHARP + 1.0)

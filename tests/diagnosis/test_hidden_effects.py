@@ -54,8 +54,9 @@ def test_the_other_hidden_effects_are_named_too(effect: str) -> None:
 
 
 def test_every_cause_of_the_catalogue_is_hidden_once_or_cannot_be_seen() -> None:
-    """A cause that is added must be added here."""
-    assert set(catalogue()) == set(STRONG) | set(ELSEWHERE)
+    """A cause that is added must be added here, but for learned forms: these are to find what no formula is."""
+    formulas = {name for name, effect in catalogue().items() if not effect.learned}
+    assert formulas == set(STRONG) | set(ELSEWHERE)
     assert {find(name).domain for name in OF_EACH_DOMAIN} == {effect.domain for effect in catalogue().values()}
 
 

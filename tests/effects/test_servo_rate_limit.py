@@ -11,7 +11,7 @@ from mjfish.data import Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.effects import find
-from mjfish.effects.servo_rate_limit import CATCH_UP
+from mjfish.effects.commanded import CATCH_UP
 from mjfish.fish import Fish
 
 LIMIT = find("servo_rate_limit")

@@ -18,7 +18,7 @@ class PsiUnit(Effect):
     """All angles are larger: the unit of beta psi is (1 + error) times the fish's."""
 
     name: ClassVar[str] = "psi_unit"
-    family: ClassVar = "drive"
+    domain: ClassVar = "drive"
     summary: ClassVar[str] = "the unit of beta psi"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("psi_unit.error", "-", 0.0, -0.8, 1.0, 0.0, 0.05, about="relative error of the unit of beta psi"),
@@ -39,7 +39,7 @@ class SoftStart(Effect):
     """The beat grows to its amplitude more slowly: theta = r(t) theta_command, r = 1 - (1 + t / T) exp(-t / T)."""
 
     name: ClassVar[str] = "soft_start"
-    family: ClassVar = "drive"
+    domain: ClassVar = "drive"
     summary: ClassVar[str] = "a start-up with less of a kick"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("soft_start.time", "s", 0.0, 0.0, 1.0, 0.0, 0.05, about="time T of the growth of the beat"),
@@ -72,7 +72,7 @@ class HeadInertia(Effect):
     """
 
     name: ClassVar[str] = "head_inertia"
-    family: ClassVar = "body"
+    domain: ClassVar = "body"
     summary: ClassVar[str] = "the head's inertia I_0"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("head_inertia.error", "-", 0.0, -0.9, 0.0527, 0.0, 0.02, about="relative error of I_0"),
@@ -91,7 +91,7 @@ class FinHeight(Effect):
     """The last section, the caudal fin, is (1 + error) times as high."""
 
     name: ClassVar[str] = "fin_height"
-    family: ClassVar = "body"
+    domain: ClassVar = "body"
     summary: ClassVar[str] = "the height of the caudal fin"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("fin_height.error", "-", 0.0, -0.5, 0.5, 0.0, 0.05, about="relative error of the fin's height"),
