@@ -52,6 +52,24 @@ class Result:
         """
         _reporting().write_log(self, Path(path))
 
+    def write_curves(self, folder: str | Path) -> tuple[Path, ...]:
+        """Write the curves in the result as one CSV file each, named ``MECHANISM-QUANTITY-GROUP.csv``.
+
+        The columns are x, y, both ends of the 95 % band of y, the nominal y, and 1 or 0 for whether the runs have been
+        at this x.
+
+        Args:
+            folder: to write to; made where it is not there, and not touched where there is no curve.
+
+        Returns:
+            The files.
+
+        Raises:
+            InputError: a file cannot be written, or this kind of result has no curves.
+        """
+        files: tuple[Path, ...] = _reporting().write_curves(self, Path(folder))
+        return files
+
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         cls.__repr__ = Result.__repr__  # type: ignore[method-assign]  # a dataclass would write one of its own

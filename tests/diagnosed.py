@@ -9,8 +9,10 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
+from mjfish.diagnosis.curves import Axis, Band, MeasuredCurve
 from mjfish.diagnosis.description import Description, Term
 from mjfish.diagnosis.fingerprint import Measured
+from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.missing_force import MissingForce
 from mjfish.diagnosis.result import Verdict
@@ -58,6 +60,7 @@ def diagnosis(
     names: tuple[str, str] = ("slow", "fast"),
     cause: str = CAUSE,
     parameters: Mapping[str, Estimate] | None = None,
+    mechanisms: tuple[NamedMechanism, ...] = (),
 ) -> Diagnosis:
     """Return a diagnosis of two trials, the second held out (or both fitted), with this verdict and best cause."""
     fish = load_fish("pike")
@@ -80,6 +83,7 @@ def diagnosis(
         checks=Inspection(),
         undetectable={"mass_error": "a refit of the coefficients hides all of it"},
         causes=(Cause(cause, find(cause).summary, own),) if verdict == "named" else (),
+        mechanisms=mechanisms,
         rivals=((cause, "time_offset"),) if verdict == "cannot_tell" else (),
         alternatives={"named": ((cause,),), "cannot_tell": ((cause,), ("time_offset",))}.get(verdict, ()),
         certain=(cause,) if verdict == "named" else (),
@@ -105,6 +109,45 @@ def diagnosis(
         effects=catalogue(),
         provenance={"versions": {"mjfish": "0.1.0"}, "commit": None, "seed": 7, "inputs": {"slow.csv": "ab12"}},
     )
+
+
+#: Points of `drag_curve` [m/s], and the two of them between which runs have been.
+SPEEDS = np.geomspace(0.01, 1.0, 25)
+VISITED = (float(SPEEDS[8]), float(SPEEDS[20]))
+
+
+def drag_curve(quantity: str = "c_d", group: str = "body", *, visited: tuple[float, float] = VISITED) -> MeasuredCurve:
+    """Return a coefficient that falls with the speed, with a band that opens where no run has been."""
+    y = {"head": 0.9, "body": 1.2, "tail": 1.5}[group] * SPEEDS**-0.25
+    half = 0.05 + 0.3 * np.abs(np.log10(SPEEDS / 0.2)) ** 3
+    return MeasuredCurve(
+        quantity,
+        group,
+        Axis("speed", "m/s", tuple(SPEEDS)),
+        Band(quantity, "-", tuple(y), tuple(y - half), tuple(y + half)),
+        (2.0,) * len(SPEEDS),
+        visited,
+    )
+
+
+def drag_law(*, forms: tuple[str, ...] = ("reynolds_drag", "linear_drag")) -> NamedMechanism:
+    """Return a drag law whose form is not settled; no run says anything of the friction of the head."""
+    curves = [drag_curve("c_d", group) for group in ("head", "body", "tail")]
+    curves += [drag_curve("c_f", "head", visited=(0.0, 0.0)), drag_curve("c_f", "body")]
+    return NamedMechanism("drag_law", "water", "mechanism", "learned", forms, tuple(curves))
+
+
+#: Of a learned drag law: a shape number, and two values of its curve.
+DRAG_LAW = {
+    "whole": Estimate(0.4, 0.1, 0.9, "-"),
+    "across_1": Estimate(0.31, 0.2, 0.4, "-"),
+    "across_2": Estimate(0.17, 0.1, 0.2, "-"),
+}
+
+
+def learned_diagnosis() -> Diagnosis:
+    """Return a diagnosis that names a drag law of learned form."""
+    return diagnosis(cause="drag_law", parameters=DRAG_LAW, mechanisms=(drag_law(),))
 
 
 def _fits(coefficients: Mapping[str, float], refits: Mapping[str, Mapping[str, float]]) -> tuple[FittedModel, ...]:

@@ -13,7 +13,7 @@ import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError
 from mjfish.files import check_file, check_folder, make_folder
-from mjfish.reporting.words import CHANNEL_NAMES, estimate, interval, number, p_value, percent
+from mjfish.reporting.words import CHANNEL_NAMES, estimate, interval, named_as, number, p_value, percent
 
 if TYPE_CHECKING:
     from mjfish.diagnosis import Diagnosis
@@ -39,6 +39,9 @@ def diagnose(
     json_: Annotated[Path | None, typer.Option("--json", help="Write diagnosis.json here.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write the HTML report here.")] = None,
     rrd: Annotated[Path | None, typer.Option(help="Write the rerun log here.")] = None,
+    curves: Annotated[
+        Path | None, typer.Option(help="Folder for the curves of the named mechanisms, a CSV each.")
+    ] = None,
     extended: Annotated[Path | None, typer.Option(help="Write the extended model as a fish TOML to simulate.")] = None,
     seed: Annotated[int, typer.Option(help="Of the simulated null distributions.", min=0)] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
@@ -48,13 +51,18 @@ def diagnose(
     for file in (json_, report, rrd, extended):
         if file is not None:
             check_file(file)
+    if curves is not None:
+        check_folder(curves)
     if extended is not None and extended.suffix != ".toml":
         raise InputError(f"--extended: {extended} ends in '{extended.suffix}', expected .toml; rename it")
     measured = mjfish.load_dataset(dataset)
     with console.progress_bar() as tell:
         result = mjfish.diagnose(measured, effects=known, seed=seed, jobs=jobs, progress=tell)
     _write(result, json_, report, rrd, extended)
+    written = None if curves is None else result.write_curves(curves)
     show(result)
+    if written == ():
+        console.say(f"No curve was written to {curves}: no mechanism is named whose form is a curve.")
     _leave(result)
 
 
@@ -128,11 +136,13 @@ def _leave(result: Diagnosis) -> None:
 
 
 def show(result: Diagnosis) -> None:
-    """Print a diagnosis: verdict, cause, gain, rivals, candidates, where the misfit sits, what is undetectable."""
+    """Print a diagnosis: verdict, mechanisms, cause, gain, rivals, candidates, where the misfit is, what is unseen."""
     console.out.print(result.verdict, style=f"bold {_COLOURS[result.verdict]}", end="  ")
     console.say(result.message)
     if result.status != "ok":
         console.complain(result.status, _REMEDIES.get(result.status, "take the numbers with care"))
+    for mechanism in result.mechanisms:
+        console.say(named_as(mechanism), *(f"  {curve.summary()}" for curve in mechanism.curves))
     if result.best:
         console.out.print(_cause(result))
     if result.gain is not None:
@@ -148,14 +158,20 @@ def show(result: Diagnosis) -> None:
 
 
 def _cause(result: Diagnosis) -> Table:
+    from mjfish.diagnosis.curves import knots_of
+
     title = "Cause" if result.verdict == "named" else "Best of the rivals" if result.rivals else "Closest candidate"
     if result.verdict != "named" and not result.rivals:
         title += ", not named"
     headings = ("parameter", "estimate", "95 % interval", "unit")
     table = console.table(title, headings, headings)
-    for name, value in result.extended.items():
-        if name.partition(".")[0] in result.best:
+    knots = knots_of(result.effects.values())
+    own = {name: value for name, value in result.extended.items() if name.partition(".")[0] in result.best}
+    for name, value in own.items():
+        if name not in knots:
             table.add_row(name, estimate(value), interval(value) or "on its bound", value.unit)
+    if unread := len(knots.intersection(own)):
+        table.caption = f"and {unread} values of smooth curves, which --json writes"
     return table
 
 

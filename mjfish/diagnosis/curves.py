@@ -7,7 +7,7 @@ linearised fit, y +- 1.96 sqrt(g' C g) with the gradient g of y by the parameter
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from mjfish.arrays import FloatArray, RecordArray
 from mjfish.data import Trial
 from mjfish.diagnosis.refit import Refit
+from mjfish.effects import Effect
 from mjfish.estimation.fit import Z95
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.force import drag
@@ -58,7 +59,7 @@ class MeasuredCurve:
         group: of the links that have it.
         x, y: what stands at the axes; y with its band.
         nominal: y of the nominal model, at the same x.
-        visited: smallest and largest x where the runs say something of y.
+        visited: smallest and largest x where the runs say something of y; both zero where they say nothing.
     """
 
     quantity: str
@@ -67,6 +68,35 @@ class MeasuredCurve:
     y: Band
     nominal: tuple[float, ...]
     visited: tuple[float, float]
+
+    @property
+    def seen(self) -> tuple[float, float] | None:
+        """The visited range as far as the curve reaches; None where the runs say nothing of it."""
+        low, high = max(self.visited[0], self.x.values[0]), min(self.visited[1], self.x.values[-1])
+        return (low, high) if high > low else None
+
+    def at(self, x: float) -> tuple[float, float, float]:
+        """Return y and both ends of its band at x, linear between the points of the curve."""
+        y, low, high = (float(np.interp(x, self.x.values, v)) for v in (self.y.values, self.y.low, self.y.high))
+        return y, low, high
+
+    def summary(self) -> str:
+        """Return one line: y with its band at both ends of the visited range."""
+        name = f"{self.quantity} of {self.group}"
+        if self.seen is None:
+            return f"{name}: the runs say nothing of it"
+        unit = "" if self.y.unit == "-" else f" {self.y.unit}"
+        ends = []
+        for x in self.seen:
+            y, low, high = self.at(x)
+            ends.append(f"{y:.3g} ({low:.3g} to {high:.3g}){unit} at {x:.2g} {self.x.unit}")
+        return f"{name}: {', '.join(ends)}"
+
+
+def knots_of(effects: Iterable[Effect]) -> frozenset[str]:
+    """Return the full names of the numbers that are values of a smooth curve: a person reads the curve instead."""
+    priors = (prior for effect in effects for prior in effect.priors() if prior.learned)
+    return frozenset(name for prior in priors for name in prior.parameters)
 
 
 @dataclass(frozen=True, eq=False)

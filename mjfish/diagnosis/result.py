@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
+from mjfish.diagnosis.curves import knots_of
 from mjfish.diagnosis.description import Description
 from mjfish.diagnosis.fingerprint import Measured
 from mjfish.diagnosis.forms import NamedMechanism
@@ -199,14 +200,18 @@ class Diagnosis(Result):
     provenance: Mapping[str, Any]
 
     def summary(self) -> str:
-        """Return verdict, causes with sizes, gain, status and what to do next, in at most ten lines."""
+        """Return verdict, causes with sizes and curves, gain, status and what to do next, in at most ten lines."""
         lines = [f"{self.dataset.name}: {self.verdict}. {self.message}"]
         if self.status != "ok":
             lines.append("The fit has not converged: the numbers are not final; see `remarks`.")
+        knots = knots_of(self.effects.values())
         for cause in self.causes:
             for name, value in cause.parameters.items():
+                if f"{cause.name}.{name}" in knots:
+                    continue
                 interval = f"({value.low:.4g} to {value.high:.4g})"
                 lines.append(f"  {cause.name}.{name} = {value.estimate:.4g} {interval} {value.unit}")
+        sized = len(lines)
         if self.verdict == "cannot_tell" and self.rivals:
             lines.append(f"  rivals: {'; '.join(', '.join(group) for group in self.rivals)}")
         if self.gain is not None:
@@ -217,7 +222,16 @@ class Diagnosis(Result):
             )
         lines += [f"  {finding.severity}: {finding.message}" for finding in self.checks.blocks]
         lines.append(f"Next: {_NEXT[self.verdict]}")
+        lines[sized:sized] = self._curves(room=10 - len(lines))
         return "\n".join([*lines[:9], lines[-1]] if len(lines) > 10 else lines)
+
+    def _curves(self, room: int) -> list[str]:
+        """Return a line a curve, in as many lines as there is room for."""
+        lines = [f"  {curve.summary()}" for mechanism in self.mechanisms for curve in mechanism.curves]
+        if len(lines) <= max(room, 0):
+            return lines
+        kept = lines[: max(room - 1, 0)]
+        return [*kept, f"  and {len(lines) - len(kept)} more curves, see `mechanisms`"] if room > 0 else []
 
     def to_dict(self) -> dict[str, Any]:
         """Return the diagnosis as plain data, the content of ``diagnosis.json``."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-__all__ = ["figure", "notebook", "write_log", "write_report"]
+__all__ = ["figure", "notebook", "write_curves", "write_log", "write_report"]
 
 
 def figure(result: Any) -> go.Figure:
@@ -47,6 +47,21 @@ def write_log(result: Any, path: str | Path) -> None:
     from mjfish.reporting.log import results
 
     results.write_log(result, Path(path))
+
+
+def write_curves(result: Any, folder: str | Path) -> tuple[Path, ...]:
+    """Write the curves in a result as one CSV file each, all or none; return the files.
+
+    Raises:
+        InputError: this kind of result has no curves, or a file cannot be written.
+    """
+    from mjfish.diagnosis import Diagnosis
+    from mjfish.errors import InputError
+    from mjfish.reporting import curves
+
+    if not isinstance(result, Diagnosis):
+        raise InputError(f"{folder}: {type(result).__name__} has no curves to write; print it, or read its to_dict()")
+    return curves.write_curves(result.mechanisms, Path(folder))
 
 
 def notebook(result: Any) -> str:

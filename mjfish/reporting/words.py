@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mjfish.diagnosis import Estimate
+    from mjfish.diagnosis.forms import NamedMechanism
 
 #: How the verdicts read.
 VERDICTS = {
@@ -17,6 +18,13 @@ VERDICTS = {
 }
 #: How channels, and groups of them, read.
 CHANNEL_NAMES = {"surge": "surge", "sway": "sway", "yaw_rate": "yaw rate", "pooled": "all channels"}
+#: How the quantities of curves read; others by their name.
+QUANTITY_NAMES = {
+    "c_d": "Drag coefficient across, c_d",
+    "c_f": "Friction coefficient along, c_f",
+    "c_n": "Coefficient of the force across the chord, c_n",
+    "moment": "Moment of the spring",
+}
 #: Stands for a number that is not known.
 NONE = "–"
 _MINUS = "\N{MINUS SIGN}"
@@ -69,3 +77,14 @@ def _rounded(number_: float, value: Estimate) -> str:
         return number(number_)
     places = min(max(1 - math.floor(math.log10(half)), 0), 9)
     return f"{number_:.{places}f}".replace("-", _MINUS)
+
+
+def named_as(mechanism: NamedMechanism) -> str:
+    """Say in a line how deep the data name a mechanism, and which forms of it stay."""
+    if mechanism.level == "form":
+        return f"{mechanism.name}: named with its form, {mechanism.form}"
+    if mechanism.forms:
+        return (
+            f"{mechanism.name}: named as a mechanism; the data do not settle its form: {' or '.join(mechanism.forms)}"
+        )
+    return f"{mechanism.name}: named as a mechanism; no formula of it fits, its form is learned"
