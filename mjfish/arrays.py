@@ -1,4 +1,4 @@
-"""Array types, read-only arrays, and the projection of columns on a span and beside it."""
+"""Array types, read-only arrays, the projection of columns on a span and beside it, and normal equations."""
 
 from __future__ import annotations
 
@@ -47,6 +47,19 @@ def orthonormal(columns: FloatArray) -> FloatArray:
 def project_out(basis: FloatArray, columns: FloatArray) -> FloatArray:
     """Return `columns` less their part in the span of the orthonormal `basis`."""
     return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+#: Eigenvalues of a matrix of scaled columns below this share of the largest are rounding.
+_DUST = 1e-10
+
+
+def solve(gram: FloatArray, right: FloatArray) -> FloatArray:
+    """Return gram^+ right (p, k) of a positive semi-definite matrix, its columns first scaled to length 1."""
+    length = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    values, vectors = np.linalg.eigh(gram / np.outer(length, length))
+    kept = values > _DUST * max(float(values[-1]), 1e-300) if len(values) else np.zeros(0, dtype=bool)
+    inner = vectors[:, kept].T @ (right / length[:, None])
+    return np.asarray(vectors[:, kept] @ (inner / values[kept, None]) / length[:, None])
 
 
 def blocks_of(sizes: Sequence[int]) -> list[slice]:

@@ -51,19 +51,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special, stats
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, solve
 from mjfish.design.fitted_models import ModelEstimate
 from mjfish.design.menu import Run
+from mjfish.diagnosis.isolability import DETECTED, Isolability, isolated
 from mjfish.diagnosis.select import CLOSE
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
 from mjfish.estimation.problem import elsewhere
 from mjfish.parameter import Parameter
 
-#: Eigenvalues below this share of the largest are rounding.
-_RANK = 1e-10
-#: lambda that a family of some twenty causes at 5 % needs for 90 % power: (2.99 + 1.28)^2.
-DETECTED = 18.0
 #: A signature of which a refit leaves less than this share is structurally unidentifiable: what is left is rounding.
 _CONFOUNDED = 1e-5
 
@@ -116,15 +113,6 @@ def column(rival: str, parameter: str) -> str:
     return f"{rival}/{parameter}"
 
 
-def solve(gram: FloatArray, right: FloatArray) -> FloatArray:
-    """Return gram^+ right (p, k) of a positive semi-definite matrix, its columns first scaled to length 1."""
-    length = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    values, vectors = np.linalg.eigh(gram / np.outer(length, length))
-    kept = values > _RANK * max(float(values[-1]), 1e-300) if len(values) else np.zeros(0, dtype=bool)
-    inner = vectors[:, kept].T @ (right / length[:, None])
-    return np.asarray(vectors[:, kept] @ (inner / values[kept, None]) / length[:, None])
-
-
 def on_menu(problem: Problem, runs: Sequence[Run]) -> Problem:
     """Return the problem with the runs of a menu for its trials, all of their samples counted."""
     return replace(problem, trials=tuple(run.trial for run in runs), windows=None, ends=0)
@@ -156,17 +144,26 @@ class Detection:
 
         Infinite where a refit of the coefficients hides all of it.
         """
-        added = None if run is None else self.runs[run]
-        sums = self.data if added is None else self.data + added
-        own = [sums.names.index(p.name) for p in self.amplitudes[cause]]
-        others = {p.name for amplitudes in self.amplitudes.values() for p in amplitudes}
-        theta = [i for i, name in enumerate(sums.names) if name not in others]
-        mixed, own_block = sums.gram[np.ix_(theta, own)], sums.gram[np.ix_(own, own)]
-        left = own_block - mixed.T @ solve(sums.gram[np.ix_(theta, theta)], mixed)
-        shown = np.diag(left) > _CONFOUNDED * np.maximum(np.diag(own_block), 1e-300)
+        left, energy = self._left(self.amplitudes[cause], run)
+        shown = np.diag(left) > _CONFOUNDED * np.maximum(energy, 1e-300)
         inverse = np.diag(np.linalg.pinv(left, hermitian=True))
         found = np.where(shown, np.sqrt(DETECTED * np.maximum(inverse, 0.0)), np.inf)
         return {p.name: float(size) * p.scale for p, size in zip(self.amplitudes[cause], found, strict=True)}
+
+    def isolability(self, causes: Sequence[Effect], run: int | None = None, along: Collection[str] = ()) -> Isolability:
+        """Return the isolability of the mechanisms of the causes; `along` these amplitudes, or the typical ones."""
+        left, energy = self._left([p for cause in causes for p in self.amplitudes[cause.name]], run)
+        return isolated(left, energy, causes, along)
+
+    def _left(self, amplitudes: Sequence[Parameter], run: int | None) -> tuple[FloatArray, FloatArray]:
+        """Return S'S - S'J (J'J)^+ J'S (d, d) of some amplitudes, and the diagonal (d,) of S'S."""
+        added = None if run is None else self.runs[run]
+        sums = self.data if added is None else self.data + added
+        own = [sums.names.index(p.name) for p in amplitudes]
+        others = {p.name for every in self.amplitudes.values() for p in every}
+        theta = [i for i, name in enumerate(sums.names) if name not in others]
+        mixed, own_block = sums.gram[np.ix_(theta, own)], sums.gram[np.ix_(own, own)]
+        return own_block - mixed.T @ solve(sums.gram[np.ix_(theta, theta)], mixed), np.diag(own_block)
 
 
 def detection(nominal: ModelEstimate, causes: Sequence[Effect], runs: Sequence[Run]) -> Detection:

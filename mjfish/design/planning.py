@@ -10,15 +10,17 @@ from typing import Any, Literal
 import numpy as np
 
 from mjfish.data import Dataset
-from mjfish.design.fitted_models import FittedModels, Question
+from mjfish.design.fitted_models import FittedModels, ModelEstimate, Question
 from mjfish.design.information import Detection, Separation, detection, separations
 from mjfish.design.menu import Menu, Run
 from mjfish.diagnosis import Diagnosis, diagnose
+from mjfish.diagnosis.isolability import DETECTED
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect, catalogue, find
 from mjfish.effects.calibration import CALIBRATIONS, DOMAINS, Calibration
 from mjfish.errors import InputError
+from mjfish.parameter import Parameter
 from mjfish.result import Result
 from mjfish.serialise import unsaved
 
@@ -28,6 +30,8 @@ _LIKELY = 0.5
 SCHEMA = 2
 #: How many options a summary lists.
 _LISTED = 5
+#: How many pairs of mechanisms, the hardest to tell apart, a run is asked for.
+_HARDEST = 3
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,30 @@ class Pair:
     settled: bool = False
 
 
+@dataclass(frozen=True)
+class Isolated:
+    """From which size on a rival, or a mechanism, is told from another one with 90 % power.
+
+    Attributes:
+        amplitude: full name of what has the size: of a rival at its fit its largest amplitude in units of scale, the
+            others in proportion; of a mechanism its typical one (`mjfish.diagnosis.isolability`).
+        beside: the rival or mechanism that it is told from.
+        unit: of the sizes.
+        now, after: the sizes, with the data as they are and with the option.
+    """
+
+    amplitude: str
+    beside: str
+    unit: str
+    now: float
+    after: float
+
+    @property
+    def gain(self) -> float:
+        """Log of the size now over the size after."""
+        return float(np.log(self.now / self.after))
+
+
 @dataclass(frozen=True, eq=False)
 class Option:
     """A run or calibration.
@@ -60,8 +88,11 @@ class Option:
         name: of it.
         about: what is done.
         seconds: of swimming, with the pause before it; 0 for a calibration.
-        worth: the smallest gain of any pair a second: of lambda, or of -log of the minimum detectable effect.
+        worth: the smallest gain of any pair a second: of lambda, or of -log of the minimum detectable effect; to the
+            latter the smallest gain of -log of `isolability` is added.
         pairs: what it does for each pair, or cause.
+        isolability: of a run, from which size on each rival is told from the one that is hardest to tell it from; of
+            causes to be seen, the mechanisms that are hardest to tell from one another.
         drive: of a run by the CPG.
         run: behind it.
     """
@@ -74,6 +105,7 @@ class Option:
     pairs: tuple[Pair, ...]
     drive: tuple[DriveSegment, ...] = ()
     run: Run | None = unsaved(default=None)
+    isolability: tuple[Isolated, ...] = ()
 
     @property
     def worst(self) -> Pair:
@@ -145,8 +177,9 @@ def plan(
     Two rivals k and l are apart by lambda, the squared norm of the whitened difference of their predictions that a
     refit of l does not remove. A run of the menu adds its own rows to both models, linearised at their estimates, and
     lambda follows anew (`mjfish.design.information`); runs are ranked by the gain of lambda of the hardest pair a
-    second. Where causes are to be made visible, runs are ranked by how far they shrink the minimum detectable effect
-    (`mjfish.design.detection`).
+    second. Along its fit, rival k is told from l from a share sqrt(18 / lambda) of its size on: the same ranking lowers
+    its isolability. Where causes are to be made visible, runs are ranked by how far they shrink the minimum detectable
+    effects, and the isolability of the mechanisms that are hardest to tell from one another.
 
     Models come from the diagnosis as it fitted them, to the fit trials; the held-out ones are added by one Gauss-Newton
     step. A rival is fitted here where the diagnosis did not fit it, or did not follow its refit to the optimum.
@@ -196,11 +229,11 @@ def plan(
         models = known.estimates(tried, progress)
         progress("trying the runs of the menu", 0.5)
         pairs = separations(models, runs)
-        options = (*_calibrations(tried, pairs), *_separating(pairs, runs, menu.pause))
+        options = (*_calibrations(tried, pairs), *_separating(pairs, _sizes(models), runs, menu.pause))
     else:
         models = known.estimates((), progress)
         progress("trying the runs of the menu", 0.5)
-        options = _revealing(detection(models[0], tried, runs), runs, menu.pause)
+        options = _revealing(detection(models[0], tried, runs), tried, runs, menu.pause)
     progress("done", 1.0)
     converged = all(model.converged for model in models)
     return Plan(
@@ -239,7 +272,9 @@ def _causes(known: FittedModels, question: Question) -> tuple[Effect, ...]:
     return found
 
 
-def _separating(pairs: Sequence[Separation], runs: Sequence[Run], pause: float) -> list[Option]:
+def _separating(
+    pairs: Sequence[Separation], sizes: Mapping[str, tuple[Parameter, float]], runs: Sequence[Run], pause: float
+) -> list[Option]:
     """Rank runs by the smallest gain of lambda of any pair a second."""
     options = []
     for i, run in enumerate(runs):
@@ -248,8 +283,31 @@ def _separating(pairs: Sequence[Separation], runs: Sequence[Run], pause: float) 
         effects = tuple(_pair(pair, i) for pair in pairs)
         seconds = run.seconds + pause
         worth = min(pair.after - pair.now for pair in effects) / seconds
-        options.append(Option("run", run.name, run.about, seconds, worth, effects, run.trial.drive, run))
+        told = tuple(_hardest(rival, *size, pairs, i) for rival, size in sizes.items())
+        options.append(Option("run", run.name, run.about, seconds, worth, effects, run.trial.drive, run, told))
     return sorted(options, key=lambda option: -option.worth)
+
+
+def _sizes(models: Sequence[ModelEstimate]) -> dict[str, tuple[Parameter, float]]:
+    """Return the amplitude of every rival that is largest in units of its scale, with its fitted size."""
+    found = {}
+    for model in models:
+        values = model.problem.named(model.x)
+        sizes = {p: abs(values[p.name] - p.default) for p in model.problem.model.effects[-1].parameters if not p.shape}
+        largest = max(sizes, key=lambda p: sizes[p] / p.scale)
+        found[model.name] = largest, sizes[largest]
+    return found
+
+
+def _hardest(rival: str, p: Parameter, size: float, pairs: Sequence[Separation], run: int) -> Isolated:
+    """Return the isolability of a rival, along its fit, from the one that is hardest to tell it from after a run."""
+
+    def told(pair: Separation, run: int | None) -> float:
+        return size * math.sqrt(DETECTED / max(pair.noncentrality_of(rival, run), 1e-300))
+
+    pair = max((pair for pair in pairs if rival in pair.rivals), key=lambda pair: told(pair, run))
+    (other,) = set(pair.rivals) - {rival}
+    return Isolated(p.name, other, p.unit, told(pair, None), told(pair, run))
 
 
 def _pair(pair: Separation, run: int | None) -> Pair:
@@ -281,22 +339,30 @@ def calibration_of(effect: Effect) -> Calibration | None:
     return effect.calibration or DOMAINS.get(effect.domain)
 
 
-def _revealing(found: Detection, runs: Sequence[Run], pause: float) -> tuple[Option, ...]:
-    """Rank runs by the smallest -log, a second, of the shrinking of any minimum detectable effect."""
-    now = {cause: found.sizes(cause) for cause in found.amplitudes}
+def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], pause: float) -> tuple[Option, ...]:
+    """Rank runs by what shrinks least, in -log a second: of the minimum detectable effects, and of the isolability."""
+    learned = {cause.name for cause in causes if cause.learned and len(causes) > 1}  # seen by the formulas beside it
+    now = {cause: found.sizes(cause) for cause in found.amplitudes if cause not in learned}
     best = {
-        cause: min(amplitudes, key=lambda p: now[cause][p.name] / p.scale).name
-        for cause, amplitudes in found.amplitudes.items()
-        if np.all(np.isfinite(list(now[cause].values())))
+        cause: min(found.amplitudes[cause], key=lambda p: sizes[p.name] / p.scale).name
+        for cause, sizes in now.items()
+        if np.all(np.isfinite(list(sizes.values())))
     }
+    apart = found.isolability(causes)
     options = []
     for i, run in enumerate(runs):
         if found.runs[i] is None or not best:
             continue
         pairs = tuple(Pair(p, "", now[cause][p], found.sizes(cause, i)[p]) for cause, p in best.items())
+        after = found.isolability(causes, i, apart.amplitudes)
+        told = tuple(
+            Isolated(apart.amplitudes[k], apart.mechanisms[l], apart.units[k], apart.sizes[k][l], after.sizes[k][l])
+            for k, l in apart.hardest(_HARDEST)  # noqa: E741 - the equation's
+        )
         seconds = run.seconds + pause
-        worth = min(float(np.log(pair.now / pair.after)) for pair in pairs) / seconds
-        options.append(Option("run", run.name, run.about, seconds, worth, pairs, run.trial.drive, run))
+        gain = min(float(np.log(pair.now / pair.after)) for pair in pairs)
+        worth = (gain + min((pair.gain for pair in told), default=0.0)) / seconds
+        options.append(Option("run", run.name, run.about, seconds, worth, pairs, run.trial.drive, run, told))
     return tuple(sorted(options, key=lambda option: -option.worth))
 
 
@@ -327,7 +393,8 @@ def _advice(question: Question, best: Option, lead: str) -> str:
     what = what[0].upper() + what[1:]
     pair = best.worst
     if question.purpose == "see":
-        return f"{what} shrinks the minimum detectable effect of every cause, at least to {pair.after / pair.now:.0%}."
+        what += f" shrinks the minimum detectable effect of every cause, at least to {pair.after / pair.now:.0%}."
+        return " ".join([what, *map(_told, best.isolability)])
     if pair.probability_now > _LIKELY:
         return f"The data tell {pair.first} and {pair.second} apart already; {best.name} would do so most a second."
     advice = (
@@ -336,7 +403,12 @@ def _advice(question: Question, best: Option, lead: str) -> str:
     )
     if pair.probability_after < _LIKELY:
         advice += " No single run of the menu is likely to decide; several may."
-    return advice
+    return " ".join([advice, *map(_told, best.isolability)])
+
+
+def _told(pair: Isolated) -> str:
+    unit = "" if pair.unit == "-" else f" {pair.unit}"
+    return f"After it, {pair.amplitude} is told from {pair.beside} from {pair.after:.2g}{unit} on, now {pair.now:.2g}."
 
 
 def percent(probability: float) -> str:

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from synthetic_trials import DURATION, swum, synthetic
 
+from mjfish.arrays import solve
 from mjfish.data import Dataset
 from mjfish.design.fitted_models import FittedModels, ModelEstimate
-from mjfish.design.information import Information, Separation, separations, solve
+from mjfish.design.information import Information, Separation, separations
 from mjfish.design.menu import Menu, Run
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.progress import silent
