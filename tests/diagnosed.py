@@ -14,6 +14,7 @@ from mjfish.diagnosis.description import Description, Term
 from mjfish.diagnosis.fingerprint import Measured
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.diagnosis.held_out import Gain
+from mjfish.diagnosis.isolability import Isolability
 from mjfish.diagnosis.missing_force import MissingForce
 from mjfish.diagnosis.result import Verdict
 from mjfish.diagnosis.where import Where
@@ -25,6 +26,13 @@ from mjfish.inspection import Inspection
 from mjfish.model import Model
 
 CAUSE = "servo_lag"
+#: A clock that only large servo delays are told from, walls that nothing shows.
+ISOLABILITY = Isolability(
+    mechanisms=("clock", "servo_dynamics", "walls"),
+    amplitudes=("time_offset.offset", "servo_delay.time", "wall_effect.size"),
+    units=("s", "s", "-"),
+    sizes=((8e-5, 1.2e-3, 8.2e-5), (4e-4, 8e-5, 8e-5), (np.inf, np.inf, np.inf)),
+)
 LAG = Estimate(0.0201, 0.0195, 0.0207, "s")
 SIGMA = np.array([0.01, 0.01, 0.05])
 _GAIN = Gain(
@@ -82,6 +90,7 @@ def diagnosis(
         remarks=("c_f.head of the nominal model rests on its bound",),
         checks=Inspection(),
         undetectable={"mass_error": "a refit of the coefficients hides all of it"},
+        isolability=ISOLABILITY,
         causes=(Cause(cause, find(cause).summary, own),) if verdict == "named" else (),
         mechanisms=mechanisms,
         rivals=((cause, "time_offset"),) if verdict == "cannot_tell" else (),
@@ -137,17 +146,12 @@ def drag_law(*, forms: tuple[str, ...] = ("reynolds_drag", "linear_drag")) -> Na
     return NamedMechanism("drag_law", "water", "mechanism", "learned", forms, tuple(curves))
 
 
-#: Of a learned drag law: a shape number, and two values of its curve.
-DRAG_LAW = {
-    "whole": Estimate(0.4, 0.1, 0.9, "-"),
-    "across_1": Estimate(0.31, 0.2, 0.4, "-"),
-    "across_2": Estimate(0.17, 0.1, 0.2, "-"),
-}
-
-
 def learned_diagnosis() -> Diagnosis:
-    """Return a diagnosis that names a drag law of learned form."""
-    return diagnosis(cause="drag_law", parameters=DRAG_LAW, mechanisms=(drag_law(),))
+    """Return a diagnosis that names a drag law of learned form: two shape numbers, and the values of two curves."""
+    values = {
+        p.short: Estimate(p.default, p.default - 0.1, p.default + 0.1, p.unit) for p in find("drag_law").parameters
+    }
+    return diagnosis(cause="drag_law", parameters=values, mechanisms=(drag_law(),))
 
 
 def _fits(coefficients: Mapping[str, float], refits: Mapping[str, Mapping[str, float]]) -> tuple[FittedModel, ...]:

@@ -18,6 +18,7 @@ from mjfish.diagnosis.fingerprint import fingerprint
 from mjfish.diagnosis.forms import named_mechanisms, refit_learned_forms, staying
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.diagnosis.implausible_noise import bursts, too_large
+from mjfish.diagnosis.isolability import isolability
 from mjfish.diagnosis.missing_force import missing_force
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.provenance import provenance
@@ -163,6 +164,7 @@ def _diagnosed(
         certain=decision.certain,
         candidates=table,
         undetectable=_undetectable(table, evidence),
+        isolability=isolability(evidence, learnable),
         best=() if best is None else best.names,
         where=locate(evidence, screening.directed) if wrong else None,
         force=missing_force(evidence.problem, evidence.fit) if wrong else (),

@@ -13,6 +13,7 @@ from mjfish.diagnosis.description import Description
 from mjfish.diagnosis.fingerprint import Measured
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.diagnosis.held_out import Gain
+from mjfish.diagnosis.isolability import Isolability
 from mjfish.diagnosis.missing_force import MissingForce
 from mjfish.diagnosis.where import Where
 from mjfish.effects import Effect
@@ -151,6 +152,7 @@ class Diagnosis(Result):
         certain: the causes that all of these have: the named ones, or what several sets share.
         candidates: every cause scored, best first.
         undetectable: causes that these data cannot show, with the reason.
+        isolability: sizes from which each mechanism is told from every other one on these runs.
         best: names of the causes that the extended model has: the named ones, else the best candidate; empty where
             nothing is wrong.
         where: where the discrepancy sits.
@@ -182,6 +184,7 @@ class Diagnosis(Result):
     certain: tuple[str, ...]
     candidates: tuple[Candidate, ...]
     undetectable: Mapping[str, str]
+    isolability: Isolability
     best: tuple[str, ...]
     where: Where | None
     force: tuple[MissingForce, ...]
@@ -237,7 +240,8 @@ class Diagnosis(Result):
         """Return the diagnosis as plain data, the content of ``diagnosis.json``."""
         kept = (
             "verdict", "message", "status", "remarks", "causes", "mechanisms", "rivals", "alternatives", "certain",
-            "candidates", "undetectable", "checks", "fingerprint", "description", "p_wrong", "where", "fits", "provenance",
+            "candidates", "undetectable", "isolability", "checks", "fingerprint", "description", "p_wrong", "where",
+            "fits", "provenance",
         )  # fmt: skip
         return {
             "schema": SCHEMA,
