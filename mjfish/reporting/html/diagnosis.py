@@ -6,10 +6,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mjfish.diagnosis import Candidate, Diagnosis, Estimate
+from mjfish.diagnosis.curves import knots_of
 from mjfish.diagnosis.select import GOODNESS, KEEP
 from mjfish.diagnosis.where import FIFTHS
 from mjfish.files import write_text
 from mjfish.frames import CHANNELS
+from mjfish.reporting.html.curves import form_rows
 from mjfish.reporting.html.figures import beat_figure, force_figure, overlay_figure
 from mjfish.reporting.html.pages import render
 from mjfish.reporting.words import CHANNEL_NAMES, VERDICTS, number, percent, unit
@@ -129,6 +131,8 @@ def render_diagnosis(diagnosis: Diagnosis) -> str:
     overlays = sorted(diagnosis.overlays, key=lambda overlay: not overlay.held_out)
     declared = {p.name: p for p in (*diagnosis.nominal_model.parameters, *diagnosis.extended_model.parameters)}
     possible = [cause.name for cause in diagnosis.causes] or [name for group in diagnosis.rivals for name in group]
+    names = [*diagnosis.nominal, *(name for name in diagnosis.extended if name not in diagnosis.nominal)]
+    knots = knots_of(diagnosis.effects.values())
     return render(
         "diagnosis.html.j2",
         diagnosis=diagnosis,
@@ -148,7 +152,10 @@ def render_diagnosis(diagnosis: Diagnosis) -> str:
         goodness=GOODNESS,
         experiments=[diagnosis.effects[name] for name in possible if name in diagnosis.effects],
         declared=declared,
-        names=[*diagnosis.nominal, *(name for name in diagnosis.extended if name not in diagnosis.nominal)],
+        names=[name for name in names if name not in knots],
+        knots=knots,
+        unread=len(knots.intersection(names)),
+        forms=form_rows(diagnosis.mechanisms),
         whiskers=whiskers,
     )
 

@@ -40,6 +40,7 @@ COLOURS = {
     "extended": "#13808c",
     "nominal-soft": "rgba(217, 119, 43, 0.18)",
     "extended-soft": "rgba(19, 128, 140, 0.18)",
+    "muted-soft": "rgba(106, 114, 124, 0.12)",
 }
 #: A curve with more points is thinned to the extremes of equal stretches.
 POINTS = 2400

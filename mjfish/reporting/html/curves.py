@@ -1,0 +1,110 @@
+"""Figures of the curves of named mechanisms: one a quantity, a panel a group of links."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import plotly.graph_objects as go
+
+from mjfish.diagnosis.curves import MeasuredCurve
+from mjfish.diagnosis.forms import NamedMechanism
+from mjfish.reporting.html.figures import COLUMNS, Panel, panels
+from mjfish.reporting.stretches import logarithmic, span, stretches
+from mjfish.reporting.words import QUANTITY_NAMES, named_as, number, unit
+
+#: Pixels of a row of panels.
+_HEIGHT = 280
+
+
+@dataclass(frozen=True)
+class FormFigure:
+    """A figure of one quantity of a mechanism.
+
+    Attributes:
+        title: quantity and groups in words.
+        caption: what is shown, and where the runs have been.
+        figure: of plotly.
+        width: share of the page that it takes, so that panels of all figures are of one size.
+    """
+
+    title: str
+    caption: str
+    figure: go.Figure
+    width: float
+
+
+@dataclass(frozen=True)
+class FormRow:
+    """The figures of one mechanism; `told` says how deep it is named, and its forms."""
+
+    told: str
+    figures: tuple[FormFigure, ...]
+
+
+def form_rows(mechanisms: Iterable[NamedMechanism]) -> list[FormRow]:
+    """Return the figures of every mechanism that has curves."""
+    rows = []
+    for mechanism in mechanisms:
+        quantities: dict[str, list[MeasuredCurve]] = {}
+        for curve in mechanism.curves:
+            quantities.setdefault(curve.quantity, []).append(curve)
+        if quantities:
+            rows.append(FormRow(named_as(mechanism), tuple(_drawn(name, own) for name, own in quantities.items())))
+    return rows
+
+
+def _drawn(quantity: str, curves: list[MeasuredCurve]) -> FormFigure:
+    groups, x = [curve.group for curve in curves], curves[0].x
+    words = QUANTITY_NAMES.get(quantity, quantity)
+    been = "; ".join(f"{curve.group} {_been(curve)}" for curve in curves)
+    caption = f"{quantity} over the {x.name.replace('_', ' ')}, with its 95 % band. Where the runs have been: {been}."
+    width = min(len(curves) / COLUMNS, 1.0)
+    return FormFigure(f"{words}: {_listed(groups)}", caption, curve_figure(curves), width)
+
+
+def curve_figure(curves: list[MeasuredCurve]) -> go.Figure:
+    """Return curves with their bands, a panel each: solid where the runs have been, dotted and grey beyond.
+
+    The nominal model is dashed. The scale is that of the visited range: beyond it, a band may leave the panel.
+    """
+    columns = min(COLUMNS, len(curves))
+    rows = -(-len(curves) // columns)
+    figure = panels(
+        rows,
+        columns,
+        height=_HEIGHT * rows,
+        horizontal_spacing=0.08 if columns > 1 else 0.0,
+        vertical_spacing=0.3 / rows,
+    )
+    for k, curve in enumerate(curves):
+        panel = Panel(figure, k // columns + 1, k % columns + 1)
+        pieces = stretches(curve)
+        for piece in pieces:
+            panel.band(piece.x, piece.low, piece.high, "extended-soft" if piece.seen else "muted-soft")
+        panel.curve(np.array(curve.x.values), np.array(curve.nominal), "nominal", "nominal model", dash="dash")
+        for piece in pieces:
+            if piece.seen:
+                panel.curve(piece.x, piece.y, "extended", "fitted form", width=2.2)
+            else:
+                panel.curve(piece.x, piece.y, "muted", "where no run has been", dash="dot")
+        shown = unit(curve.y.unit)
+        panel.heading(html.escape(f"{curve.y.name}, {curve.group}{f' [{shown}]' if shown else ''}"))
+        at = {"row": panel.row, "col": panel.column}
+        title = html.escape(f"{curve.x.name.replace('_', ' ')} [{curve.x.unit}]")
+        figure.update_xaxes(title_text=title, type="log" if logarithmic(curve) else "linear", **at)
+        figure.update_yaxes(range=span(curve), **at)
+    return figure
+
+
+def _been(curve: MeasuredCurve) -> str:
+    if curve.seen is None:
+        return "nowhere that says something of it"
+    low, high = (number(x, 2) for x in curve.seen)
+    return f"{low} to {high} {curve.x.unit}"
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
