@@ -10,6 +10,10 @@ import numpy as np
 from mjfish.arrays import FloatArray
 
 
+#: Sd of the mean of a curve: of a logarithm, a factor of e.
+_LEVEL = 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class Prior:
     """A Gaussian prior of parameters a: rows @ a ~ N(0, sd^2 I).
@@ -29,21 +33,21 @@ class Prior:
     learned: bool = False
 
 
-def smooth_curve(name: str, knots: Sequence[str], pinned: int, sd: float, slope: float) -> tuple[Prior, Prior]:
-    """Return the priors of a curve given by its values at equally spaced knots, one of which is zero.
+def smooth_curve(name: str, knots: Sequence[str], sd: float, slope: float) -> tuple[Prior, ...]:
+    """Return the priors of a curve about zero, given by its values at equally spaced knots.
 
-    Second differences have an sd that is learned, first differences one that is given.
+    Second differences have an sd that is learned, first differences and the mean have one that is given.
 
     Args:
         name: of the curve.
-        knots: full names of the values, without the pinned one.
-        pinned: which of the knots that is.
+        knots: full names of the values.
         sd: of second differences, at the start.
         slope: sd of first differences.
     """
-    count = len(knots) + 1
-    kept = [k for k in range(count) if k != pinned]
+    count, names = len(knots), tuple(knots)
     identity = np.eye(count)
-    first, second = np.diff(identity, axis=0)[:, kept], np.diff(identity, n=2, axis=0)[:, kept]
-    names = tuple(knots)
-    return Prior(f"{name}.curvature", names, second, sd, learned=True), Prior(f"{name}.slope", names, first, slope)
+    return (
+        Prior(f"{name}.curvature", names, np.diff(identity, n=2, axis=0), sd, learned=True),
+        Prior(f"{name}.slope", names, np.diff(identity, axis=0), slope),
+        Prior(f"{name}.level", names, np.full((1, count), 1.0 / count), _LEVEL),
+    )

@@ -268,6 +268,37 @@ class Sloppy(_Foreign):
         )
 
 
+@load(memory=2, shared=True)
+def _slipping(link: Any, parameters: Any) -> tuple[float, float, float, float, float]:
+    across = 0.0
+    moment = 0.0
+    for k in range(link.strip_r.shape[0]):
+        q = link.v + link.w * link.strip_r[k]
+        share = link.strip_weight[k] * link.strip_height[k] * abs(q) * q
+        across += share
+        moment += share * link.strip_r[k]
+    half = -0.5 * link.density * link.c_d
+    roll, rate = link.memory[0], link.memory[1]
+    lost = np.cos(parameters[0] * roll) ** 2 - 1.0
+    change = 2.0 * half * across
+    turn = 0.0
+    if link.last == 1.0:
+        turn = rate
+        change += -2.0 * 0.4 * 11.0 * rate - 11.0**2 * roll
+    return 0.0, lost * half * across, lost * half * moment, turn, change
+
+
+class RollSlip(_Foreign):
+    """phi'' + 8.8 phi' + 121 phi = 2 a (drag across), and the drag across times cos^2 phi; the camera sees no roll."""
+
+    name: ClassVar[str] = "roll_slip"
+    domain: ClassVar[Domain] = "out_of_plane"
+    mechanism: ClassVar[str] = "roll"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("roll_slip")
+    load: ClassVar[Load | None] = _slipping
+    mujoco: ClassVar[bool] = False
+
+
 def _knots(seed: int) -> FloatArray:
     """Return a random smooth curve at 12 knots an octave apart, about zero."""
     rng = np.random.default_rng(seed)
@@ -316,4 +347,5 @@ FOREIGN: tuple[Effect, ...] = (
     LimitAndLag(),
     TwoLags(),
     Sloppy(),
+    RollSlip(),
 )

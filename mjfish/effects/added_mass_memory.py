@@ -36,7 +36,7 @@ class AddedMassMemory(Effect):
     mechanism: ClassVar[str] = "wake_memory"
     summary: ClassVar[str] = "the added mass follows the motion late: the water remembers"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("added_mass_memory.share", "-", 0.0, -1.0, 2.0, 0.0, 0.05, about="psi, excess of slow motion"),
+        Parameter("added_mass_memory.share", "-", 0.0, -1.0, 2.0, 0.0, 0.2, about="psi, excess of slow motion"),
         Parameter("added_mass_memory.time", "s", 0.15, 0.02, 1.0, 0.15, 0.05, about="tau, of the lag", shape=True),
     )
     source: ClassVar[str] = "Cummins, Schiffstechnik 9 (1962): impulse response of the added mass"

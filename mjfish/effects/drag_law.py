@@ -24,8 +24,8 @@ _BELOW_D, _KNOTS_D = 3, 7
 _BELOW_F, _KNOTS_F = 3, 6
 #: The reference speed, in lengths of the fish a second.
 _LENGTHS = 1.0
-_WHOLE, _HEIGHT, _ACROSS, _ALONG = 0, 1, 2, 2 + _KNOTS_D - 1
-_SPEED, _TALL = _ALONG + _KNOTS_F - 1, _ALONG + _KNOTS_F
+_WHOLE, _HEIGHT, _ACROSS, _ALONG = 0, 1, 2, 2 + _KNOTS_D
+_SPEED, _TALL = _ALONG + _KNOTS_F, _ALONG + _KNOTS_F + 1
 
 
 #: Step by the shapes, for their derivatives.
@@ -46,14 +46,14 @@ def _slopes(link: Any, parameters: Any, out: Any) -> None:
     u, middle = link.u, link.v + 0.5 * link.length * link.w
     t = _octave(u, middle, whole, speed) + _BELOW_F
     k, a, b, c, d = spline_weights(t, _KNOTS_F)
-    g = spline(t, parameters, _ALONG, _KNOTS_F, _BELOW_F)
+    g = spline(t, parameters, _ALONG, _KNOTS_F)
     friction = half * link.c_f * link.wetted * abs(u) * u * np.exp(g)
     for j in range(4):
         at = k - 1 + j
-        if at >= 0 and at < _KNOTS_F and at != _BELOW_F:
+        if at >= 0 and at < _KNOTS_F:
             share = a if j == 0 else (b if j == 1 else (c if j == 2 else d))
-            out[0, _ALONG + at - (1 if at > _BELOW_F else 0)] += friction * share
-    moved = spline(_octave(u, middle, whole + _STEP, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F, _BELOW_F)
+            out[0, _ALONG + at] += friction * share
+    moved = spline(_octave(u, middle, whole + _STEP, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F)
     out[0, _WHOLE] = friction * np.expm1(moved - g) / _STEP
     for s in range(link.coarse_r.shape[0]):
         r = link.coarse_r[s]
@@ -61,21 +61,20 @@ def _slopes(link: Any, parameters: Any, out: Any) -> None:
         taller = np.log2(link.coarse_height[s] / height + 1e-9)
         t = _octave(q, u, whole, speed) + power * taller + _BELOW_D
         k, a, b, c, d = spline_weights(t, _KNOTS_D)
-        g = spline(t, parameters, _ACROSS, _KNOTS_D, _BELOW_D)
+        g = spline(t, parameters, _ACROSS, _KNOTS_D)
         force = half * link.c_d * link.coarse_weight[s] * link.coarse_height[s] * abs(q) * q * np.exp(g)
         for j in range(4):
             at = k - 1 + j
-            if at >= 0 and at < _KNOTS_D and at != _BELOW_D:
+            if at >= 0 and at < _KNOTS_D:
                 share = a if j == 0 else (b if j == 1 else (c if j == 2 else d))
-                place = _ACROSS + at - (1 if at > _BELOW_D else 0)
-                out[1, place] += force * share
-                out[2, place] += force * share * r
+                out[1, _ACROSS + at] += force * share
+                out[2, _ACROSS + at] += force * share * r
         t = _octave(q, u, whole + _STEP, speed) + power * taller + _BELOW_D
-        change = force * np.expm1(spline(t, parameters, _ACROSS, _KNOTS_D, _BELOW_D) - g) / _STEP
+        change = force * np.expm1(spline(t, parameters, _ACROSS, _KNOTS_D) - g) / _STEP
         out[1, _WHOLE] += change
         out[2, _WHOLE] += change * r
         t = _octave(q, u, whole, speed) + (power + _STEP) * taller + _BELOW_D
-        change = force * np.expm1(spline(t, parameters, _ACROSS, _KNOTS_D, _BELOW_D) - g) / _STEP
+        change = force * np.expm1(spline(t, parameters, _ACROSS, _KNOTS_D) - g) / _STEP
         out[1, _HEIGHT] += change
         out[2, _HEIGHT] += change * r
 
@@ -85,14 +84,14 @@ def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
     """Excess over the constant coefficients, strip by strip."""
     whole, power, speed, height = parameters[_WHOLE], parameters[_HEIGHT], parameters[_SPEED], parameters[_TALL]
     u, middle = link.u, link.v + 0.5 * link.length * link.w
-    g = spline(_octave(u, middle, whole, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F, _BELOW_F)
+    g = spline(_octave(u, middle, whole, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F)
     along = np.expm1(g) * link.c_f * link.wetted * abs(u) * u
     across = 0.0
     moment = 0.0
     for s in range(link.coarse_r.shape[0]):
         q = link.v + link.w * link.coarse_r[s]
         t = _octave(q, u, whole, speed) + power * np.log2(link.coarse_height[s] / height + 1e-9) + _BELOW_D
-        g = spline(t, parameters, _ACROSS, _KNOTS_D, _BELOW_D)
+        g = spline(t, parameters, _ACROSS, _KNOTS_D)
         share = link.coarse_weight[s] * link.coarse_height[s] * abs(q) * q * np.expm1(g)
         across += share
         moment += share * link.coarse_r[s]
@@ -101,22 +100,22 @@ def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
 
 
 def _names(short: str, count: int) -> list[str]:
-    return [f"drag_law.{short}_{k}" for k in range(1, count)]
+    return [f"drag_law.{short}_{k}" for k in range(count)]
 
 
 def _values(short: str, count: int, below: int, what: str) -> tuple[Parameter, ...]:
-    octaves = [k - below for k in range(count) if k != below]
     return tuple(
-        Parameter(name, "-", 0.0, -3.0, 3.0, 0.0, 0.2, about=f"ln of {what} at 2^{octave} times the reference speed")
-        for name, octave in zip(_names(short, count), octaves, strict=True)
+        Parameter(name, "-", 0.0, -3.0, 3.0, 0.0, 0.2, about=f"ln of {what} at 2^{k - below} times the reference speed")
+        for k, name in enumerate(_names(short, count))
     )
 
 
 class DragLaw(Effect):
-    """Drag coefficients are smooth functions of the speed: c = c_0 exp(g(log2(V / U_0))), g(0) = 0.
+    """Drag coefficients are smooth functions of the speed: c = c_0 exp(g(log2(V / U_0))), U_0 = L / s.
 
     g is a cubic between its values at knots an octave apart, one curve for c_d and one for c_f, constant beyond the
-    outermost knots; c_0 is the coefficient of the link's group at the reference speed U_0 = L / s. The speed is
+    outermost knots; c_0 is the coefficient of the link's group. The level of g is one with that of c_0: the priors let
+    it go where c_0 is on a bound. The speed is
 
         V = sqrt(q^2 + b u^2) (h / h_0)^p  of c_d,      V = sqrt(u^2 + b q^2)  of c_f,
 
@@ -159,8 +158,8 @@ class DragLaw(Effect):
     def priors(self) -> tuple[Prior, ...]:
         """Keep both curves smooth."""
         return (
-            *smooth_curve("drag_law.across", _names("across", _KNOTS_D), _BELOW_D, 0.3, 0.7),
-            *smooth_curve("drag_law.along", _names("along", _KNOTS_F), _BELOW_F, 0.3, 0.7),
+            *smooth_curve("drag_law.across", _names("across", _KNOTS_D), 0.3, 0.7),
+            *smooth_curve("drag_law.along", _names("along", _KNOTS_F), 0.3, 0.7),
         )
 
 

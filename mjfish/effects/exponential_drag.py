@@ -59,7 +59,8 @@ class ExponentialDrag(Effect):
     source: ClassVar[str] = "Hoerner, Fluid-Dynamic Drag (1965), ch. 3: drag of bluff sections against Reynolds number"
     signature: ClassVar[str] = "too slow at low beat frequency and at start-ups, right where it swims fast"
     confirm: ClassVar[str] = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-1.0, odd=False, part="everywhere")
+    #: The exponent is that of the default Re_0; the smaller Re_0, the steeper.
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-2.5, odd=False, part="everywhere")
     calibration: ClassVar[Calibration | None] = TOW_TEST
     resembles: ClassVar[tuple[str, ...]] = ("design-short",)
     load: ClassVar[Load | None] = _excess

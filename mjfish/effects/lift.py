@@ -22,7 +22,7 @@ def _force(link: Any, parameters: Any) -> tuple[float, float, float]:
     place, downwash = parameters[3], parameters[4]
     if link.last == 0.0:
         first, second, normal = parameters[5], 0.0, parameters[6]
-        place, downwash = 0.5, 0.5
+        place, downwash = parameters[7], parameters[8]
     u = link.u
     q = link.v + downwash * link.length * link.w
     square = u * u + q * q + 1e-18
@@ -43,7 +43,7 @@ class Lift(Effect):
         across the chord    N = 1/2 rho S V^2 (b / 2) sin 2 alpha
 
     C_L is odd and zero at 0 and 90 degrees, and takes no power; N takes power for b >= 0. The fin has a_1, a_2, b, the
-    place where its force acts and that of its velocity; the links of the body have a_1 and b at their middle.
+    place where its force acts and that of its velocity; the links of the body have a_1 and b, and such places.
     """
 
     name: ClassVar[str] = "lift"
@@ -59,6 +59,8 @@ class Lift(Effect):
         Parameter("lift.downwash", "-", 0.75, 0.0, 1.0, 0.75, 0.1, about="of the velocity, in chords", shape=True),
         Parameter("lift.body_1", "-", 0.0, -8.0, 8.0, 0.0, 0.05, about="a_1 of the body"),
         Parameter("lift.body_normal", "-", 0.0, -2.0, 8.0, 0.0, 0.05, about="b of the body"),
+        Parameter("lift.body_place", "-", 0.25, 0.0, 1.0, 0.25, 0.1, about="of a link's force, in chords", shape=True),
+        Parameter("lift.body_downwash", "-", 0.75, 0.0, 1.0, 0.75, 0.1, about="of its velocity, in chords", shape=True),
     )
     source: ClassVar[str] = "Hoerner and Borst, Fluid-Dynamic Lift (1975), ch. 3, 17 and 19"
     signature: ClassVar[str] = "sway and yaw rate of the beat, growing with forward speed; little at rest"

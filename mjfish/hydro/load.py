@@ -26,10 +26,11 @@ from mjfish.errors import InputError, ParameterError
 from mjfish.hydro.link import LINK, MEMORY, MOVING, column
 
 #: Most parameters a load may have.
-PARAMETERS = 16
-#: A row of a `LoadTable`: parameters; number of hidden states on a link and where they begin in the state; 0 where the
-#: force depends on the velocity only, 1 where it is stateful, 2 where it is stateful and exerts nothing (inactive).
-AT_MEMORY, AT_FIRST, AT_STATEFUL, ROW = range(PARAMETERS, PARAMETERS + 4)
+PARAMETERS = 18
+#: A row of a `LoadTable`: parameters; number of hidden states that a link works on, where they begin in the state, and
+#: how many further on those of the next link begin, 0 where all links share them; 0 where the force depends on the
+#: velocity only, 1 where it is stateful, 2 where it is stateful and exerts nothing (inactive).
+AT_MEMORY, AT_FIRST, AT_STRIDE, AT_STATEFUL, ROW = range(PARAMETERS, PARAMETERS + 5)
 #: Most numbers that a load returns.
 ANSWER = 3 + MEMORY
 LINK_SIZE = LINK.itemsize
@@ -72,6 +73,7 @@ class Load:
         callback: keeps the code alive.
         fields: names of the fields of a link that it reads.
         memory: hidden states it has on each link.
+        shared: whether it has them once for the whole fish; their rates are then the sums over the links.
         gradient: address of ``void(link*, parameters*, gradient*)``, its derivatives by all parameters; 0: has none.
     """
 
@@ -79,6 +81,7 @@ class Load:
     callback: Any
     fields: frozenset[str] = frozenset(LINK.names or ())
     memory: int = 0
+    shared: bool = False
     gradient: int = 0
 
     @property
@@ -100,13 +103,14 @@ def load(
     function: Callable[[Any, Any], tuple[float, ...]],
     *,
     memory: int = 0,
+    shared: bool = False,
     gradient: Callable[[Any, Any, Any], None] | None = None,
 ) -> Load: ...
 
 
 @overload
 def load(
-    *, memory: int = 0, gradient: Callable[[Any, Any, Any], None] | None = None
+    *, memory: int = 0, shared: bool = False, gradient: Callable[[Any, Any, Any], None] | None = None
 ) -> Callable[[Callable[[Any, Any], tuple[float, ...]]], Load]: ...
 
 
@@ -114,6 +118,7 @@ def load(
     function: Callable[[Any, Any], tuple[float, ...]] | None = None,
     *,
     memory: int = 0,
+    shared: bool = False,
     gradient: Callable[[Any, Any, Any], None] | None = None,
 ) -> Any:
     """Compile ``function(link, parameters) -> (fx, fy, mz)`` to a load; ``@load``, or ``@load(memory=2)``.
@@ -121,6 +126,7 @@ def load(
     Args:
         function: the load; with a memory it returns the rates of its hidden states behind (fx, fy, mz).
         memory: hidden states on each link, at most MEMORY, zero at the start; read in ``link.memory``.
+        shared: the fish has them once, and every link returns what it adds to their rates.
         gradient: ``gradient(link, parameters, out)`` writes into out (3, PARAMETERS) the derivatives of fx, fy, mz by
             the parameters, where that is cheaper than a difference for each; of a load without memory.
 
@@ -128,7 +134,7 @@ def load(
         ParameterError: more memory than there is.
     """
     if function is None:
-        return lambda decorated: load(decorated, memory=memory, gradient=gradient)
+        return lambda decorated: load(decorated, memory=memory, shared=shared, gradient=gradient)
     if not 0 <= memory <= MEMORY:
         raise ParameterError(f"a load with memory = {memory}; give 0 to {MEMORY}")
     inner = compiled(function)
@@ -150,14 +156,14 @@ def load(
 
     callback = c_callback(_SIGNATURE, cached=False)(remembering if memory else plain)
     if gradient is None:
-        return Load(address=callback.address, callback=callback, fields=fields_read(function), memory=memory)
+        return Load(callback.address, callback, fields_read(function), memory, shared)
     slopes = compiled(gradient)
 
     def sloping(link: Any, parameters: Any, out: Any) -> None:
         slopes(carray(link, 1)[0], carray(parameters, PARAMETERS), carray(out, (3, PARAMETERS)))
 
     slope = c_callback(_SIGNATURE, cached=False)(sloping)
-    return Load(callback.address, (callback, slope), fields_read(function), memory, slope.address)
+    return Load(callback.address, (callback, slope), fields_read(function), memory, shared, slope.address)
 
 
 def fields_read(function: Callable[..., Any]) -> frozenset[str]:
@@ -206,15 +212,15 @@ def load_rows(
                 f"a load with {len(numbers)} numbers; parameters and constants may be {PARAMETERS} at most"
             )
         row[: len(numbers)] = numbers
-        row[AT_MEMORY], row[AT_FIRST] = load_.memory, first
+        row[AT_MEMORY], row[AT_FIRST], row[AT_STRIDE] = load_.memory, first, 0 if load_.shared else load_.memory
         row[AT_STATEFUL] = (2.0 if load_ in inactive else 1.0) if load_.stateful else 0.0
-        first += links * load_.memory
+        first += memory_of([(load_, ())], links)
     return LoadTable(addresses, rows)
 
 
 def memory_of(loads: Sequence[tuple[Load, Sequence[float]]], links: int) -> int:
     """Return how many hidden states the loads have on all links."""
-    return links * sum(load_.memory for load_, _ in loads)
+    return sum(load_.memory * (1 if load_.shared else links) for load_, _ in loads)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -270,6 +276,16 @@ def gradient_on(links: Any, link: int, address: Any, row: FloatArray, out: Float
 
 
 @merged
+def clear_shared(rows: FloatArray, rates: Any) -> None:
+    """Set the rates of hidden states that all links share to zero, before one link alone adds to them."""
+    for k in range(rows.shape[0]):
+        if rows[k, AT_STRIDE] == 0.0:
+            first = int(rows[k, AT_FIRST])
+            for m in range(int(rows[k, AT_MEMORY])):
+                rates[first + m] = 0.0
+
+
+@merged
 def loads_on(
     links: Any, record: int, link: int, table: LoadTable, velocity_only: bool, buffers: LoadBuffers
 ) -> tuple[float, float, float]:
@@ -290,7 +306,8 @@ def loads_on(
         memory = int(rows[k, AT_MEMORY])
         if (velocity_only and rows[k, AT_STATEFUL] > 0.0) or (memory == 0 and rows[k, AT_STATEFUL] > 1.0):
             continue
-        first = int(rows[k, AT_FIRST]) + link * memory
+        first = int(rows[k, AT_FIRST]) + link * int(rows[k, AT_STRIDE])
+        added = link > 0 and rows[k, AT_STRIDE] == 0.0
         for m in range(memory):
             called.memory[m] = buffers.state[first + m]
         _call(
@@ -300,7 +317,7 @@ def loads_on(
             np.uint64(buffers.output.ctypes.data),
         )
         for m in range(memory):
-            buffers.rates[first + m] = buffers.output[3 + m]
+            buffers.rates[first + m] = buffers.output[3 + m] + (buffers.rates[first + m] if added else 0.0)
         fx += buffers.output[0]
         fy += buffers.output[1]
         mz += buffers.output[2]

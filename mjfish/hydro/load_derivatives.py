@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
-from mjfish.hydro.load import AT_FIRST, AT_MEMORY, ROW, LoadBuffers, LoadTable, loads_on
+from mjfish.hydro.load import AT_FIRST, AT_MEMORY, AT_STRIDE, ROW, LoadBuffers, LoadTable, clear_shared, loads_on
 
 #: Step by parameters and constants, relative to their size.
 RELATIVE_STEP = 1e-5
@@ -106,7 +106,7 @@ def stateful_derivatives(links: Any, index: int, table: LoadTable, buffers: Load
     link = links[index]
     state = buffers.state
     memory = int(table.rows[0, AT_MEMORY])
-    first = int(table.rows[0, AT_FIRST]) + index * memory
+    first = int(table.rows[0, AT_FIRST]) + index * int(table.rows[0, AT_STRIDE])
     u, v, w, x, y, heading = link.u, link.v, link.w, link.x, link.y, link.heading
     for column in range(6 + memory):
         memory_state = state[first + column - 6] if column >= 6 else 0.0
@@ -143,6 +143,8 @@ def record_derivative(
         record = moved[side]
         record.u, record.v, record.w = link.u, link.v, link.w
         record.x, record.y, record.heading = link.x, link.y, link.heading
+    clear_shared(table.rows, right.rates)
+    clear_shared(table.rows, left.rates)
     right_x, right_y, right_z = loads_on(moved, 0, index, table, False, right)
     left_x, left_y, left_z = loads_on(moved, 1, index, table, False, left)
     scale = 0.5 / step
@@ -165,6 +167,8 @@ def parameter_derivative(
     address, row = changes.addresses[change : change + 1], 2 * change
     step = changes.rows[row, AT_STEP]
     forward, back = LoadTable(address, changes.rows[row : row + 1]), LoadTable(address, changes.rows[row + 1 : row + 2])
+    clear_shared(forward.rows, right.rates)
+    clear_shared(forward.rows, left.rates)
     right_x, right_y, right_z = loads_on(links, index, index, forward, False, right)
     if step < 0.0:
         return right_x / -step, right_y / -step, right_z / -step

@@ -30,20 +30,12 @@ def spline_weights(t: float, count: int) -> tuple[int, float, float, float, floa
 
 
 @merged
-def knot(values: Any, first: int, pinned: int, k: int) -> float:
-    """Return the value at knot `k`; that of the knot `pinned` is zero and has no place in `values` from `first` on."""
-    if k == pinned:
-        return 0.0
-    return float(values[first + k - (1 if k > pinned else 0)])
-
-
-@merged
-def spline(t: float, values: Any, first: int, count: int, pinned: int) -> float:
-    """Return the curve at t; see `spline_weights` and `knot`."""
+def spline(t: float, values: Any, first: int, count: int) -> float:
+    """Return the curve at t; its knots stand in `values` from `first` on. See `spline_weights`."""
     k, a, b, c, d = spline_weights(t, count)
-    g = b * knot(values, first, pinned, k) + c * knot(values, first, pinned, k + 1)
+    g = b * values[first + k] + c * values[first + k + 1]
     if k > 0:
-        g += a * knot(values, first, pinned, k - 1)
+        g += a * values[first + k - 1]
     if k < count - 2:
-        g += d * knot(values, first, pinned, k + 2)
-    return g
+        g += d * values[first + k + 2]
+    return float(g)

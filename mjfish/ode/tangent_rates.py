@@ -20,6 +20,7 @@ from mjfish.hydro.load import (
     AT_FIRST,
     AT_MEMORY,
     AT_STATEFUL,
+    AT_STRIDE,
     PARAMETERS,
     LoadBuffers,
     LoadTable,
@@ -298,7 +299,7 @@ def _add_memory_rates(
 ) -> None:
     """Add the difference of the rates of a load's hidden states on a link."""
     memory = int(row[AT_MEMORY])
-    first = int(row[AT_FIRST]) + link * memory
+    first = int(row[AT_FIRST]) + link * int(row[AT_STRIDE])
     for k in range(first, first + memory):
         out[k, direction] += (right.rates[k] - left.rates[k]) / (2.0 * step)
 
@@ -358,7 +359,7 @@ def _by_stateful_loads(
         memory = int(rows[q, AT_MEMORY])
         table = LoadTable(system.loads.addresses[q : q + 1], rows[q : q + 1])
         for i in range(n):
-            first = int(rows[q, AT_FIRST]) + i * memory
+            first = int(rows[q, AT_FIRST]) + i * int(rows[q, AT_STRIDE])
             stateful_derivatives(system.links, i, table, buffers, jacobian)
             link = linear.links[i]
             c, s, x, y = link.cos, link.sin, link.x, link.y

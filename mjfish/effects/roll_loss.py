@@ -1,0 +1,90 @@
+"""A rolling fish pushes less to the side."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mjfish.data import Trial
+from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.mechanism import Domain
+from mjfish.fish import Fish
+from mjfish.hydro.force import crossflow
+from mjfish.hydro.load import Load, load
+from mjfish.parameter import Parameter
+
+#: Acceleration of gravity [m/s2].
+GRAVITY = 9.81
+
+
+@load(memory=2, shared=True)
+def _lost(link: Any, parameters: Any) -> tuple[float, float, float, float, float]:
+    """Return what the drag across loses, and what the link adds to the rates of lean and of s."""
+    square, frequency, damping, weight = parameters[0], parameters[1], parameters[2], parameters[3]
+    lean, s = link.memory[0], link.memory[1]
+    force, moment = crossflow(link.v, link.w, link.length, link.node_height, link.height_moment)
+    across = -0.5 * link.density * link.c_d
+    momentum = link.c_m * (link.added[0] * link.v + link.added[1] * link.w)
+    coupling = frequency * frequency / weight
+    turn = -coupling * momentum
+    swing = coupling * across * force
+    swing += 2.0 * damping * frequency * coupling * momentum
+    if link.last == 1.0:
+        turn += s
+        swing -= 2.0 * damping * frequency * s + frequency * frequency * lean
+    lost = -(np.sin(np.sqrt(square) * lean) ** 2)
+    return 0.0, lost * across * force, lost * across * moment, turn, swing
+
+
+class RollLoss(Effect):
+    """The body rolls by phi, and the drag across it falls to cos^2 phi of what it was.
+
+    The side force F of the water leans the fish, a pendulum on its weight m g, by phi = lambda psi,
+
+        psi'' + 2 zeta omega psi' + omega^2 psi = omega^2 F / (m g),    F = sum over the links of (drag - p'),
+
+    with the added momentum p of each link across it. With s = psi' + omega^2 sum p / (m g) no p' is needed; psi and s
+    are zero where a run begins. A pendulum that the side force drives at its axis has lambda = 1. The camera is left
+    alone; what it reads of a rolling marker is the cause `Roll`.
+    """
+
+    name: ClassVar[str] = "roll_loss"
+    domain: ClassVar[Domain] = "out_of_plane"
+    mechanism: ClassVar[str] = "roll"
+    summary: ClassVar[str] = "the fish rolls, and its drag across falls"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("roll_loss.square", "-", 0.0, 0.0, 400.0, 0.0, 0.3, about="lambda^2, of the lean by the side force"),
+        Parameter(
+            "roll_loss.frequency", "rad/s", 8.0, 1.0, 60.0, 8.0, 1.0, about="natural frequency of the roll", shape=True
+        ),
+        Parameter("roll_loss.damping", "-", 0.3, 0.02, 3.0, 0.3, 0.05, about="damping ratio of the roll", shape=True),
+    )
+    source: ClassVar[str] = (
+        "Cross-flow principle: Hoerner, Fluid-Dynamic Drag (1965), ch. 3; metacentric stability: Fossen, Handbook of "
+        "Marine Craft Hydrodynamics and Motion Control (2011), ch. 4"
+    )
+    signature: ClassVar[str] = "sway and yaw rate too small where the beat is strong; quick start-ups slip"
+    confirm: ClassVar[str] = "film the fish from ahead, or log its roll with an inertial sensor"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
+    load: ClassVar[Load | None] = _lost
+    mujoco: ClassVar[bool] = False
+    weight: ClassVar[float] = 10.0  # [N]
+
+    @classmethod
+    def for_fish(cls, fish: Fish) -> Effect:
+        """Return the effect with the weight of the fish."""
+        return _weighing(GRAVITY * sum(link.mass for link in fish.links))
+
+    def constants(self, trial: Trial) -> tuple[float, ...]:
+        """Return the weight."""
+        del trial
+        return (self.weight,)
+
+
+@functools.cache
+def _weighing(weight: float) -> RollLoss:
+    """Return one and the same instance for a weight."""
+    own: RollLoss = type("RollLoss", (RollLoss,), {"weight": weight})()
+    return own
