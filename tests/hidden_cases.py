@@ -76,12 +76,14 @@ STRONG: dict[str, Draw] = {
     "servo_delay": _one("time", 0.02, 0.04),
     "servo_limited_lag": _one("slowness", 0.3, 0.45),
     "tail_hardening": _one("compliance", 0.2, 0.5),
+    "roll_loss": _one("square", 3.0, 8.0),
 }
 #: Shapes, which a strength does not scale.
 SHAPES: dict[str, Draw] = {
     "tail_compliance": _one("damping", 0.005, 0.08),
     "wake_memory": _one("time", 0.08, 0.3),
     "roll": lambda rng: {"frequency": rng.uniform(5.0, 15.0), "damping": rng.uniform(0.1, 0.5)},
+    "roll_loss": lambda rng: {"frequency": rng.uniform(5.0, 15.0), "damping": rng.uniform(0.1, 0.5)},
     "exponential_drag": _one("reynolds", 15.0, 60.0),
     "added_mass_memory": _one("time", 0.08, 0.3),
     "servo_second_order": _one("damping", 0.4, 1.0),

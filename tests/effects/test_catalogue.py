@@ -129,7 +129,8 @@ def test_a_bad_declaration_is_refused_naming_file_class_and_remedy(
 
 def test_a_load_with_too_many_parameters_is_refused(tmp_path: Path) -> None:
     """There is room for so many in compiled code; another one would be read from the next effect's."""
-    many = "".join(f'        Parameter("camera_scale.p{k}", "-", 0.0, -0.3, 0.3, 0.0, 0.01),\n' for k in range(PARAMETERS))
+    one = '        Parameter("camera_scale.p{}", "-", 0.0, -0.3, 0.3, 0.0, 0.01),\n'
+    many = "".join(map(one.format, range(PARAMETERS)))
     text = VALID.replace("        Parameter(", many + "        Parameter(")
     text = text.replace("    def reading", "    load = Load(0, None)\n\n    def reading")
     with pytest.raises(ParameterError, match=f"effect CameraScale: a load may have {PARAMETERS} parameters at most"):

@@ -36,10 +36,9 @@ def test_no_other_file_names_it(name: str) -> None:
     """As a string: what checks, planning and reports need to know of a cause, it declares."""
     own = PACKAGE / "effects" / f"{name}.py"
     assert own.is_file()
-    if name in MECHANISMS:  # a string is then the mechanism: its causes declare it, and what is learned of it is shown
-        homes = {*own.parent.glob("*.py"), PACKAGE / "diagnosis" / "curves.py"}
-    else:
-        homes = {own}
+    # The name of a mechanism is no name of the cause: its causes declare it, and its curves are drawn.
+    of_mechanism = {*own.parent.glob("*.py"), PACKAGE / "diagnosis" / "curves.py"}
+    homes = of_mechanism if name in MECHANISMS else {own}
     word = re.compile(rf"\b{name}\b")
     elsewhere = {path.name for path, text in _strings() if path not in homes and word.search(text)}
     assert name in FIELDS or not elsewhere

@@ -82,20 +82,22 @@ def test_the_jacobian_is_the_derivative_of_the_prediction(posed: Problem, column
 
 
 def test_the_jacobian_of_every_effect_is_the_derivative_of_the_prediction(synthetic: Dataset) -> None:
-    """All causes on at once, each by two scales, a limit by six: below it joints do not feel it.
+    """All formulas on at once, each by two scales, a limit by six: below it joints do not feel it.
 
-    Catches a hook that loses a derivative that went in.
+    Catches a hook that loses a derivative that went in. Left out are learned forms, which repeat them, and a second
+    form of the tail, whose damping takes the place of the first one's: tests/model/test_sensitivity.py.
     """
-    effects = tuple(effect for effect in catalogue().values() if not effect.not_applicable(synthetic))
+    causes = (effect for name, effect in catalogue().items() if not effect.learned and name != "tail_hardening")
+    effects = tuple(effect for effect in causes if not effect.not_applicable(synthetic))
     posed = problem(synthetic, model=Model(synthetic.fish, effects), fixed=TRUTH)
     names = [p.name for p in posed.parameters]
     assert names == [p.name for effect in effects for p in effect.parameters]
-    scales = {"servo_rate_limit.slowness": 6.0}
+    scales = {"servo_rate_limit.slowness": 6.0, "servo_limited_lag.slowness": 6.0}
     x = posed.start({p.name: p.default + scales.get(p.name, 2.0) * p.scale for p in posed.parameters if not p.shape})
     found = posed.jacobian(x)
     for column, p in enumerate(posed.parameters):
         exact = _fourth_order(posed, x, column, 5e-4 * p.scale)
-        assert np.linalg.norm(exact) * p.scale > 1.0, p.name
+        assert np.linalg.norm(exact) * p.scale > 0.01, p.name
         assert np.linalg.norm(found[:, column] - exact) < 1e-3 * np.linalg.norm(exact), p.name
 
 

@@ -86,7 +86,7 @@ BAD: dict[str, tuple[str, type[Exception], str]] = {
     "effect": (
         "[effects.gremlin]\nsize = 1.0",
         UnknownNameError,
-        r"effect 'gremlin'; known: ambient_current.*--effects",
+        r"effect 'gremlin'; known: .*ambient_current.*--effects",
     ),
     "parameter": (
         "[effects.servo_lag]\ntau = 0.1",

@@ -12,12 +12,12 @@ from mjfish.fish import Fish
 from mjfish.mujoco import Trim, export, mjcf, simulate
 from mjfish.simulation import cross_check
 
-_SOFT = {"tail_compliance": 0.3, "tail_damping": 0.03}
+_SOFT = {"tail_compliance": 0.3, "tail_damping": 0.03, "tail_hardening": 20.0}
 
 
 @pytest.fixture
 def soft(pike: Fish) -> Fish:
-    """A pike whose tail gives way."""
+    """A pike whose tail gives way, ever less with its load."""
     return pike.model_copy(update=_SOFT)
 
 
@@ -28,6 +28,7 @@ def test_the_hinge_has_the_stiffness_and_the_damping(soft: Fish, pike: Fish) -> 
     assert hinge.dofadr[0] == model.nv - 1
     assert model.dof_bodyid[-1] == model.body("tail").id
     np.testing.assert_allclose(np.ravel(hinge.stiffness)[0], 1.0 / 0.3)
+    np.testing.assert_allclose(model.jnt_stiffnesspoly[hinge.id], [0.0, 20.0 / 0.3])
     np.testing.assert_allclose(np.ravel(hinge.damping)[0], 0.03)
 
 
@@ -61,6 +62,7 @@ def test_an_exported_fish_has_it_too(soft: Fish) -> None:
 
 def test_a_free_fish_with_a_flexible_tail_swims(soft: Fish) -> None:
     """Catches joints read from where the deflection is."""
+    soft = soft.model_copy(update={"tail_hardening": 0.0})  # with it the servos are further behind
     motion = cpg.joint_motion(soft.cpg, modes.drive("v1"), 1.0, 0.001)
     run = simulate(soft, motion, free=Trim())
     assert run.status == "ok"

@@ -14,7 +14,7 @@ from wet_models import PLATE, PLATE_LINK, PUSHES, compiled, pushing, stirred, tr
 from mjfish.errors import InputError
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.link import LINK, link_records
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import PARAMETERS, Load, load
 from mjfish.mujoco import StripFluid, mjcf, reference
 from mjfish.mujoco.block import loads_in, numbers_of
 
@@ -95,7 +95,7 @@ def test_what_is_no_load_is_refused() -> None:
     ):
         StripFluid(compiled(PLATE), [PLATE_LINK], loads=[(lambda link, parameters: None, [1.0])])  # type: ignore[list-item]
     for parameters, message in (
-        ([0.0] * 9, "loads.1: found 9 parameters, expected 8 at most"),
+        ([0.0] * (PARAMETERS + 1), f"loads.1: found {PARAMETERS + 1} parameters, expected {PARAMETERS} at most"),
         ([0.0, np.nan], "loads.1: found the parameter nan, expected a finite number"),
         (["a"], "loads.1: found the parameter 'a', expected a finite number"),
     ):

@@ -16,8 +16,8 @@ from mjfish.ode.rollout import Rollout
 START = np.array([0.5, -0.2, 0.6])
 
 
-def _flexible(fish: Fish, compliance: float, damping: float) -> Fish:
-    return fish.model_copy(update={"tail_compliance": compliance, "tail_damping": damping})
+def _flexible(fish: Fish, compliance: float, damping: float, hardening: float = 0.0) -> Fish:
+    return fish.model_copy(update={"tail_compliance": compliance, "tail_damping": damping, "tail_hardening": hardening})
 
 
 def _energy(fish: Fish, rollout: Rollout) -> FloatArray:
@@ -32,7 +32,8 @@ def _energy(fish: Fish, rollout: Rollout) -> FloatArray:
         p_x, p_y, angular, last = referee.momentum(shape, nose[None], turn[None])[0]
         about_nose = angular - (pose[0] * p_y - pose[1] * p_x)
         kinetic = 0.5 * (p_x * nose[0] + p_y * nose[1] + about_nose * moving[2] + last * state[7])
-        found.append(kinetic + 0.5 * state[6] ** 2 / fish.tail_compliance)
+        spring = 0.5 * state[6] ** 2 + 0.25 * fish.tail_hardening * state[6] ** 4
+        found.append(kinetic + spring / fish.tail_compliance)
     return np.array(found)
 
 
@@ -74,10 +75,13 @@ def test_the_deflection_is_quasi_statically_the_compliance_times_the_moment(pike
     assert abs(deflection) > 1e-3
 
 
-def test_energy_of_an_undamped_tail_in_an_ideal_fluid_is_conserved(pike: Fish) -> None:
-    fish = _flexible(_frictionless(pike), 0.5, 0.0)
+@pytest.mark.parametrize("hardening", [0.0, 200.0])
+def test_energy_of_an_undamped_tail_in_an_ideal_fluid_is_conserved(pike: Fish, hardening: float) -> None:
+    """M = delta (1 + h delta^2) / compliance has the energy delta^2 (1 / 2 + h delta^2 / 4) / compliance."""
+    fish = _flexible(_frictionless(pike), 0.5, 0.0, hardening)
     rollout = ode.simulate(fish, still(2.0, 4000), velocity=START)
     assert np.ptp(rollout.state[:, 0, 6]) > 0.01
+    assert hardening * np.max(rollout.state[:, 0, 6] ** 2) > 0.1 or hardening == 0.0
     energy = _energy(fish, rollout)
     np.testing.assert_allclose(energy, energy[0], rtol=1e-8)
 

@@ -12,6 +12,7 @@ from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.link import LINK, NUMBERS, column, numbers_of
+from mjfish.ode.equation import TAIL
 from mjfish.ode.rollout import Conditions
 from mjfish.ode.tangents import Direction, simulate_tangents
 
@@ -21,7 +22,7 @@ START = np.array([0.3, 0.02, -0.4])
 
 def _swim(pike: Fish, compliance: float = 0.0) -> tuple[Fish, JointMotion, FloatArray]:
     """Return a fish with a Munk moment, a motion whose rates jump once, and times that are no grid's."""
-    fish = pike.model_copy(update={"munk_moment": 0.7, "tail_compliance": compliance})
+    fish = pike.model_copy(update={"munk_moment": 0.7, "tail_compliance": compliance, "tail_hardening": 30.0})
     motion = waving(0.6, 240)
     rate = motion.rate.copy()
     rate[100:] += np.array([0.5, -0.2, 0.3, 1.0])
@@ -78,7 +79,7 @@ def test_every_number_of_a_link_joint_tail_and_start(pike: Fish, compliance: flo
         *(Direction(velocity=row) for row in np.eye(3)),
     ]
     if compliance:
-        directions += [Direction(tail=np.array([0.0, 1.0, 0.0])), Direction(tail=np.array([0.0, 0.0, 1.0]))]
+        directions += [Direction(tail=row) for row in np.eye(TAIL)[1:]]
     rollout, found = simulate_tangents(fish, motion, directions, time, conditions=Conditions(VALUES, START))
     plain = ode.simulate(fish, motion, values=VALUES, velocity=START)
     assert np.array_equal(rollout.state, plain.state)
