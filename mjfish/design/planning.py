@@ -341,8 +341,8 @@ def calibration_of(effect: Effect) -> Calibration | None:
 
 def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], pause: float) -> tuple[Option, ...]:
     """Rank runs by what shrinks least, in -log a second: of the minimum detectable effects, and of the isolability."""
-    learned = {cause.name for cause in causes if cause.learned and len(causes) > 1}  # seen by the formulas beside it
-    now = {cause: found.sizes(cause) for cause in found.amplitudes if cause not in learned}
+    formulas = [cause for cause in causes if not cause.learned] or causes  # a number of a curve is not seen alone
+    now = {cause.name: found.sizes(cause.name) for cause in formulas}
     best = {
         cause: min(found.amplitudes[cause], key=lambda p: sizes[p.name] / p.scale).name
         for cause, sizes in now.items()
@@ -408,7 +408,8 @@ def _advice(question: Question, best: Option, lead: str) -> str:
 
 def _told(pair: Isolated) -> str:
     unit = "" if pair.unit == "-" else f" {pair.unit}"
-    return f"After it, {pair.amplitude} is told from {pair.beside} from {pair.after:.2g}{unit} on, now {pair.now:.2g}."
+    sizes = f"{pair.after:.2g}{unit} on ({pair.now:.2g}{unit} now)"
+    return f"After it, {pair.amplitude} is told from {pair.beside} from {sizes}."
 
 
 def percent(probability: float) -> str:

@@ -70,6 +70,34 @@ def test_smallest_visible_sizes_are_those_of_the_score_tests_and_shrink() -> Non
     for pair in again.pairs:
         assert pair.after == pytest.approx(pair.now / np.sqrt(2.0), rel=1e-6)
     assert found.runs[0].worth >= again.worth
+    assert len(again.isolability) == 2
+    for told in again.isolability:
+        assert told.after == pytest.approx(told.now / np.sqrt(2.0), rel=1e-6)
+    assert again.worth == pytest.approx(np.log(2.0) / again.seconds)
+
+
+def test_runs_that_tell_mechanisms_apart_come_first_where_nothing_is_named() -> None:
+    """A clock and a servo's lag are alike at one frequency; a run like the data shows them, and tells nothing new."""
+    dataset = synthetic(NAMES[0], {"ambient_current.y": 0.0}, ("v1",))
+    found = plan(dataset, causes=("time_offset", "servo_lag", "velocity_scale"), menu=Menu(DURATION), jobs=1)
+    clock = [next(t for t in run.isolability if t.amplitude == "time_offset.offset") for run in found.runs]
+    assert {told.beside for told in clock} == {"servo_dynamics"}
+    assert clock[0].after < 0.5 * clock[0].now
+    assert f"{clock[0].amplitude} is told from servo_dynamics from {clock[0].after:.2g} s on" in found.message
+    raw = found.to_dict()["options"][0]["isolability"]
+    assert raw[0].keys() == {"amplitude", "beside", "unit", "now", "after"}
+
+
+def test_a_rival_is_told_from_the_hardest_other_one_from_a_share_of_its_fitted_size_on(best_plan: Plan) -> None:
+    """The size that lambda makes 18; lambda of a pair is the smaller one of its two directions."""
+    for option in best_plan.runs:
+        assert [told.amplitude.partition(".")[0] for told in option.isolability] == list(NAMES)
+        current = option.isolability[0]
+        assert (current.amplitude, current.unit, current.beside) == ("ambient_current.y", "m/s", "frame_misalignment")
+        after = {name: p.after for p in option.pairs for name in (p.first, p.second) if NAMES[0] in (p.first, p.second)}
+        assert 18.0 * (TRUTH[current.amplitude] / current.after) ** 2 >= 0.99 * after[current.beside]
+        assert all(told.after <= told.now * (1.0 + 1e-6) for told in option.isolability)
+    assert all(option.isolability == () for option in best_plan.calibrations)
 
 
 def test_a_signature_that_a_refit_absorbs_has_no_detectable_size() -> None:
