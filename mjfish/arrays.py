@@ -53,11 +53,14 @@ def project_out(basis: FloatArray, columns: FloatArray) -> FloatArray:
 _DUST = 1e-10
 
 
-def solve(gram: FloatArray, right: FloatArray) -> FloatArray:
-    """Return gram^+ right (p, k) of a positive semi-definite matrix, its columns first scaled to length 1."""
+def solve(gram: FloatArray, right: FloatArray, rank: float = _DUST) -> FloatArray:
+    """Return gram^+ right (p, k) of a positive semi-definite matrix, its columns first scaled to length 1.
+
+    Eigenvalues below the share `rank` of the largest count as zero.
+    """
     length = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     values, vectors = np.linalg.eigh(gram / np.outer(length, length))
-    kept = values > _DUST * max(float(values[-1]), 1e-300) if len(values) else np.zeros(0, dtype=bool)
+    kept = values > rank * max(float(values[-1]), 1e-300) if len(values) else np.zeros(0, dtype=bool)
     inner = vectors[:, kept].T @ (right / length[:, None])
     return np.asarray(vectors[:, kept] @ (inner / values[kept, None]) / length[:, None])
 

@@ -118,7 +118,7 @@ def isolated(
     left = np.tile(shown[typical][:, None], len(mechanisms))
     for l, basis in enumerate(bases):  # noqa: E741 - the equation's
         mixed = information[np.ix_(basis, typical)]
-        hidden = np.sum(mixed * solve(penalised[np.ix_(basis, basis)], mixed), axis=0)
+        hidden = np.sum(mixed * solve(penalised[np.ix_(basis, basis)], mixed, _ROUNDING), axis=0)
         others = np.arange(len(mechanisms)) != l
         left[others, l] -= hidden[others]
     told = left > _ROUNDING * np.maximum(shown[typical][:, None], 1e-300)
