@@ -17,20 +17,23 @@ import rerun.blueprint as rrb
 from scipy.ndimage import gaussian_filter1d
 
 from mjfish.arrays import FloatArray
+from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.ode.forces import LinkForces
 from mjfish.reporting.log.body import link_mesh, link_poses
+from mjfish.reporting.log.curves import form_tab, log_curves
 from mjfish.reporting.log.scene import Run, Swim, Swimmer
 
 #: Of a fish that is free in space, and their units.
 ATTITUDE = {"roll": "rad", "pitch": "rad", "heave": "m"}
 
 
-def blueprint(runs: Sequence[Run]) -> rrb.Blueprint:
-    """Return the layout of a log of `runs`."""
-    tabs = [_tab(run) for run in runs]
+def blueprint(runs: Sequence[Run], mechanisms: Sequence[NamedMechanism] = ()) -> rrb.Blueprint:
+    """Return the layout of a log of `runs`; curves of mechanisms have a tab behind them."""
+    forms = form_tab(mechanisms)
+    tabs = [*(_tab(run) for run in runs), *([] if forms is None else [forms])]
     return rrb.Blueprint(
         tabs[0] if len(tabs) == 1 else rrb.Tabs(*tabs, active_tab=0),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="playing", loop_mode="all"),
@@ -109,19 +112,22 @@ _SMOOTHING = 0.3
 _SPACING, _DEPTH, _MARGIN = 0.5, 0.25, 3.0
 
 
-def write_runs(path: Path, runs: Sequence[Run], *, name: str = "", about: str = "") -> None:
+def write_runs(
+    path: Path, runs: Sequence[Run], *, name: str = "", about: str = "", mechanisms: Sequence[NamedMechanism] = ()
+) -> None:
     """Write runs to an .rrd file, with a blueprint that shows them one a tab, the first in front.
 
     Per run: ``/RUN/world/SWIMMER/link_K`` the body with a transform over time, ``/RUN/world/SWIMMER/path``,
     ``/RUN/world/SWIMMER/force/drag`` and ``.../added_mass``, ``/RUN/velocity/CHANNEL/SWIMMER`` and
     ``/RUN/residual/CHANNEL/SWIMMER``, of a fish in space ``/RUN/attitude/roll/SWIMMER`` and so on, all on the duration
-    timeline ``sim_time``.
+    timeline ``sim_time``. Curves are ``/curves/MECHANISM/QUANTITY-GROUP``, see `mjfish.reporting.log.curves`.
 
     Args:
         path: of the file; one that is there is replaced.
         runs: at least one.
         name: of the recording; else that of its first run.
         about: Markdown shown beside the swimming.
+        mechanisms: whose curves are shown in a tab of their own.
 
     Raises:
         InputError: no runs, two of one name, or the file cannot be written.
@@ -132,16 +138,16 @@ def write_runs(path: Path, runs: Sequence[Run], *, name: str = "", about: str = 
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.", suffix=".partial") as folder:
             partial = Path(folder) / "log.rrd"
-            _record(partial, runs, name or runs[0].name, about)
+            _record(partial, runs, name or runs[0].name, about, mechanisms)
             partial.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}; choose a file that you can write to") from None
 
 
-def _record(path: Path, runs: Sequence[Run], name: str, about: str) -> None:
+def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: Sequence[NamedMechanism]) -> None:
     scale = arrow_scale(runs)
     recording = rr.RecordingStream(APPLICATION)
-    recording.save(path, default_blueprint=blueprint(runs))
+    recording.save(path, default_blueprint=blueprint(runs, mechanisms))
     recording.send_recording_name(name)
     legend = f"\n\nArrows: 1 N is {scale:g} m." if _has_forces(runs) else ""
     recording.log("about", rr.TextDocument(about + legend, media_type=rr.MediaType.MARKDOWN), static=True)
@@ -155,6 +161,7 @@ def _record(path: Path, runs: Sequence[Run], name: str, about: str) -> None:
                 _series(recording, f"{root}/attitude", swim.swimmer, swim.time, swim.attitude, tuple(ATTITUDE))
         for swimmer, (time, residual) in run.residuals().items():
             _series(recording, f"{root}/residual", swimmer, time, residual)
+    log_curves(recording, mechanisms)
     recording.flush()
     recording.disconnect()
 

@@ -51,7 +51,7 @@ def _(result: Diagnosis, path: Path) -> None:
         "Measured grey, nominal model orange, extended model teal. "
         "Forces of the water: drag red, added mass blue, what an effect adds yellow."
     )
-    write_runs(path, runs, name=result.dataset.name, about="\n\n".join(lines))
+    write_runs(path, runs, name=result.dataset.name, about="\n\n".join(lines), mechanisms=result.mechanisms)
 
 
 @write_log.register
