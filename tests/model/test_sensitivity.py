@@ -30,6 +30,33 @@ INSIDE = {
     "tail_compliance": {"compliance": 0.3, "damping": 0.03},
     "munk_moment": {"kappa": 0.6},
 }
+#: Further causes, each alone, with numbers that keep it smooth: no joint is at its limit.
+ALONE = {
+    "power_drag": {"friction": 0.3, "pressure": -0.2},
+    "whole_speed_drag": {"friction": 0.5, "pressure": 0.6},
+    "exponential_drag": {"friction": 3.0, "pressure": 2.0, "reynolds": 25.0},
+    "stream_lift": {"slope": 0.8},
+    "body_lift": {"slope": 0.4},
+    "axial_momentum": {"share": 0.6},
+    "edge_momentum": {"share": 0.4},
+    "added_mass_memory": {"share": 0.5, "time": 0.12},
+    "servo_second_order": {"time": 0.02, "damping": 0.6},
+    "servo_delay": {"time": 0.021},
+    "servo_limited_lag": {"slowness": 0.1, "time": 0.006},
+    "tail_hardening": {"compliance": 0.3, "damping": 0.03, "hardening": 20.0},
+    "lift": {
+        "fin_1": 0.6, "fin_2": -0.3, "fin_normal": 0.2, "place": 0.3, "downwash": 0.7, "body_1": 0.3,
+        "body_normal": 0.2, "body_place": 0.4, "body_downwash": 0.6,
+    },
+    "reactive_force": {"munk_body": 0.5, "munk_tail": -0.3, "axial": 0.4, "edge": 0.3},
+    "servo_dynamics": {"time": 0.015, "delay": 0.011, "slowness": 0.1, "damping": 0.8},
+    "drag_law": {
+        "whole": 0.3, "height": 0.4,
+        "across_0": 0.2, "across_1": 0.5, "across_2": 0.1, "across_3": -0.2, "across_4": 0.1, "across_5": 0.4,
+        "across_6": 0.3, "along_0": -0.3, "along_1": 0.2, "along_2": 0.4, "along_3": 0.1, "along_4": -0.2,
+        "along_5": 0.1,
+    },
+}  # fmt: skip
 #: Central differences of eighth order.
 EIGHTH = ((1, 0.8), (2, -0.2), (3, 4.0 / 105.0), (4, -1.0 / 280.0))
 
@@ -83,6 +110,28 @@ def test_parameters_of_every_catalogued_effect(pike: Fish, effect: str, short: s
     values = VALUES | {f"{effect}.{key}": value for key, value in INSIDE[effect].items()}
     trial = _trial("v1-t2", 6.2)
     _check(model, trial, values, f"{effect}.{short}", 2e-4 * one.declaration(short).scale)
+
+
+@pytest.mark.parametrize("effect", ALONE)
+def test_all_parameters_of_one_effect_at_once(pike: Fish, effect: str) -> None:
+    """Exact tangents of every parameter against differences of eighth order, over a start.
+
+    Less exact where a difference goes over kinks: the corner of a rate limit, the knots of a curve, a power at rest.
+    """
+    rough = {"power_drag": 1e-6, "drag_law": 1e-4, "servo_limited_lag": 1e-3, "servo_dynamics": 1e-3}
+    one = find(effect)
+    model, trial = Model(pike, (one,)), _trial("v3-t1", 1.6)
+    values = VALUES | {f"{effect}.{key}": value for key, value in ALONE[effect].items()}
+    names = [p.name for p in model.effects[0].parameters]
+    assert set(values) == {*VALUES, *names}
+    exact = sensitivities(model, trial, values, names)
+    for k, p in enumerate(model.effects[0].parameters):
+        predicted = lambda value, name=p.name: model.predict(trial, {**values, name: value}).velocity  # noqa: E731
+        expected = _difference(predicted, values[p.name], 2e-3 * p.scale)
+        away = trial.time > 0.01
+        limit = rough.get(effect, 1e-8) if p.short == "slowness" or not effect.startswith("servo") else 1e-8
+        assert np.abs(expected).max() * p.scale > 1e-6
+        _agree(exact[away, :, k], expected[away], limit)
 
 
 @pytest.mark.parametrize("name", ["munk_moment.kappa", "ambient_current.x", "time_offset.offset"])
