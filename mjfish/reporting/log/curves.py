@@ -20,7 +20,7 @@ from mjfish.reporting.words import named_as, number, unit
 
 #: Width and height of the frame of a curve, and the room around it for labels.
 FRAME = (160.0, 100.0)
-_ROOM = 18.0
+_ROOM = 26.0
 #: Labels of x nearer than this share of the width are in each other's way.
 _APART = 0.15
 #: Labels of y.
