@@ -61,7 +61,12 @@ def refit_learned_forms(
     jobs = evidence.problem.jobs
     alone = with_jobs(gather(evidence.problem, evidence.fit, chosen), 1)
     seen = [effect for effect in chosen if promising(effect, alone, refits)]
-    results = refit_in_parallel(lambda effect: refit_learned(alone, effect), seen, jobs)
+
+    def made_of(effect: Effect) -> Refit:
+        formulas = [refit for refit in refits.values() if refit.mechanisms == (effect.mechanism,)]
+        return refit_learned(alone, effect, formulas=formulas)
+
+    results = refit_in_parallel(made_of, seen, jobs)
     return {effect.name: refit for effect, refit in zip(seen, results, strict=True)}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -34,6 +34,8 @@ _RUNNING, _DISTANCE, _WEAK = 0.25, 0.3, 100.0
 _MOST_MINIMA = 3
 #: A fit that is behind the best is followed until a step gains less than this share of its distance.
 _BEHIND = 0.01
+#: A fit from other starts is followed beyond so many evaluations where its sum of squares is near to the other's.
+_TRY, _HOPE = 6, 1.2
 #: How many candidates are refitted for their score alone.
 _BEST = 5
 #: A candidate that a refit of the coefficients hides to this share is refitted where its score is within _NEAR.
@@ -197,32 +199,38 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     ]
 
 
-def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
+def refit_with(
+    evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Iterable[Refit] = ()
+) -> Refit:
     """Add a cause to a fitted model: take a few steps from the best of several starts.
 
     Args:
         evidence: of the model that it extends.
         effect: the cause.
         gained: what that model gained already against the nominal one.
+        formulas: refits of that model with formulas of the cause's mechanism, where its form is learned.
     """
     base = evidence.problem
     visible = evidence.minimum_detectable(effect.name) if effect.smooth else None
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, visible)})
-    start = best_start(evidence, problem, effect)
+    start = best_start(evidence, problem, effect, formulas)
     best = fit(problem, start, tolerance=TOLERANCE, evaluations=COARSE[not effect.smooth])
     added = problem.model.effects
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse)
 
 
-def refit_learned(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
+def refit_learned(
+    evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Iterable[Refit] = ()
+) -> Refit:
     """Add a cause of learned form to a fitted model: to its optimum, its smoothness by marginal likelihood.
 
     Args:
         evidence: of the model that it extends, with the cause among its candidates.
         effect: the cause.
         gained: what that model gained already against the nominal one.
+        formulas: refits of that model with formulas of the mechanism.
     """
-    rough = refit_with(evidence, effect, gained=gained)
+    rough = refit_with(evidence, effect, gained=gained, formulas=formulas)
     found = fit(rough.problem, rough.fit.x, tolerance=TOLERANCE)
     problem, found = smoothed(rough.problem, found, tolerance=TOLERANCE)
     return Refit(rough.effects, problem, found, gained + evidence.fit.sse - found.sse)
@@ -256,7 +264,10 @@ def refined(refit: Refit, best: float) -> Refit:
     fits = min(best, result.sse) <= _MISFIT * len(result.residual)
     if not fits:
         start = refit.problem.start(refit.parameter_values())
-        result = min(result, _followed(refit.problem, start, result.sse, best), key=lambda each: each.objective)
+        tried = fit(refit.problem, start, tolerance=TOLERANCE, evaluations=_TRY)
+        if tried.objective < _HOPE * result.objective and tried.status != "converged":
+            tried = _followed(refit.problem, tried.x, tried.sse, best)
+        result = min(result, tried, key=lambda each: each.objective)
     for _ in range(_MOST_MINIMA):
         starts = other_minima(result, refit.problem, fits=fits)
         others = [_followed(refit.problem, start, result.sse, best) for start in starts]
@@ -303,7 +314,9 @@ _TRIED = 3
 _OFF_VISIBLE = 0.05
 
 
-def best_start(evidence: Evidence, problem: Problem, effect: Effect) -> FloatArray:
+def best_start(
+    evidence: Evidence, problem: Problem, effect: Effect, formulas: Iterable[Refit] = ()
+) -> FloatArray:
     """Return the best start (p,) for the fit of a model that is extended by an effect.
 
     Tried are multiples of the one-step estimate and of the declared scale, with the coefficients unchanged, because a
@@ -315,6 +328,7 @@ def best_start(evidence: Evidence, problem: Problem, effect: Effect) -> FloatArr
         evidence: of the model that is extended.
         problem: of the extended one.
         effect: the cause that it is extended by.
+        formulas: see `refit_with`.
     """
     values, one_step = evidence.fit.values, evidence.first_guess(effect.name)
     tried = _Tried(evidence.fit, problem.rough)
@@ -322,6 +336,10 @@ def best_start(evidence: Evidence, problem: Problem, effect: Effect) -> FloatArr
         tried.add(problem.start({**values, **guess}))
     tried.add(problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
     tried.add(problem.start(values))
+    for formula in formulas:
+        of_formula = formula.effects[-1]
+        if own := effect.like(of_formula.name, of_formula.own_values(formula.fit.values)):
+            tried.add(problem.start({**formula.fit.values, **{f"{effect.name}.{k}": v for k, v in own.items()}}))
     amplitudes = evidence.amplitudes_of(effect.name)
     if not effect.smooth and len(amplitudes) == 1:
         find_threshold(tried, [p.name for p in problem.parameters].index(amplitudes[0].name))

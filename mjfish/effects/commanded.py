@@ -13,6 +13,8 @@ from mjfish.drive.motion import JointMotion
 CATCH_UP = 100.0
 #: Exponent n of the corner, and the share of the limit below which it is not there, nor above the inverse.
 _SHARP, _OFF_CORNER = 256.0, 0.87
+#: Longest Runge-Kutta step of a rate limit, in units of 1 / k: well inside its stability.
+_STABLE = 1.0
 #: Shortest time constant of a filter of second order [s].
 SHORTEST = 1e-3
 
@@ -62,19 +64,31 @@ def _corner(x: float) -> float:
     return float((1.0 + size**_SHARP) ** (-1.0 / _SHARP))
 
 
-def limited(motion: JointMotion, slowness: float) -> JointMotion:
-    """Return the motion behind a rate limit of 1 / slowness, see `mjfish.effects.servo_rate_limit.ServoRateLimit`."""
-    angle, rate, acceleration = _limited(np.diff(motion.time), motion.angle, motion.rate, motion.acceleration, slowness)
+def limited(
+    motion: JointMotion, slowness: float, catch_up: float = CATCH_UP, forward: float = 1.0
+) -> JointMotion:
+    """Return the motion behind a rate limit, theta' = L sat((f c' - k (theta - c)) / L) from theta(0) = c(0) on.
+
+    Args:
+        motion: that is asked for, c.
+        slowness: 1 / L [s/rad].
+        catch_up: k [1/s].
+        forward: f; 1: the joints follow the rate of the command, 0: they close in on its angle.
+    """
+    angle, rate, acceleration = _limited(
+        np.diff(motion.time), motion.angle, motion.rate, motion.acceleration, slowness, catch_up, forward
+    )
     return balanced(motion.time, angle, rate, acceleration)
 
 
 @compiled
 def _limited(
-    steps: FloatArray, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, slowness: float
+    steps: FloatArray, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, slowness: float, catch_up: float,
+    forward: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Integrate e' = theta' - c' for e = theta - c, one Runge-Kutta step a half step, c' as a cubic.
+    """Integrate e' = theta' - c' for e = theta - c by Runge-Kutta steps, one a half step or more, c' as a cubic.
 
-    theta'' = S'(x) (c'' - k e'), x = slowness (c' - k e), S'(x) = (S(x) / x)^(n + 1).
+    theta'' = S'(x) (f c'' - k e'), x = slowness (f c' - k e), S'(x) = (S(x) / x)^(n + 1).
     """
     n, _, joints = angle.shape
     limited = np.empty_like(angle)
@@ -83,25 +97,29 @@ def _limited(
     error = np.zeros(joints)
     for step in range(n):
         d = 0.5 * steps[step]
+        parts = max(int(np.ceil(d * catch_up / _STABLE)), 1)
+        h = d / parts
         for stage in range(3):
             for j in range(joints):
                 if stage > 0:
                     a0 = rate[step, stage - 1, j]
                     a1 = acceleration[step, stage - 1, j]
                     a2, a3 = cubic(a0, a1, rate[step, stage, j], acceleration[step, stage, j], d)
-                    total = 0.0
-                    k = 0.0
-                    for part in range(4):
-                        s = 0.0 if part == 0 else (d if part == 3 else 0.5 * d)
-                        asked = a0 + s * (a1 + s * (a2 + s * a3))
-                        wanted = asked - CATCH_UP * (error[j] + s * k)
-                        k = wanted * _corner(slowness * wanted) - asked
-                        total += k if part == 0 or part == 3 else 2.0 * k
-                    error[j] += d / 6.0 * total
-                wanted = rate[step, stage, j] - CATCH_UP * error[j]
+                    for part in range(parts):
+                        total = 0.0
+                        k = 0.0
+                        for quarter in range(4):
+                            ahead = 0.0 if quarter == 0 else (h if quarter == 3 else 0.5 * h)
+                            s = part * h + ahead
+                            asked = a0 + s * (a1 + s * (a2 + s * a3))
+                            wanted = forward * asked - catch_up * (error[j] + ahead * k)
+                            k = wanted * _corner(slowness * wanted) - asked
+                            total += k if quarter == 0 or quarter == 3 else 2.0 * k
+                        error[j] += h / 6.0 * total
+                wanted = forward * rate[step, stage, j] - catch_up * error[j]
                 x = slowness * wanted
                 follow = wanted * _corner(x)
-                behind = acceleration[step, stage, j] - CATCH_UP * (follow - rate[step, stage, j])
+                behind = forward * acceleration[step, stage, j] - catch_up * (follow - rate[step, stage, j])
                 limited[step, stage, j] = angle[step, stage, j] + error[j]
                 limited_rate[step, stage, j] = follow
                 limited_acceleration[step, stage, j] = behind * _corner(x) ** (_SHARP + 1.0)

@@ -161,6 +161,14 @@ class Effect(ABC):
         """Return what keeps a learned form smooth, and what is known of its numbers beforehand."""
         return ()
 
+    def like(self, formula: str, values: Values) -> dict[str, float]:
+        """Return numbers, by short name, at which a learned form is like a formula of its mechanism; none: unknown.
+
+        A fit of the learned form begins there, too.
+        """
+        del formula, values
+        return {}
+
     @classmethod
     def for_fish(cls, fish: Fish) -> Effect | None:
         """Return the effect as `fish` has it, where its parameters depend on the fish; None where they do not."""

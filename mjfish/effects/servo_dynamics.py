@@ -15,8 +15,8 @@ from mjfish.parameter import Parameter
 class ServoDynamics(Effect):
     """The joints follow their command through a rate limit, a dead time, and a filter of second order.
 
-    A stable and causal filter of unit static gain: the limit of `ServoRateLimit`, a dead time, and the filter of
-    `ServoSecondOrder`, one behind the other.
+    A stable and causal filter of unit static gain: the limit of `ServoRateLimit`, behind which the joints close in on
+    their command at a rate k, a dead time, and the filter of `ServoSecondOrder`, one behind the other.
     """
 
     name: ClassVar[str] = "servo_dynamics"
@@ -29,6 +29,7 @@ class ServoDynamics(Effect):
         Parameter("servo_dynamics.delay", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="dead time"),
         Parameter("servo_dynamics.slowness", "s/rad", 0.0, 0.0, 0.5, 0.0, 0.03, about="1 / (largest rate)"),
         Parameter("servo_dynamics.damping", "-", 0.7, 0.1, 3.0, 0.7, 0.2, about="zeta, damping ratio", shape=True),
+        Parameter("servo_dynamics.catch_up", "1/s", 100.0, 20.0, 800.0, 100.0, 20.0, about="k, of the limit", shape=True),
     )
     source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
     signature: ClassVar[str] = "late, and smaller or larger by frequency"
@@ -41,10 +42,18 @@ class ServoDynamics(Effect):
         """Measured joint angles leave nothing between command and joint."""
         return undetectable_behind_measured_joints(dataset)
 
+    def like(self, formula: str, values: Values) -> dict[str, float]:
+        """Return this motion at the numbers of a formula of the same mechanism."""
+        if formula == "servo_lag":
+            return {"time": values["time_constant"] / 6.0, "damping": 3.0}
+        if formula == "servo_limited_lag":
+            return {"slowness": values["slowness"], "catch_up": 1.0 / values["time"], "delay": values["time"]}
+        return {short: values[short] for short in ("time", "damping", "delay", "slowness") if short in values}
+
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Delay, limit and filter the motion."""
         if max(values["delay"], values["slowness"]) <= 0.0 and values["time"] < SHORTEST:
             return motion
         if values["slowness"] > 0.0:
-            motion = limited(motion, values["slowness"])
+            motion = limited(motion, values["slowness"], values["catch_up"])
         return filtered(motion, values["time"], values["damping"], values["delay"])

@@ -1,4 +1,4 @@
-"""Servos of limited speed with a lag behind the limit."""
+"""Servos of limited speed that lag."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ from typing import ClassVar
 
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import filtered, limited, undetectable_behind_measured_joints
+from mjfish.effects.commanded import limited, undetectable_behind_measured_joints
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 
 class ServoLimitedLag(Effect):
-    """The joints turn no faster than L = 1 / slowness, and follow the limited command with a critically damped lag.
+    """The joints close in on their command with a time constant T, and turn no faster than L = 1 / slowness.
 
-    The limit is that of `ServoRateLimit`; behind it comes a filter of second order with two equal time constants T, so
-    that the joints start at rest.
+        theta' = L sat((theta_command - theta) / (T L)),   theta(0) = theta_command(0)
+
+    The position loop of a servo with a limited speed; sat and its corner as of `ServoRateLimit`. Where the limit is not
+    met, it is the lag of `ServoLag`.
     """
 
     name: ClassVar[str] = "servo_limited_lag"
@@ -25,7 +27,7 @@ class ServoLimitedLag(Effect):
     summary: ClassVar[str] = "the servos are too slow for their command, and lag"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("servo_limited_lag.slowness", "s/rad", 0.0, 0.0, 0.5, 0.1, 0.03, about="1 / (largest rate)"),
-        Parameter("servo_limited_lag.time", "s", 0.005, 0.0005, 0.1, 0.005, 0.003, about="T, of the lag", shape=True),
+        Parameter("servo_limited_lag.time", "s", 0.005, 0.001, 0.1, 0.005, 0.003, about="T, of the loop", shape=True),
     )
     source: ClassVar[str] = "Rate limiter of an actuator: Fielding and Flux, Aeronautical Journal 107 (2003)"
     signature: ClassVar[str] = "late; above a frequency the tail swings less, as rounded triangles"
@@ -39,5 +41,5 @@ class ServoLimitedLag(Effect):
         return undetectable_behind_measured_joints(dataset)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
-        """Limit and filter the motion."""
-        return filtered(limited(motion, values["slowness"]), values["time"], 1.0)
+        """Let the joints close in as fast as they may."""
+        return limited(motion, values["slowness"], 1.0 / values["time"], 0.0)
