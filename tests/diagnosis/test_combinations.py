@@ -34,6 +34,7 @@ class _Set:
     gain: float = 0.0
     degrees_of_freedom: int = 1
     gains: Any = None
+    learned: bool = False
 
     @property
     def effects(self) -> list[Any]:

@@ -35,8 +35,9 @@ def _refit(names: str, gain: float) -> Any:
     """Return a refit whose last member was added first: sets go by their sorted names, not by this order."""
     effects = tuple(SimpleNamespace(name=name, summary=f"{name} acts") for name in reversed(names))
     return SimpleNamespace(
-        effects=effects, names=tuple(reversed(names)), gain=gain, adjusted=gain, degrees_of_freedom=len(names)
-    )
+        effects=effects, names=tuple(reversed(names)), gain=gain, adjusted=gain, degrees_of_freedom=len(names),
+        learned=False, mechanisms=tuple(sorted(names)),
+    )  # fmt: skip
 
 
 def _hearing(
