@@ -46,6 +46,8 @@ class ServoDynamics(Effect):
         """Return this motion at the numbers of a formula of the same mechanism."""
         if formula == "servo_lag":
             return {"time": values["time_constant"] / 6.0, "damping": 3.0}
+        if formula == "servo_delay":
+            return {"delay": max(values["time"] - 2.0 * SHORTEST, 0.0), "damping": 1.0}
         if formula == "servo_limited_lag":
             return {"slowness": values["slowness"], "catch_up": 1.0 / values["time"], "delay": values["time"]}
         return {short: values[short] for short in ("time", "damping", "delay", "slowness") if short in values}

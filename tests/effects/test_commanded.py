@@ -20,9 +20,13 @@ from mjfish.model import Model
 SIZES = {
     "joint_zero_offset": {"joint_1": 0.02, "joint_2": -0.03, "joint_3": 0.01, "joint_4": 0.05},
     "servo_backlash": {"play": 0.03, "contact": 0.003},
+    "servo_delay": {"time": 0.0213},
+    "servo_dynamics": {"time": 0.02, "delay": 0.0117, "slowness": 0.1, "damping": 0.5, "catch_up": 150.0},
     "servo_lag": {"time_constant": 0.03},
+    "servo_limited_lag": {"slowness": 0.1, "time": 0.01},
     "servo_rate_limit": {"slowness": 0.1},
     "servo_saturation": {"psi": 0.5, "sharpness": 6.0},
+    "servo_second_order": {"time": 0.02, "damping": 0.5},
 }
 over_all = pytest.mark.parametrize("effect", [find(name) for name in SIZES], ids=SIZES)
 
@@ -36,7 +40,8 @@ def _driven(fish: Fish, trial: Trial, effect: Effect, step: float) -> tuple[Join
 @over_all
 def test_rate_and_acceleration_are_slopes_at_the_ends_of_every_step(pike: Fish, turning: Trial, effect: Effect) -> None:
     """Difference quotients on a grid ten times as fine as the quickest motion, but across steps of the drive."""
-    _, motion = _driven(pike, turning, effect, 1e-5 if effect.name == "servo_rate_limit" else 2e-4)
+    sharp = effect.name in ("servo_rate_limit", "servo_limited_lag")  # corners that nothing rounds
+    _, motion = _driven(pike, turning, effect, 1e-5 if sharp else 2e-4)
     settled = (motion.time[:-1] > 0.05) & (np.abs(motion.time[:-1] - 1.5) > 0.05)
     steps = np.diff(motion.time)[:, None]
     for low, high in ((motion.angle, motion.rate), (motion.rate, motion.acceleration)):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import mjfish
-from mjfish.effects import catalogue
+from mjfish.effects import catalogue, find
 from mjfish.effects.mechanism import MECHANISMS
 
 PACKAGE = Path(mjfish.__file__).parent
@@ -38,7 +38,9 @@ def test_no_other_file_names_it(name: str) -> None:
     assert own.is_file()
     # The name of a mechanism is no name of the cause: its causes declare it, and its curves are drawn.
     of_mechanism = {*own.parent.glob("*.py"), PACKAGE / "diagnosis" / "curves.py"}
-    homes = of_mechanism if name in MECHANISMS else {own}
+    # A learned form knows at which of its numbers it is like a formula of its mechanism (`Effect.like`).
+    like = {own.with_stem(e.name) for e in catalogue().values() if e.learned and e.mechanism == find(name).mechanism}
+    homes = of_mechanism if name in MECHANISMS else {own, *like}
     word = re.compile(rf"\b{name}\b")
     elsewhere = {path.name for path, text in _strings() if path not in homes and word.search(text)}
     assert name in FIELDS or not elsewhere
