@@ -9,7 +9,6 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 
-
 #: Sd of the mean of a curve: of a logarithm, a factor of e.
 _LEVEL = 1.0
 

@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from mjfish.arrays import FloatArray
-from mjfish.data import Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Values
 from mjfish.effects.mechanism import Domain
@@ -184,7 +183,7 @@ class MunkOfBody(_Foreign):
 
 def _through(motion: JointMotion, rates: Any, start: Any) -> JointMotion:
     """Integrate a servo's own equation x' = rates(t, c, c', x) from `start(c)` and return what the joints did."""
-    nodes, angle, rate = motion.half_steps()
+    nodes, angle, _ = motion.half_steps()
     knots = np.concatenate([angle[:, 0], angle[-1:, 1]])
     command = CubicSpline(nodes, knots)
     joints = motion.joints
@@ -212,6 +211,7 @@ class PlantWithInertia(_Foreign):
     parameters: ClassVar[tuple[Parameter, ...]] = _size("plant_with_inertia")
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        """Return what the joints did."""
         w = 35.0 / values["size"]
 
         def rates(c: FloatArray, _: FloatArray, x: FloatArray) -> list[FloatArray]:
@@ -229,6 +229,7 @@ class LimitAndLag(_Foreign):
     parameters: ClassVar[tuple[Parameter, ...]] = _size("limit_and_lag")
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        """Return what the joints did."""
         most = 6.0 / values["size"]
 
         def rates(c: FloatArray, _: FloatArray, x: FloatArray) -> list[FloatArray]:
@@ -246,6 +247,7 @@ class TwoLags(_Foreign):
     parameters: ClassVar[tuple[Parameter, ...]] = _size("two_lags")
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        """Return what the joints did."""
         a = values["size"]
 
         def rates(c: FloatArray, _: FloatArray, x: FloatArray) -> list[FloatArray]:
@@ -263,6 +265,7 @@ class Sloppy(_Foreign):
     parameters: ClassVar[tuple[Parameter, ...]] = _size("sloppy")
 
     def body(self, fish: Fish, values: Values) -> Fish:
+        """Return the fish with such a tail."""
         return fish.model_copy(
             update={"tail_compliance": 0.4 * values["size"], "tail_damping": 0.05, "tail_hardening": 60.0}
         )

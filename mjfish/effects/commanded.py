@@ -64,9 +64,7 @@ def _corner(x: float) -> float:
     return float((1.0 + size**_SHARP) ** (-1.0 / _SHARP))
 
 
-def limited(
-    motion: JointMotion, slowness: float, catch_up: float = CATCH_UP, forward: float = 1.0
-) -> JointMotion:
+def limited(motion: JointMotion, slowness: float, catch_up: float = CATCH_UP, forward: float = 1.0) -> JointMotion:
     """Return the motion behind a rate limit, theta' = L sat((f c' - k (theta - c)) / L) from theta(0) = c(0) on.
 
     Args:
@@ -83,7 +81,12 @@ def limited(
 
 @compiled
 def _limited(
-    steps: FloatArray, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, slowness: float, catch_up: float,
+    steps: FloatArray,
+    angle: FloatArray,
+    rate: FloatArray,
+    acceleration: FloatArray,
+    slowness: float,
+    catch_up: float,
     forward: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate e' = theta' - c' for e = theta - c by Runge-Kutta steps, one a half step or more, c' as a cubic.
@@ -174,7 +177,7 @@ def _filter(
     delay: float,
     out: FloatArray,
 ) -> None:
-    """Solve the filter exactly, its input a cubic in every half step; write angle, rate, acceleration (3, n, 3, joints).
+    """Solve the filter exactly, its input cubic in every half step; write angle, rate, acceleration (3, n, 3, joints).
 
     Behind a cubic c the filter's own motion is sum_k g_k c^(k), with 1 / (1 + 2 zeta T D + T^2 D^2) = sum_k g_k D^k;
     what differs from it decays freely.

@@ -29,7 +29,9 @@ class ServoDynamics(Effect):
         Parameter("servo_dynamics.delay", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="dead time"),
         Parameter("servo_dynamics.slowness", "s/rad", 0.0, 0.0, 0.5, 0.0, 0.03, about="1 / (largest rate)"),
         Parameter("servo_dynamics.damping", "-", 0.7, 0.1, 3.0, 0.7, 0.2, about="zeta, damping ratio", shape=True),
-        Parameter("servo_dynamics.catch_up", "1/s", 100.0, 20.0, 800.0, 100.0, 20.0, about="k, of the limit", shape=True),
+        Parameter(
+            "servo_dynamics.catch_up", "1/s", 100.0, 20.0, 800.0, 100.0, 20.0, about="k, of the limit", shape=True
+        ),
     )
     source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
     signature: ClassVar[str] = "late, and smaller or larger by frequency"
