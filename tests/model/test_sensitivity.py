@@ -143,6 +143,21 @@ def test_at_the_null_value_of_an_effect(pike: Fish, name: str) -> None:
     _check(Model(pike, (one,)), _trial("v3-t1", 6.0), values, name, 5e-5 * one.declaration(short).scale)
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "power_drag.pressure", "axial_momentum.share", "edge_momentum.share", "added_mass_memory.share",
+        "drag_law.across_2", "drag_law.along_4", "lift.fin_1", "lift.body_normal", "reactive_force.munk_tail",
+    ],
+)  # fmt: skip
+def test_a_load_of_either_sign_at_its_null_value(pike: Fish, name: str) -> None:
+    """A load that exerts nothing there is derived to one side or by its own gradient: 1e-5 of the derivative."""
+    model = Model(pike, (find(name.partition(".")[0]),))
+    one = next(p for p in model.parameters if p.name == name)
+    values = VALUES | {p.name: p.default for p in model.effects[0].parameters}
+    _check(model, _trial("v1", 1.6), values, name, 2e-3 * one.scale, 1e-5)
+
+
 def test_a_load_at_the_null_value_of_its_amplitude(pike: Fish) -> None:
     """It is not called there by a prediction; its sensitivity is that of a small amplitude, on one side."""
     model = Model(pike, (find("reynolds_drag"),))
