@@ -127,7 +127,7 @@ def _diagnosed(
         if not clear:
             refits = {**refits, **learned}
             single = _compared(refits, applicable, held_out, rng)
-    if refits and not single.retained(clean=True):
+    if refits and not single.retained(clean=True) and not single.suffices():
         combined = _combined(refits, (*applicable, *learnable), held_out, rng, part(progress, 0.8, 0.15))
         if failed := single.failed():
             rest = {name: refit for name, refit in refits.items() if (name,) not in failed}
