@@ -17,7 +17,7 @@ from mjfish.arrays import FloatArray, RecordArray
 from mjfish.data import Trial
 from mjfish.diagnosis.refit import Refit
 from mjfish.effects import Effect
-from mjfish.estimation.fit import Z95
+from mjfish.estimation.fit import Z95, Fit
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.link import link_records
@@ -112,13 +112,19 @@ class _Form:
     visits: tuple[FloatArray, FloatArray]
 
 
-def curves_of(mechanism: str, refit: Refit) -> tuple[MeasuredCurve, ...]:
-    """Return the curves of a mechanism in a fitted model; none where its form is no function of one variable."""
+def curves_of(mechanism: str, refit: Refit, nominal: Fit) -> tuple[MeasuredCurve, ...]:
+    """Return the curves of a mechanism in a fitted model; none where its form is no function of one variable.
+
+    Args:
+        mechanism: its name.
+        refit: with a cause of that mechanism.
+        nominal: fit of the nominal model.
+    """
     make = _FORMS.get(mechanism)
-    return () if make is None else tuple(_measured(form, mechanism, refit) for form in make(refit))
+    return () if make is None else tuple(_measured(form, mechanism, refit, nominal) for form in make(refit))
 
 
-def _measured(form: _Form, mechanism: str, refit: Refit) -> MeasuredCurve:
+def _measured(form: _Form, mechanism: str, refit: Refit, before: Fit) -> MeasuredCurve:
     own = tuple(effect for effect in refit.effects if effect.mechanism == mechanism)
     model, trial = Model(refit.problem.model.fish, own), refit.problem.trials[0]
     names = [p.name for p in model.parameters]
@@ -138,7 +144,7 @@ def _measured(form: _Form, mechanism: str, refit: Refit) -> MeasuredCurve:
     rows = [index[name] for name in free]
     covariance = refit.fit.covariance[np.ix_(rows, rows)]
     half = Z95 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
-    nominal = form.value(_Fish.of(Model(model.fish, ()), values, trial), form.at)
+    nominal = form.value(_Fish.of(Model(model.fish, ()), before.values, trial), form.at)
     return MeasuredCurve(
         form.quantity,
         form.group,

@@ -15,7 +15,7 @@ from mjfish.diagnosis.combinations import find_combinations
 from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.evidence import Evidence, p_value_of
 from mjfish.diagnosis.fingerprint import fingerprint
-from mjfish.diagnosis.forms import named_mechanisms, refit_learned_forms, staying
+from mjfish.diagnosis.forms import NamedMechanism, named_mechanisms, refit_learned_forms, staying
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.diagnosis.implausible_noise import bursts, too_large
 from mjfish.diagnosis.isolability import isolability
@@ -26,7 +26,7 @@ from mjfish.diagnosis.refit import Refit
 from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
 from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.select import standings
-from mjfish.diagnosis.verdict import ALARM, Comparison, Decision, decide
+from mjfish.diagnosis.verdict import ALARM, Comparison, Decision, decide, message_of
 from mjfish.diagnosis.where import locate
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.errors import InputError
@@ -134,14 +134,17 @@ def _diagnosed(
             others = _compared(rest, applicable, held_out, rng)
     decision = decide(screening.p_wrong, single, combined, checks.blocks, others)
     best = _best(decision, single, combined)
-    retained = [best, *_retained(decision, single, combined)] if best is not None else []
+    mechanisms: tuple[NamedMechanism, ...] = ()
     if decision.verdict == "named" and best is not None:
         form = learned.get(best.mechanisms[0]) if len(best.effects) == 1 else None
-        if stay := staying([refit for refit in retained if not refit.learned], form):
-            best, retained = stay[0], list(stay)
-        elif form is not None:
-            best, retained = form, [form]
-        decision = replace(decision, sets=tuple(dict.fromkeys(refit.names for refit in retained)))
+        retained = staying([refit for refit in _retained(decision, single, combined) if not refit.learned], form)
+        if not retained:
+            retained = (best if form is None else form,)
+        best = retained[0]
+        clean = len(best.effects) > 1 or best.names in single.retained(clean=True)
+        message = message_of(retained, clean=clean) + decision.left
+        decision = replace(decision, sets=tuple(refit.names for refit in retained), message=message)
+        mechanisms = named_mechanisms(best, retained, form, evidence.fit, clean=clean)
 
     progress("looking at what is wrong", 0.96)
     scores = (held_out.score(None), held_out.score(best)) if held else None
@@ -158,7 +161,7 @@ def _diagnosed(
         remarks=tuple(remarks(noise_remark, evidence.fit, converged, held)),
         checks=checks,
         causes=_causes(best) if best is not None and decision.verdict == "named" else (),
-        mechanisms=named_mechanisms(best, retained, learned) if decision.verdict == "named" and best else (),
+        mechanisms=mechanisms,
         rivals=decision.rivals,
         alternatives=decision.sets,
         certain=decision.certain,

@@ -15,6 +15,7 @@ from mjfish.diagnosis.evidence import Evidence, gather, p_value_of
 from mjfish.diagnosis.refit import Refit, refit_in_parallel, refit_learned, with_jobs
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
+from mjfish.estimation import Fit
 
 #: A formula is given up for the learned form below this p value.
 _BEATEN = 0.01
@@ -29,8 +30,8 @@ class NamedMechanism:
     Attributes:
         name: of the mechanism.
         domain: where it acts.
-        level: ``form`` where one formula stays alone, else ``mechanism``.
-        form: the formula that stays alone, else ``learned``.
+        level: ``form`` where one formula stays alone and leaves nothing systematic, else ``mechanism``.
+        form: the formula that the extended model has, or ``learned``.
         forms: the formulas that stay.
         curves: the form as curves, with their bands.
     """
@@ -91,31 +92,33 @@ def staying(formulas: Sequence[Refit], learned: Refit | None) -> tuple[Refit, ..
 
 
 def named_mechanisms(
-    best: Refit, retained: Sequence[Refit], learned: Mapping[str, Refit]
+    best: Refit, retained: Sequence[Refit], form: Refit | None, nominal: Fit, *, clean: bool
 ) -> tuple[NamedMechanism, ...]:
     """Return the mechanisms of the named causes.
 
     Args:
         best: the refit that is shown.
         retained: refits of all sets that stay, of the same mechanisms.
-        learned: refits of learned forms alone, by name.
+        form: with the learned form of the mechanism, where there is one alone.
+        nominal: fit of the nominal model.
+        clean: whether the best leaves nothing systematic.
     """
     found = []
-    for effect in best.effects:
-        name = effect.mechanism
+    for name in dict.fromkeys(effect.mechanism for effect in best.effects):
+        shown = [effect for effect in best.effects if effect.mechanism == name]
         members = (member for refit in retained for member in refit.effects if not member.learned)
         forms = dict.fromkeys(member.name for member in members if member.mechanism == name)
-        single = len(forms) == 1 and not effect.learned
-        shown = next((r for r in learned.values() if r.mechanisms == (name,)), best) if len(best.effects) == 1 else best
+        learned = any(effect.learned for effect in shown)
+        single = clean and len(forms) == 1 and not learned
         known = MECHANISMS.get(name)
         found.append(
             NamedMechanism(
                 name=name,
-                domain=effect.domain if known is None else known.domain,
+                domain=shown[0].domain if known is None else known.domain,
                 level="form" if single else "mechanism",
-                form=effect.name if single else "learned",
+                form="learned" if learned else shown[0].name,
                 forms=tuple(forms),
-                curves=curves_of(name, shown),
+                curves=curves_of(name, best if single or form is None else form, nominal),
             )
         )
     return tuple(found)

@@ -199,9 +199,7 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     ]
 
 
-def refit_with(
-    evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Iterable[Refit] = ()
-) -> Refit:
+def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Iterable[Refit] = ()) -> Refit:
     """Add a cause to a fitted model: take a few steps from the best of several starts.
 
     Args:
@@ -219,9 +217,7 @@ def refit_with(
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse)
 
 
-def refit_learned(
-    evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Iterable[Refit] = ()
-) -> Refit:
+def refit_learned(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Iterable[Refit] = ()) -> Refit:
     """Add a cause of learned form to a fitted model: to its optimum, its smoothness by marginal likelihood.
 
     Args:
@@ -314,9 +310,7 @@ _TRIED = 3
 _OFF_VISIBLE = 0.05
 
 
-def best_start(
-    evidence: Evidence, problem: Problem, effect: Effect, formulas: Iterable[Refit] = ()
-) -> FloatArray:
+def best_start(evidence: Evidence, problem: Problem, effect: Effect, formulas: Iterable[Refit] = ()) -> FloatArray:
     """Return the best start (p,) for the fit of a model that is extended by an effect.
 
     Tried are multiples of the one-step estimate and of the declared scale, with the coefficients unchanged, because a

@@ -28,11 +28,19 @@ Names = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Decision:
-    """A verdict with the sets of causes it rests on: the one that is named, or those that stay."""
+    """A verdict with the sets of causes it rests on: the one that is named, or those that stay.
+
+    Attributes:
+        verdict: the verdict.
+        sets: of causes.
+        message: in a sentence.
+        left: behind it, of what is named: what it leaves, in words.
+    """
 
     verdict: Verdict
     sets: tuple[Names, ...]
     message: str
+    left: str = ""
 
     @property
     def certain(self) -> Names:
@@ -192,7 +200,8 @@ def _alone(sets: Sequence[Names], comparison: Comparison) -> Decision:
     p = p_value_of(refit.gain, refit.degrees_of_freedom)
     if p < _OWN:
         left = "" if standing.clean else f" It leaves {standing.left:.1%} of what there was to explain: {_OTHERWISE}."
-        return Decision("named", tuple(sets), _named([comparison.refits[each] for each in sets]) + left)
+        message = message_of([comparison.refits[each] for each in sets], clean=standing.clean)
+        return Decision("named", tuple(sets), message + left, left)
     choice = f"{_listed([names])} would do, and explains no more than chance might (p = {p:.2g})"
     return Decision("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {choice}.")
 
@@ -210,9 +219,15 @@ def _listed(sets: Sequence[Names]) -> str:
     return " or ".join(" with ".join(names) for names in sets)
 
 
-def _named(refits: Sequence[Refit]) -> str:
+def message_of(refits: Sequence[Refit], *, clean: bool) -> str:
+    """Return what is named, in words.
+
+    Args:
+        refits: with the forms that stay, the best first.
+        clean: whether the best leaves nothing systematic.
+    """
     refit = refits[0]
-    if len(refit.effects) == 1 and (len(refits) > 1 or refit.learned):
+    if len(refit.effects) == 1 and (len(refits) > 1 or refit.learned or not clean):
         mechanism = refit.mechanisms[0]
         summary = MECHANISMS[mechanism].summary if mechanism in MECHANISMS else refit.effects[0].summary
         formulas = [other.names[0] for other in refits if not other.learned]
