@@ -133,7 +133,9 @@ def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
     assert "The data cannot tell" in planned
     (script,) = blocks(page, "python")
     printed = run_python(script, tmp_path)
-    assert printed.startswith("cannot_tell servo_lag time_offset\n")
+    verdict, *rivals = printed.partition("\n")[0].split()
+    assert verdict == "cannot_tell"
+    assert {"servo_lag", "time_offset"} <= set(rivals)
     assert "section_height" in printed
 
 
