@@ -94,9 +94,10 @@ def test_the_same_effect_on_the_list_is_named(pike: Fish) -> None:
 
 
 class Twin(type(find("time_offset"))):  # type: ignore[misc]
-    """The clock offset under another name: no data can tell the two apart."""
+    """The clock offset under another name, as a mechanism of its own: no data can tell the two apart."""
 
     name: ClassVar[str] = "twin"
+    mechanism: ClassVar[str] = "twin"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("twin.offset", "s", 0.0, -0.25, 0.25, 0.0, 0.005, about="the same offset"),
     )
