@@ -12,15 +12,17 @@ from typing import Literal
 
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
 from mjfish.diagnosis.evidence import Evidence, gather, p_value_of
-from mjfish.diagnosis.refit import Refit, refit_in_parallel, refit_learned, with_jobs
+from mjfish.diagnosis.refit import Refit, made_smooth, refit_in_parallel, refit_with, with_jobs
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
 from mjfish.estimation import Fit
 
 #: A formula is given up for the learned form below this p value.
-_BEATEN = 0.01
+_BEATEN = 0.05
 #: A learned form is fitted where its score, or a formula of its mechanism, explains this share of the best formula.
 _PROMISING = 0.3
+#: And followed to its optimum where its coarse refit explains this share of the best.
+_RUNNING = 0.5
 
 
 @dataclass(frozen=True)
@@ -63,12 +65,16 @@ def refit_learned_forms(
     alone = with_jobs(gather(evidence.problem, evidence.fit, chosen), 1)
     seen = [effect for effect in chosen if promising(effect, alone, refits)]
 
-    def made_of(effect: Effect) -> Refit:
+    def begun(effect: Effect) -> Refit:
         formulas = [refit for refit in refits.values() if refit.mechanisms == (effect.mechanism,)]
-        return refit_learned(alone, effect, formulas=formulas)
+        return refit_with(alone, effect, formulas=formulas)
 
-    results = refit_in_parallel(made_of, seen, jobs)
-    return {effect.name: refit for effect, refit in zip(seen, results, strict=True)}
+    coarse = [*refit_in_parallel(begun, seen, jobs)]
+    best = max((refit.gain for refit in [*refits.values(), *coarse]), default=0.0)
+    running = [refit for refit in coarse if refit.gain >= _RUNNING * best]
+    least = evidence.fit.sse - best
+    results = refit_in_parallel(lambda refit: made_smooth(with_jobs(refit, 1), least), running, jobs)
+    return {refit.names[0]: refit for refit in results}
 
 
 def promising(effect: Effect, evidence: Evidence, refits: Mapping[str, Refit]) -> bool:

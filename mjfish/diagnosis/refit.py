@@ -34,6 +34,8 @@ _RUNNING, _DISTANCE, _WEAK = 0.25, 0.3, 100.0
 _MOST_MINIMA = 3
 #: A fit that is behind the best is followed until a step gains less than this share of its distance.
 _BEHIND = 0.01
+#: Most evaluations of a refit at one tolerance: where the form is wrong, there may be no end to it.
+_MOST = 40
 #: A fit from other starts is followed beyond so many evaluations where its sum of squares is near to the other's.
 _TRY, _HOPE = 6, 1.2
 #: How many candidates are refitted for their score alone.
@@ -217,19 +219,34 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse)
 
 
-def refit_learned(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Iterable[Refit] = ()) -> Refit:
+def refit_learned(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
     """Add a cause of learned form to a fitted model: to its optimum, its smoothness by marginal likelihood.
 
     Args:
         evidence: of the model that it extends, with the cause among its candidates.
         effect: the cause.
         gained: what that model gained already against the nominal one.
-        formulas: refits of that model with formulas of the mechanism.
     """
-    rough = refit_with(evidence, effect, gained=gained, formulas=formulas)
-    found = fit(rough.problem, rough.fit.x, tolerance=TOLERANCE)
-    problem, found = smoothed(rough.problem, found, tolerance=TOLERANCE)
-    return Refit(rough.effects, problem, found, gained + evidence.fit.sse - found.sse)
+    return made_smooth(refit_with(evidence, effect, gained=gained))
+
+
+def made_smooth(refit: Refit, best: float = np.inf) -> Refit:
+    """Follow a coarse refit, its last cause of learned form, to its optimum, with the smoothness that the data ask for.
+
+    Where it does not fit, once more from the declared starts of the coefficients and the middle of the shapes.
+
+    Args:
+        refit: a coarse one.
+        best: least sum of squares of all refits; a refit far behind it is followed less accurately.
+    """
+    problem, least = refit.problem, min(best, refit.fit.sse)
+    found = _followed(problem, refit.fit.x, refit.fit.sse, least)
+    if found.sse > _MISFIT * len(found.residual):
+        own = refit.effects[-1].parameters
+        middle = {p.name: 0.5 * (p.low + p.high) if p.shape else found.values[p.name] for p in own}
+        found = _restarted(problem, found, problem.start(middle), least)
+    problem, found = smoothed(problem, found, tolerance=TOLERANCE)
+    return replace(refit, problem=problem, fit=found, gain=refit.gain + refit.fit.sse - found.sse)
 
 
 def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
@@ -259,11 +276,7 @@ def refined(refit: Refit, best: float) -> Refit:
     result = refit.fit if there else _followed(refit.problem, refit.fit.x, refit.fit.sse, best)
     fits = min(best, result.sse) <= _MISFIT * len(result.residual)
     if not fits:
-        start = refit.problem.start(refit.parameter_values())
-        tried = fit(refit.problem, start, tolerance=TOLERANCE, evaluations=_TRY)
-        if tried.objective < _HOPE * result.objective and tried.status != "converged":
-            tried = _followed(refit.problem, tried.x, tried.sse, best)
-        result = min(result, tried, key=lambda each: each.objective)
+        result = _restarted(refit.problem, result, refit.problem.start(refit.parameter_values()), best)
     for _ in range(_MOST_MINIMA):
         starts = other_minima(result, refit.problem, fits=fits)
         others = [_followed(refit.problem, start, result.sse, best) for start in starts]
@@ -274,6 +287,14 @@ def refined(refit: Refit, best: float) -> Refit:
     if result.objective <= refit.fit.objective:
         refit = replace(refit, fit=result, gain=refit.gain + refit.fit.sse - result.sse)
     return _resolved(refit)
+
+
+def _restarted(problem: Problem, found: Fit, start: FloatArray, best: float) -> Fit:
+    """Return the better of a fit and another one from `start`, which is followed where it comes near the first."""
+    tried = fit(problem, start, tolerance=TOLERANCE, evaluations=_TRY)
+    if tried.objective < _HOPE * found.objective and tried.status != "converged":
+        tried = _followed(problem, tried.x, tried.sse, best)
+    return min(found, tried, key=lambda each: each.objective)
 
 
 def _resolved(refit: Refit) -> Refit:
@@ -289,8 +310,8 @@ def _followed(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
     """Fit from x, ever finer as long as the result comes near the best."""
     while True:
         tolerance = max(TOLERANCE, _BEHIND * (sse - best) / sse)
-        result = fit(problem, x, tolerance=tolerance)
-        if tolerance == TOLERANCE or _BEHIND * (result.sse - best) > 0.5 * tolerance * result.sse:
+        result = fit(problem, x, tolerance=tolerance, evaluations=_MOST)
+        if tolerance == TOLERANCE or result.status != "converged" or _BEHIND * (result.sse - best) > 0.5 * tolerance * result.sse:
             return result
         x, sse = result.x, result.sse
 

@@ -59,8 +59,8 @@ class Lift(Effect):
         Parameter("lift.downwash", "-", 0.75, 0.0, 1.0, 0.75, 0.1, about="of the velocity, in chords", shape=True),
         Parameter("lift.body_1", "-", 0.0, -8.0, 8.0, 0.0, 0.05, about="a_1 of the body"),
         Parameter("lift.body_normal", "-", 0.0, -2.0, 8.0, 0.0, 0.05, about="b of the body"),
-        Parameter("lift.body_place", "-", 0.25, 0.0, 1.0, 0.25, 0.1, about="of a link's force, in chords", shape=True),
-        Parameter("lift.body_downwash", "-", 0.75, 0.0, 1.0, 0.75, 0.1, about="of its velocity, in chords", shape=True),
+        Parameter("lift.body_place", "-", 0.5, 0.0, 1.0, 0.5, 0.1, about="of a link's force, in chords", shape=True),
+        Parameter("lift.body_downwash", "-", 0.5, 0.0, 1.0, 0.5, 0.1, about="of its velocity, in chords", shape=True),
     )
     source: ClassVar[str] = "Hoerner and Borst, Fluid-Dynamic Lift (1975), ch. 3, 17 and 19"
     signature: ClassVar[str] = "sway and yaw rate of the beat, growing with forward speed; little at rest"

@@ -24,6 +24,8 @@ from mjfish.estimation.problem import Problem
 _STEP, _RANGE, _STEPS = 4.0, (0.02, 10.0), 30
 #: A relative change of every sd below this one ends a search; how often the model is linearised anew.
 _SAME, _ROUNDS = 0.25, 3
+#: Most evaluations of a fit with new sds.
+_MOST = 20
 
 
 def smoothed(problem: Problem, found: Fit, *, tolerance: float) -> tuple[Problem, Fit]:
@@ -40,7 +42,7 @@ def smoothed(problem: Problem, found: Fit, *, tolerance: float) -> tuple[Problem
         if all(abs(np.log(sd / before[name])) < _SAME for name, sd in sds.items()):
             break
         problem = replace(problem, prior_sds={**problem.prior_sds, **sds})
-        found = fit(problem, found.x, tolerance=tolerance)
+        found = fit(problem, found.x, tolerance=tolerance, evaluations=_MOST)
     return problem, found
 
 
