@@ -73,7 +73,8 @@ def refit_learned_forms(
     best = max((refit.gain for refit in [*refits.values(), *coarse]), default=0.0)
     running = [refit for refit in coarse if refit.gain >= _RUNNING * best]
     least = evidence.fit.sse - best
-    results = refit_in_parallel(lambda refit: made_smooth(with_jobs(refit, 1), least), running, jobs)
+    threads = jobs if len(running) == 1 else 1
+    results = refit_in_parallel(lambda refit: made_smooth(with_jobs(refit, threads), least), running, jobs)
     return {refit.names[0]: refit for refit in results}
 
 
@@ -86,15 +87,18 @@ def promising(effect: Effect, evidence: Evidence, refits: Mapping[str, Refit]) -
 
 
 def staying(formulas: Sequence[Refit], learned: Refit | None) -> tuple[Refit, ...]:
-    """Return the refits with a formula that the learned form of the mechanism does not beat."""
-    if learned is None:
-        return tuple(formulas)
-    kept = []
-    for formula in formulas:
-        more = max(learned.degrees_of_freedom - formula.degrees_of_freedom, 1.0)
-        if p_value_of(learned.gain - formula.gain, more) >= _BEATEN:
-            kept.append(formula)
-    return tuple(kept)
+    """Return the refits with a formula that the learned form of the mechanism does not beat.
+
+    A formula that has another one as its limit is left out where that one stays.
+    """
+    kept = [formula for formula in formulas if learned is None or not _beats(learned, formula)]
+    names = {refit.names[0] for refit in kept if len(refit.names) == 1}
+    return tuple(refit for refit in kept if names.isdisjoint(refit.effects[0].limits) or len(refit.names) > 1)
+
+
+def _beats(learned: Refit, formula: Refit) -> bool:
+    more = max(learned.degrees_of_freedom - formula.degrees_of_freedom, 1.0)
+    return p_value_of(learned.gain - formula.gain, more) < _BEATEN
 
 
 def named_mechanisms(

@@ -68,6 +68,7 @@ class Effect(ABC):
         calibration: the bench measurement that settles it; None: that of its domain, if there is one.
         resembles: codes of findings about the data (see `mjfish.inspection`) that look like this cause, or with
             which the data cannot show it.
+        limits: names of formulas of its mechanism that it becomes at the ends of its parameters.
         smooth: whether predictions are differentiable in its amplitudes at the null value; else it is always refitted.
         least: share of its scale that an amplitude which cannot be negative keeps from zero in a refit.
         load: force on every link from outside the Morison model, compiled; its parameters come in declared order.
@@ -101,6 +102,7 @@ class Effect(ABC):
     fingerprint: ClassVar[Fingerprint] = Fingerprint()
     calibration: ClassVar[Calibration | None] = None
     resembles: ClassVar[tuple[str, ...]] = ()
+    limits: ClassVar[tuple[str, ...]] = ()
     smooth: ClassVar[bool] = True
     least: ClassVar[float] = 0.002
     load: ClassVar[Load | None] = None

@@ -34,6 +34,7 @@ class ServoLimitedLag(Effect):
     confirm: ClassVar[str] = "log the joint angles on the bench while the command steps"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
     resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
+    limits: ClassVar[tuple[str, ...]] = ("servo_lag", "servo_rate_limit")
     smooth: ClassVar[bool] = False
 
     def not_applicable(self, dataset: Dataset) -> str:

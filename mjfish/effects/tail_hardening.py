@@ -30,6 +30,7 @@ class TailHardening(Effect):
     source: ClassVar[str] = "Duffing's equation: Kovacic and Brennan (2011), ch. 2"
     signature: ClassVar[str] = "the tail gives way at small load and less so at large: it shows most at slow beats"
     confirm: ClassVar[str] = "hold the peduncle, load the fin with a spring balance and read the deflection"
+    limits: ClassVar[tuple[str, ...]] = ("tail_compliance",)
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
     calibration: ClassVar[Calibration | None] = SPRING_BALANCE
     smooth: ClassVar[bool] = False

@@ -23,7 +23,7 @@ from mjfish.estimation.problem import Problem
 #: Largest change of an sd in one step, smallest and largest sd relative to the declared one, and steps.
 _STEP, _RANGE, _STEPS = 4.0, (0.02, 10.0), 30
 #: A relative change of every sd below this one ends a search; how often the model is linearised anew.
-_SAME, _ROUNDS = 0.25, 3
+_SAME, _ROUNDS = 0.3, 3
 #: Most evaluations of a fit with new sds.
 _MOST = 20
 
