@@ -51,14 +51,17 @@ def project_out(basis: FloatArray, columns: FloatArray) -> FloatArray:
 
 #: Eigenvalues of a matrix of scaled columns below this share of the largest are rounding.
 _DUST = 1e-10
+#: Columns whose square is below this share of the largest are rounding.
+_NOTHING = 1e-26
 
 
 def solve(gram: FloatArray, right: FloatArray, rank: float = _DUST) -> FloatArray:
     """Return gram^+ right (p, k) of a positive semi-definite matrix, its columns first scaled to length 1.
 
-    Eigenvalues below the share `rank` of the largest count as zero.
+    Eigenvalues below the share `rank` of the largest count as zero, and so do columns that are nothing but rounding.
     """
-    length = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    square = np.diag(gram)
+    length = np.where(square > _NOTHING * square.max(initial=1e-300), np.sqrt(np.maximum(square, 1e-300)), np.inf)
     values, vectors = np.linalg.eigh(gram / np.outer(length, length))
     kept = values > rank * max(float(values[-1]), 1e-300) if len(values) else np.zeros(0, dtype=bool)
     inner = vectors[:, kept].T @ (right / length[:, None])
