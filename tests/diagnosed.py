@@ -93,6 +93,7 @@ def diagnosis(
         isolability=ISOLABILITY,
         causes=(Cause(cause, find(cause).summary, own),) if verdict == "named" else (),
         mechanisms=mechanisms,
+        domain=None,
         rivals=((cause, "time_offset"),) if verdict == "cannot_tell" else (),
         alternatives={"named": ((cause,),), "cannot_tell": ((cause,), ("time_offset",))}.get(verdict, ()),
         certain=(cause,) if verdict == "named" else (),

@@ -29,6 +29,7 @@ from mjfish.diagnosis.select import standings
 from mjfish.diagnosis.verdict import ALARM, Comparison, Decision, decide, message_of
 from mjfish.diagnosis.where import locate
 from mjfish.effects import Effect, catalogue, of_fish
+from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.clocks import aligned
@@ -146,6 +147,7 @@ def _diagnosed(
         decision = replace(decision, sets=tuple(refit.names for refit in retained), message=message)
         mechanisms = named_mechanisms(best, retained, form, evidence.fit, clean=clean)
 
+    domain = _domain(decision, known)
     progress("looking at what is wrong", 0.96)
     scores = (held_out.score(None), held_out.score(best)) if held else None
     final = evidence.fit if best is None else best.fit
@@ -156,12 +158,13 @@ def _diagnosed(
     result = Diagnosis(
         dataset=dataset,
         verdict=decision.verdict,
-        message=decision.message,
+        message=decision.message + (f" What is sure is the domain: {domain}." if domain else ""),
         status="ok" if set(converged.values()) == {"converged"} else "fit_not_converged",
         remarks=tuple(remarks(noise_remark, evidence.fit, converged, held)),
         checks=checks,
         causes=_causes(best) if best is not None and decision.verdict == "named" else (),
         mechanisms=mechanisms,
+        domain=domain,
         rivals=decision.rivals,
         alternatives=decision.sets,
         certain=decision.certain,
@@ -232,6 +235,13 @@ def _retained(decision: Decision, single: Comparison, combined: Comparison | Non
     """Return the refits of the sets of a decision."""
     found = {**single.refits, **({} if combined is None else combined.refits)}
     return [found[names] for names in decision.sets if names in found]
+
+
+def _domain(decision: Decision, known: Mapping[str, Effect]) -> Domain | None:
+    """Return the domain of sets that the data cannot tell apart, where they all have one."""
+    domains = {known[name].domain for names in decision.sets for name in names}
+    alike = decision.verdict == "cannot_tell" and len(decision.sets) > 1 and len(domains) == 1
+    return domains.pop() if alike else None
 
 
 def _causes(best: Refit) -> tuple[Cause, ...]:

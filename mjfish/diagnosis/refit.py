@@ -311,7 +311,8 @@ def _followed(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
     while True:
         tolerance = max(TOLERANCE, _BEHIND * (sse - best) / sse)
         result = fit(problem, x, tolerance=tolerance, evaluations=_MOST)
-        if tolerance == TOLERANCE or result.status != "converged" or _BEHIND * (result.sse - best) > 0.5 * tolerance * result.sse:
+        behind = _BEHIND * (result.sse - best)
+        if tolerance == TOLERANCE or result.status != "converged" or behind > 0.5 * tolerance * result.sse:
             return result
         x, sse = result.x, result.sse
 

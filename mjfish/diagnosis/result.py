@@ -17,6 +17,7 @@ from mjfish.diagnosis.isolability import Isolability
 from mjfish.diagnosis.missing_force import MissingForce
 from mjfish.diagnosis.where import Where
 from mjfish.effects import Effect
+from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Problem
 from mjfish.inspection import Inspection
 from mjfish.model import Model
@@ -147,6 +148,7 @@ class Diagnosis(Result):
         checks: what is to be known of the data before physics is blamed.
         causes: named ones, together.
         mechanisms: of the named causes: what acts, as deep as the data say it, with its curves.
+        domain: where it acts, where rivals of one domain stay and no more than that is sure; else None.
         rivals: groups of names that the data cannot tell apart.
         alternatives: every set of causes that stays: the named one, or those that the data cannot tell apart.
         certain: the causes that all of these have: the named ones, or what several sets share.
@@ -179,6 +181,7 @@ class Diagnosis(Result):
     checks: Inspection
     causes: tuple[Cause, ...]
     mechanisms: tuple[NamedMechanism, ...]
+    domain: Domain | None
     rivals: tuple[tuple[str, ...], ...]
     alternatives: tuple[tuple[str, ...], ...]
     certain: tuple[str, ...]
@@ -239,8 +242,8 @@ class Diagnosis(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the diagnosis as plain data, the content of ``diagnosis.json``."""
         kept = (
-            "verdict", "message", "status", "remarks", "causes", "mechanisms", "rivals", "alternatives", "certain",
-            "candidates", "undetectable", "isolability", "checks", "fingerprint", "description", "p_wrong", "where",
+            "verdict", "message", "status", "remarks", "causes", "mechanisms", "domain", "rivals", "alternatives",
+            "certain", "candidates", "undetectable", "isolability", "checks", "fingerprint", "description", "p_wrong", "where",
             "fits", "provenance",
         )  # fmt: skip
         return {
