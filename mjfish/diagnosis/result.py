@@ -243,8 +243,8 @@ class Diagnosis(Result):
         """Return the diagnosis as plain data, the content of ``diagnosis.json``."""
         kept = (
             "verdict", "message", "status", "remarks", "causes", "mechanisms", "domain", "rivals", "alternatives",
-            "certain", "candidates", "undetectable", "isolability", "checks", "fingerprint", "description", "p_wrong", "where",
-            "fits", "provenance",
+            "certain", "candidates", "undetectable", "isolability", "checks", "fingerprint", "description", "p_wrong",
+            "where", "fits", "provenance",
         )  # fmt: skip
         return {
             "schema": SCHEMA,
