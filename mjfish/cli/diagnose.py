@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from mjfish.diagnosis import Diagnosis
     from mjfish.effects import Effect
 
-#: The dataset that ships with the package; what is hidden in it is not said here.
+#: The datasets that ship with the package; what is hidden in them is not said here.
 DEMO = Path(__file__).parents[1] / "demo"
+LEARNED = DEMO / "learned"
 #: Standard errors by which a coefficient must move to be listed.
 _MOVED = 2.0
 _COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow", "unexplained": "red"}
@@ -67,21 +68,31 @@ def diagnose(
 
 
 def demo(
+    learned: Annotated[
+        bool, typer.Option("--learned", help="Another dataset: what it hides has a form that no formula has.")
+    ] = False,
     out: Annotated[
-        Path, typer.Option(help="Folder for diagnosis.json, report.html, fish.rrd and extended.toml.")
-    ] = Path("out/demo"),
+        Path | None,
+        typer.Option(
+            help="Folder for diagnosis.json, report.html, fish.rrd, extended.toml and the curves.",
+            show_default="out/demo; with --learned out/learned",
+        ),
+    ] = None,
 ) -> None:
     """Run the main job on a shipped dataset with a hidden effect."""
+    out = out or Path("out/learned" if learned else "out/demo")
     check_folder(out)
     with console.progress_bar() as tell:
-        result = mjfish.diagnose(mjfish.load_dataset(DEMO), progress=tell)
+        result = mjfish.diagnose(mjfish.load_dataset(LEARNED if learned else DEMO), progress=tell)
     make_folder(out)
     _write(result, *(out / name for name in ("diagnosis.json", "report.html", "fish.rrd", "extended.toml")))
+    curves = result.write_curves(out / "curves")
     show(result)
     program = console.program()
     console.say(
         f"\nThe numbers:  {out}/diagnosis.json",
         f"The report:   {out}/report.html  (open it in a browser)",
+        *([f"The curves:   {out}/curves"] if curves else []),
         f"The swimming: {program} view {out}/fish.rrd",
         f"The fish now: {program} simulate --fish {out}/extended.toml --out {out}/swim",
     )
