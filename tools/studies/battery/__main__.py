@@ -3,6 +3,7 @@
     python -m studies.battery run --split calibration --cases none:40,one:60,off_list:20,two:20
     python -m studies.battery table out/battery/calibration
     python -m studies.battery page
+    python -m studies.battery foreign out/battery/foreign
     python -m studies.battery cost
 
 Thresholds are set on calibration seeds only; every opening of the test seeds is logged in docs/battery.md.
@@ -10,6 +11,7 @@ Thresholds are set on calibration seeds only; every opening of the test seeds is
 
 from __future__ import annotations
 
+import json
 import os
 import time
 
@@ -29,11 +31,21 @@ from mjfish.diagnosis import diagnose  # noqa: E402
 from mjfish.effects import find  # noqa: E402
 from mjfish.fish import load_fish  # noqa: E402
 from mjfish.simulation import generate  # noqa: E402
-from studies.battery import baselines, figures  # noqa: E402
-from studies.battery.answers import Task, judged, run  # noqa: E402
+from studies.battery import baselines, figures, foreign_figures  # noqa: E402
+from studies.battery.answers import Task, judged, run, sealed_answers  # noqa: E402
+from studies.battery.generator.foreign import FOREIGN, WEAK  # noqa: E402
 
 OUT = Path("out/battery")
 app = typer.Typer(add_completion=False, no_args_is_help=True)
+
+
+def every_form(first: int, split: str) -> list[Task]:
+    """Return two cases of every foreign form, weak and medium."""
+    forms = [cause.name for cause in FOREIGN]
+    return [
+        Task("foreign", first + number, split, strength=strength, cause=form)
+        for number, (strength, form) in enumerate((s, f) for s in (200.0, WEAK) for f in forms)
+    ]
 
 
 def tasks(cases: str, split: str, first: int, disturbance: str) -> list[Task]:
@@ -62,12 +74,17 @@ def run_(
     disturbance: Annotated[str, typer.Option(help="Force noise on top: none, forces or drift.")] = "none",
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
     out: Annotated[Path | None, typer.Option(help="Folder of truths and answers.")] = None,
+    forms: Annotated[bool, typer.Option("--forms", help="Every foreign form instead, medium and weak.")] = False,
 ) -> None:
     """Draw, seal and diagnose cases."""
     folder = out or OUT / (split if disturbance == "none" else disturbance)
-    for answer in run(tasks(cases, split, first, disturbance), folder, jobs):
+    drawn = every_form(first, split) if forms else tasks(cases, split, first, disturbance)
+    for answer in run(drawn, folder, jobs):
         task = answer["task"]
-        print(f"{task['kind']:8} {task['seed']:6} {answer['verdict']:14} {answer['cpu']:.1f} s  {answer['message']}")
+        print(
+            f"{task['kind']:8} {task['seed']:6} {answer['verdict']:14} {answer['cpu']:.1f} s  {answer['message']}",
+            flush=True,
+        )
     _print(folder)
 
 
@@ -84,18 +101,38 @@ def page(
     target: Annotated[Path, typer.Option(help="Page whose tables are replaced.")] = Path("docs/battery.md"),
 ) -> None:
     """Write the figures into the page, between its markers."""
-    text = target.read_text(encoding="utf-8")
     tables = _tables(_opened(folder))
+    del tables["mechanisms"]  # of foreign forms, see `foreign`
     if forces is not None:
         tables["forces"] = figures.figures(_opened(forces))
     for name, rows in tables.items():
-        begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
-        if begin not in text or end not in text:
-            raise typer.BadParameter(f"{target}: no {begin} and {end}, expected both; put them where the table goes")
-        head, _, rest = text.partition(begin)
-        _, _, tail = rest.partition(end)
-        text = f"{head}{begin}\n{_markdown(rows)}\n{end}{tail}"
-    target.write_text(text, encoding="utf-8")
+        _put(target, name, _markdown(rows))
+
+
+@app.command()
+def foreign(
+    folder: Annotated[Path, typer.Argument(help="Folder of truths and answers.")] = OUT / "foreign",
+    target: Annotated[Path | None, typer.Option(help="Page whose tables of foreign forms are replaced.")] = None,
+) -> None:
+    """Open the truths of foreign cases: figures, outcomes by form, and every case."""
+    cases = [case for case in _opened(folder) if case.truth.kind == "foreign"]
+    for case in cases:
+        print(foreign_figures.line(case))
+    if target is None:
+        print("\n".join(["", _markdown(foreign_figures.figures(cases)), "", *foreign_figures.by_form(cases)]))
+    else:
+        _put(target, "foreign", _markdown(foreign_figures.figures(cases)))
+        _put(target, "forms", "\n".join(foreign_figures.by_form(cases)))
+
+
+@app.command()
+def seals(
+    folder: Annotated[Path, typer.Argument(help="Folder of truths and answers.")],
+    target: Annotated[Path, typer.Argument(help="File of hashes and short answers, to be committed.")],
+) -> None:
+    """Write the hash of every sealed truth with the answer to it, and no truth, into one file."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(json.dumps(sealed_answers(folder), indent=1) + "\n", encoding="utf-8")
 
 
 @app.command()
@@ -125,17 +162,31 @@ def _opened(folder: Path) -> list[figures.Judged]:
     return cases
 
 
+def _put(target: Path, name: str, table: str) -> None:
+    """Put a table between its markers in a page."""
+    text = target.read_text(encoding="utf-8")
+    begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    if begin not in text or end not in text:
+        raise typer.BadParameter(f"{target}: no {begin} and {end}, expected both; put them where the table goes")
+    head, _, rest = text.partition(begin)
+    _, _, tail = rest.partition(end)
+    target.write_text(f"{head}{begin}\n{table}\n{end}{tail}", encoding="utf-8")
+
+
 def _tables(cases: Sequence[figures.Judged]) -> dict[str, list[figures.Figure]]:
     return {
         "figures": figures.figures(cases),
         "strata": figures.strata(cases),
         "guessers": baselines.compared(cases),
+        "mechanisms": foreign_figures.figures(cases),
     }
 
 
 def _print(folder: Path) -> None:
     console = Console()
     for name, rows in _tables(judged(folder)).items():
+        if not rows:
+            continue
         shown = Table(title=f"{name}, {folder}")
         for heading in ("figure", "bar", "value", "interval", "of", ""):
             shown.add_column(heading)

@@ -11,8 +11,11 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mjfish.diagnosis import Diagnosis, diagnose
 from studies.battery.generator.case import STRENGTHS, Case, make_case
+from studies.battery.generator.classes import MECHANISMS
 from studies.battery.generator.truth import Truth, open_truth, seal
 from studies.battery.sparse_regression import sparsest
 
@@ -28,11 +31,18 @@ class Task:
     least: float = STRENGTHS[0]
     noise: str | None = None
     disturbance: str = "none"
+    cause: str | None = None
 
     @property
     def name(self) -> str:
         """Name of its files."""
-        parts = [self.kind, str(self.seed), self.noise or "", "" if self.disturbance == "none" else self.disturbance]
+        parts = [
+            self.kind,
+            str(self.seed),
+            self.cause or "",
+            self.noise or "",
+            "" if self.disturbance == "none" else self.disturbance,
+        ]
         return "-".join(part for part in parts if part)
 
 
@@ -50,6 +60,7 @@ def _one(task: Task, folder: Path) -> dict[str, Any]:
     seal([case.truth], folder / "truth" / f"{task.name}.json")
     begun = time.process_time()
     answer = {"task": vars(task), **told(diagnose(case.dataset, jobs=1)), "cpu": time.process_time() - begun}
+    answer["floor"] = floor(case)
     if task.kind == "one":
         answer["sparse"] = sparsest(case.dataset)
     target = _answer(folder, task)
@@ -59,10 +70,20 @@ def _one(task: Task, folder: Path) -> dict[str, Any]:
     return answer
 
 
+def floor(case: Case) -> float | None:
+    """Return the error that noise alone leaves on held-out trials, as gains count it; None: nothing held out."""
+    pairs = [(t, clean) for t, clean in zip(case.dataset.trials, case.clean, strict=True) if t.role == "held_out"]
+    if not pairs:
+        return None
+    measured = np.concatenate([trial.velocity for trial, _ in pairs])
+    noise = measured - np.concatenate([clean for _, clean in pairs])
+    return float(np.mean(np.sqrt(np.mean(noise**2, axis=0)) / np.ptp(measured, axis=0)))
+
+
 def _draw(task: Task) -> Case:
     return make_case(
-        task.seed, task.kind, split=task.split, strength=task.strength, least=task.least, noise_kind=task.noise,
-        disturbance=task.disturbance, rivals=task.kind == "one",
+        task.seed, task.kind, split=task.split, cause=task.cause, strength=task.strength, least=task.least,
+        noise_kind=task.noise, disturbance=task.disturbance, rivals=task.kind == "one",
     )  # fmt: skip
 
 
@@ -73,7 +94,7 @@ def _answer(folder: Path, task: Task) -> Path:
 def told(result: Diagnosis) -> dict[str, Any]:
     """Return what of a diagnosis is judged, as plain data."""
     plain = result.to_dict()
-    kept = ("verdict", "message", "status", "remarks", "alternatives", "certain", "p_wrong", "gain")
+    kept = ("verdict", "message", "status", "remarks", "alternatives", "certain", "p_wrong", "gain", "mechanisms")
     return {
         **{key: plain[key] for key in kept},
         "causes": {cause["name"]: cause["parameters"] for cause in plain["causes"]},
@@ -104,6 +125,16 @@ class Judged:
         """Whether exactly the true causes were named."""
         return self.named == frozenset(self.truth.causes)
 
+    @property
+    def mechanisms(self) -> frozenset[str]:
+        """The mechanisms that were named."""
+        return frozenset(one["name"] for one in self.answer.get("mechanisms", ()))
+
+    @property
+    def right_mechanisms(self) -> bool:
+        """Whether exactly the mechanisms of the true causes were named."""
+        return self.mechanisms == frozenset(MECHANISMS.get(name, name) for name in self.truth.causes)
+
 
 def judged(folder: Path) -> list[Judged]:
     """Open the truths of all answers in a folder, each checked against its seal."""
@@ -111,4 +142,23 @@ def judged(folder: Path) -> list[Judged]:
     for file in sorted((folder / "answer").glob("*.json")):
         truth = open_truth(folder / "truth" / file.name)[0]
         found.append(Judged(truth, json.loads(file.read_text(encoding="utf-8"))))
+    return found
+
+
+def sealed_answers(folder: Path) -> list[dict[str, Any]]:
+    """Return, by case, the hash of its sealed truth and the answer in short; truths stay shut."""
+    found = []
+    for file in sorted((folder / "answer").glob("*.json")):
+        answer = json.loads(file.read_text(encoding="utf-8"))
+        beside = folder / "truth" / f"{file.name}.sha256"
+        found.append(
+            {
+                "case": file.stem,
+                "truth": beside.read_text(encoding="utf-8").split()[0],
+                **{key: answer[key] for key in ("verdict", "message", "alternatives", "cpu")},
+                "mechanisms": [
+                    {key: one[key] for key in ("name", "level", "form", "forms")} for one in answer["mechanisms"]
+                ],
+            }
+        )
     return found

@@ -22,17 +22,23 @@ CONTACT, CONTACT_DAMPING = 140.0, 0.7
 _PART = 2.5e-4
 
 
-def second_order(asked: tuple[Stretch, ...], delay: float) -> Iterator[Stretch]:
+def second_order(asked: tuple[Stretch, ...], delay: float, zeta: float = ZETA) -> Iterator[Stretch]:
     """Theta'' = wn^2 (command - theta) - 2 zeta wn theta', from rest at the command; its delay is 2 zeta / wn."""
     state = np.zeros((2, asked[0].angle.shape[2]))
     state[0] = asked[0].angle[0, 0]
-    yield from _through(asked, state, _follow, 2.0 * ZETA / delay, ZETA)
+    yield from _through(asked, state, _follow, 2.0 * zeta / delay, zeta)
 
 
 def limited(asked: tuple[Stretch, ...], slowness: float) -> Iterator[Stretch]:
     """Theta' = c' + k (c - theta), cut off sharply at 1 / slowness either way."""
     state = asked[0].angle[0, :1].copy()
     yield from _through(asked, state, _limit, 1.0 / slowness, CATCH_UP)
+
+
+def looped(asked: tuple[Stretch, ...], slowness: float, lag: float) -> Iterator[Stretch]:
+    """Theta' = (c - theta) / lag, cut off sharply at 1 / slowness either way; from rest at the command."""
+    state = asked[0].angle[0, :1].copy()
+    yield from _through(asked, state, _loop, 1.0 / slowness if slowness > 0.0 else np.inf, lag)
 
 
 def played(asked: tuple[Stretch, ...], play: float) -> Iterator[Stretch]:
@@ -102,6 +108,25 @@ def _limit(command, slope, h, largest, catch_up, state, angle, rate):  # type: i
                 wanted = slope[n, node, j] + catch_up * (command[n, node, j] - state[0, j])
                 angle[n, node, j] = state[0, j]
                 rate[n, node, j] = min(max(wanted, -largest), largest)
+
+
+@compiled
+def _loop(command, slope, h, largest, lag, state, angle, rate):  # type: ignore[no-untyped-def]
+    """Integrate a position loop of limited rate by the explicit midpoint rule."""
+    d = 0.5 * h
+    count = int(np.ceil(d / min(_PART, 0.2 * lag)))
+    e = d / count
+    for n in range(command.shape[0]):
+        for node in range(3):
+            for j in range(command.shape[2]):
+                if node > 0:
+                    for m in range(count):
+                        asked, _ = _cubic(command, slope, n, node, j, d, m / count)
+                        middle = state[0, j] + 0.5 * e * min(max((asked - state[0, j]) / lag, -largest), largest)
+                        asked, _ = _cubic(command, slope, n, node, j, d, (m + 0.5) / count)
+                        state[0, j] += e * min(max((asked - middle) / lag, -largest), largest)
+                angle[n, node, j] = state[0, j]
+                rate[n, node, j] = min(max((command[n, node, j] - state[0, j]) / lag, -largest), largest)
 
 
 @compiled

@@ -30,17 +30,21 @@ class Body:
     """Numbers of all links for the kernel.
 
     Attributes:
-        links: (links, 10) length, mass, com, inertia about the com, A0, A1, A2 = INT m_a r^k dr,
-            1/2 rho c_f INT p dr, INT p dr, INT h dr.
+        links: (links, 11) length, mass, com, inertia about the com, A0, A1, A2 = INT m_a r^k dr,
+            1/2 rho c_f INT p dr, INT p dr, INT h dr, m_a at the rear end.
         r: (links, strips) [m].
         across: (links, strips) 1/2 rho c_d h dr [kg/m].
         side: (links, strips) h dr [m2].
+        height: (links, strips) h [m].
+        ring: (links, strips) p dr [m2].
     """
 
     links: FloatArray
     r: FloatArray
     across: FloatArray
     side: FloatArray
+    height: FloatArray
+    ring: FloatArray
 
 
 @functools.lru_cache(maxsize=16)
@@ -97,5 +101,8 @@ def body(fish: Fish, theta: Mapping[str, float], psi: Mapping[str, float], strip
     own[3] = own[3] * (1.0 + psi.get("mass_error.error", 0.0)) * (1.0 + psi.get("inertia_error.error", 0.0))
     wetted = np.sum(ring * cut.dr, axis=1)
     sides = np.sum(height * cut.dr, axis=1)
-    rows = [*own, *added, half * c_f * wetted, wetted, sides]
-    return Body(np.stack(rows, axis=1), cut.r, half * c_d[:, None] * height * cut.dr, height * cut.dr)
+    ends = _axes(fish.sections, np.cumsum(own[0]))[0] * (1.0 + psi.get("section_height.error", 0.0))
+    edges = 0.25 * np.pi * fish.density * c_m * ends**2
+    rows = [*own, *added, half * c_f * wetted, wetted, sides, edges]
+    across = half * c_d[:, None] * height * cut.dr
+    return Body(np.stack(rows, axis=1), cut.r, across, height * cut.dr, height, ring * cut.dr)

@@ -18,7 +18,7 @@ import numpy as np
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial, save
 from mjfish.errors import InputError
-from studies.battery.generator import camera, classes, forcing, rolling, size
+from studies.battery.generator import camera, classes, forcing, foreign, rolling, size
 from studies.battery.generator import noise as noises
 from studies.battery.generator.classes import CAUSES, LISTED, OFF_LIST, Cause
 from studies.battery.generator.draft import Draft, draft, measured_by_path
@@ -26,7 +26,7 @@ from studies.battery.generator.noise import Noise
 from studies.battery.generator.truth import Truth
 from studies.battery.generator.world import FINE, Disturbance
 
-Kind = Literal["none", "one", "two", "three", "off_list", "decoy"]
+Kind = Literal["none", "one", "two", "three", "off_list", "decoy", "foreign"]
 #: Range of strengths, drawn log-uniformly.
 STRENGTHS = (10.0, 3000.0)
 
@@ -70,8 +70,8 @@ def make_case(
         seed: 0 to 999999, of the split.
         kind: class of the truth.
         split: ``open``, ``calibration`` or ``test``.
-        cause: of ``one``, ``off_list``, ``decoy``; None: drawn.
-        strength: lambda after refit of every cause; None: drawn from `least` to 3000.
+        cause: of ``one``, ``off_list``, ``decoy``, ``foreign``; None: drawn.
+        strength: lambda after refit of every cause; None: drawn from `least` to 3000, of ``foreign`` 40 or 100 to 400.
         least: the least that is drawn.
         noise_kind: None: drawn.
         disturbance: force noise: ``none``, ``forces``, ``drift``; None: drawn.
@@ -87,6 +87,10 @@ def make_case(
         names = [cause]
     low, high = np.log((least, STRENGTHS[1]))
     drawn = [float(np.exp(rng.uniform(low, high))) if strength is None else strength for _ in names]
+    if kind == "foreign":
+        rng = np.random.default_rng([seed, list(get_args(Kind)).index(kind), 78])
+        form, asked = foreign.draw_form(rng), foreign.draw_strength(rng)
+        names, drawn = [form if cause is None else cause], [asked if strength is None else strength]
     return scaled_case(seed, names, drawn, noise_kind, split=split, kind=kind, disturbance=disturbance, rivals=rivals)
 
 
@@ -207,6 +211,8 @@ def _kind(chosen: Sequence[Cause]) -> Kind:
         return "two" if len(chosen) == 2 else "three"
     if chosen[0] in classes.DECOYS:
         return "decoy"
+    if chosen[0] in classes.FOREIGN:
+        return "foreign"
     return "one" if chosen[0].listed else "off_list"
 
 

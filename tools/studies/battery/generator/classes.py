@@ -1,47 +1,18 @@
 """What may be wrong in the sealed world: causes on the solver's list, off it, decoys; directions at random.
 
-A cause is a direction in its parameters; its size s multiplies it. Names of parameters on the list are those of the
+Names of parameters on the list are those of the
 solver where the definitions agree; `exact` says whether they do, or only nearly (another exponent, another servo).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
 from mjfish.fish import Fish
-
-Draw = Callable[[np.random.Generator], dict[str, float]]
-
-
-@dataclass(frozen=True)
-class Cause:
-    """One cause.
-
-    Attributes:
-        name: of the cause.
-        draw: direction in the parameters at a size that is well seen; also shapes, which size does not scale.
-        low, high: of the size, a factor on the direction; some causes are well seen however small.
-        exact: whether the solver's form of the cause is the generator's.
-        listed: whether the solver knows it.
-        shapes: parameters that the size does not scale.
-        needs_pose: whether it shows only where the pose is recorded.
-    """
-
-    name: str
-    draw: Draw
-    low: float
-    high: float
-    exact: bool = True
-    listed: bool = True
-    shapes: tuple[str, ...] = ()
-    needs_pose: bool = False
-
-    def sized(self, direction: Mapping[str, float], size: float) -> dict[str, float]:
-        """Return the parameters at a size."""
-        return {key: value if key in self.shapes else size * value for key, value in direction.items()}
+from studies.battery.generator import foreign
+from studies.battery.generator.causes import Cause, Draw
 
 
 def _sign(rng: np.random.Generator) -> float:
@@ -187,7 +158,34 @@ DECOYS = (
     Cause("current_along_x", _along_x, 0.0, 60.0, exact=False, needs_pose=True),
     Cause("lag_and_offset", _lag_and_offset, 0.5, 200.0, exact=False),
 )
-CAUSES = {cause.name: cause for cause in (*LISTED, *GAUGES, *OFF_LIST, *DECOYS)}
+#: Mechanisms of the list in forms that are not on it.
+FOREIGN = foreign.FOREIGN
+CAUSES = {cause.name: cause for cause in (*LISTED, *GAUGES, *OFF_LIST, *DECOYS, *FOREIGN)}
+#: Mechanisms by cause, of the list and of foreign forms.
+MECHANISMS = {
+    "time_offset": "clock",
+    "velocity_scale": "camera_scale",
+    "frame_misalignment": "camera_axes",
+    "marker_offset": "tracked_point",
+    "servo_rate_limit": "servo_dynamics",
+    "servo_saturation": "servo_limit",
+    "servo_backlash": "servo_play",
+    "joint_zero_offset": "joint_zero",
+    "servo_lag": "servo_dynamics",
+    "ambient_current": "current",
+    "reynolds_drag": "drag_law",
+    "linear_drag": "drag_law",
+    "fin_lift": "lift",
+    "munk_moment": "reactive_force",
+    "tail_compliance": "tail_flexibility",
+    "inertia_error": "mass_distribution",
+    "com_offset": "mass_distribution",
+    "mass_error": "mass_distribution",
+    "section_height": "added_mass",
+    "roll": "roll",
+    "wake_memory": "wake_memory",
+    **{cause.name: mechanism for mechanism, forms in foreign.BY_MECHANISM.items() for cause in forms},
+}
 
 
 def water(fish: Fish, psi: Mapping[str, float]) -> dict[str, float]:
@@ -210,6 +208,7 @@ def water(fish: Fish, psi: Mapping[str, float]) -> dict[str, float]:
         "wall_effect.reach": "wall_length",
     }
     given = {ours: psi[key] for key, ours in names.items() if key in psi}
+    given |= foreign.water(psi)
     given["kappa"] = given.get("kappa", 0.0) + fish.munk_moment
     if "tether.x" in psi:  # the kernel's world is half a turn from the tank's
         given |= {"tether_x": -psi["tether.x"], "tether_y": -psi["tether.y"]}

@@ -16,13 +16,17 @@ from __future__ import annotations
 import numpy as np
 
 from studies.battery.generator.compiled import compiled
-from studies.battery.generator.water import W, across_changed, across_plain, along, near_wall, on_tail
+from studies.battery.generator.other_water import excess
+from studies.battery.generator.water import W, across_changed, across_plain, along, near_wall, on_tail, spring
 
-#: x, y, yaw of the nose, P_x, P_y, H, deflection of the tail, L of the last link, memories (force, moment) of links.
-STATES = 18
-_X, _PX, _H, _D, _L, _MEM = 0, 3, 5, 6, 7, 8
-#: Written at every node: velocity of the nose along and across the head, yaw rate, x, y, yaw, deflection, side force.
-OUTPUTS = 8
+#: x, y, yaw of the nose, P_x, P_y, H, deflection of the tail, L of the last link, memories (force, moment) of links,
+#: roll and its rate.
+STATES = 20
+_X, _PX, _H, _D, _L, _MEM, _ROLL = 0, 3, 5, 6, 7, 8, 18
+#: Written at every node: velocity of the nose along and across the head, yaw rate, x, y, yaw, deflection of the tail,
+#: side force, roll.
+OUTPUTS = 9
+_GRAVITY = 9.81
 _KAPPA, _STIFF, _DAMP, _MEMORY, _MEMORY_TIME = (
     W[n] for n in ("kappa", "stiffness", "damping", "memory", "memory_time")
 )
@@ -30,14 +34,15 @@ _TETHER, _TX, _TY, _TORQUE, _TYAW = (W[n] for n in ("tether", "tether_x", "tethe
 _CUBIC, _RP, _LINC, _LIFT, _SIDE, _RHO = (
     W[n] for n in ("cubic", "re_pressure", "linear_across", "lift", "tail_side", "density")
 )
+_SLIP, _SLIP_FREQUENCY, _SLIP_DAMPING, _FORM = (W[n] for n in ("slip_size", "slip_frequency", "slip_damping", "form"))
 
 
 @compiled
-def swim(links, r, k, side, angle, rate, start, h, state, push, w, out):  # type: ignore[no-untyped-def]
+def swim(links, r, k, side, height, ring, angle, rate, start, h, state, push, w, out):  # type: ignore[no-untyped-def]
     """Advance `state` over one stretch; write OUTPUTS at its steps + 1 nodes. Return whether it stayed finite.
 
     Args:
-        links, r, k, side: of `studies.battery.generator.body.Body`.
+        links, r, k, side, height, ring: of `studies.battery.generator.body.Body`.
         angle, rate: (steps, 3, joints) at start, middle, end of each step.
         start, h: [s] of the stretch and of a step.
         state: (STATES,), changed.
@@ -53,23 +58,22 @@ def swim(links, r, k, side, angle, rate, start, h, state, push, w, out):  # type
     trial = state.copy()
     seen = np.empty(OUTPUTS)
     steps = angle.shape[0]
+    strips = (r, k, side, height, ring)
     for step in range(steps):
         t = start + step * h
-        _rates(links, r, k, side, angle[step, 0], rate[step, 0], t, state, push[2 * step], w, work, k1, out[step])
+        _rates(links, strips, angle[step, 0], rate[step, 0], t, state, push[2 * step], w, work, k1, out[step])
         for j in range(STATES):
             trial[j] = state[j] + 0.5 * h * k1[j]
-        _rates(
-            links, r, k, side, angle[step, 1], rate[step, 1], t + 0.5 * h, trial, push[2 * step + 1], w, work, k2, seen
-        )
+        _rates(links, strips, angle[step, 1], rate[step, 1], t + 0.5 * h, trial, push[2 * step + 1], w, work, k2, seen)
         for j in range(STATES):
             trial[j] = state[j] + h * (2.0 * k2[j] - k1[j])
-        _rates(links, r, k, side, angle[step, 2], rate[step, 2], t + h, trial, push[2 * step + 2], w, work, k3, seen)
+        _rates(links, strips, angle[step, 2], rate[step, 2], t + h, trial, push[2 * step + 2], w, work, k3, seen)
         for j in range(STATES):
             state[j] += h / 6.0 * (k1[j] + 4.0 * k2[j] + k3[j])
         if not abs(state[_H]) < 1e6:
             return False
     t = start + steps * h
-    _rates(links, r, k, side, angle[-1, 2], rate[-1, 2], t, state, push[2 * steps], w, work, k1, out[steps])
+    _rates(links, strips, angle[-1, 2], rate[-1, 2], t, state, push[2 * steps], w, work, k1, out[steps])
     return True
 
 
@@ -174,9 +178,10 @@ def _solve(m, size, state, q):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _rates(links, r, k, side, angle, rate, t, state, push, w, work, out, seen):  # type: ignore[no-untyped-def]
+def _rates(links, strips, angle, rate, t, state, push, w, work, out, seen):  # type: ignore[no-untyped-def]
     """Write the rates of `state` into `out`, and what a camera would see into `seen`."""
     n = links.shape[0]
+    r, k, side, height, ring = strips
     m = np.empty((4, 5))
     q = np.zeros(4)
     flexible = w[_STIFF] > 0.0
@@ -189,6 +194,8 @@ def _rates(links, r, k, side, angle, rate, t, state, push, w, work, out, seen): 
     turn = push[2] - w[_TORQUE] * np.sin(state[2] - w[_TYAW]) - (vx * state[_PX + 1] - vy * state[_PX])
     own = 0.0
     wall = near_wall(state[0], state[1], w)
+    leant = np.cos(state[_ROLL]) ** 2
+    weight = 0.0
     for i in range(n):
         ex, ey, px, py = work[i, 0], work[i, 1], work[i, 2], work[i, 3]
         jx = vx - yaw_rate * py + work[i, 5]
@@ -211,6 +218,18 @@ def _rates(links, r, k, side, angle, rate, t, state, push, w, work, out, seen): 
             out[_MEM + 2 * i + 1] = (mz - late_turn) / w[_MEMORY_TIME]
             fy += w[_MEMORY] * (late - fy)
             mz += w[_MEMORY] * (late_turn - mz)
+        if w[_SLIP] != 0.0:
+            fy *= leant
+            mz *= leant
+            weight += _GRAVITY * links[i, 1]
+        if w[_FORM] != 0.0:
+            own_form, numbers = int(w[_FORM]), w[_FORM + 1 :]
+            more_x, more, turned = excess(
+                i == n - 1, links[i], w[_RHO], r[i], k[i], height[i], ring[i], u, v, om, own_form, numbers
+            )
+            fx += more_x
+            fy += more
+            mz += turned
         if i == n - 1 and (w[_SIDE] != 0.0 or w[_LIFT] != 0.0):
             more, turned = on_tail(links[i], w[_RHO], u, v, om, w)
             fy += more
@@ -231,7 +250,7 @@ def _rates(links, r, k, side, angle, rate, t, state, push, w, work, out, seen): 
     out[_H] = turn
     if flexible:
         out[_D] = bend
-        out[_L] = own - w[_STIFF] * state[_D] - w[_DAMP] * bend
+        out[_L] = own - spring(state[_D], w) - w[_DAMP] * bend
     c = np.cos(state[2])
     s = np.sin(state[2])
     seen[0] = c * vx + s * vy
@@ -242,3 +261,9 @@ def _rates(links, r, k, side, angle, rate, t, state, push, w, work, out, seen): 
     seen[5] = state[2]
     seen[6] = state[_D]
     seen[7] = c * force_y - s * force_x
+    seen[8] = state[_ROLL]
+    if w[_SLIP] != 0.0:
+        frequency = w[_SLIP_FREQUENCY]
+        out[_ROLL] = state[_ROLL + 1]
+        out[_ROLL + 1] = frequency**2 * (w[_SLIP] * seen[7] / weight - state[_ROLL])
+        out[_ROLL + 1] -= 2.0 * w[_SLIP_DAMPING] * frequency * state[_ROLL + 1]

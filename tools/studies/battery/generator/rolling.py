@@ -20,6 +20,8 @@ def rolled(motion: Motion, psi: Mapping[str, float]) -> Motion:
     phi'' + 2 zeta omega phi' + omega^2 sin phi = -(omega^2 / g) (sway' + yaw_rate surge). With q = phi' + (omega^2 / g)
     sway, which goes on where the sway jumps, no acceleration is needed.
     """
+    if psi.get("roll_slip.size"):
+        return Motion(tuple((times, seen[:, 8:9]) for times, seen in motion.stretches))
     frequency, damping = psi.get("roll.frequency", FREQUENCY), psi.get("roll.damping", DAMPING)
     state = np.zeros(2)
     state[1] = frequency**2 / _GRAVITY * motion.stretches[0][1][0, 1]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from studies.battery.generator import actuator
+from studies.battery.generator import actuator, other_servos
 from studies.battery.generator.oscillator import Stretch
 from studies.battery.generator.plans import Run
 
@@ -33,6 +33,7 @@ def joints(asked: tuple[Stretch, ...], run: Run, psi: Psi) -> tuple[Stretch, ...
         got = tuple(actuator.limited(got, psi["servo_rate_limit.slowness"]))
     if psi.get("servo_lag.time_constant"):
         got = tuple(actuator.second_order(got, psi["servo_lag.time_constant"]))
+    got = other_servos.joints(got, psi)
     if psi.get("servo_backlash.play"):
         got = tuple(actuator.played(got, psi["servo_backlash.play"]))
     zero = np.array([psi.get(f"joint_zero_offset.joint_{i + 1}", 0.0) for i in range(got[0].angle.shape[2])])

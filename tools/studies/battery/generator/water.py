@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from studies.battery.generator.compiled import compiled
+from studies.battery.generator.other_water import KNOTS
 
 #: Names of the numbers `w` that the kernel reads, in order.
 NUMBERS = (
@@ -35,10 +36,19 @@ NUMBERS = (
     "wall_x1",
     "wall_y0",
     "wall_y1",
+    "tail_hardening",  # moment of the last joint: deflection times 1 + h d^2 + g tanh^2(d / bend)
+    "tail_gain",
+    "tail_bend",  # [rad]
+    "slip_size",  # roll by the side force, which takes cos^2 off the drag across; of that of a pendulum
+    "slip_frequency",  # [rad/s]
+    "slip_damping",
+    "form",  # of other_water, and its numbers
+    *(f"form_{k}" for k in range(1 + 2 * KNOTS)),
 )
 W = {name: index for index, name in enumerate(NUMBERS)}
 _KF, _RF, _RP, _RE, _RS = (W[n] for n in ("viscosity", "re_friction", "re_pressure", "re_exponent", "re_speed"))
 _LA, _LC, _LIFT, _CUBIC, _SIDE = (W[n] for n in ("linear_along", "linear_across", "lift", "cubic", "tail_side"))
+_STIFF, _HARD, _GAIN, _BEND = (W[n] for n in ("stiffness", "tail_hardening", "tail_gain", "tail_bend"))
 
 _WALL = W["wall"]
 
@@ -48,7 +58,7 @@ def numbers(**given: float) -> np.ndarray:
     w = np.zeros(len(NUMBERS))
     w[W["density"]] = 1000.0
     w[_RE], w[_RS] = 0.37, 0.3
-    w[W["memory_time"]], w[W["wall_length"]] = 0.15, 0.2
+    w[W["memory_time"]], w[W["wall_length"]], w[W["tail_bend"]] = 0.15, 0.2, 1.0
     for name, value in given.items():
         w[W[name]] = value
     return w
@@ -112,3 +122,10 @@ def near_wall(x, y, w):  # type: ignore[no-untyped-def]
         return 1.0
     distance = min(min(x - w[_WALL + 2], w[_WALL + 3] - x), min(y - w[_WALL + 4], w[_WALL + 5] - y))
     return 1.0 + w[_WALL] * np.exp(-max(distance, 0.0) / w[_WALL + 1])
+
+
+@compiled
+def spring(bend, w):  # type: ignore[no-untyped-def]
+    """Return the moment of the last joint's spring."""
+    more = w[_HARD] * bend * bend + w[_GAIN] * np.tanh(bend / w[_BEND]) ** 2
+    return w[_STIFF] * bend * (1.0 + more)

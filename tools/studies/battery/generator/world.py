@@ -28,6 +28,8 @@ FINE = Accuracy(0.001, bodies.FINE)
 COARSE = Accuracy(0.004, bodies.COARSE)
 #: The drive goes on behind the last sample: a clock may be ahead [s].
 LEAD = 0.3
+#: A hardening tail bends about so far [rad].
+_BENT = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +112,8 @@ def swim(
             body.r,
             body.across,
             body.side,
+            body.height,
+            body.ring,
             part.angle,
             part.rate,
             part.start,
@@ -145,5 +149,6 @@ def _step(step: float, body: bodies.Body, w: FloatArray) -> float:
     _, mass, com, inertia, _, _, added = body.links[-1, :7]
     moving = 0.5 * (inertia + mass * com**2 + added)
     drag = 2.0 * float(np.sum(body.across[-1] * body.r[-1] ** 2))  # at 1 m/s
-    rate = np.sqrt(w[W["stiffness"]] / moving) + (w[W["damping"]] + drag) / moving
+    harder = 1.0 + 3.0 * w[W["tail_hardening"]] * _BENT**2 + w[W["tail_gain"]]
+    rate = np.sqrt(harder * w[W["stiffness"]] / moving) + (w[W["damping"]] + drag) / moving
     return float(step / 2 ** min(max(int(np.ceil(np.log2(step * rate / 1.0))), 0), 6))
