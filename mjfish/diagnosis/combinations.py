@@ -31,6 +31,8 @@ _SEEN = 0.01
 MEMBER, SHARE = 20.0, 0.01
 #: and beyond every smaller one with a learned form, whose basis has its limits, this share.
 LEARNED_SHARE = 0.03
+#: Where less than that share is left: so much of it, beyond chance, and nothing systematic left behind the addition.
+MENDED, _MOST_OF_IT = 200.0, 0.7
 
 Names = tuple[str, ...]
 
@@ -48,6 +50,13 @@ class Combinations:
     refits: Mapping[Names, Refit]
     standings: Mapping[Names, Standing]
     parts: Mapping[Names, Refit | None]
+
+    def exhausted(self) -> bool:
+        """Return whether one of them leaves so little that no larger set can earn its members."""
+        return any(
+            standing.in_set and standing.excess < share_of(self.refits[names]) * self.refits[names].gain
+            for names, standing in self.standings.items()
+        )
 
     @property
     def sufficient(self) -> list[Names]:
@@ -85,6 +94,8 @@ def find_combinations(
             earned.update({names: refit for names, refit in found.items() if beats_smaller_sets(refit, known)})
             if earned:
                 best = _standing(earned, candidates, known, held_out, rng)
+                if not best.sufficient and best.exhausted():
+                    return best
                 if best.sufficient:
                     known.update(parts := _parts(best, known))
                     if all(beats_smaller_sets(earned[names], known) for names in best.sufficient):
@@ -94,6 +105,43 @@ def find_combinations(
             return best
         bases = _best(earned.values())
     return best
+
+
+def find_small_addition(
+    singles: Mapping[str, Refit], candidates: Sequence[Effect], held_out: HeldOut, rng: np.random.Generator
+) -> Combinations | None:
+    """Return pairs of which the second cause is small beside the first, and leaves nothing systematic.
+
+    Whatever form the first has, its error might be mended by a second cause that is not there; hardly all of it.
+
+    Args:
+        singles, candidates, held_out, rng: as of `find_combinations`.
+    """
+    known: dict[Names, Refit] = {(name,): refit for name, refit in singles.items()}
+    found: dict[Names, Refit] = {}
+    for base in _best(known.values()):
+        others = [effect for effect in candidates if effect.mechanism not in base.mechanisms]
+        after = gather(base.problem, base.fit, others)
+        excess = after.saturated_excess()
+        if excess < MENDED:
+            continue
+        seen = [effect for effect in after.candidates if after.scored(effect.name)]
+        enough = [effect for effect in seen if after.statistic(effect.name) > _MOST_OF_IT * excess]
+        for effect in sorted(enough, key=lambda effect: -after.worth(effect.name))[:_ADDED]:
+            names = tuple(sorted((*base.names, effect.name)))
+            refit = refined(refit_with(after, effect, gained=base.gain), base.fit.sse - excess)
+            if refit.gain - base.gain > MENDED and (names not in found or refit.gain > found[names].gain):
+                found[names] = refit
+    if not found:
+        return None
+    pairs = _standing(found, candidates, known, held_out, rng)
+    clean = {names: pairs.refits[names] for names in pairs.sufficient}
+    return _standing(clean, candidates, known, held_out, rng) if clean else None
+
+
+def share_of(refit: Refit) -> float:
+    """Return the share of its gain that a larger set must explain beyond a refit."""
+    return LEARNED_SHARE if refit.learned else SHARE
 
 
 def _best(refits: Iterable[Refit]) -> list[Refit]:
@@ -153,7 +201,7 @@ def _extended(
 
 def _visible_additions(after: Evidence, rng: np.random.Generator) -> list[Effect]:
     """Return the additions with the best scores, if any is seen."""
-    shown = [effect for effect in after.candidates if not after.unidentifiable(effect.name)]
+    shown = [effect for effect in after.candidates if after.scored(effect.name)]
     if not shown or after.directed_p(rng) > _SEEN:
         return []
     return sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
@@ -207,10 +255,7 @@ def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit]) -> bool:
     Two are subtracted for every further parameter: a cause of four parameters explains some noise.
     """
     smaller = [other for names, other in known.items() if len(names) < len(refit.names)]
-    return all(
-        refit.adjusted - other.adjusted >= max(MEMBER, (LEARNED_SHARE if other.learned else SHARE) * refit.gain)
-        for other in smaller
-    )
+    return all(refit.adjusted - other.adjusted >= max(MEMBER, share_of(other) * refit.gain) for other in smaller)
 
 
 def _standing(

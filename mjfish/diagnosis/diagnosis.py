@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mjfish.data import Dataset, Trial, load_dataset
-from mjfish.diagnosis.combinations import find_combinations
+from mjfish.diagnosis.combinations import find_combinations, find_small_addition
 from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.evidence import Evidence, p_value_of
 from mjfish.diagnosis.fingerprint import fingerprint
@@ -128,8 +128,8 @@ def _diagnosed(
         if not clear:
             refits = {**refits, **learned}
             single = _compared(refits, applicable, held_out, rng)
-    if refits and not single.retained(clean=True) and not single.suffices():
-        combined = _combined(refits, (*applicable, *learnable), held_out, rng, part(progress, 0.8, 0.15))
+    if refits and not single.retained(clean=True):
+        combined = _combined(single, refits, (*applicable, *learnable), held_out, rng, part(progress, 0.8, 0.15))
         if failed := single.failed():
             rest = {name: refit for name, refit in refits.items() if (name,) not in failed}
             others = _compared(rest, applicable, held_out, rng)
@@ -208,6 +208,7 @@ def _compared(
 
 
 def _combined(
+    single: Comparison,
     refits: Mapping[str, Refit],
     candidates: Sequence[Effect],
     held_out: HeldOut,
@@ -215,7 +216,10 @@ def _combined(
     progress: Progress,
 ) -> Comparison | None:
     """Compare combinations of causes; None where no second cause is seen."""
-    found = find_combinations(refits, candidates, held_out, rng, progress)
+    if single.exhausted():
+        found = find_small_addition(refits, candidates, held_out, rng)
+    else:
+        found = find_combinations(refits, candidates, held_out, rng, progress)
     if found is None:
         return None
     retained = [names for names, standing in found.standings.items() if standing.in_set]

@@ -84,6 +84,8 @@ DRAWS = 4000
 #: Share of a signature's energy, after the projection, below which an effect is unidentifiable. Rounding and quadrature
 #: leave 1e-8 of a structurally unidentifiable one; 1e-4 may show in velocities that are precise at low frequencies.
 _UNIDENTIFIABLE = 1e-6
+#: Energy of a signature, of amplitudes at their scale and in units of the noise, that is rounding.
+_NOTHING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +173,13 @@ class Evidence:
         left = project_out(orthonormal(self.fit.jacobian), self.raw[:, block])
         return float(np.sum(left**2)) < _UNIDENTIFIABLE * float(np.sum(self.raw[:, block] ** 2))
 
+    def scored(self, name: str) -> bool:
+        """Return whether a candidate's score says anything: it is identifiable, and its signature is not rounding.
+
+        That of a cause which is not smooth at its null may be nothing there.
+        """
+        return float(np.sum(self.raw[:, self.blocks[name]] ** 2)) > _NOTHING and not self.unidentifiable(name)
+
     def refitted(self, name: str, amplitudes: Mapping[str, float]) -> dict[str, float]:
         """Return where the free parameters go, to first order, once a candidate has these amplitudes.
 
@@ -204,9 +213,9 @@ class Evidence:
     def directed_p(self, rng: np.random.Generator) -> float:
         """Return the family-wise p value of the largest candidate (Westfall-Young), on the scale of chi2 tails.
 
-        Unidentifiable candidates are left out: their statistics are quotients of rounding errors. 1 without any other.
+        Candidates without a score are left out: their statistics are quotients of rounding errors. 1 without any other.
         """
-        seen = [name for name in self.blocks if not self.unidentifiable(name)]
+        seen = [name for name in self.blocks if self.scored(name)]
         if not seen:
             return 1.0
         observed = min(float(log_tail(self.statistic(name), self._degrees_of_freedom(name))) for name in seen)

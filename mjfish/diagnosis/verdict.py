@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from mjfish.diagnosis.combinations import LEARNED_SHARE
+from mjfish.diagnosis.combinations import share_of
 from mjfish.diagnosis.evidence import p_value_of
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.refit import Refit
@@ -87,12 +87,10 @@ class Comparison:
         ]
         return tuple(sorted(kept, key=lambda names: (self.refits[names].learned, self.standings[names].behind)))
 
-    def suffices(self) -> bool:
-        """Return whether a learned form leaves so little that no larger set can earn its members beside it."""
-        return any(
-            self.refits[names].learned and self.standings[names].excess < LEARNED_SHARE * self.refits[names].gain
-            for names in self.retained(clean=False)
-        )
+    def exhausted(self) -> bool:
+        """Return whether a set that stays leaves so little that no larger one can earn its members beside it."""
+        kept = [(self.refits[names], self.standings[names].excess) for names in self.retained(clean=False)]
+        return any(excess < share_of(refit) * refit.gain for refit, excess in kept)
 
     def one_mechanism(self, sets: Sequence[Names]) -> bool:
         """Return whether all sets are forms of the same mechanisms."""
