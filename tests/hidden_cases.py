@@ -34,6 +34,11 @@ def _current(rng: np.random.Generator) -> dict[str, float]:
     return {"x": 0.06 * np.cos(heading), "y": 0.06 * np.sin(heading)}
 
 
+def _shear(rng: np.random.Generator) -> dict[str, float]:
+    shear_x, shear_y = rng.choice([-1.0, 1.0], size=2) * rng.uniform(0.08, 0.16, size=2)
+    return {**_current(rng), "shear_x": shear_x, "shear_y": shear_y}
+
+
 def _one(short: str, low: float, high: float, *, signed: bool = False) -> Draw:
     """Draw one amplitude, of either sign where `signed`."""
     return lambda rng: {short: rng.uniform(low, high) * (rng.choice([-1.0, 1.0]) if signed else 1.0)}
@@ -77,7 +82,11 @@ STRONG: dict[str, Draw] = {
     "servo_limited_lag": _one("slowness", 0.3, 0.45),
     "tail_hardening": _one("compliance", 0.2, 0.5),
     "roll_loss": _one("square", 3.0, 8.0),
+    "keulegan_carpenter_drag": _one("power", 0.4, 0.8),
+    "sheared_current": _shear,
 }
+#: Those that need the place of each run: it begins anywhere within this distance of the origin [m], in any heading.
+PLACED = {"sheared_current": 0.8}
 #: Shapes, which a strength does not scale.
 SHAPES: dict[str, Draw] = {
     "tail_compliance": _one("damping", 0.005, 0.08),
@@ -111,6 +120,12 @@ def coefficients(rng: np.random.Generator) -> dict[str, float]:
     return drawn
 
 
+def _places(key: list[int], reach: float, trials: int) -> list[list[float]]:
+    """Draw x, y [m] and yaw [rad] where each trial begins, apart from the other draws of a case."""
+    rng = np.random.default_rng([*key, 1])
+    return [[*rng.uniform(-reach, reach, size=2), rng.uniform(-np.pi, np.pi)] for _ in range(trials)]
+
+
 def draw(effect: str | None, strength: str, number: int = 0, trials: int = 5, *, hide: bool = True) -> Case:
     """Draw coefficients, size of the effect, modes, noise; two trials are held out.
 
@@ -135,6 +150,7 @@ def draw(effect: str | None, strength: str, number: int = 0, trials: int = 5, *,
         seed=int(rng.integers(2**32)),
         held_out=modes[-2:],
         name=f"{effect or 'null'}, {strength}, seed {SEED}",
+        places=_places(key, PLACED[effect], trials) if effect in PLACED else (),
     )
     return Case(dataset, effect, truth)
 

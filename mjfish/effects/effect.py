@@ -181,8 +181,8 @@ class Effect(ABC):
     def unclear_under(cls, code: str) -> bool:
         """Return whether data with a finding of this code cannot tell or show this cause."""
         shown = {"design-no-turn": "turn", "design-no-start": "start-up"}
-        if code == "design-one-frequency":
-            return abs(cls.fingerprint.exponent or 0.0) > _SCALES
+        if code == "design-one-frequency" and abs(cls.fingerprint.exponent or 0.0) > _SCALES:
+            return True
         return code in cls.resembles or (code in shown and cls.fingerprint.part == shown[code])
 
     @classmethod

@@ -42,6 +42,8 @@ class PowerDrag(Effect):
     """Drag goes as the speed to another power: c(V) = c (V / U_0)^n, V = |u| along and |q| across, U_0 = 0.3 m/s.
 
     n = 0 is quadratic drag, n = -1/2 that of a laminar boundary layer, n = -1/5 of a turbulent one, n = -1 linear drag.
+    The level of c is one with the coefficient of the fish; what is left of n shows between speeds, and steady runs of
+    one beat frequency have one.
     """
 
     name: ClassVar[str] = "power_drag"
@@ -55,7 +57,8 @@ class PowerDrag(Effect):
     source: ClassVar[str] = "Schlichting, Boundary-Layer Theory (1979), ch. VII and XXI"
     signature: ClassVar[str] = "forward speed against beat frequency is bent; start-ups differ from steady swimming"
     confirm: ClassVar[str] = "tow the stretched fish at several speeds: the slope of the logarithms is no 2"
+    #: No power of the frequency: for a small n the excess goes as n ln(V / U_0), and its zero is where U_0 was put.
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
     calibration: ClassVar[Calibration | None] = TOW_TEST
-    resembles: ClassVar[tuple[str, ...]] = ("design-short",)
+    resembles: ClassVar[tuple[str, ...]] = ("design-short", "design-one-frequency")
     load: ClassVar[Load | None] = _excess

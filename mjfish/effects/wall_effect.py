@@ -9,6 +9,7 @@ import numpy as np
 from mjfish.data import Dataset, Trial
 from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.effects.mechanism import Domain
+from mjfish.effects.place import unplaced
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
@@ -59,9 +60,8 @@ class WallEffect(Effect):
         """The distance to a wall needs the tank and where in it each run began."""
         if unknown := next(filter(None, map(self.cannot_act, dataset.trials)), ""):
             return unknown
-        lost = [t.name for t in dataset.trials if t.pose is None or not np.isfinite(t.pose[0]).all()]
-        if lost:
-            return f"the place in the tank was not measured (no x, y, yaw columns) in {', '.join(lost)}"
+        if lost := unplaced(dataset):
+            return lost
         near = min(float(np.nanmin(t.tank.distance(t.pose))) for t in dataset.trials if t.tank and t.pose is not None)
         if near > _NEAR * self.declaration("reach").high:
             return f"no run comes nearer to a wall than {near:.2g} m"

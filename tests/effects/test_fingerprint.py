@@ -10,8 +10,9 @@ from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect, catalogue
-from mjfish.fish import Fish
+from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model import Model
+from mjfish.model.sensitivity import sensitivities
 
 #: Frequencies of the drive that are compared [rad/s].
 OMEGA = (16.0, 26.0)
@@ -87,3 +88,37 @@ def test_the_nondimensional_discrepancy_goes_with_the_frequency_as_the_cause_dec
     sizes = [np.linalg.norm(_discrepancy(pike, effect, trial, 1.0)) for trial in steady]
     exponent = np.log(sizes[1] / sizes[0]) / np.log(OMEGA[1] / OMEGA[0])
     assert exponent == pytest.approx(effect.fingerprint.exponent, abs=0.35)
+
+
+#: Of surge, sway, yaw rate against each other.
+_WEIGHT = np.array([100.0, 100.0, 20.0])[:, None]
+#: Away from the bounds, so that every coefficient hides what it can.
+VALUES = dict(zip(COEFFICIENTS, (0.6, 0.4, 0.7, 1.5, 1.2, 2.0, 0.012, 0.008, 0.011), strict=True))
+
+
+def _left(fish: Fish, effect: Effect, trials: tuple[Trial, ...]) -> float:
+    """Return the share that the nine coefficients leave of the change that all amplitudes make together, steadily."""
+    model = Model(fish, (effect,))
+    amplitudes = [p for p in effect.parameters if not p.shape]
+    names, values = [*COEFFICIENTS, *(p.name for p in amplitudes)], model.values(VALUES)
+    rows = [sensitivities(model, trial, values, names)[-BEATS * SAMPLES :] * _WEIGHT for trial in trials]
+    found = np.concatenate(rows).reshape(-1, len(names))
+    nuisance, change = found[:, :9], found[:, 9:] @ [p.scale for p in amplitudes]
+    left = change - nuisance @ np.linalg.lstsq(nuisance, change, rcond=None)[0]
+    return float(np.linalg.norm(left) / np.linalg.norm(change))
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [effect for effect in EFFECTS.values() if effect.mechanism == "drag_law" and not effect.learned],
+    ids=lambda effect: effect.name,
+)
+def test_a_drag_law_that_one_frequency_hides_says_so(effect: Effect, pike: Fish, steady: tuple[Trial, ...]) -> None:
+    """Coefficients have the level of a law of the speed: of it, a second frequency leaves much more than the first.
+
+    Of a law that goes with angle or amplitude they have all, or as much at one.
+    """
+    one, two = _left(pike, effect, (steady[1], steady[1])), _left(pike, effect, steady)
+    more = two - 3.0 * one
+    assert (more > 0.03) == effect.unclear_under("design-one-frequency"), (one, two)
+    assert more > 0.03 or more < 0.01, (one, two)

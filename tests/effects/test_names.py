@@ -40,7 +40,9 @@ def test_no_other_file_names_it(name: str) -> None:
     of_mechanism = {*own.parent.glob("*.py"), PACKAGE / "diagnosis" / "curves.py"}
     # A learned form knows at which of its numbers it is like a formula of its mechanism (`Effect.like`).
     like = {own.with_stem(e.name) for e in catalogue().values() if e.learned and e.mechanism == find(name).mechanism}
-    homes = of_mechanism if name in MECHANISMS else {own, *like}
+    # So does a form whose limit it is.
+    limit_of = {own.with_stem(e.name) for e in catalogue().values() if name in e.limits}
+    homes = of_mechanism if name in MECHANISMS else {own, *like, *limit_of}
     word = re.compile(rf"\b{name}\b")
     elsewhere = {path.name for path, text in _strings() if path not in homes and word.search(text)}
     assert name in FIELDS or not elsewhere

@@ -89,7 +89,8 @@ def test_what_is_held_out_is_not_fitted_and_gives_no_noise(settings: Settings, f
 
 def test_settings_take_effect_or_are_refused(settings: Settings, tmp_path: Path) -> None:
     assert set(settings.model_copy(update={"candidates": ("*_drag", "roll")}).causes()) == {
-        "exponential_drag", "linear_drag", "power_drag", "reynolds_drag", "roll", "whole_speed_drag",
+        "exponential_drag", "keulegan_carpenter_drag", "linear_drag", "power_drag", "reynolds_drag", "roll",
+        "whole_speed_drag",
     }  # fmt: skip
     with pytest.raises(UnknownNameError, match="unknown cause 'rol'"):
         settings.model_copy(update={"candidates": ("rol",)}).causes()
