@@ -39,9 +39,9 @@ OUT = Path("out/battery")
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 
-def every_form(first: int, split: str) -> list[Task]:
-    """Return two cases of every foreign form, weak and medium."""
-    forms = [cause.name for cause in FOREIGN]
+def every_form(first: int, split: str, forms: Sequence[str] = ()) -> list[Task]:
+    """Return two cases of every foreign form, or of `forms`: medium and weak."""
+    forms = forms or [cause.name for cause in FOREIGN]
     return [
         Task("foreign", first + number, split, strength=strength, cause=form)
         for number, (strength, form) in enumerate((s, f) for s in (200.0, WEAK) for f in forms)
@@ -74,11 +74,13 @@ def run_(
     disturbance: Annotated[str, typer.Option(help="Force noise on top: none, forces or drift.")] = "none",
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
     out: Annotated[Path | None, typer.Option(help="Folder of truths and answers.")] = None,
-    forms: Annotated[bool, typer.Option("--forms", help="Every foreign form instead, medium and weak.")] = False,
+    forms: Annotated[str, typer.Option(help="Foreign forms instead, medium and weak: names, or all.")] = "",
 ) -> None:
     """Draw, seal and diagnose cases."""
     folder = out or OUT / (split if disturbance == "none" else disturbance)
-    drawn = every_form(first, split) if forms else tasks(cases, split, first, disturbance)
+    drawn = tasks(cases, split, first, disturbance)
+    if forms:
+        drawn = every_form(first, split, [] if forms == "all" else forms.split(","))
     for answer in run(drawn, folder, jobs):
         task = answer["task"]
         print(

@@ -151,7 +151,8 @@ def _form(name: str, draw: Draw, low: float, high: float, twins: tuple[str, ...]
     return Cause(name, draw, low, high, exact=False, listed=False, shapes=(*own, *more), twins=twins)
 
 
-#: By mechanism; twins are the names of the catalogue for the same law.
+#: By mechanism; twins are the names of the catalogue for the same law. Servos and tails are seen however small: their
+#: least sizes are such that the form is seen too.
 BY_MECHANISM: Mapping[str, tuple[Cause, ...]] = {
     "drag_law": (
         _form("random_drag", _random_drag, 0.0, 12.0),
@@ -169,14 +170,14 @@ BY_MECHANISM: Mapping[str, tuple[Cause, ...]] = {
         _form("munk_of_body", _munk_of_body, 0.0, 8.0),
     ),
     "servo_dynamics": (
-        _form("plant_with_inertia", _plant_with_inertia, 0.1, 20.0, ("servo_second_order",), "damping"),
-        _form("limited_loop", _limited_loop, 0.1, 5.0, ("servo_limited_lag",)),
-        _form("two_lags", _two_lags, 0.1, 10.0),
-        _form("limit_then_lag", _limit_then_lag, 0.5, 5.0),
+        _form("plant_with_inertia", _plant_with_inertia, 1.0, 20.0, ("servo_second_order",), "damping"),
+        _form("limited_loop", _limited_loop, 0.8, 5.0, ("servo_limited_lag",)),
+        _form("two_lags", _two_lags, 1.0, 10.0),
+        _form("limit_then_lag", _limit_then_lag, 0.8, 5.0),
     ),
     "tail_flexibility": (
-        _form("cubic_tail", _cubic_tail, 0.1, 60.0, ("tail_hardening",), "damping hardening"),
-        _form("stiffening_tail", _stiffening_tail, 0.1, 60.0, (), "damping gain bend"),
+        _form("cubic_tail", _cubic_tail, 1.0, 60.0, ("tail_hardening",), "damping hardening"),
+        _form("stiffening_tail", _stiffening_tail, 1.0, 60.0, (), "damping gain bend"),
     ),
     "roll": (_form("roll_slip", _roll_slip, 0.0, 30.0, (), "frequency damping"),),
 }
