@@ -49,7 +49,14 @@ def _curve(error: float, half: float) -> dict[str, Any]:
     x = np.linspace(0.1, 1.0, 10)
     y = (1.0 + error) * 1.2 * (1.0 + 0.5 / (1.0 + (x / 0.4) ** 4))
     values = {"values": list(y), "low": list((1.0 - half) * y), "high": list((1.0 + half) * y)}
-    return {"quantity": "c_d", "group": "body", "x": {"values": list(x)}, "y": values, "visited": [0.2, 0.8]}
+    return {
+        "quantity": "c_d",
+        "group": "body",
+        "x": {"values": list(x)},
+        "y": values,
+        "nominal": list(y / (1.0 + error) * 1.3),
+        "visited": [0.2, 0.8],
+    }
 
 
 def _case(
@@ -111,6 +118,7 @@ def test_sets_that_stay_are_judged_by_their_mechanisms() -> None:
 def test_a_curve_is_held_against_the_planted_one_where_the_runs_have_been() -> None:
     (near,) = foreign_figures.curve_scores(_case(RIGHT, curve=_curve(0.02, 0.05)))
     assert near.error == pytest.approx(0.02)
+    assert near.nominal == pytest.approx(0.3)
     assert near.inside == (True,) * 7
     (far,) = foreign_figures.curve_scores(_case(RIGHT, curve=_curve(-0.1, 0.05)))
     assert far.error == pytest.approx(0.1)

@@ -21,10 +21,12 @@ class CurveScore:
 
     Attributes:
         error: rms of the relative error.
+        nominal: that of the nominal model.
         inside: by point, whether the band has the truth.
     """
 
     error: float
+    nominal: float
     inside: tuple[bool, ...]
 
 
@@ -66,8 +68,8 @@ def _scored(case: Judged, curve: Mapping[str, Any]) -> CurveScore | None:
     if factor is None or not np.any(seen):
         return None
     truth = case.truth.theta[f"c_d.{curve['group']}"] * factor
-    error = float(np.sqrt(np.mean((y[seen] / truth - 1.0) ** 2)))
-    return CurveScore(error, tuple(bool(i) for i in (low[seen] <= truth) & (truth <= high[seen])))
+    off = (np.sqrt(np.mean((v[seen] / truth - 1.0) ** 2)) for v in (y, np.array(curve["nominal"])))
+    return CurveScore(*map(float, off), tuple(bool(i) for i in (low[seen] <= truth) & (truth <= high[seen])))
 
 
 def gained(case: Judged) -> float:
@@ -102,14 +104,8 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         proportion("foreign: named set with a mechanism that is not there", "", map(_false, planted), lambda _: True),
         proportion("foreign: a set that stays is of the right mechanism", "", map(in_sets, planted), lambda _: True),
         proportion("foreign, right mechanism: another formula claimed", "", map(claimed, other), lambda _: True),
-        Figure(
-            "foreign, c_d over the visited range: median of the curves' rms errors",
-            "",
-            float(np.median([score.error for score in scores])) if scores else float("nan"),
-            None,
-            len(scores),
-            True,
-        ),
+        _median("foreign, c_d over the visited range: rms error of a curve, median", [s.error for s in scores]),
+        _median("that of the nominal model there, median", [s.nominal for s in scores]),
         proportion("its band contains the truth, points", "", (i for s in scores for i in s.inside), lambda _: True),
         Figure(
             "foreign, lambda of 90 or more: share of the held-out error above the noise that is taken off, mean",
@@ -121,6 +117,10 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         ),
     ]
     return [row for row in rows if row.total]
+
+
+def _median(what: str, values: Sequence[float]) -> Figure:
+    return Figure(what, "", float(np.median(values)) if values else float("nan"), None, len(values), True)
 
 
 def _right(cases: Sequence[Judged]) -> list[bool]:
