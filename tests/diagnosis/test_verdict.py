@@ -221,3 +221,22 @@ def test_sets_that_cannot_be_told_apart_are_all_listed() -> None:
     apart = _rule({"a": MISFIT}, several={"ab": GOOD, "cd": RIVAL})
     assert apart.certain == ()
     assert "a with b or c with d" in apart.message
+
+
+@pytest.mark.parametrize(("learned", "excess", "little"), [(True, 2.9, True), (True, 3.1, False), (False, 2.9, False)])
+def test_a_learned_form_that_leaves_little_needs_no_larger_set(learned: bool, excess: float, little: bool) -> None:
+    """The refit gains 100: three per cent of it a learned form may leave, one per cent a formula."""
+    comparison = _hearing({"a": replace(LITTLE, excess=excess)})
+    comparison.refits[("a",)].learned = learned  # type: ignore[misc]
+    assert comparison.exhausted() is little
+
+
+def test_forms_of_one_mechanism_are_no_rivals() -> None:
+    """Two formulas fit, and both are of one mechanism: it is named, the first of them shown."""
+    comparison = _hearing({"a": GOOD, "b": RIVAL})
+    for refit in comparison.refits.values():
+        refit.mechanisms = ("drag_law",)  # type: ignore[misc]
+        refit.effects[0].mechanism = "drag_law"  # type: ignore[attr-defined]
+    decision = decide(1e-6, comparison, None)
+    assert (decision.verdict, decision.sets) == ("named", (("a",), ("b",)))
+    assert "The mechanism is drag_law" in decision.message

@@ -1,0 +1,50 @@
+"""A second cause that is small beside the first: found where it mends all that the first leaves, and else not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mjfish.diagnosis.combinations import MENDED, find_small_addition
+from mjfish.diagnosis.evidence import Evidence, gather
+from mjfish.diagnosis.held_out import HeldOut
+from mjfish.diagnosis.refit import Refit, refined, refit_with
+from mjfish.effects import find
+from mjfish.estimation import Noise, Problem, fit
+from mjfish.fish import load_fish
+from mjfish.model import Model
+from mjfish.simulation.synthetic import generate
+
+SIGMA = np.array([0.006, 0.006, 0.05])
+CANDIDATES = [find(name) for name in ("time_offset", "munk_moment", "marker_offset", "servo_delay")]
+
+
+def _with_offset(kappa: float, scale: float = 0.0) -> tuple[Evidence, Refit]:
+    """Hide a clock offset, and beside it a Munk moment and a scale of the camera, which is no candidate."""
+    pike = load_fish("pike")
+    values = {"time_offset.offset": 0.02, "munk_moment.kappa": kappa, "velocity_scale.error": scale}
+    effects = [find(name.partition(".")[0]) for name in values]
+    dataset = generate(pike, ["v1", "v5"], values=values, effects=effects, noise=SIGMA, duration=4.0, seed=5)
+    problem = Problem(Model(pike), dataset.trials, Noise.white(SIGMA), jobs=1)
+    nominal = gather(problem, fit(problem), CANDIDATES)
+    alone = refit_with(nominal, find("time_offset"))
+    return nominal, refined(alone, alone.fit.sse)
+
+
+@pytest.mark.parametrize(("kappa", "scale", "found"), [(1.0, 0.0, True), (0.0, 0.0, False), (0.0, 0.03, False)])
+def test_only_what_mends_everything_is_added(kappa: float, scale: float, found: bool) -> None:
+    """Nothing left, a second cause, or something else: only the second is a pair."""
+    nominal, alone = _with_offset(kappa, scale)
+    pairs = find_small_addition({"time_offset": alone}, CANDIDATES, HeldOut(nominal, ()), np.random.default_rng(0))
+    assert (pairs is not None) is found
+    if pairs is not None:
+        assert pairs.sufficient == [("munk_moment", "time_offset")]
+        assert pairs.refits["munk_moment", "time_offset"].gain - alone.gain > MENDED
+
+
+def test_a_signature_of_rounding_has_no_score() -> None:
+    """Catches a family-wise p value that a cause without a derivative at its null makes a matter of rounding."""
+    nominal, _ = _with_offset(0.4)
+    assert not nominal.scored("servo_delay")
+    assert nominal.scored("munk_moment")
+    assert nominal.directed_p(np.random.default_rng(0)) < 1e-3
