@@ -120,7 +120,9 @@ def test_other_foreign_forms_are_named_as_their_mechanisms(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=False, reason="roll has formulas only: what one leaves, another mechanism may learn (note 024)")
+@pytest.mark.xfail(
+    strict=False, reason="roll has formulas only: what one leaves, another mechanism may learn (note 024)"
+)
 def test_a_foreign_roll_is_named_as_roll() -> None:
     case = _drawn("roll_slip")
     size = next(a for a in np.geomspace(0.5, 4.9, 25) if a > 4.8 or _trace(case, a) > TRACE)
