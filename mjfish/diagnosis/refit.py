@@ -245,7 +245,7 @@ def made_smooth(refit: Refit, best: float = np.inf) -> Refit:
         own = refit.effects[-1].parameters
         middle = {p.name: 0.5 * (p.low + p.high) if p.shape else found.values[p.name] for p in own}
         found = _restarted(problem, found, problem.start(middle), least)
-    problem, found = smoothed(problem, found, tolerance=TOLERANCE)
+    problem, found = smoothed(problem, found)
     return replace(refit, problem=problem, fit=found, gain=refit.gain + refit.fit.sse - found.sse)
 
 

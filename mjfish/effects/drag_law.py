@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
 
+from mjfish.arrays import FloatArray
 from mjfish.compiled import inlined
 from mjfish.data import Trial
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.exponential_drag import VISCOSITY
 from mjfish.effects.mechanism import Domain
+from mjfish.effects.reynolds_drag import REFERENCE_SPEED
 from mjfish.fish import Fish
 from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import outlines
@@ -99,6 +103,14 @@ def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
     return half * along, half * link.c_d * across, half * link.c_d * moment
 
 
+#: Factor on a coefficient by speed [m/s], height [m], size of the effect and its values, of formulas.
+_FORMULAS: dict[str, Callable[[FloatArray, float, float, Values], FloatArray]] = {
+    "reynolds_drag": lambda v, _h, a, _: 1.0 + a * np.sqrt(REFERENCE_SPEED / v),
+    "power_drag": lambda v, _h, n, _: (v / REFERENCE_SPEED) ** n,
+    "exponential_drag": lambda v, h, a, own: 1.0 + a * np.exp(-v * h / (1e3 * own["reynolds"] * VISCOSITY)),
+}
+
+
 def _names(short: str, count: int) -> list[str]:
     return [f"drag_law.{short}_{k}" for k in range(count)]
 
@@ -139,7 +151,7 @@ class DragLaw(Effect):
     confirm: ClassVar[str] = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
     calibration: ClassVar[Calibration | None] = TOW_TEST
-    resembles: ClassVar[tuple[str, ...]] = ("design-short",)
+    resembles: ClassVar[tuple[str, ...]] = ("design-short", "design-one-frequency")
     load: ClassVar[Load | None] = _excess
     reference: ClassVar[tuple[float, float]] = (0.3, 0.1)  # speed [m/s] and height [m]
 
@@ -154,6 +166,18 @@ class DragLaw(Effect):
         """Return the reference speed and height."""
         del trial
         return self.reference
+
+    def like(self, formula: str, values: Values) -> dict[str, float]:
+        """Return the curve at the numbers of a formula."""
+        curves = (("across", _KNOTS_D, _BELOW_D, "pressure"), ("along", _KNOTS_F, _BELOW_F, "friction"))
+        if formula not in _FORMULAS:
+            return {}
+        found = {"whole": 1.0, "height": 1.0} if formula == "exponential_drag" else {"whole": 0.0, "height": 0.0}
+        for short, count, below, size in curves:
+            speeds = np.asarray(self.reference[0] * 2.0 ** (np.arange(count) - below), dtype=np.float64)
+            logs = np.log(_FORMULAS[formula](speeds, self.reference[1], values[size], values))
+            found |= {f"{short}_{k}": float(np.clip(log, -3.0, 3.0)) for k, log in enumerate(logs)}
+        return found
 
     def priors(self) -> tuple[Prior, ...]:
         """Keep both curves smooth."""

@@ -24,17 +24,16 @@ from mjfish.estimation.problem import Problem
 _STEP, _RANGE, _STEPS = 4.0, (0.02, 10.0), 30
 #: A relative change of every sd below this one ends a search; how often the model is linearised anew.
 _SAME, _ROUNDS = 0.3, 3
-#: Most evaluations of a fit with new sds.
-_MOST = 20
+#: Most evaluations of a fit with new sds, and its tolerance: it starts from the fit with the old ones.
+_MOST, _TOLERANCE = 12, 1e-4
 
 
-def smoothed(problem: Problem, found: Fit, *, tolerance: float) -> tuple[Problem, Fit]:
+def smoothed(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
     """Return problem and fit with the sds of learned priors found by marginal likelihood.
 
     Args:
         problem: that was fitted.
         found: its result.
-        tolerance: of the fits.
     """
     for _ in range(_ROUNDS):
         sds = learned_sds(problem, found)
@@ -42,7 +41,7 @@ def smoothed(problem: Problem, found: Fit, *, tolerance: float) -> tuple[Problem
         if all(abs(np.log(sd / before[name])) < _SAME for name, sd in sds.items()):
             break
         problem = replace(problem, prior_sds={**problem.prior_sds, **sds})
-        found = fit(problem, found.x, tolerance=tolerance, evaluations=_MOST)
+        found = fit(problem, found.x, tolerance=_TOLERANCE, evaluations=_MOST)
     return problem, found
 
 

@@ -74,7 +74,7 @@ def test_the_problem_is_fitted_anew_with_what_was_learned() -> None:
     rng = np.random.default_rng(6)
     posed = _drawn(rng, 0.2 * rng.normal(size=COUNT), (_size(2.0),))
     before = fit(posed)
-    after, found = smoothed(posed, before, tolerance=1e-10)
+    after, found = smoothed(posed, before)
     assert after.priors[0].sd == pytest.approx(learned_sds(posed, before)["size"], rel=0.05)
     np.testing.assert_allclose(found.x, fit(after).x, rtol=0.0, atol=1e-6)
     assert np.linalg.norm(found.x) < np.linalg.norm(before.x)
@@ -85,7 +85,7 @@ def test_what_has_no_learned_prior_stays_as_it_is() -> None:
     posed = _drawn(rng, rng.normal(size=3), (replace(_size(1.0, 3), learned=False),))
     found = fit(posed)
     assert learned_sds(posed, found) == {}
-    assert smoothed(posed, found, tolerance=1e-8) == (posed, found)
+    assert smoothed(posed, found) == (posed, found)
 
 
 def test_effective_degrees_of_freedom_are_the_shares_that_the_data_determine() -> None:
