@@ -29,7 +29,7 @@ _BASES, _ADDED = 2, 3
 _SEEN = 0.01
 #: and the set must explain this much beyond every smaller one, also as a share of what it explains.
 MEMBER, SHARE = 20.0, 0.01
-#: and beyond every smaller one with a learned form, whose basis has its limits, this share.
+#: and this share where one of both has a learned form: its basis has its limits, and it may mend much.
 LEARNED_SHARE = 0.03
 #: Where less than that share is left: so much of it, beyond chance, and nothing systematic left behind the addition.
 MENDED, _MOST_OF_IT = 200.0, 0.7
@@ -140,7 +140,7 @@ def find_small_addition(
 
 
 def share_of(refit: Refit) -> float:
-    """Return the share of its gain that a larger set must explain beyond a refit."""
+    """Return the share of its gain by which a refit and a set of another size must differ."""
     return LEARNED_SHARE if refit.learned else SHARE
 
 
@@ -255,7 +255,10 @@ def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit]) -> bool:
     Two are subtracted for every further parameter: a cause of four parameters explains some noise.
     """
     smaller = [other for names, other in known.items() if len(names) < len(refit.names)]
-    return all(refit.adjusted - other.adjusted >= max(MEMBER, share_of(other) * refit.gain) for other in smaller)
+    return all(
+        refit.adjusted - other.adjusted >= max(MEMBER, max(share_of(other), share_of(refit)) * refit.gain)
+        for other in smaller
+    )
 
 
 def _standing(

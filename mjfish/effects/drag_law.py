@@ -27,8 +27,8 @@ from mjfish.prior import Prior, smooth_curve
 _BELOW_D, _KNOTS_D = 3, 7
 _BELOW_F, _KNOTS_F = 3, 6
 #: The reference speed, in lengths of the fish a second.
-_LENGTHS = 1.0
-_WHOLE, _HEIGHT, _ACROSS, _ALONG = 0, 1, 2, 2 + _KNOTS_D
+_LENGTHS = 2.0
+_WHOLE_D, _WHOLE_F, _HEIGHT, _ACROSS, _ALONG = 0, 1, 2, 3, 3 + _KNOTS_D
 _SPEED, _TALL = _ALONG + _KNOTS_F, _ALONG + _KNOTS_F + 1
 
 
@@ -45,10 +45,11 @@ def _octave(here: float, other: float, whole: float, speed: float) -> float:
 def _slopes(link: Any, parameters: Any, out: Any) -> None:
     """Write the derivatives of the excess by all parameters."""
     out[:] = 0.0
-    whole, power, speed, height = parameters[_WHOLE], parameters[_HEIGHT], parameters[_SPEED], parameters[_TALL]
+    whole, power, speed, height = parameters[_WHOLE_D], parameters[_HEIGHT], parameters[_SPEED], parameters[_TALL]
+    other = parameters[_WHOLE_F]
     half = -0.5 * link.density
     u, middle = link.u, link.v + 0.5 * link.length * link.w
-    t = _octave(u, middle, whole, speed) + _BELOW_F
+    t = _octave(u, middle, other, speed) + _BELOW_F
     k, a, b, c, d = spline_weights(t, _KNOTS_F)
     g = spline(t, parameters, _ALONG, _KNOTS_F)
     friction = half * link.c_f * link.wetted * abs(u) * u * np.exp(g)
@@ -57,8 +58,8 @@ def _slopes(link: Any, parameters: Any, out: Any) -> None:
         if at >= 0 and at < _KNOTS_F:
             share = a if j == 0 else (b if j == 1 else (c if j == 2 else d))
             out[0, _ALONG + at] += friction * share
-    moved = spline(_octave(u, middle, whole + _STEP, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F)
-    out[0, _WHOLE] = friction * np.expm1(moved - g) / _STEP
+    moved = spline(_octave(u, middle, other + _STEP, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F)
+    out[0, _WHOLE_F] = friction * np.expm1(moved - g) / _STEP
     for s in range(link.coarse_r.shape[0]):
         r = link.coarse_r[s]
         q = link.v + link.w * r
@@ -75,8 +76,8 @@ def _slopes(link: Any, parameters: Any, out: Any) -> None:
                 out[2, _ACROSS + at] += force * share * r
         t = _octave(q, u, whole + _STEP, speed) + power * taller + _BELOW_D
         change = force * np.expm1(spline(t, parameters, _ACROSS, _KNOTS_D) - g) / _STEP
-        out[1, _WHOLE] += change
-        out[2, _WHOLE] += change * r
+        out[1, _WHOLE_D] += change
+        out[2, _WHOLE_D] += change * r
         t = _octave(q, u, whole, speed) + (power + _STEP) * taller + _BELOW_D
         change = force * np.expm1(spline(t, parameters, _ACROSS, _KNOTS_D) - g) / _STEP
         out[1, _HEIGHT] += change
@@ -86,9 +87,10 @@ def _slopes(link: Any, parameters: Any, out: Any) -> None:
 @load(gradient=_slopes)
 def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
     """Excess over the constant coefficients, strip by strip."""
-    whole, power, speed, height = parameters[_WHOLE], parameters[_HEIGHT], parameters[_SPEED], parameters[_TALL]
+    whole, power, speed, height = parameters[_WHOLE_D], parameters[_HEIGHT], parameters[_SPEED], parameters[_TALL]
+    other = parameters[_WHOLE_F]
     u, middle = link.u, link.v + 0.5 * link.length * link.w
-    g = spline(_octave(u, middle, whole, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F)
+    g = spline(_octave(u, middle, other, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F)
     along = np.expm1(g) * link.c_f * link.wetted * abs(u) * u
     across = 0.0
     moment = 0.0
@@ -123,7 +125,7 @@ def _values(short: str, count: int, below: int, what: str) -> tuple[Parameter, .
 
 
 class DragLaw(Effect):
-    """Drag coefficients are smooth functions of the speed: c = c_0 exp(g(log2(V / U_0))), U_0 = L / s.
+    """Drag coefficients are smooth functions of the speed: c = c_0 exp(g(log2(V / U_0))), U_0 = 2 L / s.
 
     g is a cubic between its values at knots an octave apart, one curve for c_d and one for c_f, constant beyond the
     outermost knots; c_0 is the coefficient of the link's group. The level of g is one with that of c_0: the priors let
@@ -131,8 +133,8 @@ class DragLaw(Effect):
 
         V = sqrt(q^2 + b u^2) (h / h_0)^p  of c_d,      V = sqrt(u^2 + b q^2)  of c_f,
 
-    b = 0 the local speed across or along, b = 1 the whole one, and with b = p = 1 V goes with the Reynolds number of
-    the section. Drag takes power whatever g is, as c stays positive.
+    each with its own b: b = 0 the local speed across or along, b = 1 the whole one, and with b = p = 1 V goes with the
+    Reynolds number of the section. Drag takes power whatever g is, as c stays positive.
     """
 
     name: ClassVar[str] = "drag_law"
@@ -141,7 +143,8 @@ class DragLaw(Effect):
     learned: ClassVar[bool] = True
     summary: ClassVar[str] = "drag coefficients are another function of the speed, learned"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("drag_law.whole", "-", 0.2, 0.0, 1.0, 0.2, 0.2, about="b, share of the other speed", shape=True),
+        Parameter("drag_law.whole_across", "-", 0.2, 0.0, 1.0, 0.2, 0.2, about="b of c_d", shape=True),
+        Parameter("drag_law.whole_along", "-", 0.2, 0.0, 1.0, 0.2, 0.2, about="b of c_f", shape=True),
         Parameter("drag_law.height", "-", 0.2, 0.0, 1.0, 0.2, 0.2, about="p, power of the local height", shape=True),
         *_values("across", _KNOTS_D, _BELOW_D, "c_d"),
         *_values("along", _KNOTS_F, _BELOW_F, "c_f"),
@@ -172,7 +175,7 @@ class DragLaw(Effect):
         curves = (("across", _KNOTS_D, _BELOW_D, "pressure"), ("along", _KNOTS_F, _BELOW_F, "friction"))
         if formula not in _FORMULAS:
             return {}
-        found = {"whole": 1.0, "height": 1.0} if formula == "exponential_drag" else {"whole": 0.0, "height": 0.0}
+        found = dict.fromkeys(("whole_across", "whole_along", "height"), float(formula == "exponential_drag"))
         for short, count, below, size in curves:
             speeds = np.asarray(self.reference[0] * 2.0 ** (np.arange(count) - below), dtype=np.float64)
             logs = np.log(_FORMULAS[formula](speeds, self.reference[1], values[size], values))

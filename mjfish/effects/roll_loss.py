@@ -22,11 +22,11 @@ GRAVITY = 9.81
 @load(memory=2, shared=True)
 def _lost(link: Any, parameters: Any) -> tuple[float, float, float, float, float]:
     """Return what the drag across loses, and what the link adds to the rates of lean and of s."""
-    square, frequency, damping, weight = parameters[0], parameters[1], parameters[2], parameters[3]
+    square, frequency, damping, weight = parameters[0], parameters[1], parameters[2], parameters[4]
     lean, s = link.memory[0], link.memory[1]
     force, moment = crossflow(link.v, link.w, link.length, link.node_height, link.height_moment)
     across = -0.5 * link.density * link.c_d
-    momentum = link.c_m * (link.added[0] * link.v + link.added[1] * link.w)
+    momentum = parameters[3] * link.c_m * (link.added[0] * link.v + link.added[1] * link.w)
     coupling = frequency * frequency / weight
     turn = -coupling * momentum
     swing = coupling * across * force
@@ -43,11 +43,12 @@ class RollLoss(Effect):
 
     The side force F of the water leans the fish, a pendulum on its weight m g, by phi = lambda psi,
 
-        psi'' + 2 zeta omega psi' + omega^2 psi = omega^2 F / (m g),    F = sum over the links of (drag - p'),
+        psi'' + 2 zeta omega psi' + omega^2 psi = omega^2 F / (m g),    F = sum over the links of (drag - kappa p'),
 
-    with the added momentum p of each link across it. With s = psi' + omega^2 sum p / (m g) no p' is needed; psi and s
-    are zero where a run begins. A pendulum that the side force drives at its axis has lambda = 1. The camera is left
-    alone; what it reads of a rolling marker is the cause `Roll`.
+    with the added momentum p of each link across it, of which the share kappa acts beside the axis of the roll. With
+    s = psi' + omega^2 sum kappa p / (m g) no p' is needed; psi and s are zero where a run begins. A pendulum that the
+    side force drives at its axis has lambda = 1. The camera is left alone; what it reads of a rolling marker is the
+    cause `Roll`.
     """
 
     name: ClassVar[str] = "roll_loss"
@@ -60,6 +61,7 @@ class RollLoss(Effect):
             "roll_loss.frequency", "rad/s", 8.0, 1.0, 60.0, 8.0, 1.0, about="natural frequency of the roll", shape=True
         ),
         Parameter("roll_loss.damping", "-", 0.3, 0.02, 3.0, 0.3, 0.05, about="damping ratio of the roll", shape=True),
+        Parameter("roll_loss.inertial", "-", 0.5, 0.0, 1.0, 0.5, 0.2, about="kappa, of the added momentum", shape=True),
     )
     source: ClassVar[str] = (
         "Cross-flow principle: Hoerner, Fluid-Dynamic Drag (1965), ch. 3; metacentric stability: Fossen, Handbook of "

@@ -42,7 +42,7 @@ def _power_law(law: Effect, exponent: float) -> dict[str, float]:
         for kind in KINDS
         for k, short in enumerate(_knots(law, kind))
     }  # fmt: skip
-    return {"whole": 0.0, "height": 0.0, **line}
+    return {"whole_across": 0.0, "whole_along": 0.0, "height": 0.0, **line}
 
 
 def _octave(law: Effect, short: str) -> int:
@@ -50,12 +50,12 @@ def _octave(law: Effect, short: str) -> int:
     return int(law.declaration(short).about.partition("2^")[2].partition(" ")[0])
 
 
-def test_the_reference_is_a_length_a_second_and_the_tallest_section(pike: Fish) -> None:
+def test_the_reference_is_two_lengths_a_second_and_the_tallest_section(pike: Fish) -> None:
     for fish in (pike, load_fish("eth_tendon")):
         made = find("drag_law").for_fish(fish)
         assert made is not None
         speed, height = made.constants(None)  # type: ignore[arg-type]
-        assert speed == pytest.approx(sum(link.length for link in fish.links))
+        assert speed == pytest.approx(2.0 * sum(link.length for link in fish.links))
         tallest = max(max(section.height) for section in fish.sections)
         assert 0.98 * tallest < height <= tallest
     assert find("drag_law").for_fish(pike) is find("drag_law").for_fish(pike)
@@ -67,7 +67,7 @@ def test_a_line_over_the_octaves_is_a_power_of_the_speed(pike: Fish, law: Effect
 
     Eight strips have the head's drag to 0.12 %.
     """
-    speed, values = sum(link.length for link in pike.links), _power_law(law, exponent)
+    speed, values = 2.0 * sum(link.length for link in pike.links), _power_law(law, exponent)
     for local in speed * np.array([0.26, 0.5, 0.77, 1.1, 1.4, 1.9]):
         records = moving(pike, (-local, local, 0.0))
         for link in LINKS:
@@ -82,7 +82,7 @@ def test_beyond_the_outermost_knots_the_coefficients_are_constant(pike: Fish, la
     for kind, part in (("along", 0), ("across", 1)):
         ends = [_knots(law, kind)[0], _knots(law, kind)[-1]]
         for short, factor in zip(ends, (0.3, 3.0), strict=True):
-            local = factor * 2.0 ** _octave(law, short) * sum(link.length for link in pike.links)
+            local = factor * 2.0 ** _octave(law, short) * 2.0 * sum(link.length for link in pike.links)
             for further in (1.0, factor):
                 records = moving(pike, (-local * further, local * further, 0.0))
                 found = force(law, values, records, 1)[part]
@@ -138,7 +138,8 @@ def test_shapes_do_nothing_to_curves_that_are_level(pike: Fish, law: Effect) -> 
     """A level alone is another coefficient."""
     level = {p.short: 0.3 for p in law.parameters if not p.shape}
     records = moving(pike, STATES[1])
-    found = [force(law, {**level, "whole": b, "height": p}, records, 2) for b, p in ((0.0, 0.0), (1.0, 1.0))]
+    shapes = [dict.fromkeys(("whole_across", "whole_along", "height"), b) for b in (0.0, 1.0)]
+    found = [force(law, {**level, **shape}, records, 2) for shape in shapes]
     np.testing.assert_allclose(found[0], found[1], rtol=1e-13)
     np.testing.assert_allclose(found[0], np.expm1(0.3) * np.array(drag(records[2])), rtol=1e-3)
     assert VALUES["c_d.body"] > 0.0

@@ -21,7 +21,7 @@ from mjfish.hydro.outline import outlines
 from mjfish.model import Model
 from mjfish.ode.rollout import Rollout
 
-SQUARE, OMEGA, ZETA = 4.0, 9.0, 0.3
+SQUARE, OMEGA, ZETA, KAPPA = 4.0, 9.0, 0.3, 0.6
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,12 @@ def test_the_fish_leans_as_the_pendulum_of_the_docstring(
     Up to the step of the drive, where the momentum jumps. Catches p' of the wrong sign, or that of one link lost.
     """
     model, trial = Model(pike, (effect,)), request.getfixturevalue(drive)
-    sizes = {"roll_loss.square": SQUARE, "roll_loss.frequency": OMEGA, "roll_loss.damping": ZETA}
+    sizes = {
+        "roll_loss.square": SQUARE,
+        "roll_loss.frequency": OMEGA,
+        "roll_loss.damping": ZETA,
+        "roll_loss.inertial": KAPPA,
+    }
     rollout = model.predict(trial, VALUES | sizes).rollout
     assert rollout.memory is not None
     assert rollout.memory.shape[2] == 2
@@ -68,16 +73,16 @@ def test_the_fish_leans_as_the_pendulum_of_the_docstring(
 
     def swing(t: float, state: FloatArray) -> list[float]:
         lean, rate = state
-        side = float(force(t)) - float(added(t, 1))
+        side = float(force(t)) - KAPPA * float(added(t, 1))
         return [rate, OMEGA**2 * (side / weight - lean) - 2.0 * ZETA * OMEGA * rate]
 
-    begun = [0.0, -(OMEGA**2) * momentum[0] / weight]  # s = psi' + omega^2 sum p / (m g) is zero
+    begun = [0.0, -(OMEGA**2) * KAPPA * momentum[0] / weight]  # s = psi' + omega^2 sum kappa p / (m g) is zero
     solved = integrate.solve_ivp(swing, (0.0, time[-1]), begun, t_eval=time, rtol=1e-8, atol=1e-10, max_step=0.005)
     lean = np.concatenate([rollout.memory[:, 0, 0], rollout.memory[-1:, 1, 0]])[until]
     assert np.abs(lean).max() > 0.02
     np.testing.assert_allclose(lean, solved.y[0], rtol=0.0, atol=5e-3 * np.abs(lean).max())
     s = np.concatenate([rollout.memory[:, 0, 1], rollout.memory[-1:, 1, 1]])[until]
-    expected = solved.y[1] + OMEGA**2 * momentum / weight
+    expected = solved.y[1] + OMEGA**2 * KAPPA * momentum / weight
     np.testing.assert_allclose(s, expected, rtol=0.0, atol=1e-2 * np.abs(expected).max())
 
 
@@ -85,7 +90,7 @@ def _call(fish: Fish, state: tuple[float, float, float], lean: float, square: fl
     """Return what the load adds to the third link, and the drag that it has there."""
     records = moving(fish, state)
     assert RollLoss.load is not None
-    table = load_rows([(RollLoss.load, (square, OMEGA, ZETA, 50.0))], 5)
+    table = load_rows([(RollLoss.load, (square, OMEGA, ZETA, KAPPA, 50.0))], 5)
     buffers = LoadBuffers(np.zeros(ANSWER), np.array([lean, 0.7]), np.zeros(2))
     return np.array(loads_on(records, 2, 2, table, False, buffers)), np.array(drag(records[2]))
 
@@ -116,8 +121,8 @@ def test_it_leans_by_the_weight_of_its_fish(pike: Fish, effect: Effect, straight
     assert other.constants(straight) == pytest.approx((2.0 * weight,))
 
 
-@pytest.mark.parametrize("short", ["square", "frequency", "damping"])
+@pytest.mark.parametrize("short", ["square", "frequency", "damping", "inertial"])
 def test_its_derivatives(pike: Fish, effect: Effect, turning: Trial, short: str) -> None:
     """Tangents of the two states that all links share, against differences of whole rollouts."""
-    given = {"square": SQUARE, "frequency": OMEGA, "damping": ZETA}
+    given = {"square": 0.25 * SQUARE, "frequency": OMEGA, "damping": ZETA, "inertial": KAPPA}
     assert derivative_error(pike, turning, effect, given, short) < 1e-6
