@@ -77,7 +77,7 @@ def test_errors_are_honest(phi: float) -> None:
     [
         (lambda v: v * [1.05, 1.05, 1.0], ("velocity_scale",), "1.05"),
         (lambda v: v * [1.0, 1.0, 1.03], (), "1.03"),
-        (lambda v: v + np.array([0.0, 0.03, 0.0]), ("ambient_current",), "0.0"),
+        (lambda v: v + np.array([0.0, 0.03, 0.0]), ("ambient_current", "sheared_current"), "0.0"),
     ],
 )
 def test_a_disagreement_names_its_cause(change: object, causes: tuple[str, ...], words: str) -> None:
