@@ -17,7 +17,7 @@ import numpy as np
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
-from mjfish.diagnosis.refit import Refit, refined, refit_learned, refit_with
+from mjfish.diagnosis.refit import Refit, made_smooth, refined, refit_with
 from mjfish.diagnosis.select import GOODNESS, Standing, standings
 from mjfish.effects.effect import Effect
 
@@ -129,7 +129,7 @@ def find_small_addition(
         enough = [effect for effect in seen if after.statistic(effect.name) > _MOST_OF_IT * excess]
         for effect in sorted(enough, key=lambda effect: -after.worth(effect.name))[:_ADDED]:
             names = tuple(sorted((*base.names, effect.name)))
-            refit = refined(refit_with(after, effect, gained=base.gain), base.fit.sse - excess)
+            refit = _followed(refit_with(after, effect, gained=base.gain), base.fit.sse - excess)
             if refit.gain - base.gain > MENDED and (names not in found or refit.gain > found[names].gain):
                 found[names] = refit
     if not found:
@@ -185,18 +185,20 @@ def _extended(
         for effect in shortlist(after, rng):
             names = tuple(sorted((*base.names, effect.name)))
             if names not in known:
-                refit = (refit_learned if effect.learned else refit_with)(after, effect, gained=base.gain)
+                refit = refit_with(after, effect, gained=base.gain)
                 if names not in found or refit.gain > found[names].gain:
                     found[names] = refit
     if found:
         top = max(refit.gain for refit in found.values())
         floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
         least = min(refit.fit.sse for refit in found.values())
-        found = {
-            names: refined(refit, least) if refit.gain >= floor and not refit.learned else refit
-            for names, refit in found.items()
-        }
+        found = {names: _followed(refit, least) if refit.gain >= floor else refit for names, refit in found.items()}
     return found
+
+
+def _followed(refit: Refit, least: float) -> Refit:
+    """Follow a coarse refit to its optimum; where the form of the cause added last is learned, with its smoothness."""
+    return made_smooth(refit, least) if refit.effects[-1].learned else refined(refit, least)
 
 
 def _visible_additions(after: Evidence, rng: np.random.Generator) -> list[Effect]:
@@ -208,11 +210,11 @@ def _visible_additions(after: Evidence, rng: np.random.Generator) -> list[Effect
 
 
 def _nonsmooth_additions(after: Evidence, rng: np.random.Generator) -> list[Effect]:
-    """Return additions of which a score says little, if anything is left to explain."""
+    """Return additions of which a score says little, if anything is left to explain; of nested ones the narrowest."""
     del rng
     if min(after.saturated_p(), after.omnibus_p()) >= GOODNESS:
         return []
-    return [effect for effect in after.candidates if not effect.smooth and not effect.learned]
+    return [effect for effect in after.candidates if not (effect.smooth or effect.learned or effect.limits)]
 
 
 def _without(refit: Refit, known: Mapping[Names, Refit]) -> list[Refit]:

@@ -142,7 +142,7 @@ def _diagnosed(
         if not retained:
             retained = (best if form is None else form,)
         best = retained[0]
-        clean = len(best.effects) > 1 or best.names in single.retained(clean=True)
+        clean = best.names in (single if len(best.effects) == 1 or combined is None else combined).cleanly()
         message = message_of(retained, clean=clean) + decision.left
         decision = replace(decision, sets=tuple(refit.names for refit in retained), message=message)
         mechanisms = named_mechanisms(best, retained, form, evidence.fit, clean=clean)

@@ -219,17 +219,6 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse)
 
 
-def refit_learned(evidence: Evidence, effect: Effect, *, gained: float = 0.0) -> Refit:
-    """Add a cause of learned form to a fitted model: to its optimum, its smoothness by marginal likelihood.
-
-    Args:
-        evidence: of the model that it extends, with the cause among its candidates.
-        effect: the cause.
-        gained: what that model gained already against the nominal one.
-    """
-    return made_smooth(refit_with(evidence, effect, gained=gained))
-
-
 def made_smooth(refit: Refit, best: float = np.inf) -> Refit:
     """Follow a coarse refit, its last cause of learned form, to its optimum, with the smoothness that the data ask for.
 

@@ -87,6 +87,10 @@ class Comparison:
         ]
         return tuple(sorted(kept, key=lambda names: (self.refits[names].learned, self.standings[names].behind)))
 
+    def cleanly(self) -> list[Names]:
+        """Return the names, in the order of the causes, of the sets that leave nothing systematic."""
+        return [self.refits[names].names for names, standing in self.standings.items() if standing.clean]
+
     def exhausted(self) -> bool:
         """Return whether a set that stays leaves so little that no larger one can earn its members beside it."""
         kept = [(self.refits[names], self.standings[names].excess) for names in self.retained(clean=False)]

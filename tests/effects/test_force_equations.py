@@ -112,12 +112,15 @@ def _body_lift(on: _Link, slope: float) -> Three:
 
 
 def _lift(
-    on: _Link, fin_1: float, fin_2: float, fin_normal: float, place: float, downwash: float, body_1: float,
+    on: _Link, fin_1: float, fin_2: float, fin_3: float, fin_normal: float, place: float, downwash: float, body_1: float,
     body_normal: float, body_place: float, body_downwash: float,
 ) -> Three:  # fmt: skip
     if not on.last:
         return _foil(on, lambda alpha: 0.5 * body_1 * np.sin(2.0 * alpha), body_normal, body_place, body_downwash)
-    harmonics = lambda alpha: 0.5 * fin_1 * np.sin(2.0 * alpha) + 0.25 * fin_2 * np.sin(4.0 * alpha)  # noqa: E731
+
+    def harmonics(alpha: FloatArray) -> FloatArray:
+        return np.asarray(sum(a / (2.0 * k) * np.sin(2.0 * k * alpha) for k, a in enumerate((fin_1, fin_2, fin_3), 1)))
+
     return _foil(on, harmonics, fin_normal, place, downwash)
 
 
@@ -166,7 +169,7 @@ CASES: dict[str, tuple[Callable[..., Three], tuple[float, ...]]] = {
     "body_lift": (_body_lift, (1.4,)),
     "axial_momentum": (_axial, (0.7,)),
     "edge_momentum": (_edge, (0.9,)),
-    "lift": (_lift, (1.1, -0.7, 0.4, 0.3, 0.6, 0.9, 0.5, 0.4, 0.8)),
+    "lift": (_lift, (1.1, -0.7, 0.5, 0.4, 0.3, 0.6, 0.9, 0.5, 0.4, 0.8)),
     "reactive_force": (_reactive, (0.6, -0.4, 0.5, 0.8)),
     "drag_law": (_drag_law, (0.4, 0.7, 0.6, *_KNOTS)),
 }
