@@ -112,8 +112,8 @@ def _body_lift(on: _Link, slope: float) -> Three:
 
 
 def _lift(
-    on: _Link, fin_1: float, fin_2: float, fin_3: float, fin_normal: float, place: float, downwash: float, body_1: float,
-    body_normal: float, body_place: float, body_downwash: float,
+    on: _Link, fin_1: float, fin_2: float, fin_3: float, fin_normal: float, place: float, downwash: float,
+    body_1: float, body_normal: float, body_place: float, body_downwash: float,
 ) -> Three:  # fmt: skip
     if not on.last:
         return _foil(on, lambda alpha: 0.5 * body_1 * np.sin(2.0 * alpha), body_normal, body_place, body_downwash)
