@@ -148,7 +148,7 @@ def drag_law(*, forms: tuple[str, ...] = ("reynolds_drag", "linear_drag")) -> Na
 
 
 def learned_diagnosis() -> Diagnosis:
-    """Return a diagnosis that names a drag law of learned form: two shape numbers, and the values of two curves."""
+    """Return a diagnosis that names a drag law of learned form: shape numbers, and the values of two curves."""
     values = {
         p.short: Estimate(p.default, p.default - 0.1, p.default + 0.1, p.unit) for p in find("drag_law").parameters
     }
