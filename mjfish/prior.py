@@ -33,7 +33,7 @@ class Prior:
 
 
 def smooth_curve(name: str, knots: Sequence[str], sd: float, slope: float) -> tuple[Prior, ...]:
-    """Return the priors of a curve about zero, given by its values at equally spaced knots.
+    """Return the priors of a curve about zero, given by numbers at equally spaced knots.
 
     Second differences have an sd that is learned, first differences and the mean have one that is given.
 

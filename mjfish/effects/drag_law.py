@@ -119,7 +119,9 @@ def _names(short: str, count: int) -> list[str]:
 
 def _values(short: str, count: int, below: int, what: str) -> tuple[Parameter, ...]:
     return tuple(
-        Parameter(name, "-", 0.0, -3.0, 3.0, 0.0, 0.2, about=f"ln of {what} at 2^{k - below} times the reference speed")
+        Parameter(
+            name, "-", 0.0, -3.0, 3.0, 0.0, 0.2, about=f"of ln {what} near 2^{k - below} times the reference speed"
+        )
         for k, name in enumerate(_names(short, count))
     )
 
@@ -127,7 +129,7 @@ def _values(short: str, count: int, below: int, what: str) -> tuple[Parameter, .
 class DragLaw(Effect):
     """Drag coefficients are smooth functions of the speed: c = c_0 exp(g(log2(V / U_0))), U_0 = 2 L / s.
 
-    g is a cubic between its values at knots an octave apart, one curve for c_d and one for c_f, constant beyond the
+    g is a cubic B-spline with knots an octave apart, one curve for c_d and one for c_f, constant beyond the
     outermost knots; c_0 is the coefficient of the link's group. The level of g is one with that of c_0: the priors let
     it go where c_0 is on a bound. The speed is
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from link_forces import LINKS, STATES, VALUES, force, moving
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import BSpline
 
 from mjfish.arrays import FloatArray
 from mjfish.effects import Effect, catalogue, of_fish
@@ -142,11 +142,11 @@ def _reactive(on: _Link, munk_body: float, munk_tail: float, axial: float, edge:
     return fx, fy, mz + munk
 
 
-def _curve(knots: FloatArray) -> Callable[[FloatArray | float], FloatArray]:
-    slopes = np.zeros(len(knots))
-    slopes[1:-1] = 0.5 * (knots[2:] - knots[:-2])
-    cubic = CubicHermiteSpline(np.arange(len(knots)), knots, slopes)
-    return lambda t: np.asarray(cubic(np.clip(t, 0.0, len(knots) - 1.0)))
+def _curve(coefficients: FloatArray) -> Callable[[FloatArray | float], FloatArray]:
+    count = len(coefficients)
+    mirrored = np.concatenate([coefficients[1:2], coefficients, coefficients[-2:-1]])
+    spline = BSpline(np.arange(-3.0, count + 3.0), mirrored, 3)
+    return lambda t: np.asarray(spline(np.clip(t, 0.0, count - 1.0)))
 
 
 def _drag_law(on: _Link, whole_d: float, whole_f: float, height: float, *knots: float) -> Three:
