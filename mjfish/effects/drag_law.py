@@ -119,9 +119,7 @@ def _names(short: str, count: int) -> list[str]:
 
 def _values(short: str, count: int, below: int, what: str) -> tuple[Parameter, ...]:
     return tuple(
-        Parameter(
-            name, "-", 0.0, -3.0, 3.0, 0.0, 0.2, about=f"of ln {what} near 2^{k - below} times the reference speed"
-        )
+        Parameter(name, "-", 0.0, -3.0, 3.0, 0.0, 0.2, about=f"ln {what} near 2^{k - below} times the reference speed")
         for k, name in enumerate(_names(short, count))
     )
 
