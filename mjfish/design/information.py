@@ -54,7 +54,8 @@ from scipy import special, stats
 from mjfish.arrays import FloatArray, solve
 from mjfish.design.fitted_models import ModelEstimate
 from mjfish.design.menu import Run
-from mjfish.diagnosis.isolability import DETECTED, Isolability, isolated
+from mjfish.diagnosis.evidence import DETECTED
+from mjfish.diagnosis.isolability import Isolability, isolated
 from mjfish.diagnosis.select import CLOSE
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
@@ -178,7 +179,7 @@ def detection(nominal: ModelEstimate, causes: Sequence[Effect], runs: Sequence[R
     added = _information(menu, here, fixed)
     data, *rest = _information(wide, here, fixed)
     return Detection(
-        amplitudes={cause.name: tuple(p for p in cause.parameters if not p.shape) for cause in causes},
+        amplitudes={cause.name: cause.amplitudes() for cause in causes},
         data=sum(rest, start=data),
         runs=tuple(run if ok else None for run, ok in zip(added, finite, strict=True)),
     )

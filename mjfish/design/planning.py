@@ -14,7 +14,7 @@ from mjfish.design.fitted_models import FittedModels, ModelEstimate, Question
 from mjfish.design.information import Detection, Separation, detection, separations
 from mjfish.design.menu import Menu, Run
 from mjfish.diagnosis import Diagnosis, diagnose
-from mjfish.diagnosis.isolability import DETECTED
+from mjfish.diagnosis.evidence import DETECTED
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect, catalogue, find
@@ -293,7 +293,7 @@ def _sizes(models: Sequence[ModelEstimate]) -> dict[str, tuple[Parameter, float]
     found = {}
     for model in models:
         values = model.problem.named(model.x)
-        sizes = {p: abs(values[p.name] - p.default) for p in model.problem.model.effects[-1].parameters if not p.shape}
+        sizes = {p: abs(values[p.name] - p.default) for p in model.problem.model.effects[-1].amplitudes()}
         largest = max(sizes, key=lambda p: sizes[p] / p.scale)
         found[model.name] = largest, sizes[largest]
     return found

@@ -10,7 +10,7 @@ the data cannot tell apart are all kept (the lower boundary of [Ferrari2015]).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,10 +53,7 @@ class Combinations:
 
     def exhausted(self) -> bool:
         """Return whether one of them leaves so little that no larger set can earn its members."""
-        return any(
-            standing.in_set and standing.excess < share_of(self.refits[names]) * self.refits[names].gain
-            for names, standing in self.standings.items()
-        )
+        return any(s.in_set and leaves_little(self.refits[names], s) for names, s in self.standings.items())
 
     @property
     def sufficient(self) -> list[Names]:
@@ -135,13 +132,18 @@ def find_small_addition(
     if not found:
         return None
     pairs = _standing(found, candidates, known, held_out, rng)
-    clean = {names: pairs.refits[names] for names in pairs.sufficient}
-    return _standing(clean, candidates, known, held_out, rng) if clean else None
+    clean = {names: pairs.standings[names] for names in pairs.sufficient}
+    return replace(pairs, standings=clean) if clean else None
 
 
 def share_of(refit: Refit) -> float:
     """Return the share of its gain by which a refit and a set of another size must differ."""
     return LEARNED_SHARE if refit.learned else SHARE
+
+
+def leaves_little(refit: Refit, standing: Standing) -> bool:
+    """Return whether a refit leaves less than what a larger set would have to explain beyond it."""
+    return standing.excess < share_of(refit) * refit.gain
 
 
 def _best(refits: Iterable[Refit]) -> list[Refit]:

@@ -327,7 +327,7 @@ def _scored(effect: Effect, evidence: Evidence) -> Candidate:
         applicable=True,
         score=score,
         statistic=score,
-        degrees_of_freedom=sum(not p.shape for p in effect.parameters),
+        degrees_of_freedom=len(effect.amplitudes()),
         confounded=evidence.confounded(name),
         minimum_detectable=evidence.minimum_detectable(name) if effect.smooth and not unidentifiable else None,
     )

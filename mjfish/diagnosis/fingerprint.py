@@ -70,7 +70,7 @@ def fingerprint(refit: Refit) -> Measured:
     log |r| / f over log f.
     """
     problem = refit.problem
-    off = {p.name: p.default for effect in refit.effects for p in effect.parameters if not p.shape}
+    off = {p.name: p.default for effect in refit.effects for p in effect.amplitudes()}
     x = problem.start({**refit.fit.values, **off})
     stretches = [s for i, raw in enumerate(problem.raw(x)) for s in _stretches(problem, i, raw)]
     exponent, low, high = _exponent(stretches)

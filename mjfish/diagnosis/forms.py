@@ -82,7 +82,7 @@ def promising(effect: Effect, evidence: Evidence, refits: Mapping[str, Refit]) -
     """Return whether a learned form may explain much: as its score says, or the best formula of its mechanism."""
     best = max((refit.gain for refit in refits.values()), default=0.0)
     formulas = [refit.gain for refit in refits.values() if effect.mechanism in refit.mechanisms]
-    score = evidence.statistic(effect.name) if effect.smooth and not evidence.unidentifiable(effect.name) else 0.0
+    score = evidence.statistic(effect.name) if effect.smooth and evidence.scored(effect.name) else 0.0
     return max([score, *formulas]) >= _PROMISING * best
 
 

@@ -20,14 +20,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mjfish.arrays import FloatArray, blocks_of, orthonormal, project_out, solve
-from mjfish.diagnosis.evidence import Evidence, signatures
+from mjfish.diagnosis.evidence import DETECTED, Evidence, signatures
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
 from mjfish.estimation import Fit, Problem
 from mjfish.parameter import Parameter
 
-#: Noncentrality that a family of some twenty causes at 5 % needs for 90 % power: (2.99 + 1.28)^2.
-DETECTED = 18.0
 #: Share of a signature's energy below which what is left of it is rounding.
 _ROUNDING = 1e-6
 
@@ -91,7 +89,7 @@ def _stepped(problem: Problem, fit: Fit, effect: Effect) -> FloatArray:
     """Return the whitened residuals (n, k) with each amplitude at one scale from its null."""
     wide = replace(problem, model=problem.model.extended(effect))
     null = {**{p.name: p.default for p in effect.parameters}, **fit.values}
-    steps = ({**null, p.name: p.default + p.scale} for p in _amplitudes(effect))
+    steps = ({**null, p.name: p.default + p.scale} for p in effect.amplitudes())
     return np.stack([wide.residual(wide.start(values)) for values in steps], axis=1)
 
 
@@ -107,7 +105,7 @@ def isolated(
         along: full names of the amplitudes whose sizes are asked for, one a mechanism; empty: the typical ones.
     """
     mechanisms = tuple(_ordered(effects))
-    declared = [p for effect in effects for p in _amplitudes(effect)]
+    declared = [p for effect in effects for p in effect.amplitudes()]
     own = np.diag(information)
     shown = np.where(own > _ROUNDING * energy, own, 0.0)
     columns = [_columns(effects, name) for name in mechanisms]
@@ -139,12 +137,8 @@ def _ordered(effects: Sequence[Effect]) -> Iterator[str]:
     yield from (name for name in found if name not in MECHANISMS)
 
 
-def _amplitudes(effect: Effect) -> tuple[Parameter, ...]:
-    return tuple(p for p in effect.parameters if not p.shape)
-
-
 def _blocks(effects: Sequence[Effect]) -> list[slice]:
-    return blocks_of([len(_amplitudes(effect)) for effect in effects])
+    return blocks_of([len(effect.amplitudes()) for effect in effects])
 
 
 def _columns(effects: Sequence[Effect], mechanism: str) -> tuple[list[range], list[range]]:

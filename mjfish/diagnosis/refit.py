@@ -402,7 +402,7 @@ def other_minima(found: Fit, problem: Problem, *, fits: bool = True) -> list[Flo
         problem: its problem.
         fits: False: it leaves something systematic, and the best other minimum is worth a look though it seems higher.
     """
-    rough = [p.name for effect in problem.model.effects if not effect.smooth for p in effect.parameters if not p.shape]
+    rough = [p.name for effect in problem.model.effects if not effect.smooth for p in effect.amplitudes()]
     better = []
     for column, p in enumerate(problem.parameters):
         if p.name in rough:
@@ -464,7 +464,7 @@ def find_threshold(tried: _Tried, column: int) -> None:
 
 def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, float]]:
     """Return amplitudes that a fit may start from: multiples of the one-step estimate and of the declared scale."""
-    amplitudes = [p for p in effect.parameters if not p.shape]
+    amplitudes = effect.amplitudes()
     found = [
         {p.name: p.default + multiple * (one_step[p.name] - p.default) for p in amplitudes} for multiple in _MULTIPLES
     ]
@@ -480,7 +480,7 @@ def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, flo
 
 
 def _inside(effect: Effect, guess: Mapping[str, float]) -> dict[str, float]:
-    return {p.name: float(np.clip(guess[p.name], p.low, p.high)) for p in effect.parameters if not p.shape}
+    return {p.name: float(np.clip(guess[p.name], p.low, p.high)) for p in effect.amplitudes()}
 
 
 def off_null(effect: Effect, visible: Mapping[str, float] | None = None) -> dict[str, Parameter]:

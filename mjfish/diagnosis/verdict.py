@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from mjfish.diagnosis.combinations import share_of
+from mjfish.diagnosis.combinations import leaves_little
 from mjfish.diagnosis.evidence import p_value_of
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.refit import Refit
@@ -93,8 +93,7 @@ class Comparison:
 
     def exhausted(self) -> bool:
         """Return whether a set that stays leaves so little that no larger one can earn its members beside it."""
-        kept = [(self.refits[names], self.standings[names].excess) for names in self.retained(clean=False)]
-        return any(excess < share_of(refit) * refit.gain for refit, excess in kept)
+        return any(leaves_little(self.refits[names], self.standings[names]) for names in self.retained(clean=False))
 
     def one_mechanism(self, sets: Sequence[Names]) -> bool:
         """Return whether all sets are forms of the same mechanisms."""

@@ -206,10 +206,8 @@ def _filter(
                 for j in range(joints):
                     c0, c1, c2, c3 = angle[0, 0, j], 0.0, 0.0, 0.0
                     if not resting:
-                        left, right = rate[k, 0, j], rate[k, 1, j]
-                        rise = (angle[k, 1, j] - angle[k, 0, j]) / width
-                        b2 = (3.0 * rise - 2.0 * left - right) / width
-                        c3 = (left + right - 2.0 * rise) / (width * width)
+                        left = rate[k, 0, j]
+                        b2, c3 = cubic(angle[k, 0, j], left, angle[k, 1, j], rate[k, 1, j], width)
                         c0 = angle[k, 0, j] + x * (left + x * (b2 + x * c3))
                         c1 = left + x * (2.0 * b2 + 3.0 * c3 * x)
                         c2 = b2 + 3.0 * c3 * x
@@ -227,12 +225,10 @@ def _filter(
                 if at > nodes[0]:
                     while k < last and nodes[k + 1] <= at:
                         k += 1
-                    width = nodes[k + 1] - nodes[k]
-                    x = (at - nodes[k]) / width
-                    rise = angle[k, 1, j] - angle[k, 0, j]
-                    left, right = rate[k, 0, j] * width, rate[k, 1, j] * width
-                    bend = 3.0 * rise - 2.0 * left - right + x * (left + right - 2.0 * rise)
-                    asked = angle[k, 0, j] + x * (left + x * bend)
+                    x = at - nodes[k]
+                    left = rate[k, 0, j]
+                    b2, c3 = cubic(angle[k, 0, j], left, angle[k, 1, j], rate[k, 1, j], nodes[k + 1] - nodes[k])
+                    asked = angle[k, 0, j] + x * (left + x * (b2 + x * c3))
                 out[0, step, stage, j] = here[j]
                 out[1, step, stage, j] = turn[j]
                 out[2, step, stage, j] = stiffness * (asked - here[j]) - friction * turn[j]

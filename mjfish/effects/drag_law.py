@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -12,7 +11,7 @@ from mjfish.arrays import FloatArray
 from mjfish.compiled import inlined
 from mjfish.data import Trial
 from mjfish.effects.calibration import TOW_TEST, Calibration
-from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values, variant
 from mjfish.effects.exponential_drag import VISCOSITY
 from mjfish.effects.mechanism import Domain
 from mjfish.effects.reynolds_drag import REFERENCE_SPEED
@@ -163,7 +162,7 @@ class DragLaw(Effect):
         """Return the effect with the reference speed and height of the fish."""
         length = sum(link.length for link in fish.links)
         heights = np.concatenate([outline.strip_height for outline in outlines(fish)])
-        return _scaled(round(_LENGTHS * length, 6), round(float(heights.max()), 6))
+        return variant(DragLaw, reference=(round(_LENGTHS * length, 6), round(float(heights.max()), 6)))
 
     def constants(self, trial: Trial) -> tuple[float, ...]:
         """Return the reference speed and height."""
@@ -188,10 +187,3 @@ class DragLaw(Effect):
             *smooth_curve("drag_law.across", _names("across", _KNOTS_D), 0.3, 0.7),
             *smooth_curve("drag_law.along", _names("along", _KNOTS_F), 0.3, 0.7),
         )
-
-
-@functools.cache
-def _scaled(speed: float, height: float) -> DragLaw:
-    """Return one and the same instance for a size of fish."""
-    own: DragLaw = type("DragLaw", (DragLaw,), {"reference": (speed, height)})()
-    return own

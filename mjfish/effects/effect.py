@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from abc import ABC
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
 
@@ -195,9 +196,14 @@ class Effect(ABC):
         return {p.short: values[p.name] for p in self.parameters}
 
     @classmethod
+    def amplitudes(cls) -> tuple[Parameter, ...]:
+        """Return the parameters that say how much the effect does: all but the shapes."""
+        return tuple(p for p in cls.parameters if not p.shape)
+
+    @classmethod
     def is_null(cls, values: Values) -> bool:
         """Return whether every amplitude is at its null value, so that the effect does nothing."""
-        return all(values[p.short] == p.default for p in cls.parameters if not p.shape)
+        return all(values[p.short] == p.default for p in cls.amplitudes())
 
     @classmethod
     def declaration(cls, short: str) -> Parameter:
@@ -212,6 +218,16 @@ class Effect(ABC):
         """Raise `ParameterError` where the class does not keep the contract."""
         for complaint in _complaints(cls):
             raise ParameterError(f"effect {cls.__name__}: {complaint}")
+
+
+@functools.cache
+def variant(cause: type[Effect], **attributes: Hashable) -> Effect:
+    """Return a cause with class attributes of its own, those of a fish; always the same instance for the same ones.
+
+    So that what was computed with it is found again.
+    """
+    made: Effect = type(cause.__name__, (cause,), attributes)()
+    return made
 
 
 def _complaints(cls: type[Effect]) -> Iterator[str]:

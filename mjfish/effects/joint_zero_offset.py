@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import undetectable_behind_measured_joints
-from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values, variant
 from mjfish.effects.mechanism import Domain
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
@@ -43,7 +42,7 @@ class JointZeroOffset(Effect):
     @classmethod
     def for_fish(cls, fish: Fish) -> Effect:
         """Return the effect with an offset for every joint of the fish."""
-        return _of_joints(fish.joints)
+        return variant(JointZeroOffset, parameters=_zeros(fish.joints))
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Measured joint angles have their own zero."""
@@ -53,12 +52,3 @@ class JointZeroOffset(Effect):
         """Bend the joints."""
         bend = np.array([values[p.short] for p in self.parameters])
         return JointMotion(motion.time, motion.angle + bend, motion.rate, motion.acceleration)
-
-
-@functools.cache
-def _of_joints(joints: int) -> JointZeroOffset:
-    """Return one and the same instance for a number of joints, so that what it computed is found again."""
-    if joints == len(JointZeroOffset.parameters):
-        return JointZeroOffset()
-    own: JointZeroOffset = type("JointZeroOffset", (JointZeroOffset,), {"parameters": _zeros(joints)})()
-    return own

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import functools
 from typing import Any, ClassVar
 
 import numpy as np
 
 from mjfish.data import Trial
-from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint, variant
 from mjfish.effects.mechanism import Domain
+from mjfish.effects.roll import GRAVITY
 from mjfish.fish import Fish
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
-
-#: Acceleration of gravity [m/s2].
-GRAVITY = 9.81
 
 
 @load(memory=2, shared=True)
@@ -77,16 +74,9 @@ class RollLoss(Effect):
     @classmethod
     def for_fish(cls, fish: Fish) -> Effect:
         """Return the effect with the weight of the fish."""
-        return _weighing(GRAVITY * sum(link.mass for link in fish.links))
+        return variant(RollLoss, weight=GRAVITY * sum(link.mass for link in fish.links))
 
     def constants(self, trial: Trial) -> tuple[float, ...]:
         """Return the weight."""
         del trial
         return (self.weight,)
-
-
-@functools.cache
-def _weighing(weight: float) -> RollLoss:
-    """Return one and the same instance for a weight."""
-    own: RollLoss = type("RollLoss", (RollLoss,), {"weight": weight})()
-    return own

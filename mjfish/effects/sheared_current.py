@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.effects.ambient_current import AmbientCurrent
-from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values, variant
 from mjfish.effects.place import begun_at, unplaced
 from mjfish.fish import Fish
 from mjfish.hydro.force import crossflow
@@ -101,7 +100,7 @@ class ShearedCurrent(AmbientCurrent):
     @classmethod
     def for_fish(cls, fish: Fish) -> Effect:
         """Return the effect with the length of the fish."""
-        return _of_length(sum(link.length for link in fish.links))
+        return variant(ShearedCurrent, length=sum(link.length for link in fish.links))
 
     def not_applicable(self, dataset: Dataset) -> str:
         """The water is another at each place, so that the place must be known."""
@@ -133,10 +132,3 @@ def _at_start(values: Values, trial: Trial) -> dict[str, float]:
     x, y, _ = begun_at(trial)
     along = {"x": values["x"] + values["shear_x"] * y, "y": values["y"] + values["shear_y"] * x}
     return {**along, "held": values["held"]}
-
-
-@functools.cache
-def _of_length(length: float) -> ShearedCurrent:
-    """Return one and the same instance for a length of fish."""
-    own: ShearedCurrent = type("ShearedCurrent", (ShearedCurrent,), {"length": length})()
-    return own

@@ -232,7 +232,7 @@ def smoothing_of(
     alone = np.sum(left**2, axis=0)
     beside = np.sum(project_out(orthonormal(signs), left) ** 2, axis=0)
     best = 1 + int(np.argmin(beside[1:]))
-    sizes = [sum(not p.shape for p in effect.parameters) for effect in others]
+    sizes = [len(effect.amplitudes()) for effect in others]
     spans = [orthonormal(signs[:, block]) for block in blocks_of(sizes)]
     rival = max((float(np.sum((span.T @ left[:, 0]) ** 2)) for span in spans), default=0.0)
     clear = beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-import rerun as rr
 from diagnosed import SPEEDS, diagnosis, drag_curve, learned_diagnosis
 from logs import entities, text
 from rerun.chunk import RrdReader
@@ -17,13 +15,6 @@ from mjfish.reporting.log.curves import FRAME, form_tab, placed_in_frame
 from mjfish.reporting.stretches import span, stretches
 
 BODY = "/curves/drag_law/c_d-body"
-
-
-@pytest.fixture(autouse=True)
-def _strict() -> Iterator[None]:
-    rr.set_strict_mode(True)
-    yield
-    rr.set_strict_mode(False)
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -22,13 +21,6 @@ from mjfish.frames import CHANNELS
 from mjfish.ode.forces import link_forces
 from mjfish.reporting.log import Run, Swim, view, write_log, write_runs
 from mjfish.simulation import simulate
-
-
-@pytest.fixture(autouse=True)
-def _strict() -> Iterator[None]:
-    rr.set_strict_mode(True)
-    yield
-    rr.set_strict_mode(False)
 
 
 @pytest.fixture(scope="module")

@@ -32,13 +32,14 @@ def second_order(asked: tuple[Stretch, ...], delay: float, zeta: float = ZETA) -
 def limited(asked: tuple[Stretch, ...], slowness: float) -> Iterator[Stretch]:
     """Theta' = c' + k (c - theta), cut off sharply at 1 / slowness either way."""
     state = asked[0].angle[0, :1].copy()
-    yield from _through(asked, state, _limit, 1.0 / slowness, CATCH_UP)
+    yield from _through(asked, state, _limit, 1.0 / slowness, CATCH_UP, 1.0)
 
 
 def looped(asked: tuple[Stretch, ...], slowness: float, lag: float) -> Iterator[Stretch]:
     """Theta' = (c - theta) / lag, cut off sharply at 1 / slowness either way; from rest at the command."""
     state = asked[0].angle[0, :1].copy()
-    yield from _through(asked, state, _loop, 1.0 / slowness if slowness > 0.0 else np.inf, lag)
+    largest = 1.0 / slowness if slowness > 0.0 else np.inf
+    yield from _through(asked, state, _limit, largest, 1.0 / lag, 0.0)
 
 
 def played(asked: tuple[Stretch, ...], play: float) -> Iterator[Stretch]:
@@ -48,11 +49,11 @@ def played(asked: tuple[Stretch, ...], play: float) -> Iterator[Stretch]:
 
 
 def _through(
-    asked: tuple[Stretch, ...], state: FloatArray, run: Callable[..., Any], first: float, second: float
+    asked: tuple[Stretch, ...], state: FloatArray, run: Callable[..., Any], *numbers: float
 ) -> Iterator[Stretch]:
     for part in asked:
         angle, rate = np.empty_like(part.angle), np.empty_like(part.rate)
-        run(part.angle, part.rate, part.step, first, second, state, angle, rate)
+        run(part.angle, part.rate, part.step, *numbers, state, angle, rate)
         yield replace(part, angle=angle, rate=rate)
 
 
@@ -90,10 +91,10 @@ def _follow(command, slope, h, wn, zeta, state, angle, rate):  # type: ignore[no
 
 
 @compiled
-def _limit(command, slope, h, largest, catch_up, state, angle, rate):  # type: ignore[no-untyped-def]
-    """Integrate the rate limiter by the explicit midpoint rule."""
+def _limit(command, slope, h, largest, gain, forward, state, angle, rate):  # type: ignore[no-untyped-def]
+    """Integrate a rate limiter, theta' = forward c' + gain (c - theta) cut off, by the explicit midpoint rule."""
     d = 0.5 * h
-    count = int(np.ceil(d / _PART))
+    count = int(np.ceil(d / min(_PART, 0.2 / gain)))
     e = d / count
     for n in range(command.shape[0]):
         for node in range(3):
@@ -101,32 +102,13 @@ def _limit(command, slope, h, largest, catch_up, state, angle, rate):  # type: i
                 if node > 0:
                     for m in range(count):
                         asked, turn = _cubic(command, slope, n, node, j, d, m / count)
-                        first = min(max(turn + catch_up * (asked - state[0, j]), -largest), largest)
+                        first = min(max(forward * turn + gain * (asked - state[0, j]), -largest), largest)
                         asked, turn = _cubic(command, slope, n, node, j, d, (m + 0.5) / count)
                         middle = state[0, j] + 0.5 * e * first
-                        state[0, j] += e * min(max(turn + catch_up * (asked - middle), -largest), largest)
-                wanted = slope[n, node, j] + catch_up * (command[n, node, j] - state[0, j])
+                        state[0, j] += e * min(max(forward * turn + gain * (asked - middle), -largest), largest)
+                wanted = forward * slope[n, node, j] + gain * (command[n, node, j] - state[0, j])
                 angle[n, node, j] = state[0, j]
                 rate[n, node, j] = min(max(wanted, -largest), largest)
-
-
-@compiled
-def _loop(command, slope, h, largest, lag, state, angle, rate):  # type: ignore[no-untyped-def]
-    """Integrate a position loop of limited rate by the explicit midpoint rule."""
-    d = 0.5 * h
-    count = int(np.ceil(d / min(_PART, 0.2 * lag)))
-    e = d / count
-    for n in range(command.shape[0]):
-        for node in range(3):
-            for j in range(command.shape[2]):
-                if node > 0:
-                    for m in range(count):
-                        asked, _ = _cubic(command, slope, n, node, j, d, m / count)
-                        middle = state[0, j] + 0.5 * e * min(max((asked - state[0, j]) / lag, -largest), largest)
-                        asked, _ = _cubic(command, slope, n, node, j, d, (m + 0.5) / count)
-                        state[0, j] += e * min(max((asked - middle) / lag, -largest), largest)
-                angle[n, node, j] = state[0, j]
-                rate[n, node, j] = min(max((command[n, node, j] - state[0, j]) / lag, -largest), largest)
 
 
 @compiled
