@@ -186,6 +186,8 @@ def _sized(made: Draft, chosen: list[Cause], wanted: list[float]) -> tuple[size.
         if one.name == "wall_effect":
             direction |= _walls(made)
     measure = size.ruler(made, fitted)
+    if chosen[0] in classes.FOREIGN and len(chosen) == 1:
+        return size.sized_beyond_rivals(measure, chosen[0], directions[0], wanted[0], made.seed), measure
     return size.sized(measure, chosen, directions, wanted), measure
 
 

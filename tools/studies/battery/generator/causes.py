@@ -22,6 +22,7 @@ class Cause:
         listed: whether the solver knows it.
         shapes: parameters that the size does not scale.
         needs_pose: whether it shows only where the pose is recorded.
+        series: those shapes that are numbers of a free function.
         twins: of a form that is not listed, the names that the solver has for the same law.
     """
 
@@ -33,6 +34,7 @@ class Cause:
     listed: bool = True
     shapes: tuple[str, ...] = ()
     needs_pose: bool = False
+    series: tuple[str, ...] = ()
     twins: tuple[str, ...] = ()
 
     def sized(self, direction: Mapping[str, float], size: float) -> dict[str, float]:

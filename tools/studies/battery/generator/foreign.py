@@ -147,8 +147,8 @@ _CURVES = tuple(f"random_drag.{side}_{k}" for side in ("across", "along") for k 
 
 def _form(name: str, draw: Draw, low: float, high: float, twins: tuple[str, ...] = (), shapes: str = "") -> Cause:
     own = tuple(f"{name}.{short}" for short in shapes.split())
-    more = {"random_lift": _SERIES, "random_drag": _CURVES}.get(name, ())
-    return Cause(name, draw, low, high, exact=False, listed=False, shapes=(*own, *more), twins=twins)
+    series = {"random_lift": _SERIES, "random_drag": _CURVES}.get(name, ())
+    return Cause(name, draw, low, high, exact=False, listed=False, shapes=(*own, *series), series=series, twins=twins)
 
 
 #: By mechanism; twins are the names of the catalogue for the same law. Servos and tails are seen however small: their

@@ -7,13 +7,13 @@ generator's own runs, with a coarser step and fewer strips.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import orth
 
 from mjfish.arrays import FloatArray
-from studies.battery.generator.classes import LISTED, Cause
+from studies.battery.generator.classes import CAUSES, LISTED, MECHANISMS, Cause
 from studies.battery.generator.draft import Draft
 from studies.battery.generator.noise import whiten
 
@@ -29,6 +29,10 @@ _FARTHEST = 1.5
 _SPREAD = 1.4
 #: A strength counts as met within this share.
 MET = 0.1
+#: Strength, after refit, of one standard deviation of a number of a rival mechanism.
+_PRIOR = 3000.0
+#: Sizes that are tried for a strength beyond the rivals.
+_TRIES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,6 +165,22 @@ def sized(
     )
 
 
+def sized_beyond_rivals(
+    measure: Ruler, cause: Cause, direction: Mapping[str, float], strength: float, seed: int
+) -> Sized:
+    """Find the size at which a cause has its strength beyond the coefficients and any one rival mechanism."""
+    bases = rival_bases(measure, cause, seed)
+    wanted = strength
+    for _ in range(_TRIES):
+        found = sized(measure, [cause], [direction], [wanted])
+        full = stacked(measure.draft, measure.numbers, found.psi)
+        left = share_beyond(bases, measure.refitted(full, {}, full - measure.plain)) * found.strength[cause.name]
+        if abs(left / strength - 1.0) < MET or not found.reached[cause.name]:
+            break
+        wanted *= strength / max(left, 1e-6 * strength)
+    return replace(found, strength={cause.name: left}, reached={cause.name: abs(left / strength - 1.0) < MET})
+
+
 def _signatures(
     measure: Ruler, causes: Sequence[Cause], directions: Sequence[Mapping[str, float]], size: FloatArray
 ) -> tuple[list[FloatArray], list[FloatArray]]:
@@ -228,14 +248,49 @@ def rivals(measure: Ruler, cause: Cause, psi: Mapping[str, float], seed: int) ->
     for other in LISTED:
         if other.name == cause.name or (other.needs_pose and not measure.draft.plan.pose):
             continue
-        drawn = other.draw(np.random.default_rng(seed))
-        axes = [key for key in drawn if key not in other.shapes]
-        columns = []
-        for axis in axes:
-            one = {key: drawn[key] for key in other.shapes}
-            typical = max(abs(drawn[key]) for key in axes if key.partition(".")[0] == axis.partition(".")[0])
-            one |= {key: (typical if key == axis else 0.0) for key in axes}
-            columns.append(measure.beyond(measure.signature(one)))
+        columns = [measure.beyond(measure.signature(axis)) for axis in _axes(other, seed)]
         basis, _ = np.linalg.qr(np.column_stack(columns))
         found[other.name] = float(np.linalg.norm(basis.T @ own) / max(length, 1e-300))
     return found
+
+
+def _axes(cause: Cause, seed: int) -> list[dict[str, float]]:
+    """Return one set of parameters for each number of a cause that may vary, the others at null; shapes as drawn."""
+    drawn = cause.draw(np.random.default_rng(seed))
+    sizes = [key for key in drawn if key not in cause.shapes]
+    typical = max(abs(drawn[key]) for key in sizes)
+    shapes = {key: drawn[key] for key in cause.shapes}
+    if cause.series:
+        fixed = {**shapes, **dict.fromkeys(sizes, typical), **dict.fromkeys(cause.series, 0.0)}
+        return [{**fixed, number: 1.0} for number in cause.series]
+    if not cause.listed:
+        return [drawn]  # numbers that make up one law
+    return [{**shapes, **dict.fromkeys(sizes, 0.0), key: typical} for key in sizes]
+
+
+def rival_bases(measure: Ruler, cause: Cause, seed: int) -> list[FloatArray]:
+    """Return the penalised basis (n, k) of every other mechanism: what all its causes can do, beyond the coefficients.
+
+    A column is what one standard deviation of a number does, at a strength of _PRIOR.
+    """
+    found: dict[str, list[FloatArray]] = {}
+    for other in CAUSES.values():
+        mechanism = MECHANISMS.get(other.name, MECHANISMS[cause.name])
+        if mechanism == MECHANISMS[cause.name] or (other.needs_pose and not measure.draft.plan.pose):
+            continue
+        for axis in _axes(other, seed):
+            column = measure.beyond(measure.signature(axis))
+            length = float(np.linalg.norm(column))
+            if length > 1e-3:
+                found.setdefault(mechanism, []).append(column * np.sqrt(_PRIOR) / length)
+    return [np.column_stack(columns) for columns in found.values()]
+
+
+def share_beyond(bases: Sequence[FloatArray], own: FloatArray) -> float:
+    """Return the least share of |own|^2 that a penalised basis leaves: of s, s's - s'B (B'B + 1)^-1 B's."""
+    shares = []
+    for basis in bases:
+        mixed = basis.T @ own
+        taken = mixed @ np.linalg.solve(basis.T @ basis + np.eye(len(mixed)), mixed)
+        shares.append(1.0 - float(taken) / max(float(own @ own), 1e-300))
+    return min(shares, default=1.0)

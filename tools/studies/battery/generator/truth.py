@@ -24,7 +24,8 @@ class Truth:
         psi: all parameters of the effects, by the generator's names (those of the solver where `exact`).
         exact: by cause, whether the solver's definition is the generator's.
         theta: the nine coefficients.
-        strength: by cause, lambda over the fitted runs: after refit, given the other causes.
+        strength: by cause, lambda over the fitted runs: after refit, given the other causes; of ``foreign``,
+            beyond the basis of any one rival mechanism, too.
         strength_all: of a single cause, the same where the held-out runs are fitted too.
         reached: by cause, whether the strength asked for was met within 5 per cent.
         absorbed: by cause, the share of its signature that the refit swallows.
