@@ -15,7 +15,7 @@ _LEVEL = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """A Gaussian prior of parameters a: rows @ a ~ N(0, sd^2 I).
+    """A Gaussian prior of parameters a: rows @ a ~ N(mean, sd^2 I).
 
     Attributes:
         name: of the prior.
@@ -23,6 +23,7 @@ class Prior:
         rows: (m, k).
         sd: at the start where it is learned, else for good.
         learned: whether its sd is found by marginal likelihood: a smoothness.
+        mean: of every row.
     """
 
     name: str
@@ -30,6 +31,12 @@ class Prior:
     rows: FloatArray
     sd: float
     learned: bool = False
+    mean: float = 0.0
+
+
+def about(name: str, parameters: Sequence[str], mean: float, sd: float) -> Prior:
+    """Return the prior of independent parameters, by full names, that all have this mean and sd."""
+    return Prior(name, tuple(parameters), np.eye(len(parameters)), sd, mean=mean)
 
 
 def smooth_curve(name: str, knots: Sequence[str], sd: float, slope: float) -> tuple[Prior, ...]:

@@ -122,10 +122,9 @@ def _diagnosed(
     combined, others = None, None
     learned: dict[str, Refit] = {}
     if refits:
-        clear = single.retained(clean=True)
-        asked = [refits[name].mechanisms[0] for (name,) in clear] or [effect.mechanism for effect in learnable]
-        learned = refit_learned_forms(evidence, learnable, asked, refits)
-        if not clear:
+        clear = {refits[name].mechanisms[0] for (name,) in single.retained(clean=True)}
+        learned = refit_learned_forms(evidence, learnable, clear, refits)
+        if learned:
             refits = {**refits, **learned}
             single = _compared(refits, applicable, held_out, rng)
     if refits and not single.retained(clean=True):
@@ -137,15 +136,16 @@ def _diagnosed(
     best = _best(decision, single, combined)
     mechanisms: tuple[NamedMechanism, ...] = ()
     if decision.verdict == "named" and best is not None:
-        form = learned.get(best.mechanisms[0]) if len(best.effects) == 1 else None
+        own = (refit for refit in learned.values() if refit.mechanisms == best.mechanisms)
+        form = next(own, None) if len(best.effects) == 1 else None
         retained = staying([refit for refit in _retained(decision, single, combined) if not refit.learned], form)
         if not retained:
             retained = (best if form is None else form,)
         best = retained[0]
         clean = best.names in (single if len(best.effects) == 1 or combined is None else combined).cleanly()
-        message = message_of(retained, clean=clean) + decision.left
-        decision = replace(decision, sets=tuple(refit.names for refit in retained), message=message)
         mechanisms = named_mechanisms(best, retained, form, evidence.fit, clean=clean)
+        message = message_of(retained, claimed=all(one.level == "form" for one in mechanisms)) + decision.left
+        decision = replace(decision, sets=tuple(refit.names for refit in retained), message=message)
 
     domain = _domain(decision, known)
     progress("looking at what is wrong", 0.96)
@@ -250,7 +250,10 @@ def _domain(decision: Decision, known: Mapping[str, Effect]) -> Domain | None:
 
 def _causes(best: Refit) -> tuple[Cause, ...]:
     """Return the causes of a refit with the estimates of their parameters."""
-    return tuple(Cause(effect.name, effect.summary, _parameters(best, effect)) for effect in best.effects)
+    return tuple(
+        Cause(effect.mechanism if effect.learned else effect.name, effect.summary, _parameters(best, effect))
+        for effect in best.effects
+    )
 
 
 def estimates(found: Fit, model: Model) -> dict[str, Estimate]:

@@ -305,11 +305,24 @@ def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Sequenc
         yield gather(other, seen, evidence.candidates, known_signatures)
 
 
-def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequence[Effect]) -> list[FloatArray]:
-    """Return, per trial, the derivative (n_r, 3, d) of the prediction by every candidate's amplitudes, times scale."""
+def signatures(
+    problem: Problem,
+    values: Mapping[str, float],
+    candidates: Sequence[Effect],
+    shapes: Mapping[str, float] | None = None,
+) -> list[FloatArray]:
+    """Return, per trial, the derivative (n_r, 3, d) of the prediction by every candidate's amplitudes, times scale.
+
+    Args:
+        problem: of the model without the candidates.
+        values: of its parameters.
+        candidates: causes at their null values.
+        shapes: of the candidates, where they are not the defaults.
+    """
     model = replace(problem.model, effects=(*problem.model.effects, *candidates))
     wide = replace(problem, model=model)
-    x = wide.start({p.name: p.default for effect in candidates for p in effect.parameters} | dict(values))
+    null = {p.name: p.default for effect in candidates for p in effect.parameters}
+    x = wide.start({**null, **(shapes or {}), **values})
     amplitudes = [p for effect in candidates for p in effect.amplitudes()]
     blocks = wide.sensitivities(x, only=[p.name for p in amplitudes])
     return [block * np.array([p.scale for p in amplitudes]) for block in blocks]

@@ -1,17 +1,24 @@
 """Forms of a mechanism: which formulas stay beside the learned form, and at which level the data name it.
 
 Formulas of a mechanism are nested, or nearly, in its learned form: a formula stays where the learned form does not beat
-it by more than chance, by the likelihood ratio with the effective degrees of freedom that the learned form has more.
+it by more than chance, by the likelihood ratio with the effective degrees of freedom that the learned form has more. It
+is claimed only where another form of the same strength would have been seen: with the sensitivities L of the learned
+form, a random form g of its prior, the projector M off the coefficients and M_f off the formula with them,
+
+    what another form leaves = LR |M_f L g|^2 / |M L g|^2
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
+from mjfish.arrays import orthonormal, project_out
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
-from mjfish.diagnosis.evidence import Evidence, gather, p_value_of
+from mjfish.diagnosis.evidence import DETECTED, Evidence, gather, p_value_of
 from mjfish.diagnosis.refit import Refit, made_smooth, refit_in_parallel, refit_with, with_jobs
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
@@ -19,10 +26,13 @@ from mjfish.estimation import Fit
 
 #: A formula is given up for the learned form below this p value.
 _BEATEN = 0.05
-#: A learned form is fitted where its score, or a formula of its mechanism, explains this share of the best formula.
-_PROMISING = 0.3
+#: A learned form is fitted where its score, or a formula of its mechanism, explains this share of the best formula;
+#: and where that formula leaves nothing: only rivals that come near it matter then.
+_PROMISING, _NEAR = 0.3, 0.6
 #: And followed to its optimum where its coarse refit explains this share of the best.
 _RUNNING = 0.5
+#: Draws of other forms, and the share of them that may go unseen.
+_OTHERS, _UNSEEN = 400, 0.2
 
 
 @dataclass(frozen=True)
@@ -32,7 +42,8 @@ class NamedMechanism:
     Attributes:
         name: of the mechanism.
         domain: where it acts.
-        level: ``form`` where one formula stays alone and leaves nothing systematic, else ``mechanism``.
+        level: ``form`` where one formula stays alone, leaves nothing systematic, and another form would have been
+            seen; else ``mechanism``.
         form: the formula that the extended model has, or ``learned``.
         forms: the formulas that stay.
         curves: the form as curves, with their bands.
@@ -47,23 +58,22 @@ class NamedMechanism:
 
 
 def refit_learned_forms(
-    evidence: Evidence, learned: Iterable[Effect], wanted: Iterable[str], refits: Mapping[str, Refit]
+    evidence: Evidence, learned: Sequence[Effect], clear: Iterable[str], refits: Mapping[str, Refit]
 ) -> dict[str, Refit]:
-    """Fit the learned forms of mechanisms together with the coefficients, by name.
+    """Fit the learned forms of mechanisms that are promising together with the coefficients, by name of the cause.
 
     Args:
         evidence: of the nominal model.
         learned: causes of learned form.
-        wanted: names of mechanisms.
+        clear: mechanisms of which a formula leaves nothing: their learned forms are fitted, and those near them.
         refits: of formulas, by name.
     """
-    asked = set(wanted)
-    chosen = [effect for effect in learned if effect.mechanism in asked]
-    if not chosen:
+    if not learned:
         return {}
-    jobs = evidence.problem.jobs
-    alone = with_jobs(gather(evidence.problem, evidence.fit, chosen), 1)
-    seen = [effect for effect in chosen if promising(effect, alone, refits)]
+    jobs, known = evidence.problem.jobs, set(clear)
+    share = _NEAR if known else _PROMISING
+    alone = with_jobs(gather(evidence.problem, evidence.fit, learned), 1)
+    seen = [effect for effect in learned if effect.mechanism in known or promising(effect, alone, refits, share)]
 
     def begun(effect: Effect) -> Refit:
         formulas = [refit for refit in refits.values() if refit.mechanisms == (effect.mechanism,)]
@@ -78,12 +88,15 @@ def refit_learned_forms(
     return {refit.names[0]: refit for refit in results}
 
 
-def promising(effect: Effect, evidence: Evidence, refits: Mapping[str, Refit]) -> bool:
-    """Return whether a learned form may explain much: as its score says, or the best formula of its mechanism."""
+def promising(effect: Effect, evidence: Evidence, refits: Mapping[str, Refit], share: float = _PROMISING) -> bool:
+    """Return whether a learned form may explain this share of the best refit.
+
+    As its score says, or the best formula of its mechanism.
+    """
     best = max((refit.gain for refit in refits.values()), default=0.0)
     formulas = [refit.gain for refit in refits.values() if effect.mechanism in refit.mechanisms]
     score = evidence.statistic(effect.name) if effect.smooth and evidence.scored(effect.name) else 0.0
-    return max([score, *formulas]) >= _PROMISING * best
+    return max([score, *formulas]) >= share * best
 
 
 def staying(formulas: Sequence[Refit], learned: Refit | None) -> tuple[Refit, ...]:
@@ -99,6 +112,32 @@ def staying(formulas: Sequence[Refit], learned: Refit | None) -> tuple[Refit, ..
 def _beats(learned: Refit, formula: Refit) -> bool:
     more = max(learned.degrees_of_freedom - formula.degrees_of_freedom, 1.0)
     return p_value_of(learned.gain - formula.gain, more) < _BEATEN
+
+
+def left_by_others(formula: Refit, learned: Refit) -> float:
+    """Return the sum of squares that all but a few other forms of the strength of a formula would leave beside it.
+
+    Args:
+        formula: refit with the formula alone.
+        learned: with the learned form of its mechanism alone.
+    """
+    own = [p for p in learned.effects[-1].amplitudes() if p.name not in learned.problem.fixed]
+    places = {p.name: i for i, p in enumerate(learned.problem.parameters)}
+    at, scales = [places[p.name] for p in own], np.array([p.scale for p in own])
+    declared = replace(learned.problem, prior_sds={})
+    rows = [declared.prior_rows(prior)[:, at] * scales for prior in declared.priors]
+    known = np.concatenate([np.zeros((0, len(own))), *rows])
+    free = ~np.any(known, axis=0)
+    precision = known.T @ known + np.diag(free.astype(float))
+    values, axes = np.linalg.eigh(precision)
+    draws = np.random.default_rng(0).standard_normal((len(own), _OTHERS))
+    forms = axes @ (draws / np.sqrt(np.maximum(values, 1e-6))[:, None])
+    slopes = learned.fit.jacobian[:, at] * scales
+    fit, names = formula.fit, {p.name for effect in formula.effects for p in effect.parameters}
+    coefficients = np.array([p.name not in names for p in fit.parameters]) & ~fit.at_bound
+    beyond = (project_out(orthonormal(fit.jacobian[:, kept]), slopes) @ forms for kept in (coefficients, ~fit.at_bound))
+    strength, left = (np.sum(part**2, axis=0) for part in beyond)
+    return formula.gain * float(np.quantile(left / np.maximum(strength, 1e-300), _UNSEEN))
 
 
 def named_mechanisms(
@@ -120,6 +159,7 @@ def named_mechanisms(
         forms = dict.fromkeys(member.name for member in members if member.mechanism == name)
         learned = any(effect.learned for effect in shown)
         single = clean and len(forms) == 1 and not learned
+        single = single and (form is None or left_by_others(best, form) >= DETECTED)
         known = MECHANISMS.get(name)
         found.append(
             NamedMechanism(

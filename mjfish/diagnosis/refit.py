@@ -13,6 +13,7 @@ from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence, p_value_of
 from mjfish.diagnosis.integration_step import finer
 from mjfish.diagnosis.progress import Progress, silent
+from mjfish.diagnosis.shapes import at_best_shapes
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem, fit
 from mjfish.estimation.smoothness import effective_degrees_of_freedom, smoothed
@@ -326,7 +327,7 @@ def best_start(evidence: Evidence, problem: Problem, effect: Effect, formulas: I
 
     Tried are multiples of the one-step estimate and of the declared scale, with the coefficients unchanged, because a
     large effect may lie outside the range of the linearisation; the estimate with the coefficients refitted to first
-    order; and almost no effect, so that no refit is worse than none. Where an effect has a threshold, sizes just above
+    order, both at the shapes of the largest score; and almost no effect, so that no refit is worse than none. Where an effect has a threshold, sizes just above
     it are tried as well: its minimum may be narrow.
 
     Args:
@@ -335,11 +336,14 @@ def best_start(evidence: Evidence, problem: Problem, effect: Effect, formulas: I
         effect: the cause that it is extended by.
         formulas: see `refit_with`.
     """
-    values, one_step = evidence.fit.values, evidence.first_guess(effect.name)
+    shapes: dict[str, float] = {}
+    if effect.smooth and not effect.learned and any(p.shape for p in effect.parameters):
+        evidence, shapes = at_best_shapes(evidence, effect)
+    values, one_step = {**shapes, **evidence.fit.values}, evidence.first_guess(effect.name)
     tried = _Tried(evidence.fit, problem.rough)
     for guess in guesses(effect, one_step):
         tried.add(problem.start({**values, **guess}))
-    tried.add(problem.start({**evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
+    tried.add(problem.start({**shapes, **evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
     tried.add(problem.start(values))
     for formula in formulas:
         of_formula = formula.effects[-1]

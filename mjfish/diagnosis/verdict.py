@@ -201,7 +201,7 @@ def _alone(sets: Sequence[Names], comparison: Comparison) -> Decision:
     p = p_value_of(refit.gain, refit.degrees_of_freedom)
     if p < _OWN:
         left = "" if standing.clean else f" It leaves {standing.left:.1%} of what there was to explain: {_OTHERWISE}."
-        message = message_of([comparison.refits[each] for each in sets], clean=standing.clean)
+        message = message_of([comparison.refits[each] for each in sets], claimed=standing.clean)
         return Decision("named", tuple(sets), message + left, left)
     choice = f"{_listed([names])} would do, and explains no more than chance might (p = {p:.2g})"
     return Decision("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {choice}.")
@@ -220,15 +220,15 @@ def _listed(sets: Sequence[Names]) -> str:
     return " or ".join(" with ".join(names) for names in sets)
 
 
-def message_of(refits: Sequence[Refit], *, clean: bool) -> str:
+def message_of(refits: Sequence[Refit], *, claimed: bool) -> str:
     """Return what is named, in words.
 
     Args:
         refits: with the forms that stay, the best first.
-        clean: whether the best leaves nothing systematic.
+        claimed: whether the formula of the best is claimed, where it is alone.
     """
     refit = refits[0]
-    if len(refit.effects) == 1 and (len(refits) > 1 or refit.learned or not clean):
+    if len(refit.effects) == 1 and (len(refits) > 1 or refit.learned or not claimed):
         mechanism = refit.mechanisms[0]
         summary = MECHANISMS[mechanism].summary if mechanism in MECHANISMS else refit.effects[0].summary
         formulas = [other.names[0] for other in refits if not other.learned]

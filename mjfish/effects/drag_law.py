@@ -20,7 +20,7 @@ from mjfish.hydro.load import Load, load
 from mjfish.hydro.outline import outlines
 from mjfish.hydro.spline import spline, spline_weights
 from mjfish.parameter import Parameter
-from mjfish.prior import Prior, smooth_curve
+from mjfish.prior import Prior, about, smooth_curve
 
 #: Octaves below the reference speed at which the knots begin, and their number: of c_d, of c_f.
 _BELOW_D, _KNOTS_D = 3, 7
@@ -182,8 +182,9 @@ class DragLaw(Effect):
         return found
 
     def priors(self) -> tuple[Prior, ...]:
-        """Keep both curves smooth."""
+        """Keep both curves smooth; of the speed little is known."""
         return (
             *smooth_curve("drag_law.across", _names("across", _KNOTS_D), 0.3, 0.7),
             *smooth_curve("drag_law.along", _names("along", _KNOTS_F), 0.3, 0.7),
+            about("drag_law.speeds", [f"drag_law.{k}" for k in ("whole_across", "whole_along", "height")], 0.5, 0.5),
         )

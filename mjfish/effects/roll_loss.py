@@ -17,16 +17,24 @@ from mjfish.parameter import Parameter
 
 
 @load(memory=2, shared=True)
-def _lost(link: Any, parameters: Any) -> tuple[float, float, float, float, float]:
-    """Return what the drag across loses, and what the link adds to the rates of lean and of s."""
-    square, frequency, damping, weight = parameters[0], parameters[1], parameters[2], parameters[4]
+def lost(link: Any, parameters: Any) -> tuple[float, float, float, float, float]:
+    """Return what the drag across loses, and what the link adds to the rates of lean and of s.
+
+    Parameters are lambda^2, omega, zeta, kappa, mu; a height, which is not read; the weight.
+    """
+    square, frequency, damping, weight = parameters[0], parameters[1], parameters[2], parameters[6]
     lean, s = link.memory[0], link.memory[1]
     force, moment = crossflow(link.v, link.w, link.length, link.node_height, link.height_moment)
     across = -0.5 * link.density * link.c_d
-    momentum = parameters[3] * link.c_m * (link.added[0] * link.v + link.added[1] * link.w)
+    aside = np.cos(link.bend)
+    momentum = parameters[3] * link.c_m * (link.added[0] * link.v + link.added[1] * link.w) * aside
     coupling = frequency * frequency / weight
+    swing = coupling * across * force * aside
+    if link.first == 1.0:
+        nose = parameters[4] * weight / GRAVITY
+        momentum -= nose * link.v
+        swing += coupling * nose * link.w * link.u
     turn = -coupling * momentum
-    swing = coupling * across * force
     swing += 2.0 * damping * frequency * coupling * momentum
     if link.last == 1.0:
         turn += s
@@ -40,12 +48,12 @@ class RollLoss(Effect):
 
     The side force F of the water leans the fish, a pendulum on its weight m g, by phi = lambda psi,
 
-        psi'' + 2 zeta omega psi' + omega^2 psi = omega^2 F / (m g),    F = sum over the links of (drag - kappa p'),
+        psi'' + 2 zeta omega psi' + omega^2 psi = omega^2 F / (m g),    F = sum over the links of cos beta (drag - kappa p'),
 
-    with the added momentum p of each link across it, of which the share kappa acts beside the axis of the roll. With
-    s = psi' + omega^2 sum kappa p / (m g) no p' is needed; psi and s are zero where a run begins. A pendulum that the
-    side force drives at its axis has lambda = 1. The camera is left alone; what it reads of a rolling marker is the
-    cause `Roll`.
+    with the drag across each link, its added momentum p across, of which the share kappa acts beside the axis of the
+    roll, and its heading beta relative to the head. With s = psi' + omega^2 sum kappa cos beta p / (m g) no p' is
+    needed; psi and s are zero where a run begins. A pendulum that the side force drives at its axis has lambda = 1. The
+    camera is left alone; what it reads of a rolling marker is the cause `Roll`.
     """
 
     name: ClassVar[str] = "roll_loss"
@@ -67,7 +75,7 @@ class RollLoss(Effect):
     signature: ClassVar[str] = "sway and yaw rate too small where the beat is strong; quick start-ups slip"
     confirm: ClassVar[str] = "film the fish from ahead, or log its roll with an inertial sensor"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
-    load: ClassVar[Load | None] = _lost
+    load: ClassVar[Load | None] = lost
     mujoco: ClassVar[bool] = False
     weight: ClassVar[float] = 10.0  # [N]
 
@@ -77,6 +85,6 @@ class RollLoss(Effect):
         return variant(RollLoss, weight=GRAVITY * sum(link.mass for link in fish.links))
 
     def constants(self, trial: Trial) -> tuple[float, ...]:
-        """Return the weight."""
+        """Return mu, the height of the marker and the weight."""
         del trial
-        return (self.weight,)
+        return 0.0, 0.0, self.weight

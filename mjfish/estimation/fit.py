@@ -117,10 +117,10 @@ def fit(
     inside = 1e-6 * (high - low)
     x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
 
-    prior = problem.prior_root
+    prior, mean = problem.prior_root, problem.prior_mean
 
     def residual_of(y: FloatArray) -> FloatArray:
-        return np.concatenate([problem.residual(y * scale), -prior @ (y * scale)])
+        return np.concatenate([problem.residual(y * scale), mean - prior @ (y * scale)])
 
     def jacobian_of(y: FloatArray) -> FloatArray:
         return np.asarray(-np.concatenate([problem.jacobian(y * scale), prior]) * scale)
@@ -164,7 +164,7 @@ def fit(
         message=divergence or str(solution.message),
         evaluations=int(solution.nfev),
         cost=2.0 * float(solution.cost),
-        penalty=float(np.sum((prior @ x) ** 2)),
+        penalty=float(np.sum((prior @ x - mean) ** 2)),
     )
 
 

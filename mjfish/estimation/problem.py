@@ -87,8 +87,13 @@ class Problem:
 
     @cached_property
     def prior_root(self) -> FloatArray:
-        """Rows R (m, p) of all priors: they add |R x|^2 to the sum of squares; none where nothing is known."""
+        """Rows R (m, p) of all priors: they add |R x - `prior_mean`|^2 to the sum of squares; none: nothing is known."""
         return np.concatenate([np.zeros((0, len(self.parameters))), *map(self.prior_rows, self.priors)])
+
+    @cached_property
+    def prior_mean(self) -> FloatArray:
+        """Means (m,) of the rows of all priors, in units of their sds."""
+        return np.concatenate([np.zeros(0), *(np.full(len(p.rows), p.mean / p.sd) for p in self.priors)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return how data and model are compared as plain data; model and trials are told elsewhere."""

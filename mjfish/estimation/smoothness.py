@@ -21,7 +21,9 @@ from mjfish.estimation.fit import Fit, fit
 from mjfish.estimation.problem import Problem
 
 #: Largest change of an sd in one step, smallest and largest sd relative to the declared one, and steps.
-_STEP, _RANGE, _STEPS = 4.0, (0.02, 10.0), 30
+_STEP, _RANGE, _STEPS = 4.0, (1e-3, 10.0), 30
+#: Singular values below this share of the largest are rounding.
+_RANK = 1e-12
 #: A relative change of every sd below this one ends a search; how often the model is linearised anew.
 _SAME, _ROUNDS = 0.3, 3
 #: Most evaluations of a fit with new sds, and its tolerance: it starts from the fit with the old ones.
@@ -53,13 +55,15 @@ def learned_sds(problem: Problem, found: Fit) -> dict[str, float]:
     score = jacobian.T @ (found.residual + jacobian @ found.x[free])
     rows = {prior.name: problem.prior_rows(prior)[:, free] * prior.sd for prior in problem.priors}
     sds = {prior.name: prior.sd for prior in problem.priors}
+    means = {prior.name: prior.mean for prior in problem.priors}
     declared = {prior.name: prior.sd for effect in problem.model.effects for prior in effect.priors()}
     learned = [prior.name for prior in problem.priors if prior.learned]
     for _ in range(_STEPS if learned else 0):
         blocks = {name: rows[name].T @ rows[name] / sds[name] ** 2 for name in rows}
         total = np.sum(list(blocks.values()), axis=0)
+        pull = np.sum([means[name] * rows[name].sum(axis=0) / sds[name] ** 2 for name in rows], axis=0)
         inverse = np.linalg.pinv(gram + total, hermitian=True)
-        a = inverse @ score
+        a = inverse @ (score + pull)
         pseudo = np.linalg.pinv(total, hermitian=True)
         changes = []
         for name in learned:
@@ -75,7 +79,17 @@ def learned_sds(problem: Problem, found: Fit) -> dict[str, float]:
 
 
 def effective_degrees_of_freedom(problem: Problem, found: Fit, names: Sequence[str]) -> float:
-    """Return tr((J'J + S)^-1 J'J) over the parameters of these names: how many of them the data determine."""
-    gram: FloatArray = found.jacobian.T @ found.jacobian
-    share = np.diag(found.covariance @ gram)
-    return float(sum(max(s, 0.0) for p, s in zip(found.parameters, share, strict=True) if p.name in names))
+    """Return tr((J'J + S)^-1 J'J) over the parameters of these names: how many of them the data determine.
+
+    It is their number less tr((J'J + S)^-1 R'R) of their priors R, which is |U_R|^2 with [J; R] = U s V'.
+    """
+    free = np.flatnonzero(~found.at_bound)
+    stacked = np.concatenate([found.jacobian, problem.prior_root])[:, free]
+    stacked = stacked / np.maximum(np.linalg.norm(stacked, axis=0), 1e-300)
+    left, singular, _ = np.linalg.svd(stacked, full_matrices=False)
+    kept = singular > _RANK * singular.max(initial=0.0)
+    own = np.array([found.parameters[i].name in names for i in free])
+    known = np.any(problem.prior_root[:, free[own]], axis=1)
+    taken = float(np.sum(left[len(found.jacobian) :][known][:, kept] ** 2))
+    lost = int(np.count_nonzero(~kept))
+    return max(float(np.count_nonzero(own)) - lost - taken, 0.0)

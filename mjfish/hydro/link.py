@@ -24,6 +24,7 @@ MEMORY = 4
 #: added, wetted, height_moment, node_height, strip_*, coarse_*: integrals, see `mjfish.hydro.outline.LinkOutline`.
 #: u, v, w: velocity of the link's origin relative to the water in the link's frame (x towards the tail).
 #: x, y, heading: place of the link's origin in the world and its heading, of the forward frame; for loads only.
+#: bend: heading of the link relative to the head; first: 1 of the first link, else 0; for loads only.
 #: memory: hidden states of the load that is called, on this link.
 LINK = np.dtype(
     [
@@ -31,6 +32,7 @@ LINK = np.dtype(
         ("com", "f8"),
         ("inertia", "f8"),
         ("length", "f8"),
+        ("first", "f8"),
         ("last", "f8"),
         ("density", "f8"),
         ("c_m", "f8"),
@@ -44,6 +46,7 @@ LINK = np.dtype(
         ("x", "f8"),
         ("y", "f8"),
         ("heading", "f8"),
+        ("bend", "f8"),
         ("memory", "f8", (MEMORY,)),
         ("added", "f8", (3,)),
         ("node_height", "f8", (INTERVALS + 1,)),
@@ -99,7 +102,7 @@ SPATIAL = np.dtype(
 )
 
 #: Fields of `LINK` that compiled code writes.
-MOVING = frozenset(("u", "v", "w", "x", "y", "heading", "memory"))
+MOVING = frozenset(("u", "v", "w", "x", "y", "heading", "bend", "memory"))
 #: Numbers in a `LINK` record.
 NUMBERS = LINK.itemsize // 8
 Thing = TypeVar("Thing")
@@ -135,7 +138,7 @@ def _template(same: Same[Fish]) -> RecordArray:
             record[kind] = values[f"{kind}.{link.group}"]
         record["density"] = fish.density
         record["munk"] = fish.munk_moment
-    records[-1]["last"] = 1.0
+    records[0]["first"] = records[-1]["last"] = 1.0
     records.flags.writeable = False
     return records
 

@@ -87,7 +87,7 @@ class Load:
     @property
     def stateful(self) -> bool:
         """Whether its force depends on more of the motion than the velocity of the link: on its place, or its past."""
-        return self.memory > 0 or not self.fields.isdisjoint(("x", "y", "heading"))
+        return self.memory > 0 or not self.fields.isdisjoint(("x", "y", "heading", "bend"))
 
     @functools.cached_property
     def reads(self) -> BoolArray:

@@ -23,6 +23,8 @@ AT_DIRECTION, AT_STEP, AT_PARAMETER, CHANGE = ROW, ROW + 1, ROW + 2, ROW + 3
 _VELOCITY_STEP = 2e-6
 _LEAST_SPEED = 1e-3  # the step is not shorter than that of this speed [m/s]
 _POSE_STEP = 1e-6  # [m, rad]
+#: Numbers of the motion of a link that a load may depend on: u, v, w, x, y, heading, bend.
+PLACES = 7
 _LEAST_MEMORY = 1e-2  # the step is not shorter than that of this hidden state
 
 
@@ -44,11 +46,11 @@ class LoadChanges(NamedTuple):
 
 @compiled
 def _step_of(link: Any, column: int, memory_state: float) -> Any:
-    """Return the step by u, v, w, x, y, heading (columns 0 to 5) or a hidden state."""
+    """Return the step by u, v, w, x, y, heading, bend (columns 0 to 6) or a hidden state."""
     if column < 3:
         speed = max(abs(link.u), abs(link.v), abs(link.w) * link.length, _LEAST_SPEED)
         return _VELOCITY_STEP * speed if column < 2 else _VELOCITY_STEP * speed / link.length
-    return _POSE_STEP if column < 6 else RELATIVE_STEP * max(abs(memory_state), _LEAST_MEMORY)
+    return _POSE_STEP if column < PLACES else RELATIVE_STEP * max(abs(memory_state), _LEAST_MEMORY)
 
 
 @compiled
@@ -63,8 +65,10 @@ def _move(link: Any, column: int, by: float) -> None:
         link.x += by
     elif column == 4:
         link.y += by
-    else:
+    elif column == 5:
         link.heading += by
+    else:
+        link.bend += by
 
 
 @compiled
@@ -100,29 +104,29 @@ def stateful_derivatives(links: Any, index: int, table: LoadTable, buffers: Load
         links, buffers: as in `mjfish.hydro.load.loads_on`; hidden states are moved and put back.
         index: of the link.
         table: of this load alone.
-        out: (ANSWER, 6 + MEMORY), written: rows fx, fy, mz and the rates of the hidden states, columns u, v, w, x, y,
-            heading and the hidden states.
+        out: (ANSWER, PLACES + MEMORY), written: rows fx, fy, mz and the rates of the hidden states, columns u, v, w, x,
+            y, heading, bend and the hidden states.
     """
     link = links[index]
     state = buffers.state
     memory = int(table.rows[0, AT_MEMORY])
     first = int(table.rows[0, AT_FIRST]) + index * int(table.rows[0, AT_STRIDE])
-    u, v, w, x, y, heading = link.u, link.v, link.w, link.x, link.y, link.heading
-    for column in range(6 + memory):
-        memory_state = state[first + column - 6] if column >= 6 else 0.0
+    u, v, w, x, y, heading, bend = link.u, link.v, link.w, link.x, link.y, link.heading, link.bend
+    for column in range(PLACES + memory):
+        memory_state = state[first + column - PLACES] if column >= PLACES else 0.0
         h = _step_of(link, column, memory_state)
         for side in range(2):
             by = -h if side == 0 else h
-            if column < 6:
+            if column < PLACES:
                 _move(link, column, by)
             else:
-                state[first + column - 6] = memory_state + by
+                state[first + column - PLACES] = memory_state + by
             loads_on(links, index, index, table, False, buffers)
             for k in range(3 + memory):
                 out[k, column] = buffers.output[k] if side == 0 else (buffers.output[k] - out[k, column]) / (2.0 * h)
-            link.u, link.v, link.w, link.x, link.y, link.heading = u, v, w, x, y, heading
-            if column >= 6:
-                state[first + column - 6] = memory_state
+            link.u, link.v, link.w, link.x, link.y, link.heading, link.bend = u, v, w, x, y, heading, bend
+            if column >= PLACES:
+                state[first + column - PLACES] = memory_state
 
 
 @compiled
@@ -142,7 +146,7 @@ def record_derivative(
     for side in range(2):
         record = moved[side]
         record.u, record.v, record.w = link.u, link.v, link.w
-        record.x, record.y, record.heading = link.x, link.y, link.heading
+        record.x, record.y, record.heading, record.bend = link.x, link.y, link.heading, link.bend
     clear_shared(table.rows, right.rates)
     clear_shared(table.rows, left.rates)
     right_x, right_y, right_z = loads_on(moved, 0, index, table, False, right)

@@ -131,7 +131,8 @@ def _derivative(system: System, joints: Joints, state: FloatArray, output: Float
             if placed:
                 link.x = -(state[3] + heading_cos * x - heading_sin * y)  # of the forward frame: half a turn away
                 link.y = -(state[4] + heading_sin * x + heading_cos * y)
-                link.heading = state[5] + np.arctan2(s.real, c.real)
+                link.bend = np.arctan2(s.real, c.real)
+                link.heading = state[5] + link.bend
             load_x, load_y, load_z = loads_on(links, i, i, loads, False, LoadBuffers(output, state, out))
             fx += load_x
             fy += load_y

@@ -30,6 +30,7 @@ from mjfish.hydro.load_derivatives import (
     AT_DIRECTION,
     AT_PARAMETER,
     AT_STEP,
+    PLACES,
     LoadChanges,
     parameter_derivative,
     record_derivative,
@@ -89,8 +90,8 @@ class TangentScratch(NamedTuple):
     Attributes:
         linear: of the equation of motion.
         left_rates: (STATES + memory,) of the hidden states of loads.
-        load_jacobian: (ANSWER, 6 + MEMORY) of a stateful load.
-        link_tangents: (links, 6, k) of u, v, w, x, y, heading of the links; k = 0 where no load is stateful.
+        load_jacobian: (ANSWER, PLACES + MEMORY) of a stateful load.
+        link_tangents: (links, PLACES, k) of u, v, w, x, y, heading, bend of the links; k = 0 where no load is stateful.
         wrench: (4, k) at the nose, and torque of the tail.
         gradients: (links, 3 * PARAMETERS) of one load by its parameters.
     """
@@ -106,8 +107,8 @@ class TangentScratch(NamedTuple):
     def empty(cls, joints: int, states: int, directions: int, stateful: bool) -> TangentScratch:
         """Return scratch for a fish of so many joints and states; `stateful`: whether any load is."""
         links = joints + 1
-        moving = (links, 6, directions if stateful else 0)
-        shapes = (states, (ANSWER, 6 + MEMORY), moving, (4, directions), (links, 3 * PARAMETERS))
+        moving = (links, PLACES, directions if stateful else 0)
+        shapes = (states, (ANSWER, PLACES + MEMORY), moving, (4, directions), (links, 3 * PARAMETERS))
         return cls(Linearisation.empty(joints, states), *(np.zeros(shape) for shape in shapes))
 
 
@@ -339,6 +340,7 @@ def _write_link_tangents(
             out = scratch.link_tangents[i]
             out[0, k], out[1, k], out[2, k] = du, dv, dw
             out[3, k], out[4, k], out[5, k] = -dx, -dy, turned  # the forward frame's
+            out[6, k] = turned - tangents[5, k]
 
 
 @borrowing
@@ -365,7 +367,7 @@ def _by_stateful_loads(
             c, s, x, y = link.cos, link.sin, link.x, link.y
             for k in range(width):
                 fx, fy, mz = 0.0, 0.0, 0.0
-                for j in range(6):
+                for j in range(PLACES):
                     change = scratch.link_tangents[i, j, k]
                     fx += jacobian[0, j] * change
                     fy += jacobian[1, j] * change
@@ -374,11 +376,11 @@ def _by_stateful_loads(
                         out[first + m, k] += jacobian[3 + m, j] * change
                 for j in range(memory):
                     change = tangents[first + j, k]
-                    fx += jacobian[0, 6 + j] * change
-                    fy += jacobian[1, 6 + j] * change
-                    mz += jacobian[2, 6 + j] * change
+                    fx += jacobian[0, PLACES + j] * change
+                    fy += jacobian[1, PLACES + j] * change
+                    mz += jacobian[2, PLACES + j] * change
                     for m in range(memory):
-                        out[first + m, k] += jacobian[3 + m, 6 + j] * change
+                        out[first + m, k] += jacobian[3 + m, PLACES + j] * change
                 hx = c * fx - s * fy
                 hy = s * fx + c * fy
                 wrench[0, k] += hx

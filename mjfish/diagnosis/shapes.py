@@ -1,0 +1,67 @@
+"""Where the score of a cause is largest among its shapes: a fit that begins elsewhere may end in another minimum.
+
+At the null a shape does nothing, and no data say what it is. The score statistic T(s) of the amplitudes at shapes s says
+at which of them the cause would explain most, to first order ([Davies1977]); a sweep over a grid, one shape at a time,
+finds it.
+
+[Davies1977] R. Davies, Biometrika 64: hypothesis testing when a parameter is present only under the alternative.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mjfish.arrays import FloatArray, orthonormal, project_out
+from mjfish.diagnosis.evidence import Evidence, signatures
+from mjfish.effects.effect import Effect
+from mjfish.parameter import Parameter
+
+#: Values of a shape that are tried, and from which ratio of its bounds on they are spaced by factors.
+_VALUES, _WIDE = 7, 5.0
+#: Sweeps over all shapes, where there are several.
+_SWEEPS = 2
+
+
+def at_best_shapes(evidence: Evidence, effect: Effect) -> tuple[Evidence, dict[str, float]]:
+    """Return the evidence of one candidate at the shapes of its largest score, and these shapes by full name.
+
+    The defaults are among the values tried.
+    """
+    shapes = {p.name: p.default for p in effect.parameters if p.shape}
+    best = _scored(evidence, effect, shapes)
+    declared = [p for p in effect.parameters if p.shape]
+    for _ in range(_SWEEPS if len(declared) > 1 else 1):
+        before = dict(shapes)
+        for p in declared:
+            for value in _grid(p):
+                tried = _scored(evidence, effect, {**shapes, p.name: value})
+                if tried.statistic(effect.name) > best.statistic(effect.name):
+                    best, shapes = tried, {**shapes, p.name: value}
+        if shapes == before:
+            break
+    return best, shapes
+
+
+def _scored(evidence: Evidence, effect: Effect, shapes: dict[str, float]) -> Evidence:
+    """Return the evidence of one candidate with these shapes."""
+    problem, fit = evidence.problem, evidence.fit
+    raw = problem.whiten(signatures(problem, fit.values, (effect,), shapes))
+    projected = project_out(orthonormal(fit.jacobian[:, ~fit.at_bound]), raw)
+    return replace(
+        evidence,
+        candidates=(effect,),
+        amplitudes=(effect.amplitudes(),),
+        score=projected.T @ evidence.cleared,
+        information=projected.T @ projected,
+        raw=raw,
+        signatures=projected,
+    )
+
+
+def _grid(p: Parameter) -> FloatArray:
+    """Return the values of a shape that are tried, over its bounds."""
+    if p.low > 0.0 and p.high > _WIDE * p.low:
+        return np.geomspace(p.low, p.high, _VALUES)
+    return np.linspace(p.low, p.high, _VALUES // 2)
