@@ -16,7 +16,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.estimation.fit import Fit, fit
 from mjfish.estimation.problem import Problem
 
