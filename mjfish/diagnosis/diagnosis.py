@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.diagnosis.combinations import find_combinations, find_small_addition
 from mjfish.diagnosis.description import describe
+from mjfish.diagnosis.domain import explaining_domain
 from mjfish.diagnosis.evidence import Evidence, p_value_of
 from mjfish.diagnosis.fingerprint import fingerprint
 from mjfish.diagnosis.forms import NamedMechanism, named_mechanisms, refit_learned_forms, staying
@@ -148,6 +149,8 @@ def _diagnosed(
         decision = replace(decision, sets=tuple(refit.names for refit in retained), message=message)
 
     domain = _domain(decision, known)
+    if decision.verdict == "unexplained":
+        domain = explaining_domain(evidence, learnable)
     progress("looking at what is wrong", 0.96)
     scores = (held_out.score(None), held_out.score(best)) if held else None
     final = evidence.fit if best is None else best.fit

@@ -66,12 +66,19 @@ class Isolability:
 def isolability(evidence: Evidence, learned: Sequence[Effect] = ()) -> Isolability:
     """Return the isolability of the mechanisms of all candidates at the fit of the nominal model.
 
-    A cause that is not smooth at its null has no useful derivative there: its signature is the change of the prediction
-    by one scale of the amplitude.
-
     Args:
         evidence: of the formulas.
         learned: causes of learned form; without one, a mechanism has its formulas only.
+    """
+    effects = (*evidence.candidates, *learned)
+    raw, left = amplitude_signatures(evidence, learned)
+    return isolated(left.T @ left, np.sum(raw**2, axis=0), effects)
+
+
+def amplitude_signatures(evidence: Evidence, learned: Sequence[Effect]) -> tuple[FloatArray, FloatArray]:
+    """Return the signatures (n, d) of all amplitudes, of formulas, then of learned forms; and beyond the coefficients.
+
+    Those of a cause that is not smooth at its null are the change of the prediction by one scale of the amplitude.
     """
     problem, fit = evidence.problem, evidence.fit
     slopes = problem.whiten(signatures(problem, fit.values, learned))
@@ -81,8 +88,7 @@ def isolability(evidence: Evidence, learned: Sequence[Effect] = ()) -> Isolabili
     nominal = problem.rough.residual(fit.x) if rough else fit.residual
     for effect, block in rough:
         raw[:, block] = nominal[:, None] - _stepped(problem.rough, fit, effect)
-    left = project_out(orthonormal(fit.jacobian[:, ~fit.at_bound]), raw)
-    return isolated(left.T @ left, np.sum(raw**2, axis=0), effects)
+    return raw, project_out(orthonormal(fit.jacobian[:, ~fit.at_bound]), raw)
 
 
 def _stepped(problem: Problem, fit: Fit, effect: Effect) -> FloatArray:

@@ -327,8 +327,8 @@ def best_start(evidence: Evidence, problem: Problem, effect: Effect, formulas: I
 
     Tried are multiples of the one-step estimate and of the declared scale, with the coefficients unchanged, because a
     large effect may lie outside the range of the linearisation; the estimate with the coefficients refitted to first
-    order, both at the shapes of the largest score; and almost no effect, so that no refit is worse than none. Where an effect has a threshold, sizes just above
-    it are tried as well: its minimum may be narrow.
+    order, both at the shapes of the largest score; and almost no effect, so that no refit is worse than none. Where an
+    effect has a threshold, sizes just above it are tried as well: its minimum may be narrow.
 
     Args:
         evidence: of the model that is extended.

@@ -1,8 +1,8 @@
 """Where the score of a cause is largest among its shapes: a fit that begins elsewhere may end in another minimum.
 
-At the null a shape does nothing, and no data say what it is. The score statistic T(s) of the amplitudes at shapes s says
-at which of them the cause would explain most, to first order ([Davies1977]); a sweep over a grid, one shape at a time,
-finds it.
+At the null a shape does nothing, and no data say what it is. The score statistic T(s) of the amplitudes at shapes s
+says at which of them the cause would explain most, to first order ([Davies1977]); a sweep over a grid, one shape at a
+time, finds it.
 
 [Davies1977] R. Davies, Biometrika 64: hypothesis testing when a parameter is present only under the alternative.
 """

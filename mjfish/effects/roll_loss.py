@@ -48,9 +48,9 @@ class RollLoss(Effect):
 
     The side force F of the water leans the fish, a pendulum on its weight m g, by phi = lambda psi,
 
-        psi'' + 2 zeta omega psi' + omega^2 psi = omega^2 F / (m g),    F = sum over the links of cos beta (drag - kappa p'),
+        psi'' + 2 zeta omega psi' + omega^2 psi = omega^2 F / (m g),    F = sum of cos beta (drag - kappa p'),
 
-    with the drag across each link, its added momentum p across, of which the share kappa acts beside the axis of the
+    with the drag across every link, its added momentum p across, of which the share kappa acts beside the axis of the
     roll, and its heading beta relative to the head. With s = psi' + omega^2 sum kappa cos beta p / (m g) no p' is
     needed; psi and s are zero where a run begins. A pendulum that the side force drives at its axis has lambda = 1. The
     camera is left alone; what it reads of a rolling marker is the cause `Roll`.

@@ -87,7 +87,7 @@ class Problem:
 
     @cached_property
     def prior_root(self) -> FloatArray:
-        """Rows R (m, p) of all priors: they add |R x - `prior_mean`|^2 to the sum of squares; none: nothing is known."""
+        """Rows R (m, p) of all priors: they add |R x - `prior_mean`|^2 to the sum of squares."""
         return np.concatenate([np.zeros((0, len(self.parameters))), *map(self.prior_rows, self.priors)])
 
     @cached_property

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from mjfish.diagnosis import forms as module
-from mjfish.diagnosis.forms import named_mechanisms, staying
+from mjfish.diagnosis.evidence import DETECTED
+from mjfish.diagnosis.forms import left_by_others, named_mechanisms, staying
+from mjfish.diagnosis.refit import Refit
+from mjfish.effects import find
+from mjfish.estimation import Noise, Problem, fit
+from mjfish.fish import Fish
+from mjfish.model import Model
+from mjfish.simulation.synthetic import generate
 
 
 def _refit(name: str, gain: float, freedom: float = 1.0, *, learned: bool = False, limits: Any = ()) -> Any:
@@ -49,6 +58,7 @@ def curves(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         return ()
 
     monkeypatch.setattr(module, "curves_of", curves_of)
+    monkeypatch.setattr(module, "left_by_others", lambda _formula, _learned: DETECTED)
     return seen
 
 
@@ -70,6 +80,34 @@ def test_the_level_is_the_deepest_that_stays(
     assert (found.level, found.form, found.forms) == (level, form, stay)
     assert found.domain == "water"
     assert curves == [best if level == "form" else LEARNED]
+
+
+def test_a_formula_is_not_claimed_where_another_form_would_not_have_been_seen(
+    curves: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "left_by_others", lambda _formula, _learned: DETECTED - 0.1)
+    power = _refit("power", 118.0)
+    (found,) = named_mechanisms(power, [power], LEARNED, None, clean=True)  # type: ignore[arg-type]
+    assert (found.level, found.form, found.forms) == ("mechanism", "power", ("power",))
+    assert curves == [LEARNED]
+
+
+def test_what_other_forms_leave_grows_with_the_strength(pike: Fish) -> None:
+    """A weak power of the speed may be any curve; a strong one is that power."""
+    noise, left = np.array([0.004, 0.004, 0.03]), []
+    for power in (0.003, 0.4):
+        truth = {"power_drag.friction": power, "power_drag.pressure": power}
+        data = generate(pike, ["v1", "v3-t2"], values=truth, effects=[find("power_drag")], noise=noise, duration=6.0)
+        problem = Problem(Model(pike), data.trials, Noise.white(noise), jobs=1)
+        nominal, refits = fit(problem), []
+        for name in ("power_drag", "drag_law"):
+            effect = find(name).for_fish(pike) or find(name)
+            wide = replace(problem, model=problem.model.extended(effect))
+            found = fit(wide, wide.start({**nominal.values, "power_drag.pressure": power}))
+            refits.append(Refit((effect,), wide, found, nominal.sse - found.sse))
+        left.append(left_by_others(*refits) / refits[0].gain)
+        assert (left_by_others(*refits) >= DETECTED) == (power > 0.1)
+    assert 0.0 < left[0] < 1.0
 
 
 def test_two_causes_of_one_mechanism_are_one_mechanism(curves: list[Any]) -> None:

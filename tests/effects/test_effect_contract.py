@@ -45,6 +45,7 @@ SHIPPED = {
     "reactive_force",
     "reynolds_drag",
     "roll",
+    "roll_law",
     "roll_loss",
     "section_height",
     "servo_backlash",

@@ -33,8 +33,10 @@ def effect(pike: Fish) -> Effect:
 
 
 def _side_forces(fish: Fish, rollout: Rollout) -> tuple[FloatArray, FloatArray]:
-    """Return what drag and added momentum across are, summed over the links, (n,) each, from 600 strips a link."""
+    """Return what drag and added momentum are across the head, summed over the links, (n,), of 600 strips a link."""
     velocity = link_velocities(fish, rollout)
+    angle = np.concatenate([rollout.motion.angle[:, 0], rollout.motion.angle[-1:, 2]])[: len(velocity)]
+    bend = np.concatenate([np.zeros((len(angle), 1)), np.cumsum(angle, axis=1)], axis=1)
     pushed, momentum = np.zeros((2, len(velocity)))
     for i, (link, outline) in enumerate(zip(fish.links, outlines(fish), strict=True)):
         v, w = velocity[:, i, 1], velocity[:, i, 2]
@@ -42,8 +44,9 @@ def _side_forces(fish: Fish, rollout: Rollout) -> tuple[FloatArray, FloatArray]:
         r, dr = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
         h = np.interp(r, link.length * (np.arange(129) / 128) ** 2, outline.node_height)
         q = v[:, None] + w[:, None] * r
-        pushed -= 0.5 * 1000.0 * VALUES[f"c_d.{link.group}"] * np.sum(h * np.abs(q) * q * dr, axis=1)
-        momentum += VALUES[f"c_m.{link.group}"] * 1000.0 * np.pi / 4.0 * np.sum(h**2 * q * dr, axis=1)
+        aside = 1000.0 * np.cos(bend[:, i])
+        pushed -= 0.5 * aside * VALUES[f"c_d.{link.group}"] * np.sum(h * np.abs(q) * q * dr, axis=1)
+        momentum += VALUES[f"c_m.{link.group}"] * aside * np.pi / 4.0 * np.sum(h**2 * q * dr, axis=1)
     return pushed, momentum
 
 
@@ -90,7 +93,7 @@ def _call(fish: Fish, state: tuple[float, float, float], lean: float, square: fl
     """Return what the load adds to the third link, and the drag that it has there."""
     records = moving(fish, state)
     assert RollLoss.load is not None
-    table = load_rows([(RollLoss.load, (square, OMEGA, ZETA, KAPPA, 50.0))], 5)
+    table = load_rows([(RollLoss.load, (square, OMEGA, ZETA, KAPPA, 0.0, 0.0, 50.0))], 5)
     buffers = LoadBuffers(np.zeros(ANSWER), np.array([lean, 0.7]), np.zeros(2))
     return np.array(loads_on(records, 2, 2, table, False, buffers)), np.array(drag(records[2]))
 
@@ -113,12 +116,13 @@ def test_at_its_null_nothing_is_lost_however_it_leans(pike: Fish) -> None:
 
 def test_it_leans_by_the_weight_of_its_fish(pike: Fish, effect: Effect, straight: Trial) -> None:
     """Links twice as heavy are another weight; the catalogue's own is no fish's."""
-    (weight,) = effect.constants(straight)
+    *others, weight = effect.constants(straight)
+    assert others == [0.0, 0.0]
     assert weight == pytest.approx(9.81 * sum(link.mass for link in pike.links))
     heavy = pike.model_copy(update={"links": tuple(l.model_copy(update={"mass": 2.0 * l.mass}) for l in pike.links)})  # noqa: E741
     other = RollLoss().for_fish(heavy)
     assert other is not None
-    assert other.constants(straight) == pytest.approx((2.0 * weight,))
+    assert other.constants(straight)[-1] == pytest.approx(2.0 * weight)
 
 
 @pytest.mark.parametrize("short", ["square", "frequency", "damping", "inertial"])

@@ -11,7 +11,7 @@ from linear_problem import Linear, linear, names
 from mjfish.arrays import FloatArray
 from mjfish.estimation import fit
 from mjfish.estimation.smoothness import effective_degrees_of_freedom, learned_sds, smoothed
-from mjfish.prior import Prior, smooth_curve
+from mjfish.prior import Prior, about, smooth_curve
 
 COUNT, DRAWS = 12, 20
 
@@ -98,6 +98,29 @@ def test_effective_degrees_of_freedom_are_the_shares_that_the_data_determine() -
     assert 0.0 < found[0] < 1e-5
     assert found[2] == pytest.approx(2.5)
     assert found[-1] == pytest.approx(5.0, abs=1e-6)
+
+
+def test_numbers_that_a_coefficient_can_stand_for_count_no_more_for_it() -> None:
+    """Columns that a free one nearly spans: the diagonal of (J'J + S)^-1 J'J is large and negative there."""
+    rng = np.random.default_rng(8)
+    design = rng.normal(size=(40, 6))
+    design[:, 0] = 1e3 * (design[:, 1:].sum(axis=1) + 1e-3 * design[:, 0])
+    posed = linear(design, rng.normal(size=40), (Prior("tight", names(6)[1:], np.diff(np.eye(5), axis=0), 1e-3),))
+    freedom = effective_degrees_of_freedom(posed, fit(posed), names(6)[1:])
+    assert freedom == pytest.approx(1.0, abs=0.01)  # their mean alone
+
+
+def test_a_prior_with_a_mean_learns_the_same_sd() -> None:
+    """A number that is known beforehand draws the curve; its pull is no curvature."""
+    rng = np.random.default_rng(9)
+    truth = 0.5 * rng.normal(size=COUNT)
+    shifted = (_size(0.5), about("known", ("toy.p0",), 3.0, 1e-3))
+    design = rng.normal(size=(60, COUNT))
+    noise = rng.normal(size=60)
+    truth[0] = 3.0
+    sds = learned_sds(posed := linear(design, design @ truth + noise, shifted), fit(posed))
+    values, count = np.delete(fit(posed).x, 0), COUNT - 1
+    assert sds["size"] == pytest.approx(np.sqrt((np.sum(values**2) + 9.0) / (count + 1)), rel=0.2)
 
 
 def test_effective_degrees_of_freedom_are_of_the_named_parameters_alone() -> None:

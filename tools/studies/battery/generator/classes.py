@@ -125,7 +125,6 @@ GAUGES = (
 )
 #: Off it; walls too, for the datasets do not say where the tank ends.
 OFF_LIST = (
-    Cause("cubic_drag", _one("cubic_drag.size", 0.1), 0.0, 50.0, listed=False),
     Cause("tether", _tether, 0.0, 200.0, listed=False, shapes=("tether.x", "tether.y"), needs_pose=True),
     Cause("fading_battery", _one("fading_battery.rate", 5e-5), 0.0, 100.0, listed=False),
     Cause("frequency_gain", _one("frequency_gain.size", 0.01), 0.0, 50.0, listed=False),

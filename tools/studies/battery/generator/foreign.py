@@ -54,6 +54,11 @@ def _whole_speed_power(rng: np.random.Generator) -> dict[str, float]:
     return {"whole_speed_power.friction": 0.2 * sign * share, "whole_speed_power.pressure": 0.2 * sign * (1.0 - share)}
 
 
+def _cubic_drag(rng: np.random.Generator) -> dict[str, float]:
+    del rng
+    return {"cubic_drag.size": 0.1}
+
+
 def _drag_crisis(rng: np.random.Generator) -> dict[str, float]:
     return {
         "drag_crisis.size": 0.3,
@@ -158,6 +163,7 @@ BY_MECHANISM: Mapping[str, tuple[Cause, ...]] = {
         _form("random_drag", _random_drag, 0.0, 12.0),
         _form("reynolds_decay", _reynolds_decay, 0.0, 25.0, ("exponential_drag",), "number"),
         _form("whole_speed_power", _whole_speed_power, 0.0, 4.5),
+        _form("cubic_drag", _cubic_drag, 0.0, 50.0),
         _form("drag_crisis", _drag_crisis, 0.0, 12.0, (), "share across along width"),
     ),
     "lift": (
