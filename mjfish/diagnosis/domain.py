@@ -1,8 +1,8 @@
 """The domain of something that no cause explains: data, drive, body, water, or out of the plane.
 
 The basis of a domain is what the amplitudes of all its causes, of formulas and of learned forms, do to the prediction to
-first order, beyond the coefficients. With the cleared residual z, the projector M_D off such a basis, and the span of
-all bases and of the omnibus basis, of rank r behind it,
+first order, beyond the coefficients. With the cleared residual z, the projector M_D off such a basis, the span P of
+all bases and of the omnibus basis, and its rank r behind the one,
 
     what a domain leaves = |P M_D z|^2 - r
 
@@ -23,6 +23,9 @@ from mjfish.diagnosis.isolability import amplitude_signatures
 from mjfish.diagnosis.select import LEFT, RESEMBLES
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import Domain
+
+#: Share of a column's energy below which what is left of it is rounding.
+_ROUNDING = 1e-9
 
 
 def explaining_domain(evidence: Evidence, learned: Sequence[Effect]) -> Domain | None:
@@ -49,8 +52,8 @@ def explaining_domain(evidence: Evidence, learned: Sequence[Effect]) -> Domain |
 
 def _excess(every: FloatArray, basis: FloatArray, cleared: FloatArray) -> float:
     """Return what the span of all columns explains beyond chance of a residual, behind a basis."""
-    taken = orthonormal(basis)
-    rest = orthonormal(project_out(taken, every))
+    beyond = project_out(orthonormal(basis), every)
+    rest = orthonormal(beyond[:, np.sum(beyond**2, axis=0) > _ROUNDING * np.sum(every**2, axis=0)])
     return float(np.sum((rest.T @ cleared) ** 2)) - rest.shape[1]
 
 
