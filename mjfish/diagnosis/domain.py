@@ -1,7 +1,7 @@
 """The domain of something that no cause explains: data, drive, body, water, or out of the plane.
 
-The basis of a domain is what the amplitudes of all its causes, of formulas and of learned forms, do to the prediction to
-first order, beyond the coefficients. With the cleared residual z, the projector M_D off such a basis, the span P of
+The basis of a domain is what the amplitudes of all its causes, of formulas and of learned forms, do to the prediction
+to first order, beyond the coefficients. With the cleared residual z, the projector M_D off such a basis, the span P of
 all bases and of the omnibus basis, and its rank r behind the one,
 
     what a domain leaves = |P M_D z|^2 - r
