@@ -85,9 +85,14 @@ class Load:
     gradient: int = 0
 
     @property
+    def placed(self) -> bool:
+        """Whether it reads the place of the link or its heading."""
+        return not self.fields.isdisjoint(("x", "y", "heading"))
+
+    @property
     def stateful(self) -> bool:
         """Whether its force depends on more of the motion than the velocity of the link: on its place, or its past."""
-        return self.memory > 0 or not self.fields.isdisjoint(("x", "y", "heading"))
+        return self.memory > 0 or self.placed
 
     @functools.cached_property
     def reads(self) -> BoolArray:
@@ -185,10 +190,10 @@ def load_table(loads: Sequence[tuple[Load, Sequence[float]]]) -> tuple[Any, Floa
     """Return addresses (k,) uint64 and parameters (k, PARAMETERS) of loads with their parameters, for `apply_loads`.
 
     Raises:
-        InputError: a load has a memory, or reads where the link is: only the standalone engine knows of that.
+        InputError: a load has a memory, or reads where the link is, which is more than `apply_loads` knows.
     """
     if any(load_.stateful for load_, _ in loads):
-        raise InputError("a load that has a memory or reads the place of its link runs in the standalone engine only")
+        raise InputError("a load has a memory or reads the place of its link, expected none such; use load_rows")
     addresses, rows = load_rows(loads)
     return addresses, np.ascontiguousarray(rows[:, :PARAMETERS])
 

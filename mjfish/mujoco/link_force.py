@@ -16,7 +16,7 @@ from numba import carray
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, merged
-from mjfish.hydro.load import apply_loads
+from mjfish.hydro.load import ANSWER, LoadBuffers, loads_on
 from mjfish.hydro.spatial_force import added_momentum, spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.mujoco.layout import floats, integers
 
@@ -157,14 +157,32 @@ def fill_non_inertial(model: Any, data: Any, link: Any, frame: FloatArray, wrenc
 
 
 @compiled
-def add_loads(model: Any, data: Any, water: Any, index: int, frame: FloatArray, wrench: FloatArray) -> None:
-    """Add to `wrench` (6,) the loads on a link: they see its motion in its plane of x and y, and push in it."""
+def add_loads(
+    model: Any, data: Any, water: Any, index: int, frame: FloatArray, rates: FloatArray, wrench: FloatArray
+) -> None:
+    """Add to `wrench` (6,) the loads on a link: they see its motion in its plane of x and y, and push in it.
+
+    Args:
+        model, data: records of MuJoCo's structs.
+        water: `mjfish.mujoco.block.Water`.
+        index: of the link; the first link comes first, where hidden states are shared.
+        frame: (FRAME,) of its strips.
+        rates: (states,) of the hidden states, written.
+        wrench: added to.
+    """
     velocity, spin = relative_velocity(model, data, water.links[index], frame)
     seen = water.planes[index : index + 1].copy()  # several threads may step copies of one model
     seen[0].u = velocity[0]
     seen[0].v = velocity[1]
     seen[0].w = spin[2]
-    fx, fy, mz = apply_loads(seen, 0, water.loads, water.parameters, np.empty(3))
+    if water.placed:
+        origin = plus(triple(frame, 9), tree_center(model, data, int(water.links[index].body)))
+        seen[0].x = origin[0]
+        seen[0].y = origin[1]
+        seen[0].heading = np.arctan2(-frame[1], -frame[0])  # ahead is against the strips' x
+    state = carray(floats(data.act + 8 * water.activation), water.states)
+    buffers = LoadBuffers(np.empty(ANSWER), state, rates)
+    fx, fy, mz = loads_on(seen, 0, index, water.loads, False, buffers)
     wrench[0] += fx
     wrench[1] += fy
     wrench[5] += mz
