@@ -88,4 +88,3 @@ class KeuleganCarpenterDrag(Effect):
     calibration: ClassVar[Calibration | None] = TOW_TEST
     resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
     load: ClassVar[Load | None] = _excess
-    mujoco: ClassVar[bool] = False

@@ -74,11 +74,13 @@ def test_fish_without_cpg_is_refused(pike: Fish) -> None:
         crosscheck.check(pike.model_copy(update={"cpg": None}), "v1")
 
 
-def test_an_effect_that_mujoco_cannot_have_is_named(pike: Fish) -> None:
-    """Catches a refusal that speaks of a load and not of the cause."""
-    model = Model(pike, (find("wall_effect"),))
-    with pytest.raises(InputError, match="wall_effect: exists in the ODE only"):
-        crosscheck.check(Extended(model, {"wall_effect.size": 1.0}), "v1")
+def test_an_effect_that_the_run_cannot_have_is_named(pike: Fish) -> None:
+    """Catches engines that agree because the run of a mode has no walls."""
+    one = Extended(Model(pike, (find("wall_effect"),)), {"wall_effect.size": 1.0})
+    with pytest.raises(InputError, match="wall_effect: the walls are not known"):
+        crosscheck.check(one, "v1")
+    with pytest.raises(InputError, match="wall_effect: the walls are not known"):
+        list(crosscheck.check_all(one))
 
 
 @load
