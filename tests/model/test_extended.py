@@ -165,7 +165,7 @@ def test_a_load_that_one_engine_lacks_is_seen(pike: Fish, name: str, monkeypatch
     "names",
     [
         ("reynolds_drag", "linear_drag", "fin_lift", "munk_moment", "tail_compliance", "servo_lag"),
-        ("wake_memory", "roll_loss", "sheared_current"),
+        ("wake_memory", "sheared_current"),
     ],
 )
 def test_prescribed_joints_agree_with_loads_at_the_order_of_every_integrator(pike: Fish, names: tuple[str, ...]) -> None:
