@@ -33,6 +33,7 @@ from mjfish.mujoco.link_force import (
     fill_accelerations,
     fill_frame,
     fill_non_inertial,
+    load_scratch,
     take_inertial,
     to_world,
 )
@@ -58,6 +59,7 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
     wrench = np.empty((n, 6))  # f - A b of each link, in its strips' frame
     pushed = np.zeros((n, 6))  # by loads
     rates = carray(floats(data.ctrl + 8 * water.control), water.states)  # of hidden states: see mjfish.mujoco.memory
+    scratch = load_scratch(data, water, rates)
     spatial = np.empty(6)
     acceleration = np.empty((c, 6))
     composite = np.zeros((c, 36))
@@ -68,7 +70,7 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
         fill_frame(model, data, link, frame[i])
         fill_non_inertial(model, data, link, frame[i], wrench[i])
         if water.loads.addresses.shape[0] > 0:
-            add_loads(model, data, water, i, frame[i], rates, pushed[i])
+            add_loads(model, data, water, i, frame[i], scratch, pushed[i])
             wrench[i] += pushed[i]
         take_inertial(model, data, link, frame[i], acceleration[carrier], wrench[i])
         add_added_inertia(link, frame[i], composite[carrier])

@@ -27,6 +27,7 @@ from mjfish.mujoco.link_force import (
     add_wrench,
     fill_accelerations,
     fill_frame,
+    load_scratch,
     non_inertial,
     take_inertial,
     to_world,
@@ -244,7 +245,7 @@ def _fill_parts(model_address: int, data_address: int, block_address: int, parts
     acceleration = np.empty((water.carriers.shape[0], 6))
     fill_accelerations(data, water.carriers, carray(floats(data.qacc), model.nv), acceleration)
     frame = np.empty(FRAME)
-    rates = np.empty(water.states)
+    scratch = load_scratch(data, water, np.empty(water.states))
     spatial = np.empty(6)
     for i in range(water.links.shape[0]):
         link = water.links[i]
@@ -257,7 +258,7 @@ def _fill_parts(model_address: int, data_address: int, block_address: int, parts
         wrench[2, 3:] = np.array(munk)
         wrench[3] = np.array(lift)
         if water.loads.addresses.shape[0] > 0:
-            add_loads(model, data, water, i, frame, rates, wrench[4])
+            add_loads(model, data, water, i, frame, scratch, wrench[4])
         for part in range(len(PARTS)):
             to_world(wrench[part], frame, spatial)
             add_wrench(model, data, int(link.body), spatial, parts[part, i])
