@@ -155,8 +155,9 @@ def records(links: Sequence[StripLink], density: float) -> RecordArray:
         for field in SPATIAL.names or ():
             if hasattr(integrals, field):
                 record[field] = getattr(integrals, field)
-        for field in ("length", "c_m", "c_d", "c_f", "roll_damping", "origin"):
+        for field in ("length", "c_m", "c_f", "roll_damping", "origin"):
             record[field] = getattr(link, field)
+        record["c_d"] = link.drag_coefficient
         record["munk"] = link.munk_moment
         record["density"] = density
         record["turn"] = link.frame.ravel()

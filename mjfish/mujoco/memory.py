@@ -41,9 +41,11 @@ def make_room(spec: mujoco.MjSpec, states: int) -> None:
         states: number of hidden states, see `mjfish.hydro.load.memory_of`.
     """
     for number in range(1, states + 1):
+        joint = spec.joints[0]
+        joint.name = joint.name or f"{PREFIX}joint"  # actuators name what they act on
         actuator = spec.add_actuator(
             name=f"{PREFIX}{number}",
-            target=spec.joints[0].name,
+            target=joint.name,
             trntype=mujoco.mjtTrn.mjTRN_JOINT,
             dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR,
             gaintype=mujoco.mjtGain.mjGAIN_FIXED,
@@ -62,7 +64,7 @@ def room_in(model: mujoco.MjModel, states: int) -> Room:
     """
     ids = [i for i in range(model.nu) if model.actuator(i).name.startswith(PREFIX)] if states else []
     if len(ids) < states:
-        joint = model.joint(0).name if model.njnt else "JOINT"
+        joint = next(filter(None, (model.joint(j).name for j in range(model.njnt))), "JOINT")
         raise InputError(
             f"actuators: found {len(ids)} named '{PREFIX}1' and so on, expected {states}, one for each hidden state of "
             f'the loads; add <general name="{PREFIX}1" joint="{joint}" dyntype="integrator" gainprm="0"/> and so on to '
