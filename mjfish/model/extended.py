@@ -15,7 +15,7 @@ from mjfish.data import Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import catalogue, of_fish
 from mjfish.effects.effect import Effect, Values
-from mjfish.errors import InputError, UnknownNameError, located
+from mjfish.errors import UnknownNameError, located
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model.model import LoadsOfRun, Model, active_effects, loads_of
 from mjfish.tomlfile import Table

@@ -147,8 +147,8 @@ class StripFluid:
             )
         self.density = float(density)
         _check_loads(loads)
-        self._states = memory_of(loads, len(self.links))
-        room = room_in(model, self._states)
+        room = room_in(model, memory_of(loads, len(self.links)))
+        self._states: int = room.states
         servos = room.control if room.states else model.nu
         if commanded and model.nuserdata != 1 + 3 * servos:
             raise InputError(f"userdata has {model.nuserdata} numbers, expected {1 + 3 * servos} for the commands")

@@ -39,8 +39,8 @@ _MODEL_FIELDS = (
     "opt.integrator", "opt.disableflags", "body_rootid", "dof_parentid", "M_rownnz", "M_rowadr", "M_colind",
 )  # fmt: skip
 _DATA_FIELDS = (
-    "time", "nefc", "qvel", "qacc", "qacc_smooth", "ctrl", "act", "userdata", "M", "cdof", "cdof_dot", "cvel", "xpos", "xmat",
-    "xipos", "subtree_com", "qfrc_bias", "qfrc_passive", "qfrc_actuator", "qfrc_applied", "xfrc_applied",
+    "time", "nefc", "qvel", "qacc", "qacc_smooth", "ctrl", "act", "userdata", "M", "cdof", "cdof_dot", "cvel", "xpos",
+    "xmat", "xipos", "subtree_com", "qfrc_bias", "qfrc_passive", "qfrc_actuator", "qfrc_applied", "xfrc_applied",
 )  # fmt: skip
 
 

@@ -95,8 +95,8 @@ class StripLink(Table):
         c_f: skin friction along the link.
         munk_moment: share of the Munk moment: 0 Morison, 1 Kirchhoff.
         roll_damping: drag in roll, of that of a turning plate.
-        kc: Keulegan-Carpenter number KC = 2 pi A / h, above 0, of a link that beats to the side with amplitude A: c_d is
-            that of KC = 3, and the drag has c_d (KC / 3)^-n, `drag_coefficient`. Absent: the drag has c_d.
+        kc: Keulegan-Carpenter number KC = 2 pi A / h, above 0, of a link that beats to the side with amplitude A: c_d
+            is that of KC = 3, and the drag has c_d (KC / 3)^-n, `drag_coefficient`. Absent: the drag has c_d.
         kc_power: n; plates across the flow have c_d = 8 KC^(-1/3) (Graham, J. Fluid Mech. 97 (1980)).
         volume: displaced [m3]; absent: that of the sections.
         buoyancy_center: in the body's frame [m]; absent: that of the sections.

@@ -168,7 +168,9 @@ def test_a_load_that_one_engine_lacks_is_seen(pike: Fish, name: str, monkeypatch
         ("wake_memory", "sheared_current"),
     ],
 )
-def test_prescribed_joints_agree_with_loads_at_the_order_of_every_integrator(pike: Fish, names: tuple[str, ...]) -> None:
+def test_prescribed_joints_agree_with_loads_at_the_order_of_every_integrator(
+    pike: Fish, names: tuple[str, ...]
+) -> None:
     """Both couplings and every integrator of MuJoCo: with a Munk moment and an elastic tail; with place and memory."""
     rows = list(crosscheck.check_all(_of(pike, *names), cases=(crosscheck.CASES[0],), duration=1.0))
     assert [row.status for row in rows] == ["agrees"] * len(crosscheck.ENGINES)
