@@ -178,7 +178,8 @@ class StripFluid:
         Blocks may be nested and overlap. A control callback of your own that was installed before is called first;
         afterwards all is as it was. Do not install one inside the block: it would replace the water. Behind the last
         block the force of the water is taken out of every mjData again: on its bodies, `xfrc_applied` is what it was
-        before. `mujoco.batch` copies that field into arrays of its own: set ``batch.xfrc_applied[:] = 0`` there.
+        before, and the rates of hidden states in `ctrl` are zero. `mujoco.batch` copies these fields into arrays of its
+        own: set ``batch.xfrc_applied[:] = 0`` there, and the rates.
 
         Raises:
             InputError: the model was changed so that the force would now be wrong, or given other water.
@@ -218,15 +219,12 @@ class StripFluid:
 
     def state(self, data: mujoco.MjData) -> State:
         """Return whether a run has diverged: no numbers or huge ones in the state or its rate."""
-        warned = [
-            data.warning[kind].number
-            for kind in (
-                mujoco.mjtWarning.mjWARN_BADQPOS,
-                mujoco.mjtWarning.mjWARN_BADQVEL,
-                mujoco.mjtWarning.mjWARN_BADQACC,
-            )
-        ]
-        if not any(warned) and all(np.all(np.isfinite(part)) for part in (data.qpos, data.qvel, data.qacc)):
+        kinds = mujoco.mjtWarning
+        bad = [kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC]
+        if self._states:  # rates of hidden states stand in ctrl
+            bad.append(kinds.mjWARN_BADCTRL)
+        warned = any(data.warning[kind].number for kind in bad)
+        if not warned and all(np.all(np.isfinite(part)) for part in (data.qpos, data.qvel, data.qacc)):
             return State("ok", "")
         return State(
             "diverged",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import mujoco
+import mujoco.batch
 import mujoco.rollout
 import numpy as np
 import pytest
@@ -141,7 +142,7 @@ def test_a_load_reads_the_place_of_its_strips_and_the_heading_against_them() -> 
 
 
 def test_hidden_states_are_saved_copied_and_reset_with_the_state() -> None:
-    """A run goes on from a saved state to the last bit, in another mjData and in threads; a reset forgets."""
+    """A run goes on from a saved state to the last bit, in another mjData, in threads and batches; a reset forgets."""
     fluid = wet(TREE, tree_links(), ALL)
     model, data = fluid.model, stirred(fluid.model)
     with fluid.installed():
@@ -154,9 +155,14 @@ def test_hidden_states_are_saved_copied_and_reset_with_the_state() -> None:
             mujoco.mj_step(model, one, nstep=30)
         with mujoco.rollout.Rollout(nthread=2) as pool:
             states, _ = pool.rollout(model, [mujoco.MjData(model) for _ in range(2)], np.tile(saved, (4, 1)), ctrl)
+        batch, start = mujoco.batch.Batch(model, nsim=3, nthread=2), stirred(model)
+        for field in ("qpos", "qvel", "ctrl"):
+            batch.bind(field)[:] = getattr(start, field)
+        batched = batch.rollout(50, record=[kind := mujoco.mjtState.mjSTATE_FULLPHYSICS])[kind]
     ended = full_state(model, data)
     np.testing.assert_array_equal(full_state(model, copied), ended)
     np.testing.assert_array_equal(states[:, -1], np.tile(ended, (4, 1)))
+    np.testing.assert_array_equal(batched[:, -1], np.tile(ended, (3, 1)))
     mujoco.mj_resetData(model, data)
     np.testing.assert_array_equal(data.act, 0.0)
 
@@ -183,6 +189,23 @@ def test_outside_the_block_hidden_states_stand_still() -> None:
     assert data.act[0] == reached > 0.01
 
 
+@load(memory=1)
+def exploding(link: Any, parameters: Any) -> tuple[float, ...]:
+    """A state that pushes nothing and grows without bound."""
+    return 0.0, 0.0, 0.0, 1e4 * (1.0 + link.memory[0])
+
+
+def test_a_hidden_state_that_diverges_is_seen() -> None:
+    """MuJoCo sets all of ctrl to zero then, and the motion itself stays one of numbers."""
+    fluid = wet(PLATE, [PLATE_LINK], ((exploding, ()),))
+    data = mujoco.MjData(fluid.model)
+    with fluid.installed():
+        mujoco.mj_step(fluid.model, data)
+        assert fluid.state(data).status == "ok"
+        mujoco.mj_step(fluid.model, data, nstep=20)
+    assert fluid.state(data).status == "diverged"
+
+
 def test_linear_models_hold_the_hidden_states() -> None:
     """mjd_transitionFD: the lag of a state, and what it does to the plate, in the matrix."""
     fluid = wet(PLATE, [PLATE_LINK], ((late, (3.0,)),), "Euler")
@@ -193,18 +216,6 @@ def test_linear_models_hold_the_hidden_states() -> None:
     h = model.opt.timestep
     np.testing.assert_allclose(matrix[2], [0.0, -h / TAU, 1.0 - h / TAU], atol=1e-8)
     assert matrix[1, 2] > 1e-4
-
-
-def test_a_tag_on_a_model_with_other_actuators_spoils_the_step() -> None:
-    """It would read and write activations that are not there."""
-    fluid = wet(PLATE, [PLATE_LINK], ((late, (3.0,)),))
-    other = mujoco.MjModel.from_xml_string(PLATE)
-    other.opt.o_solimp[:] = fluid.model.opt.o_solimp
-    other.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    data = mujoco.MjData(other)
-    with fluid.installed():
-        mujoco.mj_forward(other, data)
-    assert np.isnan(data.qacc).all()
 
 
 def _plate(*actuators: str, flags: str = "") -> mujoco.MjModel:
@@ -235,6 +246,19 @@ ROOMS: dict[str, tuple[mujoco.MjModel, str]] = {
         "memory/2' is disabled",
     ),
 }
+
+
+@pytest.mark.parametrize("actuators", [("servo",), ("servo", "room")])
+def test_a_tag_on_a_model_with_other_actuators_spoils_the_step(actuators: tuple[str, ...]) -> None:
+    """It would read activations that are not there, or write rates into the command of a servo."""
+    fluid = wet(PLATE, [PLATE_LINK], ((late, (3.0,)),))
+    other = _plate(*({"servo": SERVO, "room": _room(1)}[kind] for kind in actuators))
+    other.opt.o_solimp[:] = fluid.model.opt.o_solimp
+    other.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    data = mujoco.MjData(other)
+    with fluid.installed():
+        mujoco.mj_forward(other, data)
+    assert np.isnan(data.qacc).all()
 
 
 @pytest.mark.parametrize("name", ROOMS)
