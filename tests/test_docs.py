@@ -19,6 +19,7 @@ import mjfish
 from mjfish.cli import console
 from mjfish.data import Dataset, load_dataset
 from mjfish.diagnosis import Diagnosis
+from mjfish.hydro.load import load
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
@@ -237,12 +238,20 @@ def test_plug_in_page_describes_one_plate_in_three_ways(tmp_path: Path) -> None:
     by_mjcf = StripFluid(spec.compile())
     assert by_toml.links == by_mjcf.links == by_python.links
     assert by_toml.density == by_mjcf.density == by_python.density
-    custom, outline = blocks(page, "xml")
+    custom, outline, room = blocks(page, "xml")
     lines = {line.strip() for line in scene.read_text().splitlines()}
     assert {line.strip() for line in custom.splitlines()} <= lines
     bodies = '<body name="head"><freejoint/><geom size=".1"/><body name="tail"><joint/><geom size=".1"/></body></body>'
     fish = StripFluid(mujoco.MjModel.from_xml_string(f"<mujoco>{outline}<worldbody>{bodies}</worldbody></mujoco>"))
     assert [(link.body, link.start, len(link.sections)) for link in fish.links] == [("head", 0.0, 2), ("tail", 0.3, 2)]
+    named_joint = bodies.replace("<joint/>", '<joint name="tail"/>')
+    water = f"<mujoco>{outline}<worldbody>{named_joint}</worldbody>{room}</mujoco>"
+    assert StripFluid(mujoco.MjModel.from_xml_string(water), loads=[(_remembering, [])]).model.na == 2
+
+
+@load(memory=1)
+def _remembering(link: Any, parameters: Any) -> tuple[float, ...]:
+    return 0.0, 0.0, 0.0, link.u
 
 
 @pytest.mark.slow

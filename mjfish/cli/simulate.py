@@ -106,7 +106,6 @@ def check(
     from mjfish.serialise import fields_of
 
     extended_fish = extended.load(fish, catalogue(tuple(effects or ())))
-    extended_fish.check_mujoco()
     console.say(*extended_fish.described())
     names = tuple(mode or (() if all_ else CHECKED))
     for name in names:

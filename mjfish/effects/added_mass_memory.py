@@ -45,4 +45,3 @@ class AddedMassMemory(Effect):
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
     resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
     load: ClassVar[Load | None] = _late
-    mujoco: ClassVar[bool] = False

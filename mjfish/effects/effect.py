@@ -73,7 +73,6 @@ class Effect(ABC):
         smooth: whether predictions are differentiable in its amplitudes at the null value; else it is always refitted.
         least: share of its scale that an amplitude which cannot be negative keeps from zero in a refit.
         load: force on every link from outside the Morison model, compiled; its parameters come in declared order.
-        mujoco: whether MuJoCo's fish can have it too; not where its load reads what only the ODE's records hold.
 
     Example:
         A cause in a file of your own has the same form as those of the catalogue.
@@ -107,7 +106,6 @@ class Effect(ABC):
     smooth: ClassVar[bool] = True
     least: ClassVar[float] = 0.002
     load: ClassVar[Load | None] = None
-    mujoco: ClassVar[bool] = True
 
     def __init_subclass__(cls) -> None:
         """Let a cause that names no mechanism be one by itself."""

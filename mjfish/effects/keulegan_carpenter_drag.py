@@ -10,11 +10,10 @@ from mjfish.compiled import inlined
 from mjfish.effects.calibration import TOW_TEST, Calibration
 from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.effects.mechanism import Domain
+from mjfish.hydro.force import KC_0
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
 
-#: KC at which c_d is the fish's: of the beating tail of a fish it is about that.
-KC_0 = 3.0
 #: KC of a strip that has not moved yet: a power below zero has no value at zero, and a run begins at rest.
 KC_FLOOR = 0.3
 #: Time in which an amplitude is forgotten [s]. Some beats, so that it is one number over a beat: at 2 Hz the ripple of
@@ -88,4 +87,3 @@ class KeuleganCarpenterDrag(Effect):
     calibration: ClassVar[Calibration | None] = TOW_TEST
     resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
     load: ClassVar[Load | None] = _excess
-    mujoco: ClassVar[bool] = False

@@ -76,7 +76,6 @@ class RollLoss(Effect):
     confirm: ClassVar[str] = "film the fish from ahead, or log its roll with an inertial sensor"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
     load: ClassVar[Load | None] = lost
-    mujoco: ClassVar[bool] = False
     weight: ClassVar[float] = 10.0  # [N]
 
     @classmethod

@@ -94,7 +94,6 @@ class ShearedCurrent(AmbientCurrent):
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=None, part="everywhere")
     limits: ClassVar[tuple[str, ...]] = ("ambient_current",)
     load: ClassVar[Load | None] = _sheared
-    mujoco: ClassVar[bool] = False
     length: ClassVar[float] = 0.6  # of the fish [m]
 
     @classmethod

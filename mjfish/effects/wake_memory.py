@@ -49,4 +49,3 @@ class WakeMemory(Effect):
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
     resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
     load: ClassVar[Load | None] = _late
-    mujoco: ClassVar[bool] = False

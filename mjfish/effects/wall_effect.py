@@ -54,7 +54,6 @@ class WallEffect(Effect):
     confirm: ClassVar[str] = "swim the same run once along the middle line and once along a wall"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=None, part=None)
     load: ClassVar[Load | None] = _more
-    mujoco: ClassVar[bool] = False
 
     def not_applicable(self, dataset: Dataset) -> str:
         """The distance to a wall needs the tank and where in it each run began."""

@@ -25,6 +25,8 @@ from mjfish.compiled import borrowing, inlined, merged
 from mjfish.hydro.outline import INTERVALS
 
 Six = tuple[float, float, float, float, float, float]
+#: Keulegan-Carpenter number at which c_d is the one given: of the beating tail of a fish it is about that.
+KC_0 = 3.0
 #: Imaginary part of a complex step.
 _TINY = 1e-30
 

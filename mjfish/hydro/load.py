@@ -85,9 +85,14 @@ class Load:
     gradient: int = 0
 
     @property
+    def placed(self) -> bool:
+        """Whether it reads the place of the link, its heading or its bend."""
+        return not self.fields.isdisjoint(("x", "y", "heading", "bend"))
+
+    @property
     def stateful(self) -> bool:
         """Whether its force depends on more of the motion than the velocity of the link: on its place, or its past."""
-        return self.memory > 0 or not self.fields.isdisjoint(("x", "y", "heading", "bend"))
+        return self.memory > 0 or self.placed
 
     @functools.cached_property
     def reads(self) -> BoolArray:
@@ -185,10 +190,10 @@ def load_table(loads: Sequence[tuple[Load, Sequence[float]]]) -> tuple[Any, Floa
     """Return addresses (k,) uint64 and parameters (k, PARAMETERS) of loads with their parameters, for `apply_loads`.
 
     Raises:
-        InputError: a load has a memory, or reads where the link is: only the standalone engine knows of that.
+        InputError: a load has a memory, or reads where the link is, which is more than `apply_loads` knows.
     """
     if any(load_.stateful for load_, _ in loads):
-        raise InputError("a load that has a memory or reads the place of its link runs in the standalone engine only")
+        raise InputError("a load has a memory or reads the place of its link, expected none such; use load_rows")
     addresses, rows = load_rows(loads)
     return addresses, np.ascontiguousarray(rows[:, :PARAMETERS])
 
@@ -241,13 +246,21 @@ def _call(_typing: Any, _address: Any, _link: Any, _parameters: Any, _force: Any
 def apply_loads(
     links: Any, index: int, addresses: Any, parameters: FloatArray, force: FloatArray
 ) -> tuple[float, float, float]:
-    """Sum all loads on link `index`; `addresses` (k,) uint64, `parameters` (k, PARAMETERS), `force` (3,) scratch."""
+    """Sum all loads on a link, none of them stateful: a tenth of a microsecond less than `loads_on`.
+
+    Args:
+        links: `LINK` records.
+        index: of the link.
+        addresses: (k,) uint64.
+        parameters: (k, PARAMETERS or more).
+        force: (3,) scratch.
+    """
     fx, fy, mz = 0.0, 0.0, 0.0
     for k in range(addresses.shape[0]):
         _call(
             addresses[k],
             np.uint64(links.ctypes.data + index * LINK_SIZE),
-            np.uint64(parameters.ctypes.data + 8 * k * PARAMETERS),
+            np.uint64(parameters.ctypes.data + 8 * k * parameters.shape[1]),
             np.uint64(force.ctypes.data),
         )
         fx += force[0]

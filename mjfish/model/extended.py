@@ -15,7 +15,7 @@ from mjfish.data import Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import catalogue, of_fish
 from mjfish.effects.effect import Effect, Values
-from mjfish.errors import InputError, UnknownNameError, located
+from mjfish.errors import UnknownNameError, located
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.model.model import LoadsOfRun, Model, active_effects, loads_of
 from mjfish.tomlfile import Table
@@ -75,22 +75,12 @@ class Extended:
         reads = [e for e, _ in self.active if e.overrides("clock") or e.overrides("reading")]
         return tuple(e.name for e in reads if not e.overrides("start"))
 
-    @property
-    def ode_only(self) -> tuple[str, ...]:
-        """Names of the effects that MuJoCo's fish cannot have."""
-        return tuple(effect.name for effect, _ in self.active if not effect.mujoco)
-
     def described(self) -> Iterator[str]:
         """Yield lines that say which effects are on, and which of them are of the camera."""
         for effect, own in self.active:
             numbers = ", ".join(f"{p.short} = {own[p.short]:g} {p.unit}".removesuffix(" -") for p in effect.parameters)
             where = "; it changes what the camera reads, not the swimming" if effect.name in self.seen else ""
             yield f"with {effect.name}: {numbers}{where}"
-
-    def check_mujoco(self) -> None:
-        """Raise `InputError` where an effect has no MuJoCo side."""
-        if self.ode_only:
-            raise InputError(f"{', '.join(self.ode_only)}: exists in the ODE only; use --engine ode, or take it out")
 
 
 def load(

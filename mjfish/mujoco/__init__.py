@@ -5,6 +5,7 @@ In reading order:
 * `strip_link`: what the water must know of a body; `custom_numerics`: the same in an MJCF.
 * `fluid`: `StripFluid`, water on bodies of any model; `coupling_choice`: which coupling is right for which model.
 * `link_force`: the force on one link; `coupling`: added mass in the equation of motion; `reference`: both in NumPy.
+* `memory`: hidden states of loads.
 * `block`, `layout`, `callback`, `written_forces`: how compiled code finds the water, MuJoCo's memory and its way back.
 * `mjcf`: the fish as a MuJoCo model; `rollout`: runs with servos; `prescribed`: with given joint angles; `export`.
 """

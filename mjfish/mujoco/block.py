@@ -8,8 +8,8 @@ nowhere, and the callback then spoils the step visibly instead of leaving the mo
 
 A block holds, all as float64: HEADER numbers; a row of CARRIER numbers for every body of the trees that water acts on,
 parents first; a row of TREE numbers for every such tree; a `SPATIAL` record for every link; and, where there are loads
-(`mjfish.hydro.load`), their addresses (unsigned integers), a row of PARAMETERS numbers each, and a `LINK` record for
-every link, for them to read. `pack` writes it, `view` reads it in compiled code.
+(`mjfish.hydro.load`), their addresses (unsigned integers), a row of ROW numbers each, and a `LINK` record for every
+link, for them to read. `pack` writes it, `view` reads it in compiled code.
 """
 
 from __future__ import annotations
@@ -28,14 +28,16 @@ from mjfish.arrays import FloatArray, RecordArray
 from mjfish.compiled import compiled
 from mjfish.errors import InputError, MjfishError
 from mjfish.hydro.link import LINK, SPATIAL
-from mjfish.hydro.load import PARAMETERS, Load, load_table
+from mjfish.hydro.load import ROW, Load, LoadTable, load_rows, memory_of
 from mjfish.hydro.outline import outline
 from mjfish.mujoco.layout import counts, floats, plane_links, spatial_links
+from mjfish.mujoco.memory import room_in
 from mjfish.mujoco.strip_link import StripLink
 
 #: Number of links, carriers and trees; 1 for the coupling "inertia"; 1 where userdata holds the servo commands; number
-#: of bodies and dofs of the model, by which a tag on another model is seen; number of loads.
-HEADER = 8
+#: of bodies, dofs, actuators and activations of the model, by which a tag on another model is seen; number of loads;
+#: 1 where one of them reads the place of its link; then `mjfish.mujoco.memory.Room`.
+HEADER = 14
 #: Id of the body, row of its parent or -1, first dof, number of dofs.
 CARRIER = 4
 #: First dof, number of dofs.
@@ -134,12 +136,14 @@ def pack(
     water = records(links, density)
     water["body"] = bodies
     water["carrier"] = np.searchsorted(rows[:, 0], bodies)
-    header = [len(links), len(rows), len(trees), float(inertia), float(commanded), model.nbody, model.nv, len(loads)]
+    header = [len(links), len(rows), len(trees), float(inertia), float(commanded)]
+    header += [model.nbody, model.nv, model.nu, model.na, len(loads), float(any(load.placed for load, _ in loads))]
+    header += room_in(model, memory_of(loads, len(links)))
     parts: list[FloatArray] = [np.array(header), rows.ravel(), trees.ravel(), water.view(np.float64).ravel()]
     if loads:
-        addresses, parameters = load_table(loads)
+        table = load_rows(loads, len(links))
         seen = plane_records(model, links, density)
-        parts += [addresses.view(np.float64), parameters.ravel(), seen.view(np.float64).ravel()]
+        parts += [table.addresses.view(np.float64), table.rows.ravel(), seen.view(np.float64).ravel()]
     return np.concatenate(parts)
 
 
@@ -151,8 +155,9 @@ def records(links: Sequence[StripLink], density: float) -> RecordArray:
         for field in SPATIAL.names or ():
             if hasattr(integrals, field):
                 record[field] = getattr(integrals, field)
-        for field in ("length", "c_m", "c_d", "c_f", "roll_damping", "origin"):
+        for field in ("length", "c_m", "c_f", "roll_damping", "origin"):
             record[field] = getattr(link, field)
+        record["c_d"] = link.drag_coefficient
         record["munk"] = link.munk_moment
         record["density"] = density
         record["turn"] = link.frame.ravel()
@@ -183,7 +188,7 @@ def plane_records(model: mujoco.MjModel, links: Sequence[StripLink], density: fl
         record["mass"] = body.mass[0]
         record["com"] = link.frame[0] @ (body.ipos - np.array(link.origin))
         record["inertia"] = (link.frame[2] @ turn.reshape(3, 3)) ** 2 @ body.inertia
-    filled[-1]["last"] = 1.0
+    filled[0]["first"] = filled[-1]["last"] = 1.0
     return filled
 
 
@@ -211,13 +216,13 @@ def unpack(numbers: FloatArray) -> RecordArray:
     return numbers[start : start + n * _SPATIAL_SIZE // 8].view(SPATIAL)
 
 
-def loads_in(numbers: FloatArray) -> tuple[Any, FloatArray, RecordArray]:
-    """Return addresses (k,) and parameters (k, PARAMETERS) of the loads, and `LINK` records, none without loads."""
+def loads_in(numbers: FloatArray) -> tuple[LoadTable, RecordArray]:
+    """Return the loads, and `LINK` records, none without loads."""
     n, c, t = (int(count) for count in numbers[:3])
-    k = int(numbers[7])
+    k = int(numbers[9])
     rest = numbers[HEADER + CARRIER * c + TREE * t + n * _SPATIAL_SIZE // 8 :]
-    parameters = rest[k : k + k * PARAMETERS].reshape(k, PARAMETERS)
-    return rest[:k].view(np.uint64), parameters, rest[k + k * PARAMETERS :].view(LINK)
+    rows = rest[k : k + k * ROW].reshape(k, ROW)
+    return LoadTable(rest[:k].view(np.uint64), rows), rest[k + k * ROW :].view(LINK)
 
 
 class Water(NamedTuple):
@@ -226,12 +231,13 @@ class Water(NamedTuple):
     Attributes:
         inertia: whether the coupling is "inertia", else "xfrc".
         commanded: whether userdata holds the servo commands.
-        bodies, dofs: of the model that the block was made for.
+        bodies, dofs, actuators, activations: of the model that the block was made for.
         carriers: (c, CARRIER).
         trees: (t, TREE).
         links: (n,) of `SPATIAL`.
-        loads: (k,) addresses of loads.
-        parameters: (k, PARAMETERS) of loads.
+        loads: k of them.
+        placed: whether one of them reads the place of its link.
+        states, control, activation: of `mjfish.mujoco.memory.Room`.
         planes: (n,) of `LINK`; meaningless where k is 0.
     """
 
@@ -239,11 +245,16 @@ class Water(NamedTuple):
     commanded: Any
     bodies: Any
     dofs: Any
+    actuators: Any
+    activations: Any
     carriers: Any
     trees: Any
     links: Any
-    loads: Any
-    parameters: Any
+    loads: LoadTable
+    placed: Any
+    states: Any
+    control: Any
+    activation: Any
     planes: Any
 
 
@@ -251,20 +262,25 @@ class Water(NamedTuple):
 def view(address: int) -> Water:
     """Return the views of the block at an address."""
     header = carray(floats(address), HEADER)
-    n, c, t, k = int(header[0]), int(header[1]), int(header[2]), int(header[7])
+    n, c, t, k = int(header[0]), int(header[1]), int(header[2]), int(header[9])
     at_trees = address + 8 * (HEADER + CARRIER * c)
     at_links = at_trees + 8 * TREE * t
     at_loads = at_links + _SPATIAL_SIZE * n
-    at_parameters = at_loads + 8 * k
+    at_rows = at_loads + 8 * k
     return Water(
         header[3] > 0.0,
         header[4] > 0.0,
         int(header[5]),
         int(header[6]),
+        int(header[7]),
+        int(header[8]),
         carray(floats(address + 8 * HEADER), (c, CARRIER)),
         carray(floats(at_trees), (t, TREE)),
         carray(spatial_links(at_links), n),
-        carray(counts(at_loads), k),
-        carray(floats(at_parameters), (k, PARAMETERS)),
-        carray(plane_links(at_parameters + 8 * PARAMETERS * k), n),
+        LoadTable(carray(counts(at_loads), k), carray(floats(at_rows), (k, ROW))),
+        header[10] > 0.0,
+        int(header[11]),
+        int(header[12]),
+        int(header[13]),
+        carray(plane_links(at_rows + 8 * ROW * k), n),
     )

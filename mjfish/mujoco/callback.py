@@ -44,11 +44,12 @@ def find(model: Any) -> tuple[bool, Any]:
 @compiled
 def _command(model: Any, data: Any) -> None:
     """Set ctrl from userdata: time of the step's start, then the commands at its start, middle and end."""
-    user = carray(floats(data.userdata), 1 + 3 * model.nu)
-    ctrl = carray(floats(data.ctrl), model.nu)
+    servos = (model.nuserdata - 1) // 3  # behind them, actuators may hold hidden states of loads
+    user = carray(floats(data.userdata), 1 + 3 * servos)
+    ctrl = carray(floats(data.ctrl), servos)
     stage = min(max(int(2.0 * (data.time - user[0]) / model.timestep + 0.5), 0), 2)
-    for k in range(model.nu):
-        ctrl[k] = user[1 + stage * model.nu + k]
+    for k in range(servos):
+        ctrl[k] = user[1 + stage * servos + k]
 
 
 def _act(model_pointer: Any, data_pointer: Any) -> None:
@@ -62,7 +63,12 @@ def _act(model_pointer: Any, data_pointer: Any) -> None:
         _spoil(model, data)
         return
     water = view(address)
-    if water.bodies != model.nbody or water.dofs != model.nv:
+    if (
+        water.bodies != model.nbody
+        or water.dofs != model.nv
+        or water.actuators != model.nu
+        or water.activations != model.na
+    ):
         _spoil(model, data)
         return
     if water.commanded:
@@ -71,7 +77,7 @@ def _act(model_pointer: Any, data_pointer: Any) -> None:
         _spoil(model, data)
         return
     address = np.int64(carray(data_pointer, 1).ctypes.data)
-    note = note_of(_notes(), address, water.bodies)
+    note = note_of(_notes(), address, water)
     couple(model, data, water, model_pointer, data_pointer)
     copy_written(note, data, water)
 

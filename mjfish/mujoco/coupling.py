@@ -33,6 +33,7 @@ from mjfish.mujoco.link_force import (
     fill_accelerations,
     fill_frame,
     fill_non_inertial,
+    load_scratch,
     take_inertial,
     to_world,
 )
@@ -43,6 +44,8 @@ _NO_RATE = np.zeros(0)
 @compiled
 def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: Any) -> None:
     """Let the water act on one model: write `xfrc_applied` of its bodies, and with coupling "inertia" the inertia.
+
+    And the rates of hidden states of loads, into `ctrl`.
 
     Args:
         model, data: records of MuJoCo's structs.
@@ -55,6 +58,8 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
     frame = np.empty((n, FRAME))
     wrench = np.empty((n, 6))  # f - A b of each link, in its strips' frame
     pushed = np.zeros((n, 6))  # by loads
+    rates = carray(floats(data.ctrl + 8 * water.control), water.states)  # of hidden states: see mjfish.mujoco.memory
+    scratch = load_scratch(data, water, rates)
     spatial = np.empty(6)
     acceleration = np.empty((c, 6))
     composite = np.zeros((c, 36))
@@ -64,8 +69,8 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
         carrier = int(link.carrier)
         fill_frame(model, data, link, frame[i])
         fill_non_inertial(model, data, link, frame[i], wrench[i])
-        if water.loads.shape[0] > 0:
-            add_loads(model, data, water, i, frame[i], pushed[i])
+        if water.loads.addresses.shape[0] > 0:
+            add_loads(model, data, water, i, frame[i], scratch, pushed[i])
             wrench[i] += pushed[i]
         take_inertial(model, data, link, frame[i], acceleration[carrier], wrench[i])
         add_added_inertia(link, frame[i], composite[carrier])

@@ -16,7 +16,7 @@ from numba import carray
 from mjfish.arrays import FloatArray, readonly
 from mjfish.compiled import compiled
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.hydro.load import PARAMETERS, Load
+from mjfish.hydro.load import PARAMETERS, Load, memory_of
 from mjfish.mujoco import callback, custom_numerics, strip_link
 from mjfish.mujoco.block import MAGIC, Block, numbers_of, pack, view
 from mjfish.mujoco.coupling_choice import Coupling, choose
@@ -27,10 +27,12 @@ from mjfish.mujoco.link_force import (
     add_wrench,
     fill_accelerations,
     fill_frame,
+    load_scratch,
     non_inertial,
     take_inertial,
     to_world,
 )
+from mjfish.mujoco.memory import room_in
 from mjfish.mujoco.strip_link import StripLink
 
 #: Parts of the force on a link, in the order of the arrays.
@@ -122,10 +124,13 @@ class StripFluid:
             coupling: None: the one that is right for this model, ``inertia`` where both are.
             commanded: userdata holds the servo commands of each step, see `mjfish.mujoco.rollout`.
             loads: extra forces on every link (`mjfish.hydro.load`), with their parameters; they see the motion of a
-                link in the plane of its strips' x and y, and push in it. The last of the links is their last.
+                link in the plane of its strips' x and y, and push in it. The last of the links is their last. They may
+                read x, y of the strips' origin in the world, the heading, from the world's x to where stations fall
+                (-pi to pi, about its z), and the bend, the heading less that of the first link. Hidden states need room in the model, see `mjfish.mujoco.memory`.
 
         Raises:
-            InputError: a link is not described well, or the force would be wrong in this model.
+            InputError: a link is not described well, the force would be wrong in this model, or there is no room in it
+                for the hidden states of loads.
             UnknownNameError: no body of that name.
         """
         _check_compiled(model)
@@ -141,9 +146,12 @@ class StripFluid:
                 "correct it"
             )
         self.density = float(density)
-        if commanded and model.nuserdata != 1 + 3 * model.nu:
-            raise InputError(f"userdata has {model.nuserdata} numbers, expected {1 + 3 * model.nu} for the commands")
         _check_loads(loads)
+        room = room_in(model, memory_of(loads, len(self.links)))
+        self._states: int = room.states
+        servos = room.control if room.states else model.nu
+        if commanded and model.nuserdata != 1 + 3 * servos:
+            raise InputError(f"userdata has {model.nuserdata} numbers, expected {1 + 3 * servos} for the commands")
         self.coupling: Coupling = choose(model, _bodies(model, self.links), coupling)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         inertia = self.coupling == "inertia"
@@ -170,13 +178,15 @@ class StripFluid:
         Blocks may be nested and overlap. A control callback of your own that was installed before is called first;
         afterwards all is as it was. Do not install one inside the block: it would replace the water. Behind the last
         block the force of the water is taken out of every mjData again: on its bodies, `xfrc_applied` is what it was
-        before. `mujoco.batch` copies that field into arrays of its own: set ``batch.xfrc_applied[:] = 0`` there.
+        before, and the rates of hidden states in `ctrl` are zero. `mujoco.batch` copies these fields into arrays of its
+        own: set ``batch.xfrc_applied[:] = 0`` there, and the rates.
 
         Raises:
             InputError: the model was changed so that the force would now be wrong, or given other water.
         """
         self._still_there()
         choose(self.model, _bodies(self.model, self.links), self.coupling)
+        room_in(self.model, self._states)
         with callback.installed():
             yield
 
@@ -209,15 +219,12 @@ class StripFluid:
 
     def state(self, data: mujoco.MjData) -> State:
         """Return whether a run has diverged: no numbers or huge ones in the state or its rate."""
-        warned = [
-            data.warning[kind].number
-            for kind in (
-                mujoco.mjtWarning.mjWARN_BADQPOS,
-                mujoco.mjtWarning.mjWARN_BADQVEL,
-                mujoco.mjtWarning.mjWARN_BADQACC,
-            )
-        ]
-        if not any(warned) and all(np.all(np.isfinite(part)) for part in (data.qpos, data.qvel, data.qacc)):
+        kinds = mujoco.mjtWarning
+        bad = [kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC]
+        if self._states:  # rates of hidden states stand in ctrl
+            bad.append(kinds.mjWARN_BADCTRL)
+        warned = any(data.warning[kind].number for kind in bad)
+        if not warned and all(np.all(np.isfinite(part)) for part in (data.qpos, data.qvel, data.qacc)):
             return State("ok", "")
         return State(
             "diverged",
@@ -236,6 +243,7 @@ def _fill_parts(model_address: int, data_address: int, block_address: int, parts
     acceleration = np.empty((water.carriers.shape[0], 6))
     fill_accelerations(data, water.carriers, carray(floats(data.qacc), model.nv), acceleration)
     frame = np.empty(FRAME)
+    scratch = load_scratch(data, water, np.empty(water.states))
     spatial = np.empty(6)
     for i in range(water.links.shape[0]):
         link = water.links[i]
@@ -247,8 +255,8 @@ def _fill_parts(model_address: int, data_address: int, block_address: int, parts
         take_inertial(model, data, link, frame, acceleration[int(link.carrier)], wrench[1])
         wrench[2, 3:] = np.array(munk)
         wrench[3] = np.array(lift)
-        if water.loads.shape[0] > 0:
-            add_loads(model, data, water, i, frame, wrench[4])
+        if water.loads.addresses.shape[0] > 0:
+            add_loads(model, data, water, i, frame, scratch, wrench[4])
         for part in range(len(PARTS)):
             to_world(wrench[part], frame, spatial)
             add_wrench(model, data, int(link.body), spatial, parts[part, i])

@@ -35,12 +35,12 @@ _C_TYPES: dict[str, Any] = {
     "uintptr_t": ctypes.c_size_t,
 }
 _MODEL_FIELDS = (
-    "nv", "nu", "nuserdata", "nbody", "opt.timestep", "opt.gravity", "opt.wind", "opt.o_solimp", "opt.integrator",
-    "opt.disableflags", "body_rootid", "dof_parentid", "M_rownnz", "M_rowadr", "M_colind",
+    "nv", "nu", "na", "nuserdata", "nbody", "opt.timestep", "opt.gravity", "opt.wind", "opt.o_solimp",
+    "opt.integrator", "opt.disableflags", "body_rootid", "dof_parentid", "M_rownnz", "M_rowadr", "M_colind",
 )  # fmt: skip
 _DATA_FIELDS = (
-    "time", "nefc", "qvel", "qacc", "qacc_smooth", "ctrl", "userdata", "M", "cdof", "cdof_dot", "cvel", "xpos", "xmat",
-    "xipos", "subtree_com", "qfrc_bias", "qfrc_passive", "qfrc_actuator", "qfrc_applied", "xfrc_applied",
+    "time", "nefc", "qvel", "qacc", "qacc_smooth", "ctrl", "act", "userdata", "M", "cdof", "cdof_dot", "cvel", "xpos",
+    "xmat", "xipos", "subtree_com", "qfrc_bias", "qfrc_passive", "qfrc_actuator", "qfrc_applied", "xfrc_applied",
 )  # fmt: skip
 
 
@@ -103,7 +103,8 @@ def verify() -> None:
     """
     model = compile_aside(
         '<mujoco><worldbody><body><joint type="slide"/><geom size="1"/>'
-        '<body><joint type="ball"/><geom size="1"/></body></body></worldbody></mujoco>'
+        '<body><joint name="ball" type="ball"/><geom size="1"/></body></body></worldbody>'
+        '<actuator><general joint="ball" dyntype="integrator"/></actuator></mujoco>'
     )
     data = mujoco.MjData(model)
     data.time = 0.25  # unlike its neighbours

@@ -8,7 +8,7 @@ its origin. Equations: `mjfish.hydro.spatial_force`.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -16,7 +16,7 @@ from numba import carray
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, merged
-from mjfish.hydro.load import apply_loads
+from mjfish.hydro.load import ANSWER, LoadBuffers, apply_loads, loads_on
 from mjfish.hydro.spatial_force import added_momentum, spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.mujoco.layout import floats, integers
 
@@ -156,15 +156,62 @@ def fill_non_inertial(model: Any, data: Any, link: Any, frame: FloatArray, wrenc
         wrench[3 + k] += munk[k]
 
 
+class LoadScratch(NamedTuple):
+    """What a call of the loads on all links needs: not the block's own, as several threads may step copies of a model.
+
+    Attributes:
+        seen: (1,) `LINK` record that the loads are called with.
+        head: (2,) x, y of the axis of the first link in the world; written where loads read places.
+        buffers: hidden states and their rates.
+    """
+
+    seen: Any
+    head: FloatArray
+    buffers: LoadBuffers
+
+
 @compiled
-def add_loads(model: Any, data: Any, water: Any, index: int, frame: FloatArray, wrench: FloatArray) -> None:
-    """Add to `wrench` (6,) the loads on a link: they see its motion in its plane of x and y, and push in it."""
+def load_scratch(data: Any, water: Any, rates: FloatArray) -> LoadScratch:
+    """Return scratch for the loads on all links; the rates (states,) of their hidden states will be written."""
+    state = carray(floats(data.act + 8 * water.activation), water.states)
+    seen = water.planes[: min(water.loads.addresses.shape[0], 1)].copy()  # without loads there are none
+    return LoadScratch(seen, np.empty(2 if water.placed else 0), LoadBuffers(np.empty(ANSWER), state, rates))
+
+
+@compiled
+def add_loads(
+    model: Any, data: Any, water: Any, index: int, frame: FloatArray, scratch: LoadScratch, wrench: FloatArray
+) -> None:
+    """Add to `wrench` (6,) the loads on a link: they see its motion in its plane of x and y, and push in it.
+
+    Args:
+        model, data: records of MuJoCo's structs.
+        water: `mjfish.mujoco.block.Water`.
+        index: of the link; the first link comes first, where hidden states are shared.
+        frame: (FRAME,) of its strips.
+        scratch: of these loads.
+        wrench: added to.
+    """
     velocity, spin = relative_velocity(model, data, water.links[index], frame)
-    seen = water.planes[index : index + 1].copy()  # several threads may step copies of one model
-    seen[0].u = velocity[0]
-    seen[0].v = velocity[1]
-    seen[0].w = spin[2]
-    fx, fy, mz = apply_loads(seen, 0, water.loads, water.parameters, np.empty(3))
+    scratch.seen[0] = water.planes[index]
+    seen = scratch.seen[0]
+    seen.u = velocity[0]
+    seen.v = velocity[1]
+    seen.w = spin[2]
+    if water.placed:
+        origin = plus(triple(frame, 9), tree_center(model, data, int(water.links[index].body)))
+        seen.x = origin[0]
+        seen.y = origin[1]
+        seen.heading = np.arctan2(-frame[1], -frame[0])  # ahead is against the strips' x
+        head = scratch.head
+        if index == 0:
+            head[0], head[1] = frame[0], frame[1]
+        seen.bend = np.arctan2(head[0] * frame[1] - head[1] * frame[0], head[0] * frame[0] + head[1] * frame[1])
+    if water.states > 0:
+        fx, fy, mz = loads_on(scratch.seen, 0, index, water.loads, False, scratch.buffers)
+    else:
+        output = scratch.buffers.output
+        fx, fy, mz = apply_loads(scratch.seen, 0, water.loads.addresses, water.loads.rows, output)
     wrench[0] += fx
     wrench[1] += fy
     wrench[5] += mz

@@ -30,11 +30,12 @@ from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import COEFFICIENTS, KINDS, Fish, Link, Servo, load_fish
-from mjfish.hydro.load import Load
+from mjfish.hydro.load import Load, memory_of
 from mjfish.hydro.outline import LinkOutline, outlines
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.layout import compile_aside
+from mjfish.mujoco.memory import make_room
 from mjfish.mujoco.strip_link import StripLink
 
 Integrator = Literal["RK4", "Euler", "implicitfast", "implicit", "discrete"]
@@ -108,8 +109,10 @@ def swimmer(
     Returns:
         The water; its `model` is the fish. In space ``qpos[:3]`` is the nose, ``qpos[3:7]`` the head's quaternion.
     """
+    specification = prepared(fish, spec(fish, free), step, integrator)
+    make_room(specification, memory_of(loads, len(fish.links)))
     return StripFluid(
-        compile_aside(prepared(fish, spec(fish, free), step, integrator)),
+        compile_aside(specification),
         strips(fish, values, free),
         density=fish.density,
         coupling=coupling,

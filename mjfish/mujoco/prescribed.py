@@ -18,11 +18,12 @@ from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
-from mjfish.hydro.load import Load
+from mjfish.hydro.load import Load, memory_of
 from mjfish.mujoco import reference
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.layout import compile_aside
+from mjfish.mujoco.memory import make_room
 from mjfish.mujoco.mjcf import ROOT, Integrator, prepared, spec, strips
 from mjfish.mujoco.rollout import DIVERGED
 
@@ -74,8 +75,10 @@ def simulate(
         coupling: of the water; None: the one that is right.
         loads: extra forces on every link, with their parameters.
     """
+    driven = specification(fish, integrator)
+    make_room(driven, memory_of(loads, len(fish.links)))
     fluid = StripFluid(
-        compile_aside(specification(fish, integrator)),
+        compile_aside(driven),
         strips(fish, values),
         density=fish.density,
         coupling=coupling,

@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray, RecordArray
-from mjfish.hydro.load import apply_loads
+from mjfish.hydro.load import ANSWER, LoadBuffers, loads_on
 from mjfish.hydro.spatial_force import spatial_drag, spatial_gyroscopic, spatial_munk
-from mjfish.mujoco.block import loads_in, numbers_of, unpack
+from mjfish.mujoco.block import loads_in, numbers_of, unpack, view
 
 
 def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -99,15 +99,22 @@ def velocity_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -
 
 
 def load_of(model: mujoco.MjModel, data: mujoco.MjData, index: int) -> FloatArray:
-    """Return the force (6,) of all loads on a link, in the strips' frame."""
+    """Return the force (6,) of all loads on a link, in the strips' frame; write the rates of hidden states to ctrl."""
     numbers = numbers_of(model)
-    addresses, parameters, plane = loads_in(numbers)
+    table, plane = loads_in(numbers)
     force = np.zeros(6)
-    if len(addresses):
+    if len(table.addresses):
+        link, water = unpack(numbers)[index], view(numbers.ctypes.data)
         seen = plane[index : index + 1].copy()
-        vx, vy, _, _, _, wz = velocity_of(model, data, unpack(numbers)[index])
+        vx, vy, _, _, _, wz = velocity_of(model, data, link)
         seen["u"], seen["v"], seen["w"] = vx, vy, wz
-        force[[0, 1, 5]] = apply_loads(seen, 0, addresses, parameters, np.zeros(3))
+        seen["x"], seen["y"], _ = origin_of(data, link)
+        ahead = -axes_of(data, link)[:, 0]
+        seen["heading"] = np.arctan2(ahead[1], ahead[0])
+        first = -axes_of(data, unpack(numbers)[0])[:, 0]
+        seen["bend"] = np.arctan2(first[0] * ahead[1] - first[1] * ahead[0], first[:2] @ ahead[:2])
+        buffers = LoadBuffers(np.zeros(ANSWER), data.act[water.activation :], data.ctrl[water.control :])
+        force[[0, 1, 5]] = loads_on(seen, 0, index, table, False, buffers)
     return force
 
 

@@ -18,6 +18,7 @@ from mjfish import tomlfile
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.fish import NotNegative, Section
+from mjfish.hydro.force import KC_0
 from mjfish.parameter import Parameter
 from mjfish.tomlfile import Table
 
@@ -94,6 +95,9 @@ class StripLink(Table):
         c_f: skin friction along the link.
         munk_moment: share of the Munk moment: 0 Morison, 1 Kirchhoff.
         roll_damping: drag in roll, of that of a turning plate.
+        kc: Keulegan-Carpenter number KC = 2 pi A / h, above 0, of a link that beats to the side with amplitude A: c_d
+            is that of KC = 3, and the drag has c_d (KC / 3)^-n, `drag_coefficient`. Absent: the drag has c_d.
+        kc_power: n; plates across the flow have c_d = 8 KC^(-1/3) (Graham, J. Fluid Mech. 97 (1980)).
         volume: displaced [m3]; absent: that of the sections.
         buoyancy_center: in the body's frame [m]; absent: that of the sections.
 
@@ -121,6 +125,8 @@ class StripLink(Table):
     c_f: float = COEFFICIENTS["c_f"].default
     munk_moment: float = COEFFICIENTS["munk_moment"].default
     roll_damping: float = COEFFICIENTS["roll_damping"].default
+    kc: Annotated[float, Field(gt=0.0)] | None = None
+    kc_power: Annotated[float, Field(ge=-1.0, le=1.5)] = 1.0 / 3.0
     volume: Annotated[NotNegative, Field(le=LARGEST**3)] | None = None
     buoyancy_center: Point | None = None
 
@@ -170,7 +176,19 @@ class StripLink(Table):
                 "give them over its whole length"
             )
         self.frame  # noqa: B018 - raises where axis and up are parallel
+        if self.kc is None and "kc_power" in self.model_fields_set:
+            raise ValueError("'kc_power' is a power of 'kc', which is missing; add it, or take out the power")
+        if not self.drag_coefficient <= COEFFICIENTS["c_d"].high:
+            raise ValueError(
+                f"kc {self.kc:g} makes c_d {self.drag_coefficient:g}, expected {COEFFICIENTS['c_d'].high:g} at most; "
+                "correct kc, kc_power or c_d"
+            )
         return self
+
+    @property
+    def drag_coefficient(self) -> float:
+        """The drag coefficient at the link's Keulegan-Carpenter number, c_d (kc / 3)^-kc_power; without one, c_d."""
+        return self.c_d if self.kc is None else self.c_d * (self.kc / KC_0) ** -self.kc_power
 
     @property
     def outline(self) -> tuple[Section, ...]:

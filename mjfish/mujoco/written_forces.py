@@ -1,6 +1,7 @@
-"""What the water wrote into `xfrc_applied` of which mjData: to take it out again where the water acts no longer.
+"""What the water wrote into which mjData: to take it out again where the water acts no longer.
 
-MuJoCo keeps `xfrc_applied` until somebody writes it: the last force of the water would push for ever. MuJoCo steps any
+MuJoCo keeps `xfrc_applied` until somebody writes it: the last force of the water would push for ever, and the hidden
+states of loads would go on at the rates that stand in `ctrl`. MuJoCo steps any
 number of mjData in any thread and names them to the callback only. So the callback notes each mjData when it meets it
 first (`_note`, in Python, which keeps what was there before) and then what it writes there (`copy_written`). An mjData
 that is freed meanwhile must not be touched: while notes are taken, MuJoCo's hook `mju_user_free` strikes it off.
@@ -26,14 +27,14 @@ _SLOTS = 1 << 14  # a power of two
 _FREED = 1
 #: Hash table by the address of an mjData, with open addressing: that address, 0 or _FREED; address of its note.
 TABLE = np.zeros((_SLOTS, 2), dtype=np.int64)
-#: By address of the mjData: its note, and `xfrc_applied` as it was before.
-_notes: dict[int, tuple[FloatArray, FloatArray]] = {}
+#: By address of the mjData: its note, `xfrc_applied` as it was before, and the rates of hidden states.
+_notes: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
 
 _FREE_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 _hook = ctypes.c_void_p.in_dll(LIBRARY, "mju_user_free")
 _hook_before: int | None = None
 _NOTE_SYMBOL = "mjfish_note_data"
-_take_note = types.ExternalFunction(_NOTE_SYMBOL, types.void(types.int64, types.int64))
+_take_note = types.ExternalFunction(_NOTE_SYMBOL, types.void(types.int64, types.int64, types.int64, types.int64))
 
 
 @compiled
@@ -49,18 +50,18 @@ def _row(table: Any, address: int) -> int:
 
 
 @compiled
-def note_of(table_address: int, address: Any, bodies: int) -> int:
+def note_of(table_address: int, address: Any, water: Any) -> int:
     """Return the address of the note of an mjData, which the water is about to write to; 0 where there is no room.
 
     Args:
         table_address: of `TABLE`.
         address: of the mjData.
-        bodies: number of bodies of its model.
+        water: on its model, `mjfish.mujoco.block.Water`.
     """
     table = carray(addresses(table_address), (_SLOTS, 2))
     row = _row(table, address)
     if row < 0:
-        _take_note(address, bodies)
+        _take_note(address, water.bodies, water.control, water.states)
         row = _row(table, address)
     return table[row, 1] if row >= 0 else 0
 
@@ -79,25 +80,33 @@ def copy_written(note: int, data: Any, water: Any) -> None:
             written[body, 1 + k] = applied[k]
 
 
-def _note(address: int, bodies: int) -> None:
+def _note(address: int, bodies: int, control: int, states: int) -> None:
     """Note an mjData that the water has not met before and is about to write to."""
     for probe in range(_SLOTS):
         row = ((address >> 6) * 40503 + probe) & (_SLOTS - 1)
         if TABLE[row, 0] <= _FREED:
             written = np.zeros((bodies, _NOTE))
-            _notes[address] = written, _applied(address, bodies).copy()
+            rates = _numbers(address, "ctrl", control + states)[control:]
+            _notes[address] = written, _applied(address, bodies).copy(), rates
             TABLE[row] = address, written.ctypes.data
             return
 
 
-_note_callback = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(_note)
+_note_callback = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4)(_note)
 llvmlite.binding.add_symbol(_NOTE_SYMBOL, ctypes.cast(_note_callback, ctypes.c_void_p).value)
 
 
 def _applied(address: int, bodies: int) -> FloatArray:
     """Return `xfrc_applied` (bodies, 6) of the mjData at an address, a view."""
-    pointer = structure("mjData").from_address(address).xfrc_applied
-    return np.ctypeslib.as_array(ctypes.cast(pointer, ctypes.POINTER(ctypes.c_double)), (bodies, 6))
+    return _numbers(address, "xfrc_applied", 6 * bodies).reshape(bodies, 6)
+
+
+def _numbers(address: int, field: str, count: int) -> FloatArray:
+    """Return the first numbers (count,) of a field of the mjData at an address, a view."""
+    if count == 0:
+        return np.zeros(0)
+    pointer = getattr(structure("mjData").from_address(address), field)
+    return np.ctypeslib.as_array(ctypes.cast(pointer, ctypes.POINTER(ctypes.c_double)), (count,))
 
 
 def _free(address: int) -> None:
@@ -125,10 +134,11 @@ def start() -> None:
 def take_out() -> None:
     """Take what the water wrote out of every living mjData it met: on its bodies is again what was there before it.
 
-    A body on which somebody else has written since then is left alone.
+    A body on which somebody else has written since then is left alone. Hidden states of loads stand still from now on.
     """
     _hook.value = _hook_before
-    for address, (written, before) in _notes.items():
+    for address, (written, before, rates) in _notes.items():
+        rates[:] = 0.0
         applied = _applied(address, len(before))
         same = (applied == written[:, 1:]) | (np.isnan(applied) & np.isnan(written[:, 1:]))
         untouched = (written[:, 0] > 0.0) & same.all(axis=1)

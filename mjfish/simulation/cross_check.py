@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -30,13 +30,14 @@ from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import COEFFICIENTS, Cpg, Fish
 from mjfish.frames import CHANNELS
-from mjfish.hydro.load import Load
 from mjfish.model.extended import Extended, load
+from mjfish.model.model import LoadsOfRun
 from mjfish.mujoco import prescribed, simulate
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.mjcf import Integrator
 from mjfish.ode.rollout import Coriolis
 from mjfish.result import Result
+from mjfish.simulation.run import check_can_act
 
 #: Largest difference at the first step, relative to the range of the channel.
 BOUND = 1e-3
@@ -131,7 +132,7 @@ def check(
 
     Raises:
         UnknownNameError: no such fish, mode or coefficient; the known ones are listed.
-        InputError: the fish has no CPG, or an effect that MuJoCo cannot have.
+        InputError: the fish has no CPG, or an effect that such a run cannot have.
 
     Example:
         >>> import mjfish
@@ -144,9 +145,8 @@ def check(
           step 0.5 ms: ... of the range
     """
     extended = fish if isinstance(fish, Extended) else load(fish)
-    extended.check_mujoco()
     body, law, segments = extended.fish, cpg_of(extended.fish), modes.drive(mode)
-    loads = extended.loads(_trial(mode, duration))
+    loads = _loads(extended, mode, duration)
     levels: list[Level] = []
     span = dict.fromkeys(CHANNELS, math.nan)
     message = ""
@@ -176,9 +176,11 @@ def check(
     )
 
 
-def _trial(mode: str, duration: float) -> Trial:
-    """Return the run of a mode as a trial without measurements."""
-    return Trial(mode, None, readonly([0.0, duration]), readonly(np.zeros((2, 3))), modes.drive(mode))
+def _loads(extended: Extended, mode: str, duration: float) -> LoadsOfRun:
+    """Return the loads of the run of a mode, a trial without measurements."""
+    trial = Trial(mode, None, readonly([0.0, duration]), readonly(np.zeros((2, 3))), modes.drive(mode))
+    check_can_act(extended.model.effects, trial)
+    return extended.loads(trial)
 
 
 def _boundaries(rollout: ode.Rollout) -> FloatArray:
@@ -216,7 +218,6 @@ def cpg_of(fish: Fish) -> Cpg:
     return fish.cpg
 
 
-Loads = Sequence[tuple[Load, Sequence[float]]]
 #: Longer step of an engine by its order [s]; the shorter is half of it.
 STEPS = {4: 0.002, 1: 0.001}
 #: Step of the yardstick [s].
@@ -340,14 +341,13 @@ def check_all(
         InputError: the fish has no CPG, or a reference trajectory is missing.
     """
     extended = fish if isinstance(fish, Extended) else load(fish)
-    extended.check_mujoco()
     fish = extended.fish
     cpg_of(fish)
     expected = {case.name: _read(reference, case) for case in cases}
     for done, case in enumerate(cases):
         body = fish.model_copy(update={"munk_moment": fish.munk_moment + case.munk})
         asked = functools.partial(_motion, extended, modes.drive(case.mode), duration)
-        loads = extended.loads(_trial(case.mode, duration))
+        loads = _loads(extended, case.mode, duration)
         truth = ode.simulate(body, asked(FINE), values=case.values, loads=loads)
         for index, engine in enumerate(ENGINES):
             if tell is not None:
@@ -367,7 +367,7 @@ def _row(
     motions: list[JointMotion],
     truth: ode.Rollout,
     expected: FloatArray | None,
-    loads: Loads,
+    loads: LoadsOfRun,
 ) -> Row:
     name, coupling, integrator, claimed = engine
     runs = [_run(engine, fish, case, motion, loads) for motion in motions]
@@ -399,7 +399,7 @@ def _rms(difference: FloatArray) -> float:
     return float(np.sqrt(np.mean(difference**2, axis=0)).max())
 
 
-def _run(engine: Engine, fish: Fish, case: Case, motion: JointMotion, loads: Loads) -> FloatArray:
+def _run(engine: Engine, fish: Fish, case: Case, motion: JointMotion, loads: LoadsOfRun) -> FloatArray:
     """Return the velocity (n, 3) at the boundaries of the steps; shorter where the run diverged."""
     name, coupling, integrator, _ = engine
     if name == "ODE":

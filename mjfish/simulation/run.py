@@ -123,7 +123,7 @@ def simulate(
     Raises:
         UnknownNameError: no such fish, mode, coefficient, effect or parameter; the known ones are listed.
         ParameterError: a value outside its bounds.
-        InputError: a drive that does not fit the fish, or an effect that the engine does not have.
+        InputError: a drive that does not fit the fish, or an effect that the run cannot have.
 
     Example:
         >>> import mjfish
@@ -139,8 +139,6 @@ def simulate(
         raise InputError(f"duration: found {duration:g}, expected a finite number above 0 s; correct it")
     if free and engine != "mujoco":
         raise InputError("free: the ODE is planar; choose the engine mujoco")
-    if engine == "mujoco":
-        extended_fish.check_mujoco()
     trial = _trial(extended_fish.model.fish, mode, drive, duration)
     check_can_act(extended_fish.model.effects, trial)
     run = replace(extended_fish.model, step=STEP).prepare(trial, extended_fish.values)

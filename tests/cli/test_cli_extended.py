@@ -71,16 +71,6 @@ def test_the_engines_are_checked_with_the_causes_on(run: Run, model: Model, monk
     del model
 
 
-def test_what_has_no_mujoco_side_is_refused_there_and_not_in_the_ode(
-    run: Run, refuse: Callable[[str], str], model: Model, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(type(find("linear_drag")), "mujoco", False)
-    for command in ("simulate --engine mujoco --out a", "check"):
-        assert "linear_drag: exists in the ODE only; use --engine ode" in refuse(f"{command} --fish extended.toml")
-    run("simulate --fish extended.toml --duration 0.5 --out a")
-    del model
-
-
 def test_commands_that_know_no_effects_refuse_the_fish(refuse: Callable[[str], str], model: Model) -> None:
     """An MJCF has no causes in it."""
     assert "extended.toml: has [effects], which are lost here" in refuse("export extended.toml a.xml")

@@ -23,7 +23,7 @@ from mjfish.mujoco import SimRollout, simulate
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
-SWIMS = [e.name for e in catalogue().values() if e.mujoco and e.domain in ("drive", "body", "water")]
+SWIMS = [e.name for e in catalogue().values() if e.domain in ("drive", "body", "water") and e.name != "wall_effect"]
 
 
 def _plain(effect: Effect) -> dict[str, float]:
@@ -161,23 +161,20 @@ def test_a_load_that_one_engine_lacks_is_seen(pike: Fish, name: str, monkeypatch
     assert found.orders[0] < 0.5
 
 
-def test_prescribed_joints_agree_with_loads_at_the_order_of_every_integrator(pike: Fish) -> None:
-    """Both couplings and every integrator of MuJoCo, with all loads, a Munk moment and an elastic tail on top."""
-    one = _of(pike, "reynolds_drag", "linear_drag", "fin_lift", "munk_moment", "tail_compliance", "servo_lag")
-    case = (crosscheck.CASES[0],)
-    rows = list(crosscheck.check_all(one, cases=case, duration=1.0))
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("reynolds_drag", "linear_drag", "fin_lift", "munk_moment", "tail_compliance", "servo_lag"),
+        ("wake_memory", "sheared_current"),
+    ],
+)
+def test_prescribed_joints_agree_with_loads_at_the_order_of_every_integrator(
+    pike: Fish, names: tuple[str, ...]
+) -> None:
+    """Both couplings and every integrator of MuJoCo: with a Munk moment and an elastic tail; with place and memory."""
+    rows = list(crosscheck.check_all(_of(pike, *names), cases=(crosscheck.CASES[0],), duration=1.0))
     assert [row.status for row in rows] == ["agrees"] * len(crosscheck.ENGINES)
     assert all(row.order > 3.5 for row in rows if row.claimed == 4)
-
-
-def test_a_cause_without_a_mujoco_side_is_refused_for_mujoco(pike: Fish) -> None:
-    class Wake(type(find("munk_moment"))):  # type: ignore[misc]
-        mujoco = False
-
-    one = Extended(Model(pike, (Wake(),)), {"munk_moment.kappa": 0.5})
-    with pytest.raises(InputError, match="munk_moment: exists in the ODE only; use --engine ode"):
-        one.check_mujoco()
-    Extended(one.model, {}).check_mujoco()  # at its null it is not there
 
 
 def test_a_clock_is_said_to_be_of_the_camera_and_a_current_is_not(pike: Fish) -> None:

@@ -44,7 +44,10 @@ _TRUNK: dict[str, Any] = {"body": "trunk", "length": 0.6, "sections": _SECTIONS}
 _TAIL: dict[str, Any] = {"body": "tail", "length": 0.2, "start": 0.4, "sections": _SECTIONS}
 _PLAIN: dict[str, Any] = {"body": "tail", "length": 0.2, "height": (0.1, 0.2), "width": 0.004}
 LINKS = {
-    "shared": [{**_TRUNK, "c_m": 0.3}, {**_TAIL, "volume": 0.0, "buoyancy_center": (0.1, 0.2, 0.3)}],
+    "shared": [
+        {**_TRUNK, "c_m": 0.3, "kc": 7.0, "kc_power": 0.1},
+        {**_TAIL, "volume": 0.0, "buoyancy_center": (0.1, 0.2, 0.3)},
+    ],
     "own": [{**_TRUNK, "origin": (0.1, 0.0, 0.0)}, {**_TAIL, "start": 0.0, "sections": _SECTIONS[:1], "length": 0.1}],
     "stations": [{**_PLAIN, "station": (0.0, 0.1, 0.2), "height": (0.1, 0.2, 0.1), "up": (0.0, 0.1, 1.0)}],
     "ends": [_PLAIN, {**_PLAIN, "body": "trunk", "height": 0.1}],

@@ -12,6 +12,7 @@ from wet_models import PLATE, PLATE_LINK, TREE, compiled, with_custom
 
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
+from mjfish.hydro.load import load
 from mjfish.mujoco import StripFluid, StripLink
 from mjfish.mujoco.block import numbers_of, unpack
 
@@ -29,6 +30,8 @@ _FULL = {
     "c_f": 0.03,
     "munk_moment": 0.5,
     "roll_damping": 1.3,
+    "kc": 5.0,
+    "kc_power": 0.4,
     "volume": 0.0021,
     "buoyancy_center": [-0.2, 0.0, 0.003],
 }
@@ -64,9 +67,41 @@ def test_python_toml_and_custom_give_the_same_numbers(tmp_path: Path) -> None:
     np.testing.assert_array_equal(numbers_of(custom.model), expected)
     record = unpack(expected)[0]
     assert set(StripLink.model_fields) == {*_FULL, "sections", "start"}, "a new field is missing in this test"
-    assert (record["c_m"], record["c_d"], record["c_f"], record["munk"]) == (0.9, 0.7, 0.03, 0.5)
+    assert (record["c_m"], record["c_d"], record["c_f"], record["munk"]) == (0.9, 0.7 * (5.0 / 3.0) ** -0.4, 0.03, 0.5)
     assert (record["roll_damping"], record["volume"], record["density"]) == (1.3, 0.0021, _DENSITY)
     np.testing.assert_array_equal(record["center"], _FULL["buoyancy_center"])
+
+
+@pytest.mark.parametrize("keys", [{"kc": 24.0}, {"kc": 0.5, "kc_power": 1.0}, {"kc": 3.0}, {}])
+def test_drag_across_falls_with_the_keulegan_carpenter_number(keys: dict[str, float]) -> None:
+    """1/2 rho c_d (KC / 3)^-n h L v^2, n = 1/3 unless given; friction along, and what a load sees, alike in either."""
+    fluid = StripFluid(compiled(PLATE), [{**PLATE_LINK, "c_d": 1.9, **keys}], loads=[(_seen_drag, [])])
+    data = mujoco.MjData(fluid.model)
+    data.qvel[0] = 0.8
+    with fluid.installed():
+        mujoco.mj_forward(fluid.model, data)
+    c_d = 1.9 * (keys.get("kc", 3.0) / 3.0) ** -keys.get("kc_power", 1.0 / 3.0)
+    expected = -0.5 * 1000.0 * c_d * 0.2 * 0.3 * 0.8**2
+    parts = fluid.wrenches(data)
+    np.testing.assert_allclose(parts["drag"][0, 1], expected, rtol=1e-12)
+    np.testing.assert_allclose(-parts["loads"][0, 1], c_d, rtol=1e-12)
+
+
+@load
+def _seen_drag(link: Any, parameters: Any) -> tuple[float, float, float]:
+    return 0.0, link.c_d, 0.0
+
+
+def test_a_keulegan_carpenter_number_that_cannot_be_is_refused() -> None:
+    for keys, message in (
+        ({"kc": 0.0}, r"link 'plate'.*kc"),
+        ({"kc": float("inf")}, r"link 'plate'.*kc"),
+        ({"kc": 2.0, "kc_power": 3.0}, r"link 'plate'.*kc_power"),
+        ({"kc_power": 0.5}, "'kc_power' is a power of 'kc', which is missing; add it"),
+        ({"kc": 1e-9}, r"kc 1e-09 makes c_d 1442.25, expected 100 at most; correct kc, kc_power or c_d"),
+    ):
+        with pytest.raises(InputError, match=message):
+            StripLink(**PLATE_LINK, **keys)
 
 
 def test_custom_numerics_of_other_packages_are_left_alone() -> None:

@@ -178,5 +178,5 @@ def test_what_cannot_be_is_refused() -> None:
         load(memory=5)(nothing)
     for one in (where, rising):
         assert isinstance(one, Load)
-        with pytest.raises(InputError, match="standalone engine only"):
+        with pytest.raises(InputError, match="expected none such; use load_rows"):
             load_table([(one, [])])

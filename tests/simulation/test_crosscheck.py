@@ -8,7 +8,8 @@ import pytest
 
 from mjfish import simulation as crosscheck
 from mjfish.data import Trial
-from mjfish.effects import Effect, find
+from mjfish.effects import Effect, find, of_fish
+from mjfish.effects.wall_effect import WallEffect
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.load import load
@@ -74,11 +75,57 @@ def test_fish_without_cpg_is_refused(pike: Fish) -> None:
         crosscheck.check(pike.model_copy(update={"cpg": None}), "v1")
 
 
-def test_an_effect_that_mujoco_cannot_have_is_named(pike: Fish) -> None:
-    """Catches a refusal that speaks of a load and not of the cause."""
-    model = Model(pike, (find("wall_effect"),))
-    with pytest.raises(InputError, match="wall_effect: exists in the ODE only"):
-        crosscheck.check(Extended(model, {"wall_effect.size": 1.0}), "v1")
+def test_an_effect_that_the_run_cannot_have_is_named(pike: Fish) -> None:
+    """Catches engines that agree because the run of a mode has no walls."""
+    one = Extended(Model(pike, (find("wall_effect"),)), {"wall_effect.size": 1.0})
+    with pytest.raises(InputError, match="wall_effect: the walls are not known"):
+        crosscheck.check(one, "v1")
+    with pytest.raises(InputError, match="wall_effect: the walls are not known"):
+        list(crosscheck.check_all(one))
+
+
+class Tank(WallEffect):
+    """Walls near the place where the run of a mode begins."""
+
+    def cannot_act(self, trial: Trial) -> str:
+        """The walls are known here."""
+        del trial
+        return ""
+
+    def constants(self, trial: Trial) -> tuple[float, ...]:
+        """Return the walls."""
+        del trial
+        return (-0.7, 0.6, -0.1, 0.3)
+
+
+def test_the_fish_has_its_place_in_the_tank_in_both_engines(pike: Fish) -> None:
+    """Catches a place or a heading of another link, or half a turn away: the drag near the walls would be another."""
+    model = Model(pike, (Tank(),))
+    found = crosscheck.check(Extended(model, {"wall_effect.size": 2.0}), "v3-t2", duration=2.0, halvings=1)
+    assert found.passed, found.message
+    assert found.orders[0] > 3.8
+    assert found.levels[0].worst < 1e-4
+    open_water = crosscheck.check("pike", "v3-t2", duration=2.0, halvings=0)
+    assert found.range["yaw_rate"] < 0.9 * open_water.range["yaw_rate"]
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("wake_memory", {"share": 0.5}),
+        ("added_mass_memory", {"share": 0.8}),
+        ("keulegan_carpenter_drag", {"power": 0.33}),
+        ("roll_loss", {"square": 1.0}),
+        ("sheared_current", {"x": 0.1, "shear_x": 0.2, "shear_y": -0.1}),
+    ],
+)
+def test_hidden_states_lose_no_order(pike: Fish, name: str, values: dict[str, float]) -> None:
+    """Fourth order, as without them; a state that is held over a step, or a stage late, shows as order one or two."""
+    model = Model(pike, (of_fish({name: find(name)}, pike)[name],))
+    one = Extended(model, {f"{name}.{short}": value for short, value in values.items()})
+    found = crosscheck.check(one, "v1", duration=2.0, halvings=1)
+    assert found.orders[0] > 3.8
+    assert found.levels[0].worst < 2e-5, "measured: 5e-6 at most"
 
 
 @load
