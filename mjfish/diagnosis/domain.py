@@ -54,7 +54,7 @@ def _excess(every: FloatArray, basis: FloatArray, cleared: FloatArray) -> float:
     """Return what the span of all columns explains beyond chance of a residual, behind a basis."""
     beyond = project_out(orthonormal(basis), every)
     rest = orthonormal(beyond[:, np.sum(beyond**2, axis=0) > _ROUNDING * np.sum(every**2, axis=0)])
-    return float(np.sum((rest.T @ cleared) ** 2)) - rest.shape[1]
+    return float(np.sum((rest.T @ cleared) ** 2)) - float(rest.shape[1])
 
 
 def sole_domain(shares: dict[Domain, float]) -> Domain | None:

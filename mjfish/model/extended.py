@@ -73,7 +73,7 @@ class Extended:
     def seen(self) -> tuple[str, ...]:
         """Names of the effects that act on what the camera reads alone: on the clock or on the reading."""
         reads = [e for e, _ in self.active if e.overrides("clock") or e.overrides("reading")]
-        return tuple(e.name for e in reads if not e.overrides("start"))
+        return tuple(e.name for e in reads if not e.overrides("start") and e.load is None)
 
     def described(self) -> Iterator[str]:
         """Yield lines that say which effects are on, and which of them are of the camera."""

@@ -126,7 +126,8 @@ class StripFluid:
             loads: extra forces on every link (`mjfish.hydro.load`), with their parameters; they see the motion of a
                 link in the plane of its strips' x and y, and push in it. The last of the links is their last. They may
                 read x, y of the strips' origin in the world, the heading, from the world's x to where stations fall
-                (-pi to pi, about its z), and the bend, the heading less that of the first link. Hidden states need room in the model, see `mjfish.mujoco.memory`.
+                (-pi to pi, about its z), and the bend, the heading less that of the first link. Hidden states need
+                room in the model, see `mjfish.mujoco.memory`.
 
         Raises:
             InputError: a link is not described well, the force would be wrong in this model, or there is no room in it

@@ -9,6 +9,7 @@ import pytest
 from mjfish import simulation as crosscheck
 from mjfish.data import Trial
 from mjfish.effects import Effect, find, of_fish
+from mjfish.effects.roll_loss import RollLoss
 from mjfish.effects.wall_effect import WallEffect
 from mjfish.errors import InputError
 from mjfish.fish import Fish
@@ -82,6 +83,17 @@ def test_an_effect_that_the_run_cannot_have_is_named(pike: Fish) -> None:
         crosscheck.check(one, "v1")
     with pytest.raises(InputError, match="wall_effect: the walls are not known"):
         list(crosscheck.check_all(one))
+
+
+def test_a_link_knows_how_far_it_is_bent_from_the_head_in_both_engines(pike: Fish) -> None:
+    """Catches a bend of the wrong sign or of another link: the side force would lean the fish otherwise."""
+    effect = RollLoss().for_fish(pike)
+    assert effect is not None
+    found = crosscheck.check(
+        Extended(Model(pike, (effect,)), {"roll_loss.square": 1.0}), "v1", duration=2.0, halvings=1
+    )
+    assert found.passed, found.message
+    assert found.orders[0] > 3.8
 
 
 class Tank(WallEffect):
