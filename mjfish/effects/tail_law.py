@@ -15,12 +15,13 @@ from mjfish.prior import Prior
 
 
 class TailLaw(Effect):
-    """The last link bends back by an odd and rising moment, learned: M = (delta + b delta |delta| + a delta^3) / compliance.
+    """The last link bends back about its joint by an odd and rising moment that is learned.
 
+        M = (delta + b delta |delta| + a delta^3) / compliance + damping delta'
         a = h + min(b, 0)^2 / 3,   h >= 0
 
     so that dM / d delta > 0 whatever b and h are: 1 + 2 b x + 3 a x^2 has no root. A spring that gives way ever more
-    and then stiffens is b < 0, one that stiffens at once b > 0, and `TailHardening` is b = 0. The damping is linear.
+    and then stiffens is b < 0, one that stiffens at once b > 0, and `TailHardening` is b = 0.
     """
 
     name: ClassVar[str] = "tail_law"
