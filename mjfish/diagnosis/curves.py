@@ -40,7 +40,7 @@ _POINTS = 25
 _STEP = 0.005
 #: Steps in a beat of a link that is swung, and number of beats, till its amplitude is known; and steps of a motion that
 #: begins at once and goes on.
-_BEAT, _BEATS, _SETTLED = 80, 10, 300
+_BEAT, _BEATS, _SETTLED = 80, 10, 200
 
 
 @dataclass(frozen=True)
@@ -361,34 +361,39 @@ def _inertia(link: int, nominal: Fish) -> Callable[[_Fish, FloatArray], FloatArr
 
 
 def _wake(refit: Refit) -> Iterator[_Form]:
-    """Return how drag across and added momentum of a link grow once it is set in motion, over their nominal values."""
-    times = np.concatenate([trial.time - trial.time[0] for trial in refit.problem.trials])
+    """Return c_d and c_m of a link that is set in motion at once and goes on, by the time since then."""
+    fish = refit.problem.model.fish
     steps = np.unique(np.round(np.geomspace(2.0, _SETTLED, _POINTS)).astype(int))
-    last = len(refit.problem.model.fish.links) - 1
-    for quantity, linear in (("drag_response", False), ("momentum_response", True)):
-        yield _Form(
-            quantity, "all", ("time", "s"), (quantity, "-"), steps * _STEP, _response(last, linear),
-            (times, np.ones_like(times)),
-        )  # fmt: skip
+    runs = [trial.time for trial in refit.problem.trials]
+    times = np.geomspace(min(np.diff(time).min() for time in runs), max(np.ptp(time) for time in runs), 100)
+    for kind in ("c_d", "c_m"):
+        for group in dict.fromkeys(link.group for link in fish.links):
+            own = next(i for i, link in enumerate(fish.links) if link.group == group)
+            yield _Form(
+                kind, group, ("time", "s"), (kind, "-"), steps * _STEP, _response(kind, own, fish),
+                (times, np.ones_like(times)),
+            )  # fmt: skip
 
 
-def _response(link: int, linear: bool) -> Callable[[_Fish, FloatArray], FloatArray]:
-    """Return what is there of drag or momentum some time after a link has been set in motion.
+def _response(kind: str, link: int, nominal: Fish) -> Callable[[_Fish, FloatArray], FloatArray]:
+    """Return what there is of drag or added momentum some time after a link has been set in motion.
 
     Drag goes with the square of the speed, momentum with the speed: two speeds tell them apart.
     """
 
     def value(fish: _Fish, times: FloatArray) -> FloatArray:
         still = np.ones(2 * _SETTLED + 1)
-        once, twice = (fish.across(link, size * still) for size in (1.0, 2.0))
+        once, twice = (fish.across(link, speed * still) for speed in (1.0, 2.0))
         own = fish.records[link]
         own["u"], own["v"], own["w"] = 0.0, 1.0, 0.0
-        if linear:
+        outline = outlines(nominal)[link]
+        if kind == "c_m":
             impulse = cumulative_simpson(2.0 * once - 0.5 * twice, dx=_STEP, initial=0.0)
-            response = 1.0 - impulse / (own["c_m"] * own["added"][0])
+            found = (own["c_m"] * own["added"][0] - impulse) / outline.added[0]
         else:
-            response = 1.0 + (0.5 * twice - once) / drag(own)[1]
-        return np.asarray(response[np.round(times / _STEP).astype(int)])
+            force = drag(own)[1] + 0.5 * twice - once
+            found = -2.0 * force / (nominal.density * outline.height_moment[-1, 0])
+        return np.asarray(found[np.round(times / _STEP).astype(int)])
 
     return value
 

@@ -24,10 +24,8 @@ QUANTITY_NAMES = {
     "c_f": "Friction coefficient along, c_f",
     "c_n": "Coefficient of the force across the chord, c_n",
     "c_m": "Coefficient of the added mass, c_m",
-    "drag_response": "Share of the drag across that has come after a sudden start",
     "joint_angle": "Angle that the joints reach",
     "moment": "Moment of the spring",
-    "momentum_response": "Share of the added momentum that has come after a sudden start",
 }
 #: Stands for a number that is not known.
 NONE = "–"
