@@ -149,7 +149,10 @@ class Fish(Table):
         munk_moment: share kappa of the Munk moment u p_y; 0 is a Morison slice, 1 Kirchhoff's.
         tail_compliance: elastic deflection of the last link about its joint [rad/(N m)]; 0 is rigid.
         tail_damping: damping of that deflection [N m s/rad].
-        tail_hardening: how its moment grows, M = delta (1 + hardening delta^2) / compliance [1/rad2].
+        tail_quadratic: how its moment grows, M = delta (1 + quadratic |delta| + hardening delta^2) / compliance
+            [1/rad]; below zero it gives way ever more at first. It rises with the deflection: quadratic^2 <= 3
+            hardening where below zero.
+        tail_hardening: see there [1/rad2].
         links: nose first.
         sections: the outline, nose to tip, without gaps.
         coefficients: the nine hydrodynamic coefficients.
@@ -173,6 +176,7 @@ class Fish(Table):
     munk_moment: float = Field(default=0.0, ge=-2.0, le=3.0)
     tail_compliance: NotNegative = Field(default=0.0, le=1e6)
     tail_damping: NotNegative = Field(default=0.02, le=1e6)
+    tail_quadratic: float = Field(default=0.0, ge=-1e6, le=1e6)
     tail_hardening: NotNegative = Field(default=0.0, le=1e6)
     links: tuple[Link, ...] = Field(min_length=2)
     sections: tuple[Section, ...] = Field(min_length=1)
@@ -193,6 +197,11 @@ class Fish(Table):
             raise ValueError(
                 f"cpg.amplitude has {len(self.cpg.amplitude)} numbers, the fish has {self.joints} joints; "
                 "give one number a joint"
+            )
+        if self.tail_quadratic < 0.0 and self.tail_quadratic**2 > 3.0 * self.tail_hardening * (1.0 + 1e-9):
+            raise ValueError(
+                f"tail_quadratic = {self.tail_quadratic:g} makes the moment of the tail fall with its deflection; "
+                f"give at least {-((3.0 * self.tail_hardening) ** 0.5):g}, or a larger hardening"
             )
         self._check_outline()
         for parameter in self.parameters:  # raises where bounds, start and value contradict each other

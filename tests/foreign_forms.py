@@ -13,9 +13,12 @@ from scipy.interpolate import CubicSpline
 
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
+from mjfish.effects.beat_amplitude import TAU, keulegan_carpenter
 from mjfish.effects.effect import Effect, Values
 from mjfish.effects.mechanism import Domain
+from mjfish.effects.momentum_rate import momentum_rate
 from mjfish.fish import Fish
+from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
 
@@ -302,6 +305,85 @@ class RollSlip(_Foreign):
     mujoco: ClassVar[bool] = False
 
 
+@load(memory=8)
+def _dipping(link: Any, parameters: Any) -> tuple[float, ...]:
+    height = np.sqrt(4.0 * link.added[0] / (np.pi * link.density * link.length))
+    number = keulegan_carpenter(link.memory[1], height)
+    excess = -0.5 * parameters[0] * np.exp(-0.7 * np.log(number / 6.0) ** 2)
+    momentum = link.c_m * (link.added[0] * link.v + link.added[1] * link.w)
+    turning = link.c_m * (link.added[1] * link.v + link.added[2] * link.w)
+    rate, a, b, c = momentum_rate(momentum, link.memory[2], link.memory[3], link.memory[4])
+    turn, d, e, f = momentum_rate(turning, link.memory[5], link.memory[6], link.memory[7])
+    way = link.memory[0]
+    middle = link.v + 0.5 * link.length * link.w
+    moved, square = middle - way / TAU, (way * way - link.memory[1]) / TAU
+    return excess * link.w * momentum, -excess * rate, -excess * turn, moved, square, a, b, c, d, e, f
+
+
+class DippingMass(_Foreign):
+    """c_m (1 - a exp(-0.7 ln(KC / 6)^2) / 2): cylinders lose added mass about one Keulegan-Carpenter number."""
+
+    name: ClassVar[str] = "dipping_mass"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "added_mass"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("dipping_mass")
+    load: ClassVar[Load | None] = _dipping
+    mujoco: ClassVar[bool] = False
+
+
+@load(memory=8)
+def _fading(link: Any, parameters: Any) -> tuple[float, ...]:
+    force, moment = crossflow(link.v, link.w, link.length, link.node_height, link.height_moment)
+    half = -0.5 * link.density * link.c_d
+    f, m = half * force, half * moment
+    f0, f1, f2, f3 = f - link.memory[0], f - link.memory[1], f - link.memory[2], f - link.memory[3]
+    m0, m1, m2, m3 = m - link.memory[4], m - link.memory[5], m - link.memory[6], m - link.memory[7]
+    share = -0.1 * parameters[0]
+    late, turned = share * (f0 + f1 + f2 + f3), share * (m0 + m1 + m2 + m3)
+    return 0.0, late, turned, f0 / 0.03, f1 / 0.1, f2 / 0.3, f3, m0 / 0.03, m1 / 0.1, m2 / 0.3, m3
+
+
+class FadingWake(_Foreign):
+    """Two fifths a of the drag across come late, spread over 0.03 to 1 s evenly in the logarithm: near a power law."""
+
+    name: ClassVar[str] = "fading_wake"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "wake_memory"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("fading_wake")
+    load: ClassVar[Load | None] = _fading
+    mujoco: ClassVar[bool] = False
+
+
+class CrankedServo(_Foreign):
+    """theta = L sin(c / L), L = 0.75 rad / a: a crank that pulls a lever."""
+
+    name: ClassVar[str] = "cranked_servo"
+    domain: ClassVar[Domain] = "drive"
+    mechanism: ClassVar[str] = "servo_limit"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("cranked_servo")
+
+    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        """Return what the joints did."""
+        length = 0.75 / values["size"]
+        sine, cosine = np.sin(motion.angle / length), np.cos(motion.angle / length)
+        bent = cosine * motion.acceleration - sine / length * motion.rate**2
+        return JointMotion(motion.time, length * sine, cosine * motion.rate, bent)
+
+
+class LooseTail(_Foreign):
+    """M = delta (1 + 12 |delta|) / (0.4 a): a tail that stiffens with its deflection, and hardly at first."""
+
+    name: ClassVar[str] = "loose_tail"
+    domain: ClassVar[Domain] = "body"
+    mechanism: ClassVar[str] = "tail_flexibility"
+    parameters: ClassVar[tuple[Parameter, ...]] = _size("loose_tail")
+
+    def body(self, fish: Fish, values: Values) -> Fish:
+        """Return the fish with such a tail."""
+        soft = {"tail_compliance": 0.4 * values["size"], "tail_damping": 0.05, "tail_quadratic": 12.0}
+        return fish.model_copy(update=soft)
+
+
 def _knots(seed: int) -> FloatArray:
     """Return a random smooth curve at 12 knots an octave apart, about zero."""
     rng = np.random.default_rng(seed)
@@ -352,3 +434,5 @@ FOREIGN: tuple[Effect, ...] = (
     Sloppy(),
     RollSlip(),
 )
+#: Of mechanisms whose learned form came later. They are fitted by it (tests/effects/test_learned_forms.py).
+LATER: tuple[Effect, ...] = (DippingMass(), FadingWake(), CrankedServo(), LooseTail())

@@ -84,6 +84,7 @@ STRONG: dict[str, Draw] = {
     "roll_loss": _one("square", 3.0, 8.0),
     "keulegan_carpenter_drag": _one("power", 0.4, 0.8),
     "sheared_current": _shear,
+    "added_mass_amplitude": _one("loss", 0.4, 0.7),
 }
 #: Those that need the place of each run: it begins anywhere within this distance of the origin [m], in any heading.
 PLACED = {"sheared_current": 0.8}
@@ -98,6 +99,7 @@ SHAPES: dict[str, Draw] = {
     "servo_second_order": _one("damping", 0.4, 1.0),
     "servo_limited_lag": _one("time", 0.003, 0.01),
     "tail_hardening": lambda rng: {"damping": rng.uniform(0.005, 0.08), "hardening": rng.uniform(20.0, 100.0)},
+    "added_mass_amplitude": _one("half", 2.0, 6.0),
 }
 
 

@@ -12,25 +12,35 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.integrate import cumulative_simpson
+from scipy.signal import lfilter
 
 from mjfish.arrays import FloatArray, RecordArray
 from mjfish.data import Trial
 from mjfish.diagnosis.refit import Refit
+from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect
+from mjfish.effects.beat_amplitude import KC_FLOOR, TAU, keulegan_carpenter
 from mjfish.estimation.fit import Z95, Fit
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.force import drag
+from mjfish.hydro.forced_motion import forced_motion
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import apply_loads, load_table
 from mjfish.hydro.outline import outlines
 from mjfish.model import Model
-from mjfish.model.model import active_effects, loads_of
+from mjfish.model.model import ActiveEffects, LoadsOfRun, active_effects, asked_motion, loads_of
 from mjfish.ode.kinematics import link_velocities
 
 #: Shares of the information between which a variable counts as visited.
 _VISITED = (0.02, 0.98)
 #: Points of a curve.
 _POINTS = 25
+#: Step of a forced motion [s].
+_STEP = 0.005
+#: Steps in a beat of a link that is swung, and number of beats, till its amplitude is known; and steps of a motion that
+#: begins at once and goes on.
+_BEAT, _BEATS, _SETTLED = 80, 10, 200
 
 
 @dataclass(frozen=True)
@@ -157,28 +167,43 @@ def _measured(form: _Form, mechanism: str, refit: Refit, before: Fit) -> Measure
 
 @dataclass(frozen=True, eq=False)
 class _Fish:
-    """A fish with a cause: its body, records of its links, and the table of its loads."""
+    """A fish with a cause: its body, records of its links, its effects, and their loads.
+
+    Attributes:
+        body, records, active: as they say.
+        loads: table of the loads that know the velocity only.
+        every: all of them.
+    """
 
     body: Fish
     records: RecordArray
+    active: ActiveEffects
     loads: tuple[Any, FloatArray]
+    every: LoadsOfRun
 
     @classmethod
     def of(cls, model: Model, values: Mapping[str, float], trial: Trial) -> _Fish:
-        """Return it with these values; loads that know a place or a past have none here."""
+        """Return it with these values."""
         everything = {p.name: values.get(p.name, p.default) for p in model.parameters}
         active, body = active_effects(model, everything), model.fish
         for effect, own in active:
             body = effect.body(body, own)
-        loads = [pair for pair in loads_of(active, trial) if not pair[0].stateful]
+        every = loads_of(active, trial)
+        table = load_table([pair for pair in every if not pair[0].stateful])
         coefficients = {name: everything[name] for name in COEFFICIENTS}
-        return cls(body, link_records(body, coefficients), load_table(loads))
+        return cls(body, link_records(body, coefficients), active, table, every)
 
     def force(self, link: int, u: float, v: float) -> tuple[float, float]:
         """Return the force of the loads on a link that moves at u along and v across [N]."""
         self.records["u"], self.records["v"], self.records["w"] = u, v, 0.0
         fx, fy, _ = apply_loads(self.records, link, *self.loads, np.zeros(3))
         return fx, fy
+
+    def across(self, link: int, v: FloatArray) -> FloatArray:
+        """Return the force across (n + 1,) [N] of all loads on a link moved across at v (2 n + 1,), at every step."""
+        velocity = np.zeros((len(v), 3))
+        velocity[:, 1] = v
+        return forced_motion(self.records, link, self.every, velocity, _STEP)[:, 1]
 
 
 def _visited(x: FloatArray, weight: FloatArray) -> tuple[float, float]:
@@ -273,15 +298,130 @@ def _tail(refit: Refit) -> Iterator[_Form]:
 
 
 def _moment(fish: _Fish, deflection: FloatArray) -> FloatArray:
-    compliance, hardening = fish.body.tail_compliance, fish.body.tail_hardening
-    if compliance <= 0.0:
+    tail = fish.body
+    if tail.tail_compliance <= 0.0:
         return np.zeros_like(deflection)
-    return np.asarray(deflection * (1.0 + hardening * deflection**2) / compliance)
+    stiffer = tail.tail_quadratic * deflection + tail.tail_hardening * deflection**2  # deflections are not negative
+    return np.asarray(deflection * (1.0 + stiffer) / tail.tail_compliance)
+
+
+def _added_mass(refit: Refit) -> Iterator[_Form]:
+    """Return c_m of a link that is swung across, by the Keulegan-Carpenter number of its way."""
+    problem, fish = refit.problem, refit.problem.model.fish
+    lengths = np.array([link.length for link in fish.links])
+    heights = _heights(fish)
+    numbers, weights = [], []
+    for trial in problem.trials:
+        rollout = problem.prediction(trial, {**problem.fixed, **refit.fit.values}).rollout
+        _, v, w = link_velocities(fish, rollout)
+        middle, step = v + 0.5 * lengths * w, float(np.mean(np.diff(rollout.time)))
+        square = _forgotten(_forgotten(middle, step) ** 2, step) / TAU
+        numbers.append(np.vectorize(keulegan_carpenter)(square, heights))
+        weights.append(np.gradient(middle, axis=0) ** 2)
+    number, weight = np.concatenate(numbers), np.concatenate(weights)
+    at = np.geomspace(0.4, 1.5 * float(np.quantile(number, 0.999)), _POINTS)
+    for group in dict.fromkeys(link.group for link in fish.links):
+        own = [i for i, link in enumerate(fish.links) if link.group == group]
+        yield _Form(
+            "c_m", group, ("keulegan_carpenter_number", "-"), ("c_m", "-"), at, _inertia(own[0], fish),
+            (number[:, own].ravel(), weight[:, own].ravel()),
+        )  # fmt: skip
+
+
+def _heights(fish: Fish) -> FloatArray:
+    """Return the heights (links,) of the links in the mean square [m]."""
+    added = np.array([outline.added[0] for outline in outlines(fish)])
+    return np.sqrt(4.0 * added / (np.pi * fish.density * np.array([link.length for link in fish.links])))
+
+
+def _forgotten(x: FloatArray, step: float) -> FloatArray:
+    """Return the solution (n, links) of y' = x - y / tau from zero on, tau that of the amplitude of a beat."""
+    decay = np.exp(-step / TAU)
+    return np.asarray(lfilter([TAU * (1.0 - decay)], [1.0, -decay], x, axis=0))
+
+
+def _inertia(link: int, nominal: Fish) -> Callable[[_Fish, FloatArray], FloatArray]:
+    """Return the part of the force on a swung link that goes with its acceleration, over that at c_m = 1."""
+    height = float(_heights(nominal)[link])
+    phase = np.pi * np.arange(2 * _BEAT * _BEATS + 1) / _BEAT
+    rate = 2.0 * np.pi / (_BEAT * _STEP)
+    last = slice(_BEAT * (_BEATS - 1), _BEAT * _BEATS)
+
+    def value(fish: _Fish, numbers: FloatArray) -> FloatArray:
+        own = fish.records[link]
+        found = []
+        for number in numbers:
+            speed = rate * height * np.sqrt(max(number**2 - KC_FLOOR**2, 1e-6)) / (2.0 * np.pi)
+            force = fish.across(link, speed * np.cos(phase))[last]
+            found.append(2.0 * float(np.mean(force * np.sin(phase[::2][last]))) / (rate * speed))
+        added = own["c_m"] * own["added"][0] + np.array(found)
+        return np.asarray(added / outlines(nominal)[link].added[0])
+
+    return value
+
+
+def _wake(refit: Refit) -> Iterator[_Form]:
+    """Return c_d and c_m of a link that is set in motion at once and goes on, by the time since then."""
+    fish = refit.problem.model.fish
+    steps = np.unique(np.round(np.geomspace(2.0, _SETTLED, _POINTS)).astype(int))
+    runs = [trial.time for trial in refit.problem.trials]
+    times = np.geomspace(min(np.diff(time).min() for time in runs), max(np.ptp(time) for time in runs), 100)
+    for kind in ("c_d", "c_m"):
+        for group in dict.fromkeys(link.group for link in fish.links):
+            own = next(i for i, link in enumerate(fish.links) if link.group == group)
+            yield _Form(
+                kind, group, ("time", "s"), (kind, "-"), steps * _STEP, _response(kind, own, fish),
+                (times, np.ones_like(times)),
+            )  # fmt: skip
+
+
+def _response(kind: str, link: int, nominal: Fish) -> Callable[[_Fish, FloatArray], FloatArray]:
+    """Return what there is of drag or added momentum some time after a link has been set in motion.
+
+    Drag goes with the square of the speed, momentum with the speed: two speeds tell them apart.
+    """
+
+    def value(fish: _Fish, times: FloatArray) -> FloatArray:
+        still = np.ones(2 * _SETTLED + 1)
+        once, twice = (fish.across(link, speed * still) for speed in (1.0, 2.0))
+        own = fish.records[link]
+        own["u"], own["v"], own["w"] = 0.0, 1.0, 0.0
+        outline = outlines(nominal)[link]
+        if kind == "c_m":
+            impulse = cumulative_simpson(2.0 * once - 0.5 * twice, dx=_STEP, initial=0.0)
+            found = (own["c_m"] * own["added"][0] - impulse) / outline.added[0]
+        else:
+            force = drag(own)[1] + 0.5 * twice - once
+            found = -2.0 * force / (nominal.density * outline.height_moment[-1, 0])
+        return np.asarray(found[np.round(times / _STEP).astype(int)])
+
+    return value
+
+
+def _servo_limit(refit: Refit) -> Iterator[_Form]:
+    """Return the angle at which a joint ends, by the one that it is told."""
+    model = refit.problem.model
+    told = [np.abs(asked_motion(model.fish.cpg, trial, model.step).angle).ravel() for trial in refit.problem.trials]
+    angle = np.concatenate(told)
+    at = np.linspace(0.0, 1.1 * float(angle.max()), _POINTS)
+    yield _Form("joint_angle", "joints", ("command", "rad"), ("joint_angle", "rad"), at, _reached, (angle, angle**2))
+
+
+def _reached(fish: _Fish, command: FloatArray) -> FloatArray:
+    angle = np.broadcast_to(command[:, None, None], (len(command), 3, 1))
+    still = np.zeros_like(angle)
+    motion = JointMotion(np.arange(len(command) + 1.0), angle, still, still)
+    for effect, own in fish.active:
+        motion = effect.drive(motion, own)
+    return motion.angle[:, 0, 0].copy()
 
 
 #: By mechanism; others have forms that are numbers.
 _FORMS: Mapping[str, Callable[[Refit], Iterator[_Form]]] = {
+    "added_mass": _added_mass,
     "drag_law": _drag,
     "lift": _lift,
+    "servo_limit": _servo_limit,
     "tail_flexibility": _tail,
+    "wake_memory": _wake,
 }

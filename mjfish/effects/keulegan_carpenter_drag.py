@@ -6,28 +6,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mjfish.compiled import inlined
+from mjfish.effects.beat_amplitude import TAU, keulegan_carpenter
 from mjfish.effects.calibration import TOW_TEST, Calibration
 from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.effects.mechanism import Domain
 from mjfish.hydro.force import KC_0
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
-
-#: KC of a strip that has not moved yet: a power below zero has no value at zero, and a run begins at rest.
-KC_FLOOR = 0.3
-#: Time in which an amplitude is forgotten [s]. Some beats, so that it is one number over a beat: at 2 Hz the ripple of
-#: the mean square is 8 %. Not many, so that a turn or a change of the beat is followed.
-TAU = 0.5
-
-
-@inlined
-def _number(square: float, height: float) -> float:
-    """Return KC of a strip of this height whose end of the link has this mean square; positive where a step goes below.
-
-    KC^2 = KC_floor^2 + (2 pi A / h)^2, A^2 = 2 s.
-    """
-    return float(np.sqrt(max(KC_FLOOR**2 + 8.0 * np.pi**2 * square / (height * height + 1e-12), 1e-4)))
 
 
 @load(memory=4)
@@ -41,7 +26,7 @@ def _excess(link: Any, parameters: Any) -> tuple[float, float, float, float, flo
     for k in range(link.coarse_r.shape[0]):
         r, height = link.coarse_r[k], link.coarse_height[k]
         place = r / link.length
-        kc = (1.0 - place) * _number(front_square, height) + place * _number(rear_square, height)
+        kc = (1.0 - place) * keulegan_carpenter(front_square, height) + place * keulegan_carpenter(rear_square, height)
         q = link.v + link.w * r
         share = link.coarse_weight[k] * height * np.expm1(-power * np.log(kc / KC_0)) * abs(q) * q
         across += share

@@ -35,7 +35,7 @@ _ALL = (
     Mechanism("camera_axes", "data", "the camera's axes are turned", "-"),
     Mechanism("tracked_point", "data", "another point is tracked", "-"),
     Mechanism("servo_dynamics", "drive", "the joints follow their command late", "command and its rate"),
-    Mechanism("servo_limit", "drive", "the joints do not reach large angles", "command"),
+    Mechanism("servo_limit", "drive", "the joints end at other angles than they are told", "command"),
     Mechanism("servo_play", "drive", "the gears have play", "command"),
     Mechanism("joint_zero", "drive", "the zeros of the joints are off", "-"),
     Mechanism("mass_distribution", "body", "masses lie elsewhere", "-"),

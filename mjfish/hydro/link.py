@@ -17,7 +17,7 @@ from mjfish.fish import COEFFICIENTS, KINDS, Fish
 from mjfish.hydro.outline import COARSE, INTERVALS, STRIPS, outlines
 
 #: Most hidden states a load may have on each link.
-MEMORY = 4
+MEMORY = 8
 #: One link; every field is a float64, so that a record is also a plain row of numbers.
 #: mass, com, inertia, length: of the body; last: 1 of the last link, else 0.
 #: density, c_m, c_d, c_f, munk: of the water on it.

@@ -43,3 +43,17 @@ def spline(t: float, values: Any, first: int, count: int) -> float:
     if k < count - 2:
         g += d * values[first + k + 2]
     return float(g)
+
+
+@merged
+def spline_slope(t: float, values: Any, first: int, count: int) -> float:
+    """Return the slope of the curve at t, in units of the knots' spacing; zero beyond the ends."""
+    if t <= 0.0 or t >= count - 1.0:
+        return 0.0
+    k = first + min(int(t), count - 2)
+    s = t - (k - first)
+    rest = 1.0 - s
+    before = values[k - 1] if k > first else values[first + 1]
+    after = values[k + 2] if k < first + count - 2 else values[k]
+    g = 0.5 * s * ((3.0 * s - 4.0) * values[k] + s * after)
+    return float(g + 0.5 * rest * ((4.0 - 3.0 * rest) * values[k + 1] - rest * before))

@@ -15,6 +15,7 @@ from xml.etree import ElementTree as ET
 from xml.sax.saxutils import quoteattr
 
 import mujoco
+import numpy as np
 
 from mjfish import files
 from mjfish.arrays import FloatArray
@@ -121,11 +122,13 @@ def _sharpen(root: ET.Element, spec: mujoco.MjSpec) -> None:
             inertial.set("diaginertia", _row(body.inertia))
         for joint in element.iterfind("joint"):
             built = spec.joint(joint.get("name"))
-            for name, value in (("stiffness", built.stiffness[0]), ("damping", built.damping[0])):
-                if value > 0.0:
-                    joint.set(name, _number(value))
+            for name, values in (("stiffness", built.stiffness), ("damping", built.damping)):
+                if any(values):
+                    joint.set(name, _row(np.trim_zeros(values, "b")))
             if built.armature > 0.0:
                 joint.set("armature", _number(built.armature))
+    for spring in root.iterfind("tendon/fixed"):
+        spring.set("stiffness", _row(np.trim_zeros(spec.tendon(spring.get("name")).stiffness, "b")))
     actuators = root.find("actuator")
     for servo in list(actuators if actuators is not None else ()):
         actuator = spec.actuator(servo.get("name"))

@@ -48,6 +48,8 @@ INTEGRATORS = {
 }
 #: Hinge of a flexible tail; its coordinate is the last.
 DEFLECTION = "deflection"
+#: Springs of the tail by the square of its deflection, to either side; slack so far to the other [rad].
+_SIDES, _SLACK = ((f"{DEFLECTION}_left", 1.0), (f"{DEFLECTION}_right", -1.0)), 1e3
 #: Degrees of freedom of the root in the plane: x, y, yaw.
 ROOT = 3
 #: Of the earth [m/s2].
@@ -175,7 +177,8 @@ def _add_deflection(fish: Fish, specification: mujoco.MjSpec) -> None:
     """Let the last link bend back about its joint: a second hinge there, passive, behind the driven one.
 
     Between the two there is no mass. The driven joint gets an armature, such as the rotor of its servo is: the inertia
-    of the link about the joint. Where its motion is prescribed that changes nothing. Its damping is explicit.
+    of the link about the joint. Where its motion is prescribed that changes nothing. Its damping is explicit. A joint's
+    stiffness by x^2 pulls to one side; x |x| is made of two tendons instead, springs that are slack on one side each.
     """
     last = fish.links[-1]
     driven = specification.joint(f"joint_{fish.joints}")
@@ -184,6 +187,11 @@ def _add_deflection(fish: Fish, specification: mujoco.MjSpec) -> None:
     specification.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     bent.stiffness[0], bent.damping[0] = 1.0 / fish.tail_compliance, fish.tail_damping
     bent.stiffness[2] = fish.tail_hardening / fish.tail_compliance
+    for name, side in _SIDES if fish.tail_quadratic != 0.0 else ():
+        tendon = specification.add_tendon(name=name)
+        tendon.wrap_joint(DEFLECTION, side)
+        tendon.springlength = (-_SLACK, 0.0)
+        tendon.stiffness[1] = fish.tail_quadratic / fish.tail_compliance
 
 
 def strips(fish: Fish, values: Mapping[str, float] | None = None, free: Trim | None = None) -> tuple[StripLink, ...]:

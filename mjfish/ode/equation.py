@@ -15,13 +15,14 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import borrowing, inlined, merged
 from mjfish.fish import Fish
-from mjfish.hydro.force import added_mass, drag, gyroscopic
+from mjfish.hydro.force import added_mass, drag, gyroscopic, magnitude
 from mjfish.hydro.load import AT_STATEFUL, LoadBuffers, LoadTable, loads_on
 
 #: u, v, w [m/s, m/s, rad/s] of the nose, x, y [m], yaw [rad], tail deflection [rad], its rate [rad/s]; model's frame.
 STATES = 8
-#: Numbers of a flexible tail: flexible (0 or 1), stiffness [N m/rad], damping [N m s/rad], cubic stiffness [N m/rad3].
-TAIL = 4
+#: Numbers of a flexible tail: flexible (0 or 1), stiffness [N m/rad], damping [N m s/rad], cubic stiffness [N m/rad3],
+#: stiffness by delta |delta| [N m/rad2].
+TAIL = 5
 
 
 class System(NamedTuple):
@@ -60,7 +61,8 @@ def tail_of(fish: Fish) -> FloatArray:
     """Return the numbers (TAIL,) of the last joint's deflection, see `TAIL`."""
     flexible = fish.tail_compliance > 0.0
     stiffness = 1.0 / fish.tail_compliance if flexible else 0.0
-    return np.array([float(flexible), stiffness, fish.tail_damping, stiffness * fish.tail_hardening])
+    quadratic, cubic = stiffness * fish.tail_quadratic, stiffness * fish.tail_hardening
+    return np.array([float(flexible), stiffness, fish.tail_damping, cubic, quadratic])
 
 
 @inlined
@@ -162,7 +164,8 @@ def _derivative(system: System, joints: Joints, state: FloatArray, output: Float
     k0, k1, k2, torque = 0.0, 0.0, 0.0, 0.0
     if flexible:  # eliminate the deflection: row and column of the last link's own rotation
         k0, k1, k2 = gx, gy, j + x * gy - y * gx
-        torque = mz - (tail[1] + tail[3] * state[6] * state[6]) * state[6] - tail[2] * state[7]
+        spring = tail[1] + tail[4] * magnitude(state[6]) + tail[3] * state[6] * state[6]
+        torque = mz - spring * state[6] - tail[2] * state[7]
         m00 -= k0 * k0 / j
         m01 -= k0 * k1 / j
         m02 -= k0 * k2 / j

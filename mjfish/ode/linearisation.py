@@ -234,7 +234,7 @@ def _gather(system: System, state: FloatArray, all_joints: bool, velocity_only: 
     _write_response(out.solver, flexible, d[1], d[4], d[7], t[1], out.by_state[1])
     _write_response(out.solver, flexible, d[2], d[5], d[8], t[2], out.by_state[2])
     if flexible:
-        stiffness = tail[1] + 3.0 * tail[3] * state[6] * state[6]
+        stiffness = tail[1] + 2.0 * tail[4] * abs(state[6]) + 3.0 * tail[3] * state[6] * state[6]
         for i in range(2):
             _write_response(out.solver, True, 0.0, 0.0, 0.0, -(stiffness if i == 0 else tail[2]), out.by_state[3 + i])
             for row in range(ROWS):

@@ -302,6 +302,7 @@ def rest(state: FloatArray, tail: FloatArray) -> None:
     tail[1] = 0.0
     tail[2] = 0.0
     tail[3] = 0.0
+    tail[4] = 0.0
     for row in (0, 1, 2, 3, 4, 7):
         state[row] = 0.0
 

@@ -185,7 +185,8 @@ def _by_tail(state: FloatArray, tail: FloatArray, solver: FloatArray, out: Float
     """Add what changes of the tail's stiffness and damping change."""
     a0, a1, a2, bend = solve(solver, True, 0.0, 0.0, 0.0, -1.0)
     for k in range(out.shape[1]):
-        torque = (tail[1, k] + tail[3, k] * state[6] * state[6]) * state[6] + tail[2, k] * state[7]
+        spring = tail[1, k] + tail[4, k] * abs(state[6]) + tail[3, k] * state[6] * state[6]
+        torque = spring * state[6] + tail[2, k] * state[7]
         out[0, k] += a0 * torque
         out[1, k] += a1 * torque
         out[2, k] += a2 * torque

@@ -380,6 +380,7 @@ def _jump_tangents(motion_before: FloatArray, work: TangentWorkspace) -> None:
         work.tail[1, k] = 0.0
         work.tail[2, k] = 0.0
         work.tail[3, k] = 0.0
+        work.tail[4, k] = 0.0
     for j in range(joints):
         for k in range(work.motion.shape[1]):
             work.motion[2 * joints + j, k] = work.motion[joints + j, k] - motion_before[joints + j, k]

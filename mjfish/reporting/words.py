@@ -23,6 +23,8 @@ QUANTITY_NAMES = {
     "c_d": "Drag coefficient across, c_d",
     "c_f": "Friction coefficient along, c_f",
     "c_n": "Coefficient of the force across the chord, c_n",
+    "c_m": "Coefficient of the added mass, c_m",
+    "joint_angle": "Angle that the joints reach",
     "moment": "Moment of the spring",
 }
 #: Stands for a number that is not known.

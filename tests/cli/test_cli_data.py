@@ -91,7 +91,7 @@ REFUSED = {
     "duration": ("--duration -1", "duration -1 s, expected finite numbers above 0"),
     "seed": ("--seed -1", "Invalid value for '--seed'"),
     "held out": ("--held-out v7", "unknown trial 'v7'; known: v1, v3"),
-    "unknown effect": ("--effect drag:x=1", "unknown effect 'drag'; known: added_mass_memory, ambient_current"),
+    "unknown effect": ("--effect drag:x=1", "unknown effect 'drag'; known: added_mass_amplitude, added_mass_law"),
     "no parameter": ("--effect servo_lag", "--effect: found 'servo_lag', expected NAME:PARAM=VALUE, e.g. "),
     "empty parameter": ("--effect servo_lag:", "--effect: found 'servo_lag:', expected NAME:PARAM=VALUE"),
     "unknown parameter": ("--effect servo_lag:tau=1", "unknown parameter of servo_lag 'tau'; known: time_constant"),

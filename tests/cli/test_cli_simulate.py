@@ -106,7 +106,7 @@ REFUSED = {
     "set twice": ("--set c_d.head=1 --set c_d.head=2", "--set: 'c_d.head' is set twice; set it once"),
     "no time": ("--duration 0", "duration: found 0, expected a finite number above 0 s; correct it"),
     "endless": ("--duration inf", "duration: found inf, expected a finite number"),
-    "unknown effect": ("--effect drag:x=1", "unknown effect 'drag'; known: added_mass_memory, ambient_current"),
+    "unknown effect": ("--effect drag:x=1", "unknown effect 'drag'; known: added_mass_amplitude, added_mass_law"),
     "effect out of bounds": ("--set munk_moment.kappa=9", "munk_moment.kappa: value 9 - is outside its bounds"),
     "unknown parameter": ("--effect munk_moment:size=1", "unknown parameter of munk_moment 'size'; known: kappa"),
     "two drives": ("--wave frequency=1 --joints a.csv", "--wave: found with --joints, expected one drive; drop one"),

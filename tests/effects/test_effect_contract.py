@@ -23,6 +23,8 @@ from mjfish.parameter import Parameter
 OWN = Path(__file__).parent / "own_effects.py"
 EFFECTS = catalogue([OWN])
 SHIPPED = {
+    "added_mass_amplitude",
+    "added_mass_law",
     "added_mass_memory",
     "ambient_current",
     "axial_momentum",
@@ -49,6 +51,7 @@ SHIPPED = {
     "roll_loss",
     "section_height",
     "servo_backlash",
+    "servo_curve",
     "servo_delay",
     "servo_dynamics",
     "servo_lag",
@@ -60,8 +63,10 @@ SHIPPED = {
     "stream_lift",
     "tail_compliance",
     "tail_hardening",
+    "tail_law",
     "time_offset",
     "velocity_scale",
+    "wake_kernel",
     "wake_memory",
     "wall_effect",
     "whole_speed_drag",

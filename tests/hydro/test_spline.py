@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from mjfish.arrays import FloatArray
-from mjfish.hydro.spline import spline, spline_weights
+from mjfish.hydro.spline import spline, spline_slope, spline_weights
 
 COUNTS = (2, 3, 7)
 over_counts = pytest.mark.parametrize("count", COUNTS)
@@ -82,3 +82,13 @@ def test_its_values_may_stand_among_others() -> None:
     row = np.concatenate([[np.nan, np.nan], values, [np.nan]])
     for t in (-1.0, 0.4, 2.0, 3.7, 9.0):
         assert spline(t, row, 2, 5) == spline(t, values, 0, 5)
+
+
+@over_counts
+def test_its_slope_is_that_of_the_b_spline(count: int) -> None:
+    """Within, at both ends, where it is zero, and beyond."""
+    values, t = _values(count), np.linspace(0.0, count - 1.0, 201)
+    padded = np.concatenate([[9.0, 7.0], values, [5.0]])
+    found = [spline_slope(at, padded, 2, count) for at in t]
+    np.testing.assert_allclose(found, _reference(values).derivative()(t), rtol=0.0, atol=1e-13)
+    assert spline_slope(-0.5, padded, 2, count) == spline_slope(count - 0.5, padded, 2, count) == 0.0

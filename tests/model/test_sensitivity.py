@@ -47,6 +47,10 @@ ALONE = {
     "servo_delay": {"time": 0.021},
     "servo_limited_lag": {"slowness": 0.1, "time": 0.006},
     "tail_hardening": {"compliance": 0.3, "damping": 0.03, "hardening": 20.0},
+    "tail_law": {"compliance": 0.3, "damping": 0.03, "quadratic": -4.0, "hardening": 20.0},
+    "added_mass_amplitude": {"loss": 0.4, "half": 4.0},
+    "added_mass_law": {f"knot_{k}": g for k, g in enumerate((0.2, -0.3, 0.1, -0.5, -0.2, 0.3))},
+    "wake_kernel": {"drag": 0.3, "late_drag": -0.2, "mass": 0.5, "late_mass": 0.4, "time": 0.05, "late_time": 0.3},
     "lift": {
         "fin_1": 0.6, "fin_2": -0.3, "fin_3": 0.2, "fin_normal": 0.2, "place": 0.3, "downwash": 0.7,
         "body_1": 0.3, "body_normal": 0.2, "body_place": 0.4, "body_downwash": 0.6,
@@ -123,7 +127,8 @@ def test_all_parameters_of_one_effect_at_once(pike: Fish, effect: str) -> None:
     and by hidden states that begin with zero.
     """
     rough = {"power_drag": 1e-6, "drag_law": 1e-4, "servo_limited_lag": 1e-2, "servo_dynamics": 1e-2}
-    rough |= {"keulegan_carpenter_drag": 2e-6, "roll_loss": 1e-7}
+    rough |= {"keulegan_carpenter_drag": 2e-6, "roll_loss": 1e-7, "tail_law": 1e-6}
+    rough |= {"added_mass_amplitude": 2e-6, "added_mass_law": 1e-5, "wake_kernel": 1e-7}
     one = find(effect)
     model, trial = Model(pike, (one,)), _trial("v3-t1", 1.6)
     values = VALUES | {f"{effect}.{key}": value for key, value in ALONE[effect].items()}
@@ -153,6 +158,7 @@ def test_at_the_null_value_of_an_effect(pike: Fish, name: str) -> None:
     [
         "power_drag.pressure", "axial_momentum.share", "edge_momentum.share", "added_mass_memory.share",
         "drag_law.across_2", "drag_law.along_4", "lift.fin_1", "lift.body_normal", "reactive_force.munk_tail",
+        "added_mass_amplitude.loss", "added_mass_law.knot_3", "wake_kernel.late_drag", "wake_kernel.mass",
     ],
 )  # fmt: skip
 def test_a_load_of_either_sign_at_its_null_value(pike: Fish, name: str) -> None:

@@ -32,6 +32,21 @@ def test_the_hinge_has_the_stiffness_and_the_damping(soft: Fish, pike: Fish) -> 
     np.testing.assert_allclose(np.ravel(hinge.damping)[0], 0.03)
 
 
+@pytest.mark.parametrize(("quadratic", "hardening"), [(20.0, 0.0), (-6.0, 15.0)])
+def test_both_engines_bend_it_by_the_square_of_the_deflection_too(
+    pike: Fish, monkeypatch: pytest.MonkeyPatch, quadratic: float, hardening: float
+) -> None:
+    """To either side alike. Catches an even spring, one that acts on one side only, and one of the wrong sign."""
+    monkeypatch.setattr(cross_check, "ENGINES", cross_check.ENGINES[:3])
+    soft = pike.model_copy(update={**_SOFT, "tail_quadratic": quadratic, "tail_hardening": hardening})
+    rows = list(crosscheck.check_all(soft, cases=(crosscheck.CASES[2],), duration=5.6))
+    assert [row.status for row in rows] == ["agrees"] * 3
+    assert max(row.to_ode for row in rows) < 1e-5
+    motion = cpg.joint_motion(pike.cpg, modes.drive("v3"), 3.0, 0.001)
+    cubic = soft.model_copy(update={"tail_quadratic": 0.0})
+    assert np.abs(simulate(soft, motion).velocity - simulate(cubic, motion).velocity).max() > 0.02
+
+
 def test_both_engines_swim_alike_with_it(soft: Fish, pike: Fish) -> None:
     """Servos move the joints, the tail bends behind them; a turn with its step of the drive."""
     found = crosscheck.check(soft, "v3-t2", duration=6.2, halvings=1)
@@ -52,10 +67,20 @@ def test_both_engines_swim_alike_with_it_on_prescribed_joints(soft: Fish, monkey
 
 def test_an_exported_fish_has_it_too(soft: Fish) -> None:
     """To the last bit, and in the free fish as well."""
+    soft = soft.model_copy(update={"tail_quadratic": 7.0})
     for free in (None, Trim()):
         read = mujoco.MjModel.from_xml_string(export.text(soft, free=free))
         made = (mjcf.swimmer(soft) if free is None else mjcf.swimmer(soft, free=Trim())).model
-        for field in ("jnt_stiffness", "dof_damping", "dof_armature", "body_mass", "body_inertia"):
+        for field in (
+            "jnt_stiffness",
+            "dof_damping",
+            "dof_armature",
+            "body_mass",
+            "body_inertia",
+            "jnt_stiffnesspoly",
+            "tendon_stiffnesspoly",
+            "tendon_lengthspring",
+        ):
             np.testing.assert_array_equal(getattr(read, field), getattr(made, field), err_msg=field)
         assert made.jnt_stiffness.max() == 1.0 / 0.3
 

@@ -174,8 +174,8 @@ def test_an_inactive_load_has_hidden_states(pike: Fish) -> None:
 
 
 def test_what_cannot_be_is_refused() -> None:
-    with pytest.raises(ParameterError, match="memory = 5"):
-        load(memory=5)(nothing)
+    with pytest.raises(ParameterError, match="memory = 9"):
+        load(memory=9)(nothing)
     for one in (where, rising):
         assert isinstance(one, Load)
         with pytest.raises(InputError, match="expected none such; use load_rows"):

@@ -16,8 +16,9 @@ from mjfish.ode.rollout import Rollout
 START = np.array([0.5, -0.2, 0.6])
 
 
-def _flexible(fish: Fish, compliance: float, damping: float, hardening: float = 0.0) -> Fish:
-    return fish.model_copy(update={"tail_compliance": compliance, "tail_damping": damping, "tail_hardening": hardening})
+def _flexible(fish: Fish, compliance: float, damping: float, hardening: float = 0.0, quadratic: float = 0.0) -> Fish:
+    springs = {"tail_hardening": hardening, "tail_quadratic": quadratic}
+    return fish.model_copy(update={"tail_compliance": compliance, "tail_damping": damping, **springs})
 
 
 def _energy(fish: Fish, rollout: Rollout) -> FloatArray:
@@ -33,6 +34,7 @@ def _energy(fish: Fish, rollout: Rollout) -> FloatArray:
         about_nose = angular - (pose[0] * p_y - pose[1] * p_x)
         kinetic = 0.5 * (p_x * nose[0] + p_y * nose[1] + about_nose * moving[2] + last * state[7])
         spring = 0.5 * state[6] ** 2 + 0.25 * fish.tail_hardening * state[6] ** 4
+        spring += fish.tail_quadratic * abs(state[6]) ** 3 / 3.0
         found.append(kinetic + spring / fish.tail_compliance)
     return np.array(found)
 
@@ -75,13 +77,18 @@ def test_the_deflection_is_quasi_statically_the_compliance_times_the_moment(pike
     assert abs(deflection) > 1e-3
 
 
-@pytest.mark.parametrize("hardening", [0.0, 200.0])
-def test_energy_of_an_undamped_tail_in_an_ideal_fluid_is_conserved(pike: Fish, hardening: float) -> None:
-    """M = delta (1 + h delta^2) / compliance has the energy delta^2 (1 / 2 + h delta^2 / 4) / compliance."""
-    fish = _flexible(_frictionless(pike), 0.5, 0.0, hardening)
+@pytest.mark.parametrize(("hardening", "quadratic"), [(0.0, 0.0), (200.0, 0.0), (0.0, 20.0), (40.0, -10.0)])
+def test_energy_of_an_undamped_tail_in_an_ideal_fluid_is_conserved(
+    pike: Fish, hardening: float, quadratic: float
+) -> None:
+    """M = delta (1 + b |delta| + h delta^2) / k has the energy delta^2 (1 / 2 + b |delta| / 3 + h delta^2 / 4) / k."""
+    fish = _flexible(_frictionless(pike), 0.5, 0.0, hardening, quadratic)
     rollout = ode.simulate(fish, still(2.0, 4000), velocity=START)
     assert np.ptp(rollout.state[:, 0, 6]) > 0.01
-    assert hardening * np.max(rollout.state[:, 0, 6] ** 2) > 0.1 or hardening == 0.0
+    largest = np.max(np.abs(rollout.state[:, 0, 6]))
+    assert np.ptp(rollout.state[:, 0, 6]) > 1.1 * largest  # it bends to both sides
+    assert hardening * largest**2 > 0.1 or hardening == 0.0
+    assert abs(quadratic) * largest > 0.1 or quadratic == 0.0
     energy = _energy(fish, rollout)
     np.testing.assert_allclose(energy, energy[0], rtol=1e-8)
 

@@ -22,7 +22,8 @@ START = np.array([0.3, 0.02, -0.4])
 
 def _swim(pike: Fish, compliance: float = 0.0) -> tuple[Fish, JointMotion, FloatArray]:
     """Return a fish with a Munk moment, a motion whose rates jump once, and times that are no grid's."""
-    fish = pike.model_copy(update={"munk_moment": 0.7, "tail_compliance": compliance, "tail_hardening": 30.0})
+    springs = {"tail_compliance": compliance, "tail_hardening": 30.0, "tail_quadratic": -3.0}
+    fish = pike.model_copy(update={"munk_moment": 0.7, **springs})
     motion = waving(0.6, 240)
     rate = motion.rate.copy()
     rate[100:] += np.array([0.5, -0.2, 0.3, 1.0])

@@ -1,0 +1,96 @@
+"""The added mass learned from the data: a smooth function of the amplitude of the beat."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mjfish.effects.beat_amplitude import TAU, keulegan_carpenter
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.mechanism import Domain
+from mjfish.effects.momentum_rate import momentum_rate
+from mjfish.hydro.load import Load, load
+from mjfish.hydro.spline import spline
+from mjfish.parameter import Parameter
+from mjfish.prior import Prior, smooth_curve
+
+#: KC of the first knot, number of knots, an octave apart.
+_FIRST, _KNOTS = 0.5, 6
+#: Bounds of the logarithm of the factor.
+_LOW, _HIGH = -1.5, 0.7
+
+
+@load(memory=8)
+def _excess(link: Any, parameters: Any) -> tuple[float, ...]:
+    """Return the force of the added mass beyond c_m, and the rates of y, s and of the lags of both momenta."""
+    way, square = link.memory[0], link.memory[1]
+    height = np.sqrt(4.0 * link.added[0] / (np.pi * link.density * link.length))
+    excess = np.expm1(spline(np.log2(keulegan_carpenter(square, height) / _FIRST), parameters, 0, _KNOTS))
+    momentum = link.c_m * (link.added[0] * link.v + link.added[1] * link.w)
+    turning = link.c_m * (link.added[1] * link.v + link.added[2] * link.w)
+    rate, a, b, c = momentum_rate(momentum, link.memory[2], link.memory[3], link.memory[4])
+    turn_rate, turn_a, turn_b, turn_c = momentum_rate(turning, link.memory[5], link.memory[6], link.memory[7])
+    return (
+        excess * link.w * momentum,
+        -excess * rate,
+        -excess * (turn_rate + link.munk * link.u * momentum),
+        link.v + 0.5 * link.length * link.w - way / TAU,
+        (way * way - square) / TAU,
+        a,
+        b,
+        c,
+        turn_a,
+        turn_b,
+        turn_c,
+    )
+
+
+def _name(knot: int) -> str:
+    return f"knot_{knot}"
+
+
+class AddedMassLaw(Effect):
+    """The added mass is a smooth function of the amplitude of the beat: c_m -> c_m exp(g(log2 KC)).
+
+    g is a cubic B-spline with knots an octave apart from KC 0.5 on, constant beyond the outermost ones; the same for
+    all links, while c_m is that of the link's group. KC and the force are those of `AddedMassAmplitude`. The level of g
+    is one with that of c_m; at one value of all knots it is another c_m.
+    """
+
+    name: ClassVar[str] = "added_mass_law"
+    domain: ClassVar[Domain] = "water"
+    mechanism: ClassVar[str] = "added_mass"
+    learned: ClassVar[bool] = True
+    summary: ClassVar[str] = "the added mass is another function of the amplitude of the beat, learned"
+    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+        Parameter(
+            f"added_mass_law.{_name(k)}", "-", 0.0, _LOW, _HIGH, 0.0, 0.1, about=f"ln c_m near KC {_FIRST * 2**k:g}"
+        )
+        for k in range(_KNOTS)
+    )
+    source: ClassVar[str] = (
+        "Sarpkaya, J. Fluids Eng. 98 (1976): inertia by KC; Eilers and Marx, Statistical Science 11 (1996): splines"
+    )
+    signature: ClassVar[str] = (
+        "links that beat far are lighter or heavier than those that beat little, and than a start"
+    )
+    confirm: ClassVar[str] = "swing the held fish in water at several amplitudes and measure the force at the turns"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = ("design-no-start", "design-short")
+    load: ClassVar[Load | None] = _excess
+
+    def like(self, formula: str, values: Values) -> dict[str, float]:
+        """Return the curve at the numbers of a formula; a section's height is one with the level."""
+        if formula == "section_height":
+            level = float(np.clip(2.0 * np.log(1.0 + values["error"]), _LOW, _HIGH))
+            return {_name(k): level for k in range(_KNOTS)}
+        if formula != "added_mass_amplitude":
+            return {}
+        square = (_FIRST * 2.0 ** np.arange(_KNOTS)) ** 2
+        logs = np.log(1.0 - values["loss"] * square / (square + values["half"] ** 2))
+        return {_name(k): float(np.clip(log, _LOW, _HIGH)) for k, log in enumerate(logs)}
+
+    def priors(self) -> tuple[Prior, ...]:
+        """Keep the curve smooth."""
+        return smooth_curve("added_mass_law.curve", [p.name for p in self.parameters], 0.3, 0.7)
