@@ -18,7 +18,7 @@ from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import Refit, made_smooth, refined, refit_with
-from mjfish.diagnosis.select import GOODNESS, Standing, standings
+from mjfish.diagnosis.select import GOODNESS, Goodness, Standing, standings
 from mjfish.effects.effect import Effect
 
 #: Most causes that are claimed together.
@@ -83,6 +83,7 @@ def find_combinations(
     known: dict[Names, Refit] = {(name,): refit for name, refit in singles.items()}
     bases = _best(known.values())
     best: Combinations | None = None
+    goodness = _goodness(candidates)
     for size in range(2, LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
@@ -90,14 +91,14 @@ def find_combinations(
             known.update(found := grown(bases, candidates, known, rng))
             earned.update({names: refit for names, refit in found.items() if beats_smaller_sets(refit, known)})
             if earned:
-                best = _standing(earned, candidates, known, held_out, rng)
+                best = _standing(earned, goodness, known, held_out, rng)
                 if not best.sufficient and best.exhausted():
                     return best
                 if best.sufficient:
                     known.update(parts := _parts(best, known))
                     if all(beats_smaller_sets(earned[names], known) for names in best.sufficient):
                         return best
-                    return _standing({**_of_size(size - 1, known), **parts}, candidates, known, held_out, rng)
+                    return _standing({**_of_size(size - 1, known), **parts}, goodness, known, held_out, rng)
         if not earned:
             return best
         bases = _best(earned.values())
@@ -131,7 +132,7 @@ def find_small_addition(
                 found[names] = refit
     if not found:
         return None
-    pairs = _standing(found, candidates, known, held_out, rng)
+    pairs = _standing(found, _goodness(candidates), known, held_out, rng)
     clean = {names: pairs.standings[names] for names in pairs.sufficient}
     return replace(pairs, standings=clean) if clean else None
 
@@ -265,9 +266,14 @@ def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit]) -> bool:
     )
 
 
+def _goodness(candidates: Sequence[Effect]) -> Goodness:
+    """Return the goodness of fit by the joint score of the formulas."""
+    return Goodness([effect for effect in candidates if not effect.learned])
+
+
 def _standing(
     sets: Mapping[Names, Refit],
-    candidates: Sequence[Effect],
+    goodness: Goodness,
     known: Mapping[Names, Refit],
     held_out: HeldOut,
     rng: np.random.Generator,
@@ -275,4 +281,4 @@ def _standing(
     parts = {
         names: max(_without(refit, known), key=lambda part: part.gain, default=None) for names, refit in sets.items()
     }
-    return Combinations(sets, standings(sets, candidates, held_out, rng), parts)
+    return Combinations(sets, standings(sets, goodness, held_out, rng), parts)

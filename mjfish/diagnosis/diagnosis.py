@@ -26,7 +26,7 @@ from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.refit import Refit
 from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
 from mjfish.diagnosis.screening import screen
-from mjfish.diagnosis.select import standings
+from mjfish.diagnosis.select import Goodness, standings
 from mjfish.diagnosis.verdict import ALARM, Comparison, Decision, decide, message_of
 from mjfish.diagnosis.where import locate
 from mjfish.effects import Effect, catalogue, of_fish
@@ -118,8 +118,8 @@ def _diagnosed(
         checks = checks.joined(Inspection.of((finding for finding in implausible if finding is not None), known))
 
     progress("comparing the candidates", 0.75)
-    held_out = HeldOut(evidence, held)
-    single = _compared(refits, applicable, held_out, rng)
+    held_out, goodness = HeldOut(evidence, held), Goodness(applicable)
+    single = _compared(refits, goodness, held_out, rng)
     combined, others = None, None
     learned: dict[str, Refit] = {}
     if refits:
@@ -127,12 +127,12 @@ def _diagnosed(
         learned = refit_learned_forms(evidence, learnable, clear, refits)
         if learned:
             refits = {**refits, **learned}
-            single = _compared(refits, applicable, held_out, rng)
+            single = _compared(refits, goodness, held_out, rng)
     if refits and not single.retained(clean=True):
         combined = _combined(single, refits, (*applicable, *learnable), held_out, rng, part(progress, 0.8, 0.15))
         if failed := single.failed():
             rest = {name: refit for name, refit in refits.items() if (name,) not in failed}
-            others = _compared(rest, applicable, held_out, rng)
+            others = _compared(rest, goodness, held_out, rng)
     decision = decide(screening.p_wrong, single, combined, checks.blocks, others)
     best = _best(decision, single, combined)
     mechanisms: tuple[NamedMechanism, ...] = ()
@@ -199,10 +199,10 @@ def _diagnosed(
 
 
 def _compared(
-    refits: Mapping[str, Refit], candidates: Sequence[Effect], held_out: HeldOut, rng: np.random.Generator
+    refits: Mapping[str, Refit], goodness: Goodness, held_out: HeldOut, rng: np.random.Generator
 ) -> Comparison:
     """Compare single causes with each other, and on the held-out trials."""
-    found = standings(refits, candidates, held_out, rng) if refits else {}
+    found = standings(refits, goodness, held_out, rng) if refits else {}
     return Comparison(
         {(name,): refit for name, refit in refits.items()},
         {(name,): standing for name, standing in found.items()},

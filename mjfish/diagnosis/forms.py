@@ -25,12 +25,13 @@ from mjfish.effects.mechanism import MECHANISMS
 from mjfish.estimation import Fit
 
 #: A formula is given up for the learned form below this p value.
-_BEATEN = 0.05
+_BEATEN = 0.01
 #: A learned form is fitted where its score, or a formula of its mechanism, explains this share of the best formula;
 #: and where that formula leaves nothing: only rivals that come near it matter then.
 _PROMISING, _NEAR = 0.3, 0.6
-#: And followed to its optimum where its coarse refit explains this share of the best.
-_RUNNING = 0.5
+#: And followed to its optimum where its coarse refit explains this share of the best; where a formula leaves nothing,
+#: and is of another mechanism.
+_RUNNING, _RIVAL = 0.5, 0.85
 #: Draws of other forms, and the share of them that may go unseen.
 _OTHERS, _UNSEEN = 400, 0.2
 
@@ -81,7 +82,8 @@ def refit_learned_forms(
 
     coarse = [*refit_in_parallel(begun, seen, jobs)]
     best = max((refit.gain for refit in [*refits.values(), *coarse]), default=0.0)
-    running = [refit for refit in coarse if refit.gain >= _RUNNING * best]
+    least_share = [_RIVAL if known and refit.mechanisms[0] not in known else _RUNNING for refit in coarse]
+    running = [refit for refit, share in zip(coarse, least_share, strict=True) if refit.gain >= share * best]
     least = evidence.fit.sse - best
     threads = jobs if len(running) == 1 else 1
     results = refit_in_parallel(lambda refit: made_smooth(with_jobs(refit, threads), least), running, jobs)

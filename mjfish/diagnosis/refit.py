@@ -39,6 +39,8 @@ _BEHIND = 0.01
 _MOST = 40
 #: A fit from other starts is followed beyond so many evaluations where its sum of squares is near to the other's.
 _TRY, _HOPE = 6, 1.2
+#: Sum of squares that the best start of a cause which is not smooth must take, or its fit is not followed.
+_HOPELESS = 3.0
 #: How many candidates are refitted for their score alone.
 _BEST = 5
 #: A candidate that a refit of the coefficients hides to this share is refitted where its score is within _NEAR.
@@ -214,8 +216,9 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
     base = evidence.problem
     visible = evidence.minimum_detectable(effect.name) if effect.smooth else None
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, visible)})
-    start = best_start(evidence, problem, effect, formulas)
-    best = fit(problem, start, tolerance=TOLERANCE, evaluations=COARSE[not effect.smooth])
+    start, least = best_start(evidence, problem, effect, formulas)
+    hopeless = not effect.smooth and least > evidence.fit.sse - _HOPELESS  # no size on the grid explains anything
+    best = fit(problem, start, tolerance=TOLERANCE, evaluations=1 if hopeless else COARSE[not effect.smooth])
     added = problem.model.effects
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse)
 
@@ -322,8 +325,10 @@ _TRIED = 3
 _OFF_VISIBLE = 0.05
 
 
-def best_start(evidence: Evidence, problem: Problem, effect: Effect, formulas: Iterable[Refit] = ()) -> FloatArray:
-    """Return the best start (p,) for the fit of a model that is extended by an effect.
+def best_start(
+    evidence: Evidence, problem: Problem, effect: Effect, formulas: Iterable[Refit] = ()
+) -> tuple[FloatArray, float]:
+    """Return the best start (p,) for the fit of a model that is extended by an effect, and its sum of squares.
 
     Tried are multiples of the one-step estimate and of the declared scale, with the coefficients unchanged, because a
     large effect may lie outside the range of the linearisation; the estimate with the coefficients refitted to first
@@ -388,11 +393,11 @@ class _Tried:
         self.promised.append(float(np.sum((residual - self._jacobian @ step) ** 2)))
         return self.promised[-1]
 
-    def best(self) -> FloatArray:
-        """Return the start of the least sum of squares, the most promising ones simulated where they moved to."""
+    def best(self) -> tuple[FloatArray, float]:
+        """Return the start of the least sum of squares, and that; the most promising are simulated where they moved."""
         promising = [self.moved[i] for i in np.argsort(self.promised)[:_TRIED]]
         left = [*self.left, *(float(np.sum(self.problem.residual(x) ** 2)) for x in promising)]
-        return np.asarray([*self.starts, *promising][int(np.argmin(left))])
+        return np.asarray([*self.starts, *promising][int(np.argmin(left))]), float(min(left))
 
 
 def other_minima(found: Fit, problem: Problem, *, fits: bool = True) -> list[FloatArray]:
@@ -415,8 +420,8 @@ def other_minima(found: Fit, problem: Problem, *, fits: bool = True) -> list[Flo
                 start = found.x.copy()
                 start[column] = np.clip(multiple * found.x[column], p.low, p.high)
                 tried.add(start)
-            there = tried.best()
-            if float(np.sum(problem.residual(there) ** 2)) < found.sse:
+            there, least = tried.best()
+            if least < found.sse:
                 better.append(there)
             elif not fits and (minimum := _other_minimum(tried.promised, found.sse)) is not None:
                 better.append(tried.moved[minimum])

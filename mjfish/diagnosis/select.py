@@ -101,19 +101,36 @@ def _rivalry(refits: Mapping[Key, Refit], held_out: HeldOut, rng: np.random.Gene
     return result
 
 
+class Goodness:
+    """The goodness of fit of refits, each computed once.
+
+    Args:
+        candidates: causes whose joint score at a refit says whether it leaves anything.
+    """
+
+    def __init__(self, candidates: Sequence[Effect]) -> None:
+        self.candidates = tuple(candidates)
+        self.known: dict[Refit, dict[str, float]] = {}
+
+    def of(self, refit: Refit, standing: Standing) -> Standing:
+        """Return the standing of a refit with its goodness of fit."""
+        if refit not in self.known:
+            after = gather(refit.problem, refit.fit, self.candidates)
+            excess = max(after.saturated_excess(), after.omnibus_excess(), 0.0)
+            self.known[refit] = {
+                "saturated_p": after.saturated_p(),
+                "omnibus_p": after.omnibus_p(),
+                "excess": excess,
+                "left": excess / max(refit.gain + excess, 1e-9),
+            }
+        return replace(standing, **self.known[refit])
+
+
 def standings(
-    refits: Mapping[Key, Refit], candidates: Sequence[Effect], held_out: HeldOut, rng: np.random.Generator
+    refits: Mapping[Key, Refit], goodness: Goodness, held_out: HeldOut, rng: np.random.Generator
 ) -> dict[Key, Standing]:
     """Return the standing of every refit; the goodness of fit only of those in the confidence set."""
     return {
-        name: _tested(refits[name], candidates, standing) if standing.in_set else standing
+        name: goodness.of(refits[name], standing) if standing.in_set else standing
         for name, standing in _rivalry(refits, held_out, rng).items()
     }
-
-
-def _tested(refit: Refit, candidates: Sequence[Effect], known: Standing) -> Standing:
-    """Return the standing of a refit with its goodness of fit."""
-    after = gather(refit.problem, refit.fit, candidates)
-    excess = max(after.saturated_excess(), after.omnibus_excess(), 0.0)
-    left = excess / max(refit.gain + excess, 1e-9)
-    return replace(known, saturated_p=after.saturated_p(), omnibus_p=after.omnibus_p(), excess=excess, left=left)

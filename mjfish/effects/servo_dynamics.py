@@ -28,7 +28,7 @@ class ServoDynamics(Effect):
         Parameter("servo_dynamics.time", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="T, 1 / natural frequency"),
         Parameter("servo_dynamics.delay", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="dead time"),
         Parameter("servo_dynamics.slowness", "s/rad", 0.0, 0.0, 0.5, 0.0, 0.03, about="1 / (largest rate)"),
-        Parameter("servo_dynamics.damping", "-", 0.7, 0.1, 3.0, 0.7, 0.2, about="zeta, damping ratio", shape=True),
+        Parameter("servo_dynamics.damping", "-", 0.7, 0.1, 20.0, 0.7, 0.2, about="zeta, damping ratio", shape=True),
         Parameter(
             "servo_dynamics.catch_up", "1/s", 100.0, 20.0, 800.0, 100.0, 20.0, about="k, of the limit", shape=True
         ),
@@ -47,7 +47,8 @@ class ServoDynamics(Effect):
     def like(self, formula: str, values: Values) -> dict[str, float]:
         """Return this motion at the numbers of a formula of the same mechanism."""
         if formula == "servo_lag":
-            return {"time": values["time_constant"] / 6.0, "damping": 3.0}
+            time = max(values["time_constant"] / 40.0, SHORTEST)  # overdamped: the other pole is that of the lag
+            return {"time": time, "damping": max(0.5 * values["time_constant"] / time, 0.5)}
         if formula == "servo_delay":
             return {"delay": max(values["time"] - 2.0 * SHORTEST, 0.0), "damping": 1.0}
         if formula == "servo_limited_lag":

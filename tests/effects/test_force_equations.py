@@ -186,7 +186,8 @@ def test_every_formula_of_the_new_mechanisms_is_here(known: dict[str, Effect]) -
     """A force that joins a mechanism with a learned form joins this test, or has a file of its own."""
     elsewhere = {
         "linear_drag", "reynolds_drag", "keulegan_carpenter_drag", "fin_lift", "munk_moment", "section_height",
-        "added_mass_amplitude", "added_mass_law", "added_mass_memory", "wake_memory", "wake_kernel",
+        "added_mass_amplitude", "added_mass_law", "added_mass_memory", "wake_memory", "wake_kernel", "roll", "roll_law",
+        "roll_loss",
     }  # fmt: skip
     learned = {effect.mechanism for effect in known.values() if effect.learned and effect.load is not None}
     assert {name for name, effect in known.items() if effect.mechanism in learned} - elsewhere == set(CASES)

@@ -185,7 +185,7 @@ BY_MECHANISM: Mapping[str, tuple[Cause, ...]] = {
         _form("cubic_tail", _cubic_tail, 1.0, 60.0, ("tail_hardening",), "damping hardening"),
         _form("stiffening_tail", _stiffening_tail, 1.0, 60.0, (), "damping gain bend"),
     ),
-    "roll": (_form("roll_slip", _roll_slip, 0.0, 30.0, (), "frequency damping"),),
+    "roll": (_form("roll_slip", _roll_slip, 0.0, 30.0, ("roll_loss",), "frequency damping"),),
 }
 FOREIGN = tuple(cause for forms in BY_MECHANISM.values() for cause in forms)
 #: Random functions.
