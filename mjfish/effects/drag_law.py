@@ -16,9 +16,9 @@ from mjfish.effects.exponential_drag import VISCOSITY
 from mjfish.effects.mechanism import Domain
 from mjfish.effects.reynolds_drag import REFERENCE_SPEED
 from mjfish.fish import Fish
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import PARAMETERS, Load, load
 from mjfish.hydro.outline import outlines
-from mjfish.hydro.spline import spline, spline_weights
+from mjfish.hydro.spline import spline, spline_slope, spline_weights
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior, about, smooth_curve
 
@@ -31,8 +31,7 @@ _WHOLE_D, _WHOLE_F, _HEIGHT, _ACROSS, _ALONG = 0, 1, 2, 3, 3 + _KNOTS_D
 _SPEED, _TALL = _ALONG + _KNOTS_F, _ALONG + _KNOTS_F + 1
 
 
-#: Step by the shapes, for their derivatives.
-_STEP = 1e-5
+_LN2 = float(np.log(2.0))
 
 
 @inlined
@@ -41,46 +40,65 @@ def _octave(here: float, other: float, whole: float, speed: float) -> float:
     return float(np.log2((np.sqrt(here * here + whole * other * other) + 1e-9) / speed))
 
 
+@inlined
+def _octave_slope(here: float, other: float, whole: float) -> float:
+    """Return the derivative of `_octave` by half of here^2; by other it is `whole` times other times it."""
+    total = np.sqrt(here * here + whole * other * other)
+    return float(1.0 / (_LN2 * (total * (total + 1e-9) + 1e-18)))
+
+
+@inlined
+def _add_weights(out: Any, row: int, first: int, t: float, count: int, force: float) -> None:
+    """Add the derivatives of a force by the coefficients of the curve that is its logarithm."""
+    k, a, b, c, d = spline_weights(t, count)
+    for j in range(4):
+        at = k - 1 + j
+        if at >= 0 and at < count:
+            out[row, first + at] += force * (a if j == 0 else (b if j == 1 else (c if j == 2 else d)))
+
+
 def _slopes(link: Any, parameters: Any, out: Any) -> None:
-    """Write the derivatives of the excess by all parameters."""
+    """Write the derivatives of the excess by all parameters and by u, v, w."""
     out[:] = 0.0
     whole, power, speed, height = parameters[_WHOLE_D], parameters[_HEIGHT], parameters[_SPEED], parameters[_TALL]
     other = parameters[_WHOLE_F]
+    by_u, by_v, by_w = PARAMETERS, PARAMETERS + 1, PARAMETERS + 2
     half = -0.5 * link.density
-    u, middle = link.u, link.v + 0.5 * link.length * link.w
+    half_length = 0.5 * link.length
+    u, middle = link.u, link.v + half_length * link.w
     t = _octave(u, middle, other, speed) + _BELOW_F
-    k, a, b, c, d = spline_weights(t, _KNOTS_F)
     g = spline(t, parameters, _ALONG, _KNOTS_F)
-    friction = half * link.c_f * link.wetted * abs(u) * u * np.exp(g)
-    for j in range(4):
-        at = k - 1 + j
-        if at >= 0 and at < _KNOTS_F:
-            share = a if j == 0 else (b if j == 1 else (c if j == 2 else d))
-            out[0, _ALONG + at] += friction * share
-    moved = spline(_octave(u, middle, other + _STEP, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F)
-    out[0, _WHOLE_F] = friction * np.expm1(moved - g) / _STEP
+    whole_force = half * link.c_f * link.wetted * abs(u) * u
+    friction = whole_force * np.exp(g)
+    _add_weights(out, 0, _ALONG, t, _KNOTS_F, friction)
+    turn = friction * spline_slope(t, parameters, _ALONG, _KNOTS_F) * _octave_slope(u, middle, other)
+    out[0, _WHOLE_F] = 0.5 * turn * middle * middle
+    out[0, by_u] = 2.0 * half * link.c_f * link.wetted * abs(u) * np.expm1(g) + turn * u
+    out[0, by_v] = turn * other * middle
+    out[0, by_w] = half_length * out[0, by_v]
     for s in range(link.coarse_r.shape[0]):
         r = link.coarse_r[s]
         q = link.v + link.w * r
         taller = np.log2(link.coarse_height[s] / height + 1e-9)
         t = _octave(q, u, whole, speed) + power * taller + _BELOW_D
-        k, a, b, c, d = spline_weights(t, _KNOTS_D)
         g = spline(t, parameters, _ACROSS, _KNOTS_D)
-        force = half * link.c_d * link.coarse_weight[s] * link.coarse_height[s] * abs(q) * q * np.exp(g)
-        for j in range(4):
-            at = k - 1 + j
-            if at >= 0 and at < _KNOTS_D:
-                share = a if j == 0 else (b if j == 1 else (c if j == 2 else d))
-                out[1, _ACROSS + at] += force * share
-                out[2, _ACROSS + at] += force * share * r
-        t = _octave(q, u, whole + _STEP, speed) + power * taller + _BELOW_D
-        change = force * np.expm1(spline(t, parameters, _ACROSS, _KNOTS_D) - g) / _STEP
-        out[1, _WHOLE_D] += change
-        out[2, _WHOLE_D] += change * r
-        t = _octave(q, u, whole, speed) + (power + _STEP) * taller + _BELOW_D
-        change = force * np.expm1(spline(t, parameters, _ACROSS, _KNOTS_D) - g) / _STEP
-        out[1, _HEIGHT] += change
-        out[2, _HEIGHT] += change * r
+        area = half * link.c_d * link.coarse_weight[s] * link.coarse_height[s]
+        force = area * abs(q) * q * np.exp(g)
+        _add_weights(out, 1, _ACROSS, t, _KNOTS_D, force)
+        _add_weights(out, 2, _ACROSS, t, _KNOTS_D, force * r)
+        rise = force * spline_slope(t, parameters, _ACROSS, _KNOTS_D)
+        turn = rise * _octave_slope(q, u, whole)
+        along, across = turn * whole * u, 2.0 * area * abs(q) * np.expm1(g) + turn * q
+        out[1, _WHOLE_D] += 0.5 * turn * u * u
+        out[2, _WHOLE_D] += 0.5 * turn * u * u * r
+        out[1, _HEIGHT] += rise * taller
+        out[2, _HEIGHT] += rise * taller * r
+        out[1, by_u] += along
+        out[2, by_u] += along * r
+        out[1, by_v] += across
+        out[2, by_v] += across * r
+        out[1, by_w] += across * r
+        out[2, by_w] += across * r * r
 
 
 @load(gradient=_slopes)

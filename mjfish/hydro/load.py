@@ -29,8 +29,11 @@ from mjfish.hydro.link import LINK, MEMORY, MOVING, column
 PARAMETERS = 18
 #: A row of a `LoadTable`: parameters; number of hidden states that a link works on, where they begin in the state, and
 #: how many further on those of the next link begin, 0 where all links share them; 0 where the force depends on the
-#: velocity only, 1 where it is stateful, 2 where it is stateful and exerts nothing (inactive).
-AT_MEMORY, AT_FIRST, AT_STRIDE, AT_STATEFUL, ROW = range(PARAMETERS, PARAMETERS + 5)
+#: velocity only, 1 where it is stateful, 2 where it is stateful and exerts nothing (inactive); address of its gradient,
+#: 0 where it has none.
+AT_MEMORY, AT_FIRST, AT_STRIDE, AT_STATEFUL, AT_GRADIENT, ROW = range(PARAMETERS, PARAMETERS + 6)
+#: Columns of a gradient: the parameters, then u, v, w.
+SLOPES = PARAMETERS + 3
 #: Most numbers that a load returns.
 ANSWER = 3 + MEMORY
 LINK_SIZE = LINK.itemsize
@@ -74,7 +77,8 @@ class Load:
         fields: names of the fields of a link that it reads.
         memory: hidden states it has on each link.
         shared: whether it has them once for the whole fish; their rates are then the sums over the links.
-        gradient: address of ``void(link*, parameters*, gradient*)``, its derivatives by all parameters; 0: has none.
+        gradient: address of ``void(link*, parameters*, gradient*)``, its derivatives by all parameters and by the
+            velocity; 0: has none.
     """
 
     address: int
@@ -132,8 +136,8 @@ def load(
         function: the load; with a memory it returns the rates of its hidden states behind (fx, fy, mz).
         memory: hidden states on each link, at most MEMORY, zero at the start; read in ``link.memory``.
         shared: the fish has them once, and every link returns what it adds to their rates.
-        gradient: ``gradient(link, parameters, out)`` writes into out (3, PARAMETERS) the derivatives of fx, fy, mz by
-            the parameters, where that is cheaper than a difference for each; of a load without memory.
+        gradient: ``gradient(link, parameters, out)`` writes into out (3, SLOPES) the derivatives of fx, fy, mz by the
+            parameters, then by u, v, w, where that is cheaper than a difference for each; of a load without memory.
 
     Raises:
         ParameterError: more memory than there is.
@@ -165,7 +169,7 @@ def load(
     slopes = compiled(gradient)
 
     def sloping(link: Any, parameters: Any, out: Any) -> None:
-        slopes(carray(link, 1)[0], carray(parameters, PARAMETERS), carray(out, (3, PARAMETERS)))
+        slopes(carray(link, 1)[0], carray(parameters, PARAMETERS), carray(out, (3, SLOPES)))
 
     slope = c_callback(_SIGNATURE, cached=False)(sloping)
     return Load(callback.address, (callback, slope), fields_read(function), memory, shared, slope.address)
@@ -218,6 +222,7 @@ def load_rows(
             )
         row[: len(numbers)] = numbers
         row[AT_MEMORY], row[AT_FIRST], row[AT_STRIDE] = load_.memory, first, 0 if load_.shared else load_.memory
+        row[AT_GRADIENT] = load_.gradient  # exact: addresses have fewer bits than the fraction of a float
         row[AT_STATEFUL] = (2.0 if load_ in inactive else 1.0) if load_.stateful else 0.0
         first += memory_of([(load_, ())], links)
     return LoadTable(addresses, rows)
@@ -271,14 +276,14 @@ def apply_loads(
 
 @merged
 def gradient_on(links: Any, link: int, address: Any, row: FloatArray, out: FloatArray) -> None:
-    """Write the derivatives of one load on a link by its parameters.
+    """Write the derivatives of one load on a link by its parameters and the velocity.
 
     Args:
         links: `LINK` records.
         link: index.
         address: of the gradient.
         row: of a `LoadTable`.
-        out: (3 * PARAMETERS,), written.
+        out: (3 * SLOPES,), written.
     """
     _call(
         address,

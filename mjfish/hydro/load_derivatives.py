@@ -9,9 +9,24 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
-from mjfish.hydro.load import AT_FIRST, AT_MEMORY, AT_STRIDE, ROW, LoadBuffers, LoadTable, clear_shared, loads_on
+from mjfish.hydro.load import (
+    AT_FIRST,
+    AT_GRADIENT,
+    AT_MEMORY,
+    AT_STRIDE,
+    PARAMETERS,
+    ROW,
+    SLOPES,
+    LoadBuffers,
+    LoadTable,
+    clear_shared,
+    gradient_on,
+    loads_on,
+)
 
 #: Step by parameters and constants, relative to their size.
 RELATIVE_STEP = 1e-5
@@ -73,15 +88,38 @@ def _move(link: Any, column: int, by: float) -> None:
 
 @compiled
 def velocity_derivatives(
-    links: Any, index: int, table: LoadTable, velocity_only: bool, buffers: LoadBuffers, out: FloatArray
-) -> None:
+    links: Any, index: int, table: LoadTable, velocity_only: bool, buffers: LoadBuffers, gradient: FloatArray,
+    out: FloatArray,
+) -> None:  # fmt: skip
     """Write into `out` (3, 3) the derivatives of the loads on a link: rows fx, fy, mz, columns u, v, w.
+
+    By the gradients of the loads that have one.
 
     Args:
         links, table, velocity_only, buffers: as in `mjfish.hydro.load.loads_on`.
         index: of the link.
+        gradient: (3 * SLOPES,) scratch.
         out: written.
     """
+    for row in range(3):
+        for column in range(3):
+            out[row, column] = 0.0
+    for k in range(table.addresses.shape[0]):
+        if table.rows[k, AT_GRADIENT] != 0.0:
+            gradient_on(links, index, np.uint64(table.rows[k, AT_GRADIENT]), table.rows[k], gradient)
+            for row in range(3):
+                for column in range(3):
+                    out[row, column] += gradient[row * SLOPES + PARAMETERS + column]
+        else:
+            one = LoadTable(table.addresses[k : k + 1], table.rows[k : k + 1])
+            _add_velocity_differences(links, index, one, velocity_only, buffers, out)
+
+
+@compiled
+def _add_velocity_differences(
+    links: Any, index: int, table: LoadTable, velocity_only: bool, buffers: LoadBuffers, out: FloatArray
+) -> None:
+    """Add the derivatives of one load by differences."""
     link = links[index]
     u, v, w = link.u, link.v, link.w
     for column in range(3):
@@ -93,7 +131,7 @@ def velocity_derivatives(
         left = loads_on(links, index, index, table, velocity_only, buffers)
         link.u, link.v, link.w = u, v, w
         for row in range(3):
-            out[row, column] = (right[row] - left[row]) / (2.0 * h)
+            out[row, column] += (right[row] - left[row]) / (2.0 * h)
 
 
 @compiled

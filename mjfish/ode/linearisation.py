@@ -21,7 +21,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import borrowing, merged
 from mjfish.hydro.force import crossflow_derivatives
-from mjfish.hydro.load import ANSWER, AT_STATEFUL, LoadBuffers, loads_on
+from mjfish.hydro.load import ANSWER, AT_STATEFUL, SLOPES, LoadBuffers, loads_on
 from mjfish.hydro.load_derivatives import velocity_derivatives
 from mjfish.ode.equation import Joints, System, next_link
 
@@ -51,7 +51,8 @@ class Linearisation(NamedTuple):
             front of it.
         by_state: (STATE, ROWS) responses to u, v, w, the deflection and its rate.
         solver: (SOLVER,), see `solve`.
-        output, load_rates, load_matrix: (ANSWER,), (STATES + memory,), (3, 3) scratch for loads.
+        output, load_rates, load_matrix, load_gradient: (ANSWER,), (STATES + memory,), (3, 3), (3 * SLOPES,) scratch for
+            loads.
     """
 
     links: Any
@@ -61,11 +62,12 @@ class Linearisation(NamedTuple):
     output: FloatArray
     load_rates: FloatArray
     load_matrix: FloatArray
+    load_gradient: FloatArray
 
     @classmethod
     def empty(cls, joints: int, states: int) -> Linearisation:
         """Return room for a fish of so many joints, with so many states."""
-        shapes = ((joints, 4, ROWS), (STATE, ROWS), SOLVER, ANSWER, states, (3, 3))
+        shapes = ((joints, 4, ROWS), (STATE, ROWS), SOLVER, ANSWER, states, (3, 3), 3 * SLOPES)
         return cls(np.zeros(joints + 1, dtype=LINK_MOTION), *(np.zeros(shape) for shape in shapes))
 
 
@@ -220,7 +222,7 @@ def _gather(system: System, state: FloatArray, all_joints: bool, velocity_only: 
             wz += load_z
         if damped:
             b = out.load_matrix
-            velocity_derivatives(links, i, loads, velocity_only, buffers, b)
+            velocity_derivatives(links, i, loads, velocity_only, buffers, out.load_gradient, b)
             d = _sum(d, (b[0, 0], b[0, 1], b[0, 2], b[1, 0], b[1, 1], b[1, 2], b[2, 0], b[2, 1], b[2, 2]))
     _write_solver(m, flexible, out)
     for joint in range(0 if all_joints else (n - 2 if flexible else n - 1), n - 1):

@@ -21,7 +21,7 @@ from mjfish.hydro.load import (
     AT_MEMORY,
     AT_STATEFUL,
     AT_STRIDE,
-    PARAMETERS,
+    SLOPES,
     LoadBuffers,
     LoadTable,
     gradient_on,
@@ -93,7 +93,7 @@ class TangentScratch(NamedTuple):
         load_jacobian: (ANSWER, PLACES + MEMORY) of a stateful load.
         link_tangents: (links, PLACES, k) of u, v, w, x, y, heading, bend of the links; k = 0 where no load is stateful.
         wrench: (4, k) at the nose, and torque of the tail.
-        gradients: (links, 3 * PARAMETERS) of one load by its parameters.
+        gradients: (links, 3 * SLOPES) of one load by its parameters and the velocity.
     """
 
     linear: Linearisation
@@ -108,7 +108,7 @@ class TangentScratch(NamedTuple):
         """Return scratch for a fish of so many joints and states; `stateful`: whether any load is."""
         links = joints + 1
         moving = (links, PLACES, directions if stateful else 0)
-        shapes = (states, (ANSWER, PLACES + MEMORY), moving, (4, directions), (links, 3 * PARAMETERS))
+        shapes = (states, (ANSWER, PLACES + MEMORY), moving, (4, directions), (links, 3 * SLOPES))
         return cls(Linearisation.empty(joints, states), *(np.zeros(shape) for shape in shapes))
 
 
@@ -270,7 +270,7 @@ def _by_load(
     for i in range(system.links.shape[0]):
         if gradient != 0:
             by = scratch.gradients[i]
-            fx, fy, mz = by[column], by[PARAMETERS + column], by[2 * PARAMETERS + column]
+            fx, fy, mz = by[column], by[SLOPES + column], by[2 * SLOPES + column]
         else:
             fx, fy, mz = parameter_derivative(system.links, i, loads, change, right, left)
         if row[AT_STEP] > 0.0 and gradient == 0:
