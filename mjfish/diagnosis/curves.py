@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.integrate import cumulative_simpson
@@ -22,6 +22,7 @@ from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect
 from mjfish.effects.beat_amplitude import KC_FLOOR, TAU, keulegan_carpenter
 from mjfish.estimation.fit import Z95, Fit
+from mjfish.estimation.smoothness import effective_degrees_of_freedom
 from mjfish.fish import COEFFICIENTS, Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.forced_motion import forced_motion
@@ -36,6 +37,9 @@ from mjfish.ode.kinematics import link_velocities
 _VISITED = (0.02, 0.98)
 #: Points of a curve.
 _POINTS = 25
+#: Effective degrees of freedom below which a learned curve is nothing, and below which it is one number; ratio of the
+#: ends of the visited range below which it is one number, too.
+_NUMBER, _CURVE, _NARROW = 0.5, 1.5, 1.5
 #: Step of a forced motion [s].
 _STEP = 0.005
 #: Steps in a beat of a link that is swung, and number of beats, till its amplitude is known; and steps of a motion that
@@ -70,6 +74,7 @@ class MeasuredCurve:
         x, y: what stands at the axes; y with its band.
         nominal: y of the nominal model, at the same x.
         visited: smallest and largest x where the runs say something of y; both zero where they say nothing.
+        degrees_of_freedom: how many numbers of a learned curve the runs determine; None of a formula.
     """
 
     quantity: str
@@ -78,6 +83,19 @@ class MeasuredCurve:
     y: Band
     nominal: tuple[float, ...]
     visited: tuple[float, float]
+    degrees_of_freedom: float | None = None
+
+    @property
+    def bears(self) -> Literal["curve", "number", "nothing"]:
+        """What the runs bear of it: a curve, one number where they determine no second one, or nothing.
+
+        A range of x that is narrower than a factor of 1.5 bears one number.
+        """
+        known = np.inf if self.degrees_of_freedom is None else self.degrees_of_freedom
+        if self.seen is None or known < _NUMBER:
+            return "nothing"
+        narrow = self.seen[0] > 0.0 and self.seen[1] < _NARROW * self.seen[0]
+        return "number" if known < _CURVE or narrow else "curve"
 
     @property
     def seen(self) -> tuple[float, float] | None:
@@ -93,9 +111,12 @@ class MeasuredCurve:
     def summary(self) -> str:
         """Return one line: y with its band at both ends of the visited range."""
         name = f"{self.quantity} of {self.group}"
-        if self.seen is None:
+        if self.seen is None or self.bears == "nothing":
             return f"{name}: the runs say nothing of it"
         unit = "" if self.y.unit == "-" else f" {self.y.unit}"
+        if self.bears == "number":
+            y, low, high = self.at(0.5 * sum(self.seen))
+            return f"{name}: {y:.3g} ({low:.3g} to {high:.3g}){unit}, one number: the runs bear no curve"
         ends = []
         for x in self.seen:
             y, low, high = self.at(x)
@@ -155,6 +176,8 @@ def _measured(form: _Form, mechanism: str, refit: Refit, before: Fit) -> Measure
     covariance = refit.fit.covariance[np.ix_(rows, rows)]
     half = Z95 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
     nominal = form.value(_Fish.of(Model(model.fish, ()), before.values, trial), form.at)
+    knots = {p.name for effect in own if effect.learned for p in effect.parameters}
+    moving = [name for name, slope in zip(free, slopes.T, strict=True) if name in knots and np.any(slope)]
     return MeasuredCurve(
         form.quantity,
         form.group,
@@ -162,6 +185,7 @@ def _measured(form: _Form, mechanism: str, refit: Refit, before: Fit) -> Measure
         Band(*form.y, tuple(map(float, y)), tuple(map(float, y - half)), tuple(map(float, y + half))),
         tuple(map(float, nominal)),
         _visited(*form.visits),
+        effective_degrees_of_freedom(refit.problem, refit.fit, moving) if knots else None,
     )
 
 

@@ -20,6 +20,7 @@ from mjfish.diagnosis.forms import NamedMechanism, named_mechanisms, refit_learn
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.diagnosis.implausible_noise import bursts, too_large
 from mjfish.diagnosis.isolability import isolability
+from mjfish.diagnosis.lone_run import lone_run
 from mjfish.diagnosis.missing_force import missing_force
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.provenance import provenance
@@ -128,12 +129,20 @@ def _diagnosed(
         if learned:
             refits = {**refits, **learned}
             single = _compared(refits, goodness, held_out, rng)
+    odd: int | None = None
     if refits and not single.retained(clean=True):
-        combined = _combined(single, refits, (*applicable, *learnable), held_out, rng, part(progress, 0.8, 0.15))
+        odd = lone_run(evidence)
+        if odd is None:
+            combined = _combined(single, refits, (*applicable, *learnable), held_out, rng, part(progress, 0.8, 0.15))
         if failed := single.failed():
             rest = {name: refit for name, refit in refits.items() if (name,) not in failed}
             others = _compared(rest, goodness, held_out, rng)
     decision = decide(screening.p_wrong, single, combined, checks.blocks, others)
+    if odd is not None and decision.verdict == "unexplained":
+        message = (
+            f"Something was wrong in run {fitted[odd].name} alone, and no known cause explains it; repeat that run."
+        )
+        decision = replace(decision, message=message)
     best = _best(decision, single, combined)
     mechanisms: tuple[NamedMechanism, ...] = ()
     if decision.verdict == "named" and best is not None:
@@ -312,7 +321,7 @@ def _candidates(
                 error=pooled_error(refit.problem.raw(refit.fit.x), refit.problem.trials),
                 held_out_error=held_out_errors.get(name),
                 parameters=_parameters(refit, effect),
-                remark=_ROUGH if refit.fit.status != "converged" else "",
+                remark=_remark_of(refit.fit),
             )
         if (standing := single.standings.get((name,))) is not None:
             fit_p = min(standing.saturated_p, standing.omnibus_p) if standing.in_set else None
@@ -321,6 +330,13 @@ def _candidates(
             scored = replace(scored, held_out_gain=confirmation.gained)
         result.append(replace(scored, p_value=p_value_of(scored.statistic, scored.degrees_of_freedom)))
     return tuple(sorted(result, key=lambda candidate: -candidate.statistic))
+
+
+def _remark_of(found: Fit) -> str:
+    """Return what a reader should know of the fit of a candidate."""
+    if found.status == "diverged":
+        return f"Out of the running: {found.message}."
+    return _ROUGH if found.status != "converged" else ""
 
 
 def _scored(effect: Effect, evidence: Evidence) -> Candidate:

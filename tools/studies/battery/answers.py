@@ -94,7 +94,18 @@ def _answer(folder: Path, task: Task) -> Path:
 def told(result: Diagnosis) -> dict[str, Any]:
     """Return what of a diagnosis is judged, as plain data."""
     plain = result.to_dict()
-    kept = ("verdict", "message", "status", "remarks", "alternatives", "certain", "p_wrong", "gain", "mechanisms")
+    kept = (
+        "verdict",
+        "message",
+        "status",
+        "remarks",
+        "alternatives",
+        "certain",
+        "p_wrong",
+        "gain",
+        "mechanisms",
+        "domain",
+    )
     return {
         **{key: plain[key] for key in kept},
         "causes": {cause["name"]: cause["parameters"] for cause in plain["causes"]},

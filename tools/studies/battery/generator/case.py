@@ -26,7 +26,7 @@ from studies.battery.generator.noise import Noise
 from studies.battery.generator.truth import Truth
 from studies.battery.generator.world import FINE, Disturbance
 
-Kind = Literal["none", "one", "two", "three", "off_list", "decoy", "foreign"]
+Kind = Literal["none", "one", "two", "three", "off_list", "decoy", "foreign", "foreign_pair"]
 #: Range of strengths, drawn log-uniformly.
 STRENGTHS = (10.0, 3000.0)
 
@@ -71,7 +71,8 @@ def make_case(
         kind: class of the truth.
         split: ``open``, ``calibration`` or ``test``.
         cause: of ``one``, ``off_list``, ``decoy``, ``foreign``; None: drawn.
-        strength: lambda after refit of every cause; None: drawn from `least` to 3000, of ``foreign`` 40 or 100 to 400.
+        strength: lambda after refit of every cause; None: drawn from `least` to 3000, of ``foreign`` 40 or 100 to 400,
+            of a ``foreign_pair``, a foreign form and a cause of the list, 100 to 1000 each.
         least: the least that is drawn.
         noise_kind: None: drawn.
         disturbance: force noise: ``none``, ``forces``, ``drift``; None: drawn.
@@ -91,6 +92,11 @@ def make_case(
         rng = np.random.default_rng([seed, list(get_args(Kind)).index(kind), 78])
         form, asked = foreign.draw_form(rng), foreign.draw_strength(rng)
         names, drawn = [form if cause is None else cause], [asked if strength is None else strength]
+    if kind == "foreign_pair":
+        form, own = foreign.draw_form(rng), classes.MECHANISMS
+        others = [c.name for c in LISTED if own[c.name] != own[form]]
+        names = [form, str(rng.choice(others))]
+        drawn = [foreign.draw_pair_strength(rng) if strength is None else strength for _ in names]
     return scaled_case(seed, names, drawn, noise_kind, split=split, kind=kind, disturbance=disturbance, rivals=rivals)
 
 

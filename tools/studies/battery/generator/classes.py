@@ -159,6 +159,16 @@ DECOYS = (
 )
 #: Mechanisms of the list in forms that are not on it.
 FOREIGN = foreign.FOREIGN
+#: Domains that are right where they are stated, of causes off the list; none of others.
+OFF_DOMAINS = {
+    "fading_battery": ("drive",),
+    "frequency_gain": ("drive",),
+    "sticking_joint": ("drive",),
+    "asymmetric_tail": ("water", "body"),
+    "warming_water": ("water",),
+    "run_order": ("water",),
+    "wall_effect": ("water",),
+}
 CAUSES = {cause.name: cause for cause in (*LISTED, *GAUGES, *OFF_LIST, *DECOYS, *FOREIGN)}
 #: Mechanisms by cause, of the list and of foreign forms.
 MECHANISMS = {

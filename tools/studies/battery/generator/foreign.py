@@ -15,6 +15,8 @@ from studies.battery.generator.other_water import FIRST_KNOT, FORMS, HARMONICS, 
 
 #: Strength of a weak case, and range of the medium ones.
 WEAK, MEDIUM = 40.0, (100.0, 400.0)
+#: Of each of a pair.
+PAIRED = (100.0, 1000.0)
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -204,6 +206,11 @@ def draw_form(rng: np.random.Generator) -> str:
 def draw_strength(rng: np.random.Generator) -> float:
     """Draw a strength: weak or medium."""
     return WEAK if rng.random() < 0.5 else _log_uniform(rng, *MEDIUM)
+
+
+def draw_pair_strength(rng: np.random.Generator) -> float:
+    """Draw the strength of one of a pair."""
+    return _log_uniform(rng, *PAIRED)
 
 
 #: Numbers of the forms of the water's force, in the order of the kernel.

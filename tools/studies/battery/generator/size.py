@@ -262,7 +262,8 @@ def _axes(cause: Cause, seed: int) -> list[dict[str, float]]:
     shapes = {key: drawn[key] for key in cause.shapes}
     if cause.series:
         fixed = {**shapes, **dict.fromkeys(sizes, typical), **dict.fromkeys(cause.series, 0.0)}
-        return [{**fixed, number: 1.0} for number in cause.series]
+        pairs = zip(cause.series[::2], cause.series[1::2] or cause.series[::2], strict=False)
+        return [{**fixed, **dict.fromkeys(pair, 1.0)} for pair in pairs]  # neighbours: half as many runs
     if not cause.listed:
         return [drawn]  # numbers that make up one law
     return [{**shapes, **dict.fromkeys(sizes, 0.0), key: typical} for key in sizes]

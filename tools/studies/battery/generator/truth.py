@@ -19,7 +19,8 @@ class Truth:
 
     Attributes:
         seed, split: the case was drawn from.
-        kind: ``none``, ``one``, ``two``, ``three``, ``off_list``, ``decoy`` or ``foreign``.
+        kind: ``none``, ``one``, ``two``, ``three``, ``off_list``, ``decoy``, ``foreign`` or
+            ``foreign_pair``.
         causes: names, in the order drawn.
         psi: all parameters of the effects, by the generator's names (those of the solver where `exact`).
         exact: by cause, whether the solver's definition is the generator's.

@@ -1,0 +1,57 @@
+"""The run that holds all of a misfit: something happened in it that is in no other.
+
+Two causes and more, fitted to all runs, can imitate what was odd in one. Without the rows of a run, and with the
+coefficients refitted to first order on the others, the joint score of all candidates and the omnibus basis say whether
+the others contradict the nominal model at all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mjfish.arrays import orthonormal, project_out
+from mjfish.diagnosis.evidence import Evidence, whitened_omnibus
+from mjfish.diagnosis.select import GOODNESS
+
+#: Fewest runs of which one can be the odd one.
+_FEWEST = 4
+
+
+def lone_run(evidence: Evidence) -> int | None:
+    """Return the index of the fitted trial without which nothing contradicts the nominal model; None: of no other one.
+
+    Args:
+        evidence: of the nominal model.
+    """
+    blocks = evidence.rows_by_trial()
+    if len(blocks) < _FEWEST:
+        return None
+    waves = whitened_omnibus(evidence.problem)
+    alone = []
+    for index, block in enumerate(blocks):
+        kept = np.ones(len(evidence.cleared), dtype=bool)
+        kept[block] = False
+        others = _without(evidence, waves, kept)
+        if min(others.saturated_p(), others.omnibus_p()) >= GOODNESS:
+            alone.append(index)
+    return alone[0] if len(alone) == 1 else None
+
+
+def _without(evidence: Evidence, waves: np.ndarray, kept: np.ndarray) -> Evidence:
+    """Return the evidence of the rows kept (n,) alone."""
+    fit = evidence.fit
+    span = orthonormal(fit.jacobian[kept][:, ~fit.at_bound])
+    cleared = project_out(span, fit.residual[kept, None])[:, 0]
+    signatures, own = project_out(span, evidence.raw[kept]), project_out(span, waves[kept])
+    return replace(
+        evidence,
+        cleared=cleared,
+        score=signatures.T @ cleared,
+        information=signatures.T @ signatures,
+        raw=evidence.raw[kept],
+        signatures=signatures,
+        omnibus_score=own.T @ cleared,
+        omnibus_information=own.T @ own,
+    )

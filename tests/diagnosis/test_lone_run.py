@@ -1,0 +1,57 @@
+"""A misfit that sits in one run is not imitated by several causes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mjfish.data import Dataset
+from mjfish.diagnosis import diagnose
+from mjfish.diagnosis.evidence import Evidence, gather
+from mjfish.diagnosis.lone_run import lone_run
+from mjfish.effects import catalogue, of_fish
+from mjfish.estimation import Noise, Problem, fit
+from mjfish.fish import Fish
+from mjfish.model import Model
+from mjfish.simulation.synthetic import generate
+
+NOISE = np.array([0.004, 0.004, 0.03])
+MODES = ["v1", "v3", "v5", "v1-t1", "v7"]
+
+
+def _recorded(pike: Fish, odd: int | None, everywhere: float = 1.0) -> Dataset:
+    """Return runs of which one was swum with other drag, a tenth more of the tail's and less of the body's."""
+    values = {name: value * everywhere if name == "c_m.head" else value for name, value in pike.values.items()}
+    data = generate(pike, MODES, values=values, noise=NOISE, duration=6.0, seed=4, held_out=["v7"])
+    if odd is None:
+        return data
+    other = {**values, "c_d.tail": 1.2 * values["c_d.tail"], "c_d.body": 0.7 * values["c_d.body"]}
+    swum = generate(pike, MODES, values=other, noise=NOISE, duration=6.0, seed=4, held_out=["v7"])
+    trials = [swum.trials[i] if i == odd else trial for i, trial in enumerate(data.trials)]
+    return replace(data, trials=tuple(trials))
+
+
+def _evidence(data: Dataset) -> Evidence:
+    problem = Problem(Model(data.fish), data.split()[0], Noise.white(NOISE), jobs=1)
+    formulas = [effect for effect in of_fish(catalogue(), data.fish).values() if not effect.learned]
+    return gather(problem, fit(problem), formulas)
+
+
+@pytest.mark.parametrize("odd", [0, 2, None])
+def test_the_run_with_other_water_is_found(pike: Fish, odd: int | None) -> None:
+    assert lone_run(_evidence(_recorded(pike, odd))) == odd
+
+
+def test_of_three_runs_none_is_the_odd_one(pike: Fish) -> None:
+    data = _recorded(pike, 0)
+    fewer = replace(data, trials=(*data.trials[:3], *data.trials[4:]))
+    assert lone_run(_evidence(fewer)) is None
+
+
+def test_nothing_is_named_for_what_one_run_has(pike: Fish) -> None:
+    result = diagnose(_recorded(pike, 2), jobs=1)
+    assert result.verdict in ("unexplained", "cannot_tell"), result.message
+    if result.verdict == "unexplained":
+        assert "in run v5 alone" in result.message
