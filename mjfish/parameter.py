@@ -11,6 +11,9 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.errors import ParameterError
 
+#: Ratio of positive bounds above which they are far apart.
+_WIDE = 5.0
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -68,6 +71,16 @@ class Parameter:
     def short(self) -> str:
         """The part after the dot."""
         return self.name.partition(".")[2]
+
+    @property
+    def wide(self) -> bool:
+        """Whether its bounds are positive and far apart, so that its values are compared by ratios."""
+        return self.low > 0.0 and self.high > _WIDE * self.low
+
+    @property
+    def middle(self) -> float:
+        """The middle of its bounds, by ratios where they are wide."""
+        return math.sqrt(self.low * self.high) if self.wide else 0.5 * (self.low + self.high)
 
     def check(self, value: float, what: str = "value") -> float:
         """Return `value`, or raise `ParameterError` where it lies outside the bounds."""

@@ -25,6 +25,8 @@ from mjfish.effects.effect import Effect
 LARGEST = 3
 #: Refits that are extended, and additions that are refitted for each.
 _BASES, _ADDED = 2, 3
+#: Where the best set leaves more than this share, no larger one is looked for.
+_FAR = 0.6
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
 #: and the set must explain this much beyond every smaller one, also as a share of what it explains.
@@ -99,7 +101,7 @@ def find_combinations(
                     if all(beats_smaller_sets(earned[names], known) for names in best.sufficient):
                         return best
                     return _standing({**_of_size(size - 1, known), **parts}, goodness, known, held_out, rng)
-        if not earned:
+        if not earned or goodness.left(max(earned.values(), key=lambda refit: refit.gain)) > _FAR:
             return best
         bases = _best(earned.values())
     return best

@@ -204,7 +204,7 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     ]
 
 
-def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Iterable[Refit] = ()) -> Refit:
+def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Sequence[Refit] = ()) -> Refit:
     """Add a cause to a fitted model: take a few steps from the best of several starts.
 
     Args:
@@ -219,6 +219,10 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
     start, least = best_start(evidence, problem, effect, formulas)
     hopeless = not effect.smooth and least > evidence.fit.sse - _HOPELESS  # no size on the grid explains anything
     best = fit(problem, start, tolerance=TOLERANCE, evaluations=1 if hopeless else COARSE[not effect.smooth])
+    if effect.learned and not effect.smooth and best.sse > _MISFIT * len(best.residual):  # it has several minima
+        starts = [problem.start(values) for values in _like(effect, formulas)]
+        tried = [fit(problem, x, tolerance=TOLERANCE, evaluations=COARSE[True]) for x in starts]
+        best = min([best, *tried], key=lambda each: each.objective)
     added = problem.model.effects
     return Refit(added, problem, best, gained + evidence.fit.sse - best.sse)
 
@@ -236,7 +240,7 @@ def made_smooth(refit: Refit, best: float = np.inf) -> Refit:
     found = _followed(problem, refit.fit.x, refit.fit.sse, least)
     if found.sse > _MISFIT * len(found.residual):
         own = refit.effects[-1].parameters
-        middle = {p.name: 0.5 * (p.low + p.high) if p.shape else found.values[p.name] for p in own}
+        middle = {p.name: p.middle if p.shape else found.values[p.name] for p in own}
         found = _restarted(problem, found, problem.start(middle), least)
     problem, found = smoothed(problem, found)
     return replace(refit, problem=problem, fit=found, gain=refit.gain + refit.fit.sse - found.sse)
@@ -326,7 +330,7 @@ _OFF_VISIBLE = 0.05
 
 
 def best_start(
-    evidence: Evidence, problem: Problem, effect: Effect, formulas: Iterable[Refit] = ()
+    evidence: Evidence, problem: Problem, effect: Effect, formulas: Sequence[Refit] = ()
 ) -> tuple[FloatArray, float]:
     """Return the best start (p,) for the fit of a model that is extended by an effect, and its sum of squares.
 
@@ -350,14 +354,20 @@ def best_start(
         tried.add(problem.start({**values, **guess}))
     tried.add(problem.start({**shapes, **evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
     tried.add(problem.start(values))
-    for formula in formulas:
-        of_formula = formula.effects[-1]
-        if own := effect.like(of_formula.name, of_formula.own_values(formula.fit.values)):
-            tried.add(problem.start({**formula.fit.values, **{f"{effect.name}.{k}": v for k, v in own.items()}}))
+    for like in _like(effect, formulas):
+        tried.add(problem.start(like))
     amplitudes = evidence.amplitudes_of(effect.name)
     if not effect.smooth and len(amplitudes) == 1:
         find_threshold(tried, [p.name for p in problem.parameters].index(amplitudes[0].name))
     return tried.best()
+
+
+def _like(effect: Effect, formulas: Iterable[Refit]) -> Iterator[dict[str, float]]:
+    """Yield the values at which a learned form is like each refit with a formula of its mechanism."""
+    for formula in formulas:
+        of_formula = formula.effects[-1]
+        if own := effect.like(of_formula.name, of_formula.own_values(formula.fit.values)):
+            yield {**formula.fit.values, **{f"{effect.name}.{k}": v for k, v in own.items()}}
 
 
 class _Tried:

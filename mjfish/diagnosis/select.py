@@ -112,8 +112,15 @@ class Goodness:
         self.candidates = tuple(candidates)
         self.known: dict[Refit, dict[str, float]] = {}
 
+    def left(self, refit: Refit) -> float:
+        """Return what is left at a refit beyond chance, as a share of all there was to explain."""
+        return self._measured(refit)["left"]
+
     def of(self, refit: Refit, standing: Standing) -> Standing:
         """Return the standing of a refit with its goodness of fit."""
+        return replace(standing, **self._measured(refit))
+
+    def _measured(self, refit: Refit) -> dict[str, float]:
         if refit not in self.known:
             after = gather(refit.problem, refit.fit, self.candidates)
             excess = max(after.saturated_excess(), after.omnibus_excess(), 0.0)
@@ -123,7 +130,7 @@ class Goodness:
                 "excess": excess,
                 "left": excess / max(refit.gain + excess, 1e-9),
             }
-        return replace(standing, **self.known[refit])
+        return self.known[refit]
 
 
 def standings(

@@ -18,8 +18,8 @@ from mjfish.diagnosis.evidence import Evidence, signatures
 from mjfish.effects.effect import Effect
 from mjfish.parameter import Parameter
 
-#: Values of a shape that are tried, and from which ratio of its bounds on they are spaced by factors.
-_VALUES, _WIDE = 7, 5.0
+#: Values of a shape that are tried, spaced by factors where its bounds are wide.
+_VALUES = 7
 #: Sweeps over all shapes, where there are several.
 _SWEEPS = 2
 
@@ -62,6 +62,6 @@ def _scored(evidence: Evidence, effect: Effect, shapes: dict[str, float]) -> Evi
 
 def _grid(p: Parameter) -> FloatArray:
     """Return the values of a shape that are tried, over its bounds."""
-    if p.low > 0.0 and p.high > _WIDE * p.low:
+    if p.wide:
         return np.geomspace(p.low, p.high, _VALUES)
     return np.linspace(p.low, p.high, _VALUES // 2)

@@ -89,10 +89,28 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
 
     monkeypatch.setattr(module, "_extended", extended)
     monkeypatch.setattr(module, "standings", standings)
+    monkeypatch.setattr(module.Goodness, "left", lambda _self, _refit: 0.5)
     singles: Any = {name: _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
     found = find_combinations(singles, (), HeldOut(None, ()), np.random.default_rng(0), silent)  # type: ignore[arg-type]
     assert found is not None
     assert found.sufficient == [named]
+
+
+def test_no_third_cause_is_looked_for_where_the_best_pair_leaves_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pair that explains little is none, and three that hold it would be none either."""
+    sizes = []
+
+    def extended(bases: Any, _candidates: Any, _known: Any, _rng: Any, _shortlist: Any) -> dict[Names, _Set]:
+        sizes.append(len(bases[0].names) + 1)
+        return {("drag", "stiff"): _Set(("drag", "stiff"), 489.0, gains=GAINS)}
+
+    monkeypatch.setattr(module, "_extended", extended)
+    monkeypatch.setattr(module, "standings", lambda sets, *_: {n: Standing(1.0, 0.0, 0.0, 0.0) for n in sets})
+    monkeypatch.setattr(module.Goodness, "left", lambda _self, _refit: 0.7)
+    singles: Any = {"drag": _Set(("drag",), 425.0, gains=GAINS)}
+    found = find_combinations(singles, (), HeldOut(None, ()), np.random.default_rng(0), silent)  # type: ignore[arg-type]
+    assert found is not None
+    assert set(sizes) == {2}
 
 
 def test_a_set_without_a_member_has_the_fit_that_never_had_it() -> None:

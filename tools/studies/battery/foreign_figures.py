@@ -92,7 +92,8 @@ def gained(case: Judged) -> tuple[float, float]:
 def share_gained(cases: Sequence[Judged]) -> float:
     """Return the share of the squared held-out error above the noise that is taken off, over all cases."""
     pairs = [(taken / max(above, _LEAST_GAIN), above / max(above, _LEAST_GAIN)) for taken, above in map(gained, cases)]
-    return sum(taken for taken, _ in pairs) / max(sum(above for _, above in pairs), 1e-300)
+    whole = sum(above for _, above in pairs)
+    return sum(taken for taken, _ in pairs) / whole if whole > 0.0 else 0.0
 
 
 def figures(cases: Sequence[Judged]) -> list[Figure]:
