@@ -62,7 +62,7 @@ class AddedMassLaw(Effect):
     domain: ClassVar[Domain] = "water"
     mechanism: ClassVar[str] = "added_mass"
     learned: ClassVar[bool] = True
-    summary: ClassVar[str] = "the added mass is another function of the amplitude of the beat, learned"
+    summary: ClassVar[str] = "the added mass goes with the amplitude of the beat, learned"
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(
             f"added_mass_law.{_name(k)}", "-", 0.0, _LOW, _HIGH, 0.0, 0.1, about=f"ln c_m near KC {_FIRST * 2**k:g}"

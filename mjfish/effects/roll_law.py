@@ -6,17 +6,14 @@ from typing import ClassVar
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
-from mjfish.effects.effect import Effect, Fingerprint, Values, variant
-from mjfish.effects.mechanism import Domain
-from mjfish.effects.roll import GRAVITY, Roll
-from mjfish.effects.roll_loss import lost
-from mjfish.fish import Fish
-from mjfish.hydro.load import Load
+from mjfish.effects.effect import Values
+from mjfish.effects.roll import Roll
+from mjfish.effects.roll_loss import RollLoss
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior, about
 
 
-class RollLaw(Effect):
+class RollLaw(RollLoss):
     """The body rolls, its drag across falls to cos^2 phi, and a marker at the height z goes with it.
 
     The lean phi = lambda psi is that of `RollLoss`, driven by the side force and by the acceleration of the nose,
@@ -27,8 +24,6 @@ class RollLaw(Effect):
     """
 
     name: ClassVar[str] = "roll_law"
-    domain: ClassVar[Domain] = "out_of_plane"
-    mechanism: ClassVar[str] = "roll"
     learned: ClassVar[bool] = True
     summary: ClassVar[str] = "the fish rolls; what drives it and what it does are learned"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -41,23 +36,10 @@ class RollLaw(Effect):
         Parameter("roll_law.nose", "-", 0.0, -20.0, 20.0, 0.0, 0.2, about="mu, of the nose's acceleration", shape=True),
         Parameter("roll_law.height", "m", 0.0, -0.2, 0.2, 0.0, 0.003, about="of the marker above the roll axis"),
     )
-    source: ClassVar[str] = (
-        "Cross-flow principle: Hoerner, Fluid-Dynamic Drag (1965), ch. 3; coupled sway and roll: Fossen, Handbook of "
-        "Marine Craft Hydrodynamics and Motion Control (2011), ch. 4 and 7"
-    )
     signature: ClassVar[str] = "sway and yaw rate too small where the beat is strong, or sway off near one frequency"
-    confirm: ClassVar[str] = "film the fish from ahead, or log its roll with an inertial sensor"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
-    load: ClassVar[Load | None] = lost
-    weight: ClassVar[float] = 10.0  # [N]
-
-    @classmethod
-    def for_fish(cls, fish: Fish) -> Effect:
-        """Return the effect with the weight of the fish."""
-        return variant(RollLaw, weight=GRAVITY * sum(link.mass for link in fish.links))
 
     def constants(self, trial: Trial) -> tuple[float, ...]:
-        """Return the weight."""
+        """Return the weight, behind its own mu and height."""
         del trial
         return (self.weight,)
 

@@ -17,7 +17,7 @@ from mjfish.parameter import Parameter
 
 
 @load(memory=2, shared=True)
-def lost(link: Any, parameters: Any) -> tuple[float, float, float, float, float]:
+def _lost(link: Any, parameters: Any) -> tuple[float, float, float, float, float]:
     """Return what the drag across loses, and what the link adds to the rates of lean and of s.
 
     Parameters are lambda^2, omega, zeta, kappa, mu; a height, which is not read; the weight.
@@ -75,13 +75,13 @@ class RollLoss(Effect):
     signature: ClassVar[str] = "sway and yaw rate too small where the beat is strong; quick start-ups slip"
     confirm: ClassVar[str] = "film the fish from ahead, or log its roll with an inertial sensor"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
-    load: ClassVar[Load | None] = lost
+    load: ClassVar[Load | None] = _lost
     weight: ClassVar[float] = 10.0  # [N]
 
     @classmethod
     def for_fish(cls, fish: Fish) -> Effect:
         """Return the effect with the weight of the fish."""
-        return variant(RollLoss, weight=GRAVITY * sum(link.mass for link in fish.links))
+        return variant(cls, weight=GRAVITY * sum(link.mass for link in fish.links))
 
     def constants(self, trial: Trial) -> tuple[float, ...]:
         """Return mu, the height of the marker and the weight."""
