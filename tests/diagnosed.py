@@ -126,7 +126,13 @@ SPEEDS = np.geomspace(0.01, 1.0, 25)
 VISITED = (float(SPEEDS[8]), float(SPEEDS[20]))
 
 
-def drag_curve(quantity: str = "c_d", group: str = "body", *, visited: tuple[float, float] = VISITED) -> MeasuredCurve:
+def drag_curve(
+    quantity: str = "c_d",
+    group: str = "body",
+    *,
+    visited: tuple[float, float] = VISITED,
+    freedom: float | None = None,
+) -> MeasuredCurve:
     """Return a coefficient that falls with the speed, with a band that opens where no run has been."""
     y = {"head": 0.9, "body": 1.2, "tail": 1.5}[group] * SPEEDS**-0.25
     half = 0.05 + 0.3 * np.abs(np.log10(SPEEDS / 0.2)) ** 3
@@ -137,6 +143,7 @@ def drag_curve(quantity: str = "c_d", group: str = "body", *, visited: tuple[flo
         Band(quantity, "-", tuple(y), tuple(y - half), tuple(y + half)),
         (2.0,) * len(SPEEDS),
         visited,
+        freedom,
     )
 
 

@@ -29,6 +29,27 @@ def test_the_page_tells_form_quantity_groups_and_where_the_runs_have_been() -> N
     assert "head nowhere that says something of it; body 0.046 to 0.46 m/s" in told
 
 
+@pytest.mark.parametrize(
+    ("freedom", "visited", "bears"),
+    [
+        (None, VISITED, "curve"),
+        (4.0, VISITED, "curve"),
+        (1.4, VISITED, "number"),
+        (4.0, (0.2, 0.29), "number"),
+        (0.4, VISITED, "nothing"),
+        (4.0, (0.0, 0.0), "nothing"),
+    ],
+)
+def test_what_the_runs_bear_of_a_curve_is_said(freedom: float | None, visited: tuple[float, float], bears: str) -> None:
+    """Two numbers make a curve: fewer are a constant, or nothing; so is one speed."""
+    curve = drag_curve("c_d", "body", visited=visited, freedom=freedom)
+    assert curve.bears == bears
+    (row,) = form_rows([replace(drag_law(), curves=(curve,))])
+    caption, summary = row.figures[0].caption, curve.summary()
+    assert ("one number, no curve" in caption, "one number" in summary) == (bears == "number", bears == "number")
+    assert ("nowhere" in caption, "say nothing of it" in summary) == (bears == "nothing", bears == "nothing")
+
+
 def test_without_curves_there_is_no_such_section() -> None:
     assert "<h2>Form</h2>" not in render_diagnosis(diagnosis())
     assert form_rows([replace(drag_law(), curves=())]) == []

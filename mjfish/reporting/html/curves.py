@@ -100,10 +100,11 @@ def curve_figure(curves: list[MeasuredCurve]) -> go.Figure:
 
 
 def _been(curve: MeasuredCurve) -> str:
-    if curve.seen is None:
+    if curve.seen is None or curve.bears == "nothing":
         return "nowhere that says something of it"
     low, high = (number(x, 2) for x in curve.seen)
-    return f"{low} to {high} {curve.x.unit}"
+    only = " (the runs bear one number, no curve)" if curve.bears == "number" else ""
+    return f"{low} to {high} {curve.x.unit}{only}"
 
 
 def _listed(names: list[str]) -> str:
