@@ -227,16 +227,25 @@ def _combined(
     rng: np.random.Generator,
     progress: Progress,
 ) -> Comparison | None:
-    """Compare combinations of causes; None where no second cause is seen."""
+    """Compare combinations of causes; None where no second cause is seen.
+
+    Where all that stay have a learned form and fail on the held-out trials, those of formulas alone are compared.
+    """
     if single.exhausted():
         found = find_small_addition(refits, candidates, held_out, rng)
     else:
         found = find_combinations(refits, candidates, held_out, rng, progress)
     if found is None:
         return None
-    retained = [names for names, standing in found.standings.items() if standing.in_set]
-    confirmed = {names: held_out.confirmed(found.refits[names], found.parts[names]) for names in retained}
-    return Comparison(found.refits, found.standings, confirmed)
+    staying_sets = [names for names, standing in found.standings.items() if standing.in_set]
+    confirmed = {names: held_out.confirmed(found.refits[names], found.parts[names]) for names in staying_sets}
+    result = Comparison(found.refits, found.standings, confirmed)
+    formulas = {name: refit for name, refit in refits.items() if not refit.learned}
+    flexible = all(found.refits[names].learned for names in staying_sets)
+    if flexible and result.falsified() and len(formulas) < len(refits):
+        plain = [effect for effect in candidates if not effect.learned]
+        return _combined(single, formulas, plain, held_out, rng, progress) or result
+    return result
 
 
 def _best(decision: Decision, single: Comparison, combined: Comparison | None) -> Refit | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -22,6 +22,8 @@ _DRAWS = 2000
 _BLOCK = 0.7
 #: A cause fails on held-out trials where it loses likelihood there, with a probability below this were it true.
 _FAILED = 0.001
+#: Or where its error there is this much larger than without it, whatever the likelihood allows for.
+_WORSE = 1.1
 #: A trial on which every model leaves a mean square above this does not discriminate between them.
 _PREDICTED = 1.25
 
@@ -33,15 +35,17 @@ class Confirmation:
     Attributes:
         gained: log-likelihood gained there.
         probability: to gain so little, or less, were the extended model true.
+        error_ratio: of the pooled nRMSE there to that without it.
     """
 
     gained: float
     probability: float
+    error_ratio: float = 1.0
 
     @property
     def failed(self) -> bool:
         """Whether the cause predicts these trials worse than they are without it, by more than noise does."""
-        return self.gained <= 0.0 and self.probability < _FAILED
+        return (self.gained <= 0.0 and self.probability < _FAILED) or self.error_ratio > _WORSE
 
 
 def confirmation(
@@ -99,9 +103,10 @@ class HeldOut:
         """Return what a refit gains on the held-out trials; None where there are none."""
         if not self.trials:
             return None
-        return confirmation(
-            self.score(against), self.score(refit), (self.covariance_root(against), self.covariance_root(refit))
-        )
+        scores = self.score(against), self.score(refit)
+        before, after = (pooled_error(score.residuals, self.trials) for score in scores)
+        found = confirmation(*scores, (self.covariance_root(against), self.covariance_root(refit)))
+        return replace(found, error_ratio=after / before)
 
     def of_rivals(self, refits: Mapping[Key, Refit]) -> dict[Key, FloatArray]:
         """Return the residuals (n,) of rivals on the held-out trials that one of them predicts, to compare them.

@@ -117,6 +117,10 @@ class Comparison:
         retained = {names: standing for names, standing in others.standings.items() if standing.in_set}
         return Comparison(self.refits, {**self.standings, **retained}, {**self.held_out, **others.held_out})
 
+    def falsified(self) -> bool:
+        """Return whether every set in the confidence set fails on the held-out trials."""
+        return all(_failed(self.held_out.get(n)) for n, standing in self.standings.items() if standing.in_set)
+
     def failed(self) -> tuple[Names, ...]:
         """Return the sets in the confidence set that leave nothing, yet fail on the held-out trials."""
         return tuple(
