@@ -271,9 +271,10 @@ def test_the_measured_fish_is_imported_and_diagnosed(fishsim: Path, tmp_path: Pa
     held, speed = found["gain"]["held_out"], found["gain"]["mean_speed_error"]
     for model in ("nominal", "extended"):
         assert 0.0 < held[model]["yaw_rate"] < 0.2
-    # Mean speed: 0.104 m/s. The nominal model errs by 0.006 to 0.04 m/s, under noise models that fit equally well.
+    # Mean speed: 0.104 m/s. The nominal model errs by 0.004 to 0.04 m/s, under noise models that fit equally well.
     assert 0.0 < speed["extended"] < 0.01
-    assert speed["extended"] < speed["nominal"] < 0.05
+    assert speed["nominal"] < 0.05
+    assert held["extended"]["pooled"] < 0.9 * held["nominal"]["pooled"]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
