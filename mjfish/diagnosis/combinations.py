@@ -112,13 +112,15 @@ def find_small_addition(
 ) -> Combinations | None:
     """Return pairs of which the second cause is small beside the first, and leaves nothing systematic.
 
-    Whatever form the first has, its error might be mended by a second cause that is not there; hardly all of it.
+    Whatever form the first has, its error might be mended by a second cause that is not there; hardly all of it. A pair
+    must explain more than every single cause: its learned form, too.
 
     Args:
         singles, candidates, held_out, rng: as of `find_combinations`.
     """
     known: dict[Names, Refit] = {(name,): refit for name, refit in singles.items()}
     found: dict[Names, Refit] = {}
+    most = max((refit.gain for refit in known.values()), default=0.0)
     for base in _best(known.values()):
         others = [effect for effect in candidates if effect.mechanism not in base.mechanisms]
         after = gather(base.problem, base.fit, others)
@@ -130,7 +132,7 @@ def find_small_addition(
         for effect in sorted(enough, key=lambda effect: -after.worth(effect.name))[:_ADDED]:
             names = tuple(sorted((*base.names, effect.name)))
             refit = _followed(refit_with(after, effect, gained=base.gain), base.fit.sse - excess)
-            if refit.gain - base.gain > MENDED and (names not in found or refit.gain > found[names].gain):
+            if refit.gain - most > MENDED and (names not in found or refit.gain > found[names].gain):
                 found[names] = refit
     if not found:
         return None

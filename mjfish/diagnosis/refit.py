@@ -41,6 +41,8 @@ _MOST = 40
 _TRY, _HOPE = 6, 1.2
 #: Sum of squares that the best start of a cause which is not smooth must take, or its fit is not followed.
 _HOPELESS = 3.0
+#: Score below which shapes are looked for before candidates are chosen.
+_SMALL = 400.0
 #: How many candidates are refitted for their score alone.
 _BEST = 5
 #: A candidate that a refit of the coefficients hides to this share is refitted where its score is within _NEAR.
@@ -187,10 +189,20 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     """Return the candidates of the best scores, the non-smooth ones, and those that are nearly confounded but close.
 
     The score of a non-smooth effect says little; that of a nearly confounded one is a difference of large numbers.
+    Where all scores are small, those of causes with shapes are taken at the best values of the first one: elsewhere
+    they may be next to none.
     """
     scores = {
         effect.name: evidence.statistic(effect.name) for effect in effects if not evidence.unidentifiable(effect.name)
     }
+    if max(scores.values(), default=0.0) < _SMALL:
+        shaped = [e for e in effects if e.name in scores and e.smooth and any(p.shape for p in e.parameters)]
+        alone = with_jobs(evidence, 1)
+        best = threaded(
+            lambda effect: at_best_shapes(alone, effect, first_alone=True)[0], shaped, evidence.problem.jobs
+        )
+        for effect, there in zip(shaped, best, strict=True):
+            scores[effect.name] = max(scores[effect.name], there.worth(effect.name))
     ranked = sorted((effect for effect in effects if effect.name in scores), key=lambda effect: -scores[effect.name])
     if not ranked:
         return []
@@ -243,7 +255,7 @@ def made_smooth(refit: Refit, best: float = np.inf) -> Refit:
         middle = {p.name: p.middle if p.shape else found.values[p.name] for p in own}
         found = _restarted(problem, found, problem.start(middle), least)
     problem, found = smoothed(problem, found)
-    return replace(refit, problem=problem, fit=found, gain=refit.gain + refit.fit.sse - found.sse)
+    return _resolved(replace(refit, problem=problem, fit=found, gain=refit.gain + refit.fit.sse - found.sse))
 
 
 def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:

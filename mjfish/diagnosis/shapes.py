@@ -18,20 +18,27 @@ from mjfish.diagnosis.evidence import Evidence, signatures
 from mjfish.effects.effect import Effect
 from mjfish.parameter import Parameter
 
-#: Values of a shape that are tried, spaced by factors where its bounds are wide.
-_VALUES = 7
+#: Values of a shape that are tried: so many, or where its bounds are wide, a factor apart. A resonance is narrow.
+_VALUES, _FACTOR = 3, 1.45
 #: Sweeps over all shapes, where there are several.
 _SWEEPS = 2
 
 
-def at_best_shapes(evidence: Evidence, effect: Effect) -> tuple[Evidence, dict[str, float]]:
+def at_best_shapes(
+    evidence: Evidence, effect: Effect, *, first_alone: bool = False
+) -> tuple[Evidence, dict[str, float]]:
     """Return the evidence of one candidate at the shapes of its largest score, and these shapes by full name.
 
     The defaults are among the values tried.
+
+    Args:
+        evidence: of the model without the candidate.
+        effect: the candidate.
+        first_alone: leave all shapes but the first at their defaults.
     """
     shapes = {p.name: p.default for p in effect.parameters if p.shape}
     best = _scored(evidence, effect, shapes)
-    declared = [p for p in effect.parameters if p.shape]
+    declared = [p for p in effect.parameters if p.shape][: 1 if first_alone else None]
     for _ in range(_SWEEPS if len(declared) > 1 else 1):
         before = dict(shapes)
         for p in declared:
@@ -63,5 +70,5 @@ def _scored(evidence: Evidence, effect: Effect, shapes: dict[str, float]) -> Evi
 def _grid(p: Parameter) -> FloatArray:
     """Return the values of a shape that are tried, over its bounds."""
     if p.wide:
-        return np.geomspace(p.low, p.high, _VALUES)
-    return np.linspace(p.low, p.high, _VALUES // 2)
+        return np.geomspace(p.low, p.high, 1 + int(np.ceil(np.log(p.high / p.low) / np.log(_FACTOR))))
+    return np.linspace(p.low, p.high, _VALUES)

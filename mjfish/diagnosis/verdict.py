@@ -18,6 +18,8 @@ from mjfish.inspection import Finding
 ALARM = 0.012
 #: What is named must explain more than chance would, with this p value; that something is wrong may rest on all else.
 _OWN = 0.05
+#: A cause that leaves something is like rivals that leave ten times its share, or this share; at most LEFT.
+_TENFOLD, _LITTLE = 10.0, 0.01
 #: Most causes that something unexplained may be like.
 _FEW = 3
 
@@ -144,7 +146,7 @@ def decide(
     - single causes are retained that leave nothing systematic: one is ``named`` if it explains more than chance
       would, more are ``cannot_tell``;
     - combinations, and then single causes that leave little, are judged in the same way; of the latter, all that leave
-      little are retained;
+      as little, or ten times as much, are retained;
     - a single cause fits best and fails on held-out trials, and others do not: ``cannot_tell``;
     - nothing is retained, but one cause explains most, perhaps in another form than the truth: ``cannot_tell``;
     - else: ``unexplained``.
@@ -166,7 +168,8 @@ def decide(
         retained = comparison.retained(clean=clean) if comparison is not None else ()
         if comparison is single and not clean and retained and single.one_mechanism(retained):
             first = min(retained, key=lambda names: single.standings[names].behind)
-            retained = tuple(dict.fromkeys((*retained, *single.similar(first, LEFT))))
+            tolerance = min(LEFT, max(_TENFOLD * single.standings[first].left, _LITTLE))
+            retained = tuple(dict.fromkeys((*retained, *single.similar(first, tolerance))))
         if comparison is not None and retained and comparison.one_mechanism(retained):
             return _alone(retained, comparison)
         if retained:
