@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,19 @@ def test_only_what_mends_everything_is_added(kappa: float, scale: float, found: 
     if pairs is not None:
         assert pairs.sufficient == [("munk_moment", "time_offset")]
         assert pairs.refits["munk_moment", "time_offset"].gain - alone.gain > MENDED
+
+
+def test_a_pair_must_explain_more_than_every_single_cause() -> None:
+    """A learned form of the first that explains as much makes the second superfluous."""
+    nominal, alone = _with_offset(1.0)
+    rng, held_out = np.random.default_rng(0), HeldOut(nominal, ())
+    pairs = find_small_addition({"time_offset": alone}, CANDIDATES, held_out, rng)
+    assert pairs is not None
+    gain = pairs.refits["munk_moment", "time_offset"].gain
+    for more, found in ((-2.0 * MENDED, True), (0.5 * MENDED, False)):
+        other = replace(alone, effects=(find("marker_offset"),), gain=gain + more)
+        again = find_small_addition({"time_offset": alone, "marker_offset": other}, CANDIDATES, held_out, rng)
+        assert (again is not None and ("munk_moment", "time_offset") in again.refits) is found
 
 
 def test_a_signature_of_rounding_has_no_score() -> None:

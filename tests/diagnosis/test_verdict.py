@@ -73,6 +73,15 @@ def test_one_cause_that_stays_is_named() -> None:
     assert (decision.verdict, decision.sets) == ("named", (("a",),))
 
 
+@pytest.mark.parametrize(("left", "verdict"), [(1e-5, "named"), (0.004, "cannot_tell")])
+def test_a_cause_that_leaves_next_to_nothing_is_not_like_one_that_leaves_much_more(left: float, verdict: str) -> None:
+    """Of 100, a leaves its share, b and that 2 more: ten times as much as a, or a hundredth, is alike."""
+    best = replace(LITTLE, excess=100.0 * left, left=left)
+    comparison = _hearing({"a": best, "b": BEATEN})
+    comparison = replace(comparison, refits={**comparison.refits, ("b",): _refit("b", 98.0)})
+    assert decide(1e-6, comparison, None).verdict == verdict
+
+
 def test_a_cause_that_explains_no_more_than_chance_is_not_named() -> None:
     """An alarm of the whole residual may find nobody behind it: 3.8 is what one parameter gains in 5 % of cases."""
     verdicts = []

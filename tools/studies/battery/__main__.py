@@ -116,10 +116,11 @@ def foreign(
     folder: Annotated[Path, typer.Argument(help="Folder of truths and answers.")] = OUT / "foreign",
     target: Annotated[Path | None, typer.Option(help="Page whose tables of foreign forms are replaced.")] = None,
 ) -> None:
-    """Open the truths of foreign cases: figures, outcomes by form, and every case."""
-    cases = [case for case in _opened(folder) if case.truth.kind == "foreign"]
+    """Open the truths: figures of mechanisms, outcomes by foreign form, and every case of one."""
+    cases = _opened(folder)
     for case in cases:
-        print(foreign_figures.line(case))
+        if case.truth.kind == "foreign":
+            print(foreign_figures.line(case))
     if target is None:
         print("\n".join(["", _markdown(foreign_figures.figures(cases)), "", *foreign_figures.by_form(cases)]))
     else:

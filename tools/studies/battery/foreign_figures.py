@@ -99,7 +99,8 @@ def share_gained(cases: Sequence[Judged]) -> float:
 def figures(cases: Sequence[Judged]) -> list[Figure]:
     """Return every figure of mechanisms that these cases can show."""
     told = [case for case in cases if "mechanisms" in case.answer]
-    of = {kind: [c for c in told if c.truth.kind == kind] for kind in ("one", "foreign", "foreign_pair", "off_list")}
+    kinds = ("none", "one", "foreign", "foreign_pair", "off_list")
+    of = {kind: [c for c in told if c.truth.kind == kind] for kind in kinds}
     planted = of["foreign"]
     strengths = [next(iter(case.truth.strength.values())) for case in planted]
     pairs = list(zip(planted, strengths, strict=True))
@@ -120,6 +121,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         _at_least("catalogue: right form alone", None, (case.right for case in of["one"])),
         _at_least("pairs, one of a foreign form: exact", 0.85, _right(of["foreign_pair"])),
         _at_most("named cases with a mechanism that is not there", 0.03, (bool(false_members(c)) for c in named)),
+        _at_most("no effect: something named", 0.02, (bool(case.mechanisms) for case in of["none"])),
         _at_most("off the list: named", 0.10, (bool(case.mechanisms) for case in of["off_list"])),
         _at_most("off the list: a wrong domain stated", 0.10, (_wrong_domain(c) for c in stated), of["off_list"]),
         _median("foreign, c_d over the visited range: rms error of a curve, median", [s.error for s in scores]),
