@@ -325,7 +325,7 @@ def _candidates(
         if (refit := refits.get(name)) is not None:
             scored = replace(
                 scored,
-                statistic=refit.gain,
+                statistic=max(refit.gain, 0.0),  # a formula may not have the nominal model in it
                 degrees_of_freedom=refit.degrees_of_freedom,
                 error=pooled_error(refit.problem.raw(refit.fit.x), refit.problem.trials),
                 held_out_error=held_out_errors.get(name),
