@@ -187,7 +187,7 @@ def _restored(
     raw: Mapping[str, Any], dataset: Dataset, effects: Mapping[str, Effect], jobs: int | None
 ) -> FittedModels:
     ranked = [c["name"] for c in sorted(raw["candidates"], key=lambda c: -c["statistic"]) if c["parameters"]]
-    named = [cause["name"] for cause in raw["causes"]]
+    named = list(raw["alternatives"][0]) if raw["causes"] else []  # a learned form goes by its mechanism there
     question = _open_question(raw["verdict"], raw["rivals"], named, ranked)
     models = [
         FittedModel(**{**saved, "causes": tuple(saved["causes"]), "at_bound": tuple(saved["at_bound"])})

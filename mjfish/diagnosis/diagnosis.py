@@ -271,10 +271,7 @@ def _domain(decision: Decision, known: Mapping[str, Effect]) -> Domain | None:
 
 def _causes(best: Refit) -> tuple[Cause, ...]:
     """Return the causes of a refit with the estimates of their parameters."""
-    return tuple(
-        Cause(effect.mechanism if effect.learned else effect.name, effect.summary, _parameters(best, effect))
-        for effect in best.effects
-    )
+    return tuple(Cause(effect.name, effect.summary, _parameters(best, effect)) for effect in best.effects)
 
 
 def estimates(found: Fit, model: Model) -> dict[str, Estimate]:

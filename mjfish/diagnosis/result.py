@@ -239,6 +239,11 @@ class Diagnosis(Result):
         kept = lines[: max(room - 1, 0)]
         return [*kept, f"  and {len(lines) - len(kept)} more curves, see `mechanisms`"] if room > 0 else []
 
+    def _told(self, cause: str) -> str:
+        """Return the name of a cause for other programs: that of its mechanism, where its form is learned."""
+        effect = self.effects.get(cause)
+        return effect.mechanism if effect is not None and effect.learned else cause
+
     def to_dict(self) -> dict[str, Any]:
         """Return the diagnosis as plain data, the content of ``diagnosis.json``."""
         kept = (
@@ -250,6 +255,7 @@ class Diagnosis(Result):
             "schema": SCHEMA,
             "dataset": self.dataset.name,
             **{name: plain(getattr(self, name)) for name in kept},
+            "causes": [{**plain(cause), "name": self._told(cause.name)} for cause in self.causes],
             "missing_force": plain([force.summary() for force in self.force]),
             "gain": _gain(self.gain) if self.gain else None,
             "coefficients": {"nominal": plain(self.nominal), "extended": plain(self.extended)},

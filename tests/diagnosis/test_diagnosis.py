@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from diagnosed import diagnosis as handmade
 from hidden_cases import coefficients, draw
 
 from mjfish.arrays import readonly
@@ -260,3 +261,12 @@ def test_data_without_noise_are_judged_by_the_effect_not_by_rounding(pike: Fish,
     else:
         assert [cause.name for cause in result.causes] == [effect], result.message
         assert result.causes[0].parameters["kappa"].estimate == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_learned_cause_goes_by_its_mechanism_in_the_json_alone() -> None:
+    """Its own name is that of its effect: how to confirm it is looked up there."""
+    roll = handmade(cause="roll_law", parameters={}, mechanisms=())
+    assert [cause.name for cause in roll.causes] == ["roll_law"]
+    assert [cause["name"] for cause in roll.to_dict()["causes"]] == ["roll"]
+    formula = handmade()
+    assert [cause["name"] for cause in formula.to_dict()["causes"]] == [cause.name for cause in formula.causes]
