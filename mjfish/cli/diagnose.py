@@ -154,8 +154,8 @@ def show(result: Diagnosis) -> None:
         console.complain(result.status, _REMEDIES.get(result.status, "take the numbers with care"))
     for mechanism in result.mechanisms:
         console.say(named_as(mechanism), *(f"  {curve.summary()}" for curve in mechanism.curves))
-    if result.best:
-        console.out.print(_cause(result))
+    if result.best and (sizes := _cause(result)).row_count:  # a curve alone has been told
+        console.out.print(sizes)
     if result.gain is not None:
         console.out.print(_gain(result))
     _experiments(result)
