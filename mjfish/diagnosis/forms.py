@@ -11,7 +11,7 @@ form, a random form g of its prior, the projector M off the coefficients and M_f
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from mjfish.arrays import orthonormal, project_out
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
 from mjfish.diagnosis.evidence import DETECTED, Evidence, gather, p_value_of
+from mjfish.diagnosis.isolability import prior_precision
 from mjfish.diagnosis.refit import Refit, made_smooth, refit_in_parallel, refit_with, with_jobs
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
@@ -126,12 +127,9 @@ def left_by_others(formula: Refit, learned: Refit) -> float:
     own = [p for p in learned.effects[-1].amplitudes() if p.name not in learned.problem.fixed]
     places = {p.name: i for i, p in enumerate(learned.problem.parameters)}
     at, scales = [places[p.name] for p in own], np.array([p.scale for p in own])
-    declared = replace(learned.problem, prior_sds={})
-    rows = [declared.prior_rows(prior)[:, at] * scales for prior in declared.priors]
-    known = np.concatenate([np.zeros((0, len(own))), *rows])
-    free = ~np.any(known, axis=0)
-    precision = known.T @ known + np.diag(free.astype(float))
-    values, axes = np.linalg.eigh(precision)
+    precision = prior_precision(learned.effects[-1:], own)
+    unknown = ~np.any(precision, axis=0)
+    values, axes = np.linalg.eigh(precision + np.diag(unknown.astype(float)))
     draws = np.random.default_rng(0).standard_normal((len(own), _OTHERS))
     forms = axes @ (draws / np.sqrt(np.maximum(values, 1e-6))[:, None])
     slopes = learned.fit.jacobian[:, at] * scales

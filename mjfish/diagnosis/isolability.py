@@ -118,7 +118,7 @@ def isolated(
     chosen = np.where([p.name in along for p in declared], np.maximum(own, 1e-300), 0.0) if along else shown
     typical = [_typical(formulas or learned, chosen) for formulas, learned in columns]
     bases = [[j for form in learned or formulas for j in form if shown[j] > 0.0] for formulas, learned in columns]
-    penalised = information + _precision(effects, declared)
+    penalised = information + prior_precision(effects, declared)
     left = np.tile(shown[typical][:, None], len(mechanisms))
     for l, basis in enumerate(bases):  # noqa: E741 - the equation's
         mixed = information[np.ix_(basis, typical)]
@@ -161,7 +161,7 @@ def _typical(forms: Sequence[range], shown: FloatArray) -> int:
     return max(form, key=lambda j: float(shown[j]))
 
 
-def _precision(effects: Sequence[Effect], declared: Sequence[Parameter]) -> FloatArray:
+def prior_precision(effects: Sequence[Effect], declared: Sequence[Parameter]) -> FloatArray:
     """Return the precision (d, d) of the priors of all amplitudes, in units of their scales."""
     places = {p.name: j for j, p in enumerate(declared)}
     precision = np.zeros((len(declared), len(declared)))

@@ -37,13 +37,14 @@ def at_best_shapes(
         first_alone: leave all shapes but the first at their defaults.
     """
     shapes = {p.name: p.default for p in effect.parameters if p.shape}
-    best = _scored(evidence, effect, shapes)
+    span = orthonormal(evidence.fit.jacobian[:, ~evidence.fit.at_bound])
+    best = _scored(evidence, effect, shapes, span)
     declared = [p for p in effect.parameters if p.shape][: 1 if first_alone else None]
     for _ in range(_SWEEPS if len(declared) > 1 else 1):
         before = dict(shapes)
         for p in declared:
             for value in _grid(p):
-                tried = _scored(evidence, effect, {**shapes, p.name: value})
+                tried = _scored(evidence, effect, {**shapes, p.name: value}, span)
                 if tried.statistic(effect.name) > best.statistic(effect.name):
                     best, shapes = tried, {**shapes, p.name: value}
         if shapes == before:
@@ -51,11 +52,11 @@ def at_best_shapes(
     return best, shapes
 
 
-def _scored(evidence: Evidence, effect: Effect, shapes: dict[str, float]) -> Evidence:
-    """Return the evidence of one candidate with these shapes."""
-    problem, fit = evidence.problem, evidence.fit
-    raw = problem.whiten(signatures(problem, fit.values, (effect,), shapes))
-    projected = project_out(orthonormal(fit.jacobian[:, ~fit.at_bound]), raw)
+def _scored(evidence: Evidence, effect: Effect, shapes: dict[str, float], span: FloatArray) -> Evidence:
+    """Return the evidence of one candidate with these shapes; `span` is that of the coefficients."""
+    problem = evidence.problem
+    raw = problem.whiten(signatures(problem, evidence.fit.values, (effect,), shapes))
+    projected = project_out(span, raw)
     return replace(
         evidence,
         candidates=(effect,),
