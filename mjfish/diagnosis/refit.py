@@ -127,21 +127,35 @@ def refits(
     """
     chosen = sorted(worth_refitting(evidence, effects), key=lambda effect: effect.smooth)  # what takes longest first
     earlier, known, jobs = before or {}, coarse or {}, evidence.problem.jobs
-    floor = _floor(earlier) if earlier else 0.0
+    followed = _floor(earlier) if earlier else 0.0
     alone = with_jobs(evidence, 1)
+    found: dict[str, Refit] = {}
 
     def made_of(effect: Effect) -> Refit:
         if effect.name in earlier:
             refit = earlier[effect.name]
-            return _taken_on(alone, refit, _ON if refit.gain >= floor else 1)
-        return known[effect.name] if effect.name in known else refit_with(alone, effect)
+            return _taken_on(alone, refit, _ON if refit.gain >= followed else 1)
+        if effect.name in known:
+            return known[effect.name]
+        return refit_with(alone, effect, formulas=[found[name] for name in effect.limits if name in found])
 
-    results = refit_in_parallel(made_of, chosen, jobs)
-    found = {}
-    for done, effect in enumerate(chosen):
-        progress(f"refitting with {effect.name}", done / len(chosen))
-        found[effect.name] = next(results)
+    done = 0
+    for general in (False, True):
+        round_of = [effect for effect in chosen if bool(effect.limits) == general and _may_explain(effect, found)]
+        results = refit_in_parallel(made_of, round_of, jobs)
+        made = {}
+        for effect in round_of:
+            progress(f"refitting with {effect.name}", done / len(chosen))
+            made[effect.name] = next(results)
+            done += 1
+        found.update(made)
     return found
+
+
+def _may_explain(effect: Effect, found: Mapping[str, Refit]) -> bool:
+    """Return whether a candidate is worth a refit beside those found: one of its limits, if any, is a contender."""
+    limits = [found[name].gain for name in effect.limits if name in found]
+    return not limits or max(limits) >= _floor(found)
 
 
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
@@ -223,7 +237,7 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
         evidence: of the model that it extends.
         effect: the cause.
         gained: what that model gained already against the nominal one.
-        formulas: refits of that model with formulas of the cause's mechanism, where its form is learned.
+        formulas: refits of that model with formulas of the cause's mechanism that it has as limits, or nearly.
     """
     base = evidence.problem
     visible = evidence.minimum_detectable(effect.name) if effect.smooth else None
@@ -367,7 +381,10 @@ def best_start(
     tried.add(problem.start({**shapes, **evidence.refitted(effect.name, one_step), **_inside(effect, one_step)}))
     tried.add(problem.start(values))
     for like in _like(effect, formulas):
-        tried.add(problem.start(like))
+        tried.add(np.clip(problem.start(like), *bounds(problem.parameters)))
+        if not effect.learned and any(like[p.name] == p.default for p in effect.amplitudes()):
+            for guess in guesses(effect, one_step):  # a limit has none of it, and no gradient either
+                tried.add(problem.start({**like, **guess}))
     amplitudes = evidence.amplitudes_of(effect.name)
     if not effect.smooth and len(amplitudes) == 1:
         find_threshold(tried, [p.name for p in problem.parameters].index(amplitudes[0].name))

@@ -163,9 +163,9 @@ class Effect(ABC):
         return ()
 
     def like(self, formula: str, values: Values) -> dict[str, float]:
-        """Return numbers, by short name, at which a learned form is like a formula of its mechanism; none: unknown.
+        """Return numbers, by short name, at which it is like another formula of its mechanism; none: unknown.
 
-        A fit of the learned form begins there, too.
+        A fit of a learned form, or of one with `limits`, begins there, too.
         """
         del formula, values
         return {}

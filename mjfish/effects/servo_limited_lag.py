@@ -44,3 +44,9 @@ class ServoLimitedLag(Effect):
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Let the joints close in as fast as they may."""
         return limited(motion, values["slowness"], 1.0 / values["time"], 0.0)
+
+    def like(self, formula: str, values: Values) -> dict[str, float]:
+        """Return the numbers at which it is the lag alone, or the limit alone."""
+        if formula == "servo_lag":
+            return {"slowness": 0.0, "time": values["time_constant"]}
+        return {"slowness": values["slowness"], "time": 0.0} if formula == "servo_rate_limit" else {}

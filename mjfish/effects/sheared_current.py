@@ -105,6 +105,10 @@ class ShearedCurrent(AmbientCurrent):
         """The water is another at each place, so that the place must be known."""
         return unplaced(dataset)
 
+    def like(self, formula: str, values: Values) -> dict[str, float]:
+        """Return the numbers of a current that is the same everywhere."""
+        return {**values, "shear_x": 0.0, "shear_y": 0.0} if formula == "ambient_current" else {}
+
     def constants(self, trial: Trial) -> tuple[float, ...]:
         """Return the place where the run begins."""
         return tuple(begun_at(trial)[:2].tolist())

@@ -45,3 +45,7 @@ class TailHardening(Effect):
                 "tail_hardening": values["hardening"],
             }
         )
+
+    def like(self, formula: str, values: Values) -> dict[str, float]:
+        """Return the numbers at which it is the linear spring."""
+        return {**values, "hardening": 0.0} if formula == "tail_compliance" else {}
