@@ -9,6 +9,9 @@ time, finds it.
 
 from __future__ import annotations
 
+import copy
+import functools
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,34 +41,61 @@ def at_best_shapes(
     """
     shapes = {p.name: p.default for p in effect.parameters if p.shape}
     span = orthonormal(evidence.fit.jacobian[:, ~evidence.fit.at_bound])
-    best = _scored(evidence, effect, shapes, span)
+    (best,) = _scored(evidence, effect, [shapes], span)
     declared = [p for p in effect.parameters if p.shape][: 1 if first_alone else None]
     for _ in range(_SWEEPS if len(declared) > 1 else 1):
         before = dict(shapes)
         for p in declared:
-            for value in _grid(p):
-                tried = _scored(evidence, effect, {**shapes, p.name: value}, span)
-                if tried.statistic(effect.name) > best.statistic(effect.name):
-                    best, shapes = tried, {**shapes, p.name: value}
+            tried = [{**shapes, p.name: float(value)} for value in _grid(p)]
+            for there, at in zip(_scored(evidence, effect, tried, span), tried, strict=True):
+                if there.statistic(effect.name) > best.statistic(effect.name):
+                    best, shapes = there, at
         if shapes == before:
             break
     return best, shapes
 
 
-def _scored(evidence: Evidence, effect: Effect, shapes: dict[str, float], span: FloatArray) -> Evidence:
-    """Return the evidence of one candidate with these shapes; `span` is that of the coefficients."""
-    problem = evidence.problem
-    raw = problem.whiten(signatures(problem, evidence.fit.values, (effect,), shapes))
-    projected = project_out(span, raw)
-    return replace(
-        evidence,
-        candidates=(effect,),
-        amplitudes=(effect.amplitudes(),),
-        score=projected.T @ evidence.cleared,
-        information=projected.T @ projected,
-        raw=raw,
-        signatures=projected,
-    )
+def _scored(
+    evidence: Evidence, effect: Effect, tried: Sequence[dict[str, float]], span: FloatArray
+) -> Iterator[Evidence]:
+    """Yield the evidence of one candidate at each of these shapes, from one rollout that has them all.
+
+    Args:
+        evidence: of the model without the candidate.
+        effect: the candidate.
+        tried: shapes by full name.
+        span: that of the coefficients.
+    """
+    problem, width = evidence.problem, len(effect.amplitudes())
+    twins = [_renamed(effect, f"{effect.name}_{k}") for k in range(len(tried))]
+    shapes = {
+        f"{twin.name}.{name.partition('.')[2]}": value
+        for twin, own in zip(twins, tried, strict=True)
+        for name, value in own.items()
+    }
+    stacked = problem.whiten(signatures(problem, evidence.fit.values, twins, shapes))
+    for k in range(len(tried)):
+        raw = stacked[:, k * width : (k + 1) * width]
+        projected = project_out(span, raw)
+        yield replace(
+            evidence,
+            candidates=(effect,),
+            amplitudes=(effect.amplitudes(),),
+            score=projected.T @ evidence.cleared,
+            information=projected.T @ projected,
+            raw=raw,
+            signatures=projected,
+        )
+
+
+@functools.lru_cache(maxsize=512)
+def _renamed(effect: Effect, name: str) -> Effect:
+    """Return a candidate under another name, so that a model may have it several times; it is of its fish already."""
+    parameters = tuple(replace(p, name=f"{name}.{p.short}") for p in effect.parameters)
+    own = {"name": name, "parameters": parameters, "for_fish": classmethod(lambda _cls, _fish: None)}
+    twin = copy.copy(effect)
+    twin.__class__ = type(name, (type(effect),), own)
+    return twin
 
 
 def _grid(p: Parameter) -> FloatArray:

@@ -49,6 +49,7 @@ class LoadChanges(NamedTuple):
     Attributes:
         addresses: (q,) of the loads that change.
         gradients: (q,) of their gradients; 0 where there is none, or the change is not of one parameter.
+        acting: (q,) their rows in the table of the loads that act; -1 where they are not among them.
         rows: (2 q, CHANGE): pairs of rows moved forward and back along a change, the tangent direction, the step, and
             the parameter. The step is negative where the load is inactive: it exerts nothing at the row itself, and one
             side is enough.
@@ -56,6 +57,7 @@ class LoadChanges(NamedTuple):
 
     addresses: Any
     gradients: Any
+    acting: Any
     rows: FloatArray
 
 
@@ -88,7 +90,7 @@ def _move(link: Any, column: int, by: float) -> None:
 
 @compiled
 def velocity_derivatives(
-    links: Any, index: int, table: LoadTable, velocity_only: bool, buffers: LoadBuffers, gradient: FloatArray,
+    links: Any, index: int, table: LoadTable, velocity_only: bool, buffers: LoadBuffers, gradients: FloatArray,
     out: FloatArray,
 ) -> None:  # fmt: skip
     """Write into `out` (3, 3) the derivatives of the loads on a link: rows fx, fy, mz, columns u, v, w.
@@ -98,7 +100,7 @@ def velocity_derivatives(
     Args:
         links, table, velocity_only, buffers: as in `mjfish.hydro.load.loads_on`.
         index: of the link.
-        gradient: (3 * SLOPES,) scratch.
+        gradients: (k, 3 * SLOPES), written: of the loads that have one, by their parameters and the velocity.
         out: written.
     """
     for row in range(3):
@@ -106,6 +108,7 @@ def velocity_derivatives(
             out[row, column] = 0.0
     for k in range(table.addresses.shape[0]):
         if table.rows[k, AT_GRADIENT] != 0.0:
+            gradient = gradients[k]
             gradient_on(links, index, np.uint64(table.rows[k, AT_GRADIENT]), table.rows[k], gradient)
             for row in range(3):
                 for column in range(3):

@@ -46,7 +46,7 @@ def state_jacobian(
     cos, sin = motion.trigonometry
     starts = (part[:steps, 0] for part in (cos, sin, motion.rate, motion.acceleration, motion.angle[..., -1]))
     system = system_of(fish, values, "corrected", load_rows(loads, len(fish.links), STATES))
-    linear = Linearisation.empty(motion.joints, states.shape[1])
+    linear = Linearisation.empty(motion.joints, states.shape[1], len(loads))
     _write_state_jacobian(system, Joints(*starts), states, np.zeros(states.shape[1]), linear, out)
     signs = frames.flip(np.ones(3))
     return np.asarray(signs[:, None] * out * signs)

@@ -51,23 +51,24 @@ class Linearisation(NamedTuple):
             front of it.
         by_state: (STATE, ROWS) responses to u, v, w, the deflection and its rate.
         solver: (SOLVER,), see `solve`.
-        output, load_rates, load_matrix, load_gradient: (ANSWER,), (STATES + memory,), (3, 3), (3 * SLOPES,) scratch for
-            loads.
+        load_gradients: (n, loads, 3 * SLOPES) of the loads that have one, see `velocity_derivatives`.
+        output, load_rates, load_matrix: (ANSWER,), (STATES + memory,), (3, 3) scratch for loads.
     """
 
     links: Any
     by_joints: FloatArray
     by_state: FloatArray
     solver: FloatArray
+    load_gradients: FloatArray
     output: FloatArray
     load_rates: FloatArray
     load_matrix: FloatArray
-    load_gradient: FloatArray
 
     @classmethod
-    def empty(cls, joints: int, states: int) -> Linearisation:
-        """Return room for a fish of so many joints, with so many states."""
-        shapes = ((joints, 4, ROWS), (STATE, ROWS), SOLVER, ANSWER, states, (3, 3), 3 * SLOPES)
+    def empty(cls, joints: int, states: int, loads: int) -> Linearisation:
+        """Return room for a fish of so many joints, with so many states and loads."""
+        gradients = (joints + 1, loads, 3 * SLOPES)
+        shapes = ((joints, 4, ROWS), (STATE, ROWS), SOLVER, gradients, ANSWER, states, (3, 3))
         return cls(np.zeros(joints + 1, dtype=LINK_MOTION), *(np.zeros(shape) for shape in shapes))
 
 
@@ -222,7 +223,7 @@ def _gather(system: System, state: FloatArray, all_joints: bool, velocity_only: 
             wz += load_z
         if damped:
             b = out.load_matrix
-            velocity_derivatives(links, i, loads, velocity_only, buffers, out.load_gradient, b)
+            velocity_derivatives(links, i, loads, velocity_only, buffers, out.load_gradients[i], b)
             d = _sum(d, (b[0, 0], b[0, 1], b[0, 2], b[1, 0], b[1, 1], b[1, 2], b[2, 0], b[2, 1], b[2, 2]))
     _write_solver(m, flexible, out)
     for joint in range(0 if all_joints else (n - 2 if flexible else n - 1), n - 1):

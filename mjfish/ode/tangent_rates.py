@@ -93,7 +93,7 @@ class TangentScratch(NamedTuple):
         load_jacobian: (ANSWER, PLACES + MEMORY) of a stateful load.
         link_tangents: (links, PLACES, k) of u, v, w, x, y, heading, bend of the links; k = 0 where no load is stateful.
         wrench: (4, k) at the nose, and torque of the tail.
-        gradients: (links, 3 * SLOPES) of one load by its parameters and the velocity.
+        gradients: (links, 3 * SLOPES) of one load that does not act yet, by its parameters and the velocity.
     """
 
     linear: Linearisation
@@ -104,12 +104,12 @@ class TangentScratch(NamedTuple):
     gradients: FloatArray
 
     @classmethod
-    def empty(cls, joints: int, states: int, directions: int, stateful: bool) -> TangentScratch:
-        """Return scratch for a fish of so many joints and states; `stateful`: whether any load is."""
+    def empty(cls, joints: int, states: int, loads: int, directions: int, stateful: bool) -> TangentScratch:
+        """Return scratch for a fish of so many joints, states and loads; `stateful`: whether any load is."""
         links = joints + 1
         moving = (links, PLACES, directions if stateful else 0)
         shapes = (states, (ANSWER, PLACES + MEMORY), moving, (4, directions), (links, 3 * SLOPES))
-        return cls(Linearisation.empty(joints, states), *(np.zeros(shape) for shape in shapes))
+        return cls(Linearisation.empty(joints, states, loads), *(np.zeros(shape) for shape in shapes))
 
 
 @borrowing
@@ -260,16 +260,16 @@ def _by_load(
 ) -> None:  # fmt: skip
     """Add what a change of the parameters of a load changes."""
     row, linear = loads.rows[2 * change], scratch.linear
-    gradient = loads.gradients[change]
+    gradient, acting = loads.gradients[change], loads.acting[change]
     column = int(row[AT_PARAMETER])
-    if gradient != 0 and (change == 0 or loads.gradients[change - 1] != gradient):
+    if gradient != 0 and acting < 0 and (change == 0 or loads.gradients[change - 1] != gradient):
         for i in range(system.links.shape[0]):
             gradient_on(system.links, i, gradient, row, scratch.gradients[i])
     direction = int(row[AT_DIRECTION])
     gx, gy, gz, torque = 0.0, 0.0, 0.0, 0.0
     for i in range(system.links.shape[0]):
         if gradient != 0:
-            by = scratch.gradients[i]
+            by = scratch.gradients[i] if acting < 0 else linear.load_gradients[i, acting]
             fx, fy, mz = by[column], by[SLOPES + column], by[2 * SLOPES + column]
         else:
             fx, fy, mz = parameter_derivative(system.links, i, loads, change, right, left)

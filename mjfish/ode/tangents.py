@@ -129,7 +129,7 @@ def simulate_tangents(
         left_rates=np.zeros_like(tangents),
         motion=np.zeros(changed.motion.shape[2:]),
         tail=np.zeros((TAIL, width)),
-        scratch=TangentScratch.empty(motion.joints, len(start), width, stateful),
+        scratch=TangentScratch.empty(motion.joints, len(start), acting, width, stateful),
     )
     jumps = motion.jumps | _jumps(changed.motion, motion.joints)
     done = integrate_tangents(
@@ -247,7 +247,10 @@ def _load_changes(
             gradients.append(loads[row][0].gradient if np.count_nonzero(hit) == 1 and rate[hit][0] == 1.0 else 0)
     pairs = np.array(rows).reshape(-1, CHANGE)
     pairs[:, AT_STATEFUL] = 0.0  # it is called for its answer here, whatever else it depends on
-    return LoadChanges(table.addresses[np.array(changed, dtype=np.int64)], np.array(gradients, dtype=np.uint64), pairs)
+    of = np.array(changed, dtype=np.int64)
+    return LoadChanges(
+        table.addresses[of], np.array(gradients, dtype=np.uint64), np.where(of < active, of, -1), pairs
+    )
 
 
 class Samples(NamedTuple):
@@ -330,7 +333,8 @@ def integrate_tangents(
             now_directions = Directions(
                 work.tail, work.motion, directions.links,
                 LoadChanges(
-                    directions.loads.addresses[:changes], directions.loads.gradients[:changes], directions.loads.rows
+                    directions.loads.addresses[:changes], directions.loads.gradients[:changes],
+                    directions.loads.acting[:changes], directions.loads.rows,
                 ),
                 directions.length,
             )  # fmt: skip
