@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -62,12 +63,12 @@ class Parameter:
         self.check(self.default, "default")
         self.check(self.start, "start")
 
-    @property
+    @functools.cached_property
     def group(self) -> str:
         """The part before the dot: a coefficient (``c_d``) or the name of an effect."""
         return self.name.partition(".")[0]
 
-    @property
+    @functools.cached_property
     def short(self) -> str:
         """The part after the dot."""
         return self.name.partition(".")[2]

@@ -58,7 +58,8 @@ def sensitivities(
     """
     run = model.prepare(trial, values, velocity=velocity, offset=offset)
     acting = {effect.name for effect, _ in run.active}
-    owners = [owner for owner in model.effects if owner in {_owner(model, name) for name in names}]
+    groups = {name.partition(".")[0] for name in names}
+    owners = [owner for owner in model.effects if owner.name in groups]
     inactive = [owner for owner in owners if owner.name not in acting and owner.load is not None]
     loaded = [
         *(effect.name for effect, _ in run.active if effect.load is not None),

@@ -248,9 +248,7 @@ def _load_changes(
     pairs = np.array(rows).reshape(-1, CHANGE)
     pairs[:, AT_STATEFUL] = 0.0  # it is called for its answer here, whatever else it depends on
     of = np.array(changed, dtype=np.int64)
-    return LoadChanges(
-        table.addresses[of], np.array(gradients, dtype=np.uint64), np.where(of < active, of, -1), pairs
-    )
+    return LoadChanges(table.addresses[of], np.array(gradients, dtype=np.uint64), np.where(of < active, of, -1), pairs)
 
 
 class Samples(NamedTuple):

@@ -11,11 +11,11 @@ from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.diagnosis.diagnosis import estimates
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.refit import refit_with
+from mjfish.diagnosis.refit import refit_with, refits
 from mjfish.drive import cpg
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
-from mjfish.fish import load_fish
+from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 from mjfish.simulation.synthetic import generate
 
@@ -51,3 +51,16 @@ def test_a_shape_that_the_data_do_not_feel_has_its_default() -> None:
     told = estimates(one.fit, one.problem.model)["ambient_current.held"]
     assert one.fit.values["ambient_current.held"] != 0.0
     assert (told.estimate, told.low, told.high) == (0.0, 0.0, 1.0)
+
+
+def test_a_formula_with_limits_begins_where_its_limit_ended(pike: Fish) -> None:
+    """And is not tried where every limit is far behind: a hardening tail, where a linear spring explains little."""
+    truth = {"ambient_current.x": 0.04}
+    data = generate(
+        pike, ["v1", "v3-t2"], values=truth, effects=[find("ambient_current")], noise=SIGMA, duration=7.0, seed=2
+    )
+    problem = Problem(Model(pike), data.trials, Noise.white(SIGMA), jobs=1)
+    formulas = [find(name) for name in ("sheared_current", "ambient_current", "tail_hardening", "tail_compliance")]
+    found = refits(gather(problem, fit(problem), formulas), formulas)
+    assert set(found) == {"sheared_current", "ambient_current", "tail_compliance"}
+    assert found["sheared_current"].gain > found["ambient_current"].gain - 1.0
