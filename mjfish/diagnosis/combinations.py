@@ -85,7 +85,7 @@ def find_combinations(
     known: dict[Names, Refit] = {(name,): refit for name, refit in singles.items()}
     bases = _best(known.values())
     best: Combinations | None = None
-    goodness = _goodness(candidates)
+    goodness = _goodness(candidates, held_out)
     for size in range(2, LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
@@ -136,7 +136,7 @@ def find_small_addition(
                 found[names] = refit
     if not found:
         return None
-    pairs = _standing(found, _goodness(candidates), known, held_out, rng)
+    pairs = _standing(found, _goodness(candidates, held_out), known, held_out, rng)
     clean = {names: pairs.standings[names] for names in pairs.sufficient}
     return replace(pairs, standings=clean) if clean else None
 
@@ -270,9 +270,9 @@ def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit]) -> bool:
     )
 
 
-def _goodness(candidates: Sequence[Effect]) -> Goodness:
+def _goodness(candidates: Sequence[Effect], held_out: HeldOut) -> Goodness:
     """Return the goodness of fit by the joint score of the formulas."""
-    return Goodness([effect for effect in candidates if not effect.learned])
+    return Goodness([effect for effect in candidates if not effect.learned], held_out.trials)
 
 
 def _standing(

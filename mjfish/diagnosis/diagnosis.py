@@ -119,7 +119,7 @@ def _diagnosed(
         checks = checks.joined(Inspection.of((finding for finding in implausible if finding is not None), known))
 
     progress("comparing the candidates", 0.75)
-    held_out, goodness = HeldOut(evidence, held), Goodness(applicable)
+    held_out, goodness = HeldOut(evidence, held), Goodness(applicable, held)
     single = _compared(refits, goodness, held_out, rng)
     combined, others = None, None
     learned: dict[str, Refit] = {}
@@ -330,7 +330,7 @@ def _candidates(
                 remark=_remark_of(refit.fit),
             )
         if (standing := single.standings.get((name,))) is not None:
-            fit_p = min(standing.saturated_p, standing.omnibus_p) if standing.in_set else None
+            fit_p = standing.fit_p if standing.in_set else None
             scored = replace(scored, rival_p=standing.rival_p, fit_p=fit_p)
         if (confirmation := single.held_out.get((name,))) is not None:
             scored = replace(scored, held_out_gain=confirmation.gained)

@@ -20,7 +20,8 @@ from scipy import special, stats
 from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
-from mjfish.estimation.omnibus import omnibus
+from mjfish.estimation.omnibus import HATS, omnibus
+from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
 
 
@@ -67,7 +68,7 @@ def p_value_of(statistic: float, degrees_of_freedom: float) -> float:
     return float(stats.chi2.sf(max(statistic, 0.0), degrees_of_freedom))
 
 
-def log_tail(statistic: FloatArray | float, degrees_of_freedom: int) -> FloatArray:
+def logtail(statistic: FloatArray | float, degrees_of_freedom: int) -> FloatArray:
     """Return log P(chi2(freedom) > statistic): statistics of different size compare on it, however far out.
 
     Beyond 500, where the tail underflows, by its asymptotic series with a = freedom / 2, x = statistic / 2:
@@ -220,9 +221,9 @@ class Evidence:
         seen = [name for name in self.blocks if self.scored(name)]
         if not seen:
             return 1.0
-        observed = min(float(log_tail(self.statistic(name), self._degrees_of_freedom(name))) for name in seen)
+        observed = min(float(logtail(self.statistic(name), self._degrees_of_freedom(name))) for name in seen)
         simulated = self.statistics(self.null_draws(rng))
-        smallest = np.min([log_tail(simulated[name], self._degrees_of_freedom(name)) for name in seen], axis=0)
+        smallest = np.min([logtail(simulated[name], self._degrees_of_freedom(name)) for name in seen], axis=0)
         p = float(np.mean(smallest <= observed))
         # Beyond the reach of the draws, Bonferroni bounds it.
         return p if p > 0.0 else min(len(seen) * float(np.exp(observed)), 1.0 / DRAWS)
@@ -233,11 +234,22 @@ class Evidence:
 
     def saturated_p(self) -> float:
         """Return the p value of `saturated`."""
-        return _tail(*self.saturated())
+        return tail(*self.saturated())
 
     def omnibus_p(self) -> float:
         """Return the p value of the omnibus basis, which knows no cause."""
-        return _tail(*_quadratic(self.omnibus_score, self.omnibus_information))
+        return tail(*_quadratic(self.omnibus_score, self.omnibus_information))
+
+    def common(self) -> tuple[float, int]:
+        """Return statistic and rank of the omnibus waves that are the same in all runs, from start to end.
+
+        They are few, and see what is small in each run, yet there in every one.
+        """
+        waves = (len(self.problem.trials), len(CHANNELS), HATS, -1)
+        score = self.omnibus_score.reshape(waves).sum(axis=(0, 2)).ravel()
+        half = self.omnibus_information.reshape(*waves, len(self.omnibus_score)).sum(axis=(0, 2))
+        information = half.reshape(len(score), *waves[:3], -1).sum(axis=(1, 3)).reshape(len(score), -1)
+        return _quadratic(score, information)
 
     def saturated_excess(self) -> float:
         """Return what all candidates jointly explain beyond chance: their statistic less its rank."""
@@ -344,7 +356,7 @@ def whitened_omnibus(problem: Problem) -> FloatArray:
     return np.concatenate(rows)
 
 
-def _tail(statistic: float, rank: int) -> float:
+def tail(statistic: float, rank: int) -> float:
     """Return the p value of a statistic; 1 where nothing was left to test."""
     return float(stats.chi2.sf(statistic, rank)) if rank else 1.0
 

@@ -22,10 +22,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from mjfish.diagnosis.evidence import gather
+from mjfish.data import Trial
+from mjfish.diagnosis.constancy import sizes_by_run
+from mjfish.diagnosis.evidence import gather, tail
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import Refit
 from mjfish.effects.effect import Effect
+from mjfish.effects.mechanism import without_form
 
 Key = TypeVar("Key", bound=Hashable)
 #: A cause is kept in the confidence set above this p value.
@@ -37,6 +40,10 @@ CLOSE = 2.0 * float(np.log(10.0))
 GOODNESS = 1e-4
 #: What is left may be this share of all there was to explain: a cause's form is a model, too.
 LEFT = 0.1
+#: This share where all mechanisms are numbers without a form: there is no other one that could leave it.
+_EXACT = 0.03
+#: The tests by waves and sizes that are common to all runs are sharp: below this share, they see the form of a formula.
+_SLIGHT = 0.01
 #: And up to this share, it is like the truth, if nothing else is.
 RESEMBLES = 1.0 / 3.0
 DRAWS = 4000
@@ -53,6 +60,9 @@ class Standing:
         omnibus_p: of the omnibus basis at its refit.
         excess: what is left at its refit beyond chance, of the sum of squares.
         left: the same as a share of all there was to explain.
+        common_p: of the few waves of the omnibus basis that are the same in all runs.
+        constancy_p: of the sizes of the causes being the same in all runs.
+        tolerance: share that may be left.
     """
 
     rival_p: float
@@ -61,6 +71,9 @@ class Standing:
     omnibus_p: float = 0.0
     excess: float = np.inf
     left: float = 1.0
+    common_p: float = 1.0
+    constancy_p: float = 1.0
+    tolerance: float = LEFT
 
     @property
     def in_set(self) -> bool:
@@ -68,14 +81,19 @@ class Standing:
         return self.rival_p >= KEEP or self.behind < CLOSE
 
     @property
+    def fit_p(self) -> float:
+        """The least p value of the tests of what it leaves."""
+        return min(self.saturated_p, self.omnibus_p, self.common_p, self.constancy_p)
+
+    @property
     def clean(self) -> bool:
         """Whether nothing systematic is left once it is in the model."""
-        return min(self.saturated_p, self.omnibus_p) >= GOODNESS
+        return self.fit_p >= GOODNESS
 
     @property
     def fits(self) -> bool:
         """Whether nothing systematic is left that matters."""
-        return self.clean or self.left < LEFT
+        return self.clean or self.left < self.tolerance
 
     @property
     def resembles(self) -> bool:
@@ -101,15 +119,27 @@ def _rivalry(refits: Mapping[Key, Refit], held_out: HeldOut, rng: np.random.Gene
     return result
 
 
+def tolerated(mechanisms: Sequence[str]) -> float:
+    """Return the share that causes of these mechanisms may leave, systematic as it is."""
+    return _EXACT if all(without_form(name) for name in mechanisms) else LEFT
+
+
+def sharp_p(test: tuple[float, int], gain: float) -> float:
+    """Return the p value of a sharp test, a statistic with its rank; 1 where it is slight beside the gain."""
+    statistic, rank = test
+    return 1.0 if statistic - rank < _SLIGHT * gain else tail(statistic, rank)
+
+
 class Goodness:
     """The goodness of fit of refits, each computed once.
 
     Args:
         candidates: causes whose joint score at a refit says whether it leaves anything.
+        held_out: trials in which causes should have the size that they have in the others.
     """
 
-    def __init__(self, candidates: Sequence[Effect]) -> None:
-        self.candidates = tuple(candidates)
+    def __init__(self, candidates: Sequence[Effect], held_out: tuple[Trial, ...] = ()) -> None:
+        self.candidates, self.held_out = tuple(candidates), held_out
         self.known: dict[Refit, dict[str, float]] = {}
 
     def left(self, refit: Refit) -> float:
@@ -123,12 +153,17 @@ class Goodness:
     def _measured(self, refit: Refit) -> dict[str, float]:
         if refit not in self.known:
             after = gather(refit.problem, refit.fit, self.candidates)
-            excess = max(after.saturated_excess(), after.omnibus_excess(), 0.0)
+            common, sizes = after.common(), sizes_by_run(refit, self.held_out)
+            beyond = [statistic - rank for statistic, rank in (common, sizes)]
+            excess = max(after.saturated_excess(), after.omnibus_excess(), *beyond, 0.0)
             self.known[refit] = {
                 "saturated_p": after.saturated_p(),
                 "omnibus_p": after.omnibus_p(),
                 "excess": excess,
                 "left": excess / max(refit.gain + excess, 1e-9),
+                "common_p": sharp_p(common, refit.gain),
+                "constancy_p": sharp_p(sizes, refit.gain),
+                "tolerance": tolerated(refit.mechanisms),
             }
         return self.known[refit]
 

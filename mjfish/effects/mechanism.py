@@ -51,3 +51,8 @@ _ALL = (
 )
 #: By name.
 MECHANISMS = {mechanism.name: mechanism for mechanism in _ALL}
+
+
+def without_form(name: str) -> bool:
+    """Return whether a mechanism is known to depend on nothing: it is a few numbers, and has no other form."""
+    return name in MECHANISMS and MECHANISMS[name].variables == "-"

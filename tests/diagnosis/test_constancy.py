@@ -1,0 +1,111 @@
+"""A cause of one size, and one that only looks like it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mjfish.arrays import orthonormal, project_out
+from mjfish.data import Trial
+from mjfish.diagnosis.constancy import sizes_by_run
+from mjfish.diagnosis.evidence import gather, whitened_omnibus
+from mjfish.diagnosis.refit import Refit, refined, refit_with
+from mjfish.diagnosis.select import sharp_p, tolerated
+from mjfish.effects import find
+from mjfish.estimation import Noise, Problem, fit
+from mjfish.estimation.omnibus import HATS
+from mjfish.fish import Fish
+from mjfish.model import Model
+from mjfish.simulation.synthetic import generate
+
+NOISE = np.array([0.004, 0.004, 0.03])
+MODES = ["v1", "v5", "v7", "v3-t1"]
+
+
+def _runs(pike: Fish, offsets: list[float], seed: int = 6) -> tuple[Trial, ...]:
+    """Return runs whose second joint is off, by an angle [rad] of each run."""
+    found = []
+    for i, offset in enumerate(offsets):
+        values = {"joint_zero_offset.joint_2": offset}
+        pool = generate(
+            pike, MODES, values=values, effects=[find("joint_zero_offset")], noise=NOISE, duration=6.0, seed=seed
+        )
+        found.append(pool.trials[i])
+    return tuple(found)
+
+
+def _refit(pike: Fish, trials: tuple[Trial, ...]) -> Refit:
+    problem = Problem(Model(pike), trials, Noise.white(NOISE), jobs=1)
+    cause = find("joint_zero_offset")
+    return refined(refit_with(gather(problem, fit(problem), [cause]), cause), np.inf)
+
+
+def test_one_size_in_all_runs_passes(pike: Fish) -> None:
+    trials = _runs(pike, [0.03] * 4)
+    statistic, rank = sizes_by_run(_refit(pike, trials))
+    assert rank == 3
+    assert stats.chi2.sf(statistic, rank) > 1e-3
+    statistic, rank = sizes_by_run(_refit(pike, trials[:3]), trials[3:])
+    assert rank == 3
+    assert stats.chi2.sf(statistic, rank) > 1e-3
+
+
+def test_a_size_by_run_does_not(pike: Fish) -> None:
+    trials = _runs(pike, [0.02, 0.03, 0.05, 0.03])
+    statistic, rank = sizes_by_run(_refit(pike, trials))
+    assert rank == 3
+    assert stats.chi2.sf(statistic, rank) < 1e-6
+
+
+def test_a_held_out_run_of_another_size_is_seen(pike: Fish) -> None:
+    trials = _runs(pike, [0.03, 0.03, 0.03, 0.06])
+    refit = _refit(pike, trials[:3])
+    assert stats.chi2.sf(*sizes_by_run(refit)) > 1e-3
+    assert stats.chi2.sf(*sizes_by_run(refit, trials[3:])) < 1e-6
+
+
+def test_a_run_that_no_model_predicts_does_not_count(pike: Fish) -> None:
+    trials = _runs(pike, [0.03] * 4)
+    noise = np.random.default_rng(1).standard_normal(trials[3].velocity.shape)
+    lost = replace(trials[3], velocity=trials[3].velocity + 2.0 * NOISE * noise)
+    statistic, rank = sizes_by_run(_refit(pike, trials[:3]), (lost,))
+    assert rank <= 3
+    assert stats.chi2.sf(statistic, rank) > 1e-3
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+def test_common_waves_are_the_sums_of_those_of_runs(pike: Fish, share: float) -> None:
+    """What is small in each run and the same in all is seen by fifteen numbers; the whole basis has sixty a run."""
+    effects = [find("fin_lift")] if share else []
+    pool = generate(
+        pike, MODES, values={"fin_lift.slope": share} if share else {}, effects=effects, noise=NOISE, duration=6.0,
+        seed=2,
+    )  # fmt: skip
+    problem = Problem(Model(pike), pool.trials, Noise.white(NOISE), jobs=1)
+    evidence = gather(problem, fit(problem), [find("time_offset")])
+    waves = whitened_omnibus(problem)
+    summed = waves.reshape(len(waves), len(pool.trials), 3, HATS, -1).sum(axis=(1, 3)).reshape(len(waves), -1)
+    basis = orthonormal(evidence.fit.jacobian[:, ~evidence.fit.at_bound])
+    beyond = orthonormal(project_out(basis, summed))
+    statistic, rank = evidence.common()
+    assert rank == 15
+    assert statistic == pytest.approx(float(np.sum((beyond.T @ evidence.cleared) ** 2)), rel=1e-6)
+    assert (stats.chi2.sf(statistic, rank) < 1e-4) == bool(share)
+
+
+@pytest.mark.parametrize(
+    ("name", "tolerance"), [("joint_zero_offset", 0.03), ("reynolds_drag", 0.1), ("servo_backlash", 0.1)]
+)
+def test_numbers_without_a_form_may_leave_less(name: str, tolerance: float) -> None:
+    """What a law leaves may be due to its form; an angle has none."""
+    assert tolerated([find(name).mechanism]) == tolerance
+    assert tolerated([find(name).mechanism, "drag_law"]) == 0.1
+    assert tolerated(["of_a_user"]) == 0.1
+
+
+def test_what_is_slight_beside_the_gain_is_not_held_against_a_cause() -> None:
+    assert sharp_p((60.0, 15), gain=4400.0) < 1e-6
+    assert sharp_p((60.0, 15), gain=4600.0) == 1.0
