@@ -68,7 +68,7 @@ def p_value_of(statistic: float, degrees_of_freedom: float) -> float:
     return float(stats.chi2.sf(max(statistic, 0.0), degrees_of_freedom))
 
 
-def logtail(statistic: FloatArray | float, degrees_of_freedom: int) -> FloatArray:
+def log_tail(statistic: FloatArray | float, degrees_of_freedom: int) -> FloatArray:
     """Return log P(chi2(freedom) > statistic): statistics of different size compare on it, however far out.
 
     Beyond 500, where the tail underflows, by its asymptotic series with a = freedom / 2, x = statistic / 2:
@@ -221,9 +221,9 @@ class Evidence:
         seen = [name for name in self.blocks if self.scored(name)]
         if not seen:
             return 1.0
-        observed = min(float(logtail(self.statistic(name), self._degrees_of_freedom(name))) for name in seen)
+        observed = min(float(log_tail(self.statistic(name), self._degrees_of_freedom(name))) for name in seen)
         simulated = self.statistics(self.null_draws(rng))
-        smallest = np.min([logtail(simulated[name], self._degrees_of_freedom(name)) for name in seen], axis=0)
+        smallest = np.min([log_tail(simulated[name], self._degrees_of_freedom(name)) for name in seen], axis=0)
         p = float(np.mean(smallest <= observed))
         # Beyond the reach of the draws, Bonferroni bounds it.
         return p if p > 0.0 else min(len(seen) * float(np.exp(observed)), 1.0 / DRAWS)
