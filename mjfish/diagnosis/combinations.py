@@ -33,8 +33,9 @@ _SEEN = 0.01
 MEMBER, SHARE = 20.0, 0.01
 #: and this share where one of both has a learned form: its basis has its limits, and it may mend much.
 LEARNED_SHARE = 0.03
-#: Where less than that share is left: so much of it, beyond chance, and nothing systematic left behind the addition.
-MENDED, _MOST_OF_IT = 200.0, 0.7
+#: Where less than that share is left: an addition must take so much, and this share of all that other mechanisms
+#: explain there, beyond chance, measured at its refit. It is refitted where its score is this share of that.
+MENDED, _MOST_OF_IT, _HALF_OF_IT = 200.0, 0.7, 0.5
 
 Names = tuple[str, ...]
 
@@ -110,16 +111,19 @@ def find_combinations(
 def find_small_addition(
     singles: Mapping[str, Refit], candidates: Sequence[Effect], held_out: HeldOut, rng: np.random.Generator
 ) -> Combinations | None:
-    """Return pairs of which the second cause is small beside the first, and leaves nothing systematic.
+    """Return pairs of which the second cause is small beside the first, and takes nearly all that the first leaves.
 
     Whatever form the first has, its error might be mended by a second cause that is not there; hardly all of it. A pair
-    must explain more than every single cause: its learned form, too.
+    must explain more than every single cause: its learned form, too. Nothing systematic may be left. But a learned form
+    has its limits, and where its cause is very strong they show: beside it, something may be left, if the held-out
+    trials gain by the second cause what they should were it there.
 
     Args:
         singles, candidates, held_out, rng: as of `find_combinations`.
     """
     known: dict[Names, Refit] = {(name,): refit for name, refit in singles.items()}
     found: dict[Names, Refit] = {}
+    borne_out: set[Names] = set()
     most = max((refit.gain for refit in known.values()), default=0.0)
     for base in _best(known.values()):
         others = [effect for effect in candidates if effect.mechanism not in base.mechanisms]
@@ -128,17 +132,26 @@ def find_small_addition(
         if excess < MENDED:
             continue
         seen = [effect for effect in after.candidates if after.scored(effect.name)]
-        enough = [effect for effect in seen if after.statistic(effect.name) > _MOST_OF_IT * excess]
+        enough = [effect for effect in seen if after.statistic(effect.name) > _HALF_OF_IT * excess]
         for effect in sorted(enough, key=lambda effect: -after.worth(effect.name))[:_ADDED]:
             names = tuple(sorted((*base.names, effect.name)))
             refit = _followed(refit_with(after, effect, gained=base.gain), base.fit.sse - excess)
-            if refit.gain - most > MENDED and (names not in found or refit.gain > found[names].gain):
+            beyond = [other for other in others if other.mechanism != effect.mechanism]
+            left = gather(refit.problem, refit.fit, beyond).saturated_excess()
+            mended = refit.gain - most > MENDED and left < (1.0 - _MOST_OF_IT) * excess
+            if mended and (names not in found or refit.gain > found[names].gain):
                 found[names] = refit
+                confirmation = held_out.confirmed(refit, base) if base.learned else None
+                borne_out |= {names} if confirmation is not None and confirmation.borne_out else set()
     if not found:
         return None
     pairs = _standing(found, _goodness(candidates, held_out), known, held_out, rng)
-    clean = {names: pairs.standings[names] for names in pairs.sufficient}
-    return replace(pairs, standings=clean) if clean else None
+    kept = {
+        names: standing
+        for names, standing in pairs.standings.items()
+        if standing.in_set and (standing.clean or (names in borne_out and standing.fits))
+    }
+    return replace(pairs, standings=kept) if kept else None
 
 
 def share_of(refit: Refit) -> float:

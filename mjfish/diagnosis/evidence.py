@@ -261,6 +261,10 @@ class Evidence:
         statistic, rank = _quadratic(self.omnibus_score, self.omnibus_information)
         return statistic - rank
 
+    def omnibus_signatures(self) -> FloatArray:
+        """Return what the coefficients leave of the omnibus basis (n, columns)."""
+        return project_out(orthonormal(self.fit.jacobian[:, ~self.fit.at_bound]), whitened_omnibus(self.problem))
+
     def _degrees_of_freedom(self, name: str) -> int:
         block = self.blocks[name]
         return int(block.stop - block.start)

@@ -20,7 +20,8 @@ Key = TypeVar("Key", bound=Hashable)
 #: Draws of the block bootstrap of the gain, and the length of a block [s].
 _DRAWS = 2000
 _BLOCK = 0.7
-#: A cause fails on held-out trials where it loses likelihood there, with a probability below this were it true.
+#: A cause fails on held-out trials where it loses likelihood there, with a probability below this were it true. It is
+#: not borne out by them where it gains as much less than it should.
 _FAILED = 0.001
 #: Or where its error there is this much larger than without it, whatever the likelihood allows for.
 _WORSE = 1.1
@@ -46,6 +47,11 @@ class Confirmation:
     def failed(self) -> bool:
         """Whether the cause predicts these trials worse than they are without it, by more than noise does."""
         return (self.gained <= 0.0 and self.probability < _FAILED) or self.error_ratio > _WORSE
+
+    @property
+    def borne_out(self) -> bool:
+        """Whether the cause gains there what it would were it true, by noise."""
+        return not self.failed and self.probability >= _FAILED
 
 
 def confirmation(

@@ -27,6 +27,7 @@ from mjfish.diagnosis.constancy import sizes_by_run
 from mjfish.diagnosis.evidence import gather, tail
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.sign_flips import flipped_p
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import without_form
 
@@ -56,8 +57,9 @@ class Standing:
     Attributes:
         rival_p: p value of the margin by which the best rival beats it.
         behind: that margin, a fall of the sum of squares over all trials, adjusted for parameters.
-        saturated_p: of the joint score of all other candidates at its refit.
-        omnibus_p: of the omnibus basis at its refit.
+        saturated_p: of the joint score of all other candidates at its refit; where it is small, the larger of those for
+            Gaussian noise and for noise with outliers.
+        omnibus_p: the same, of the omnibus basis.
         excess: what is left at its refit beyond chance, of the sum of squares.
         left: the same as a share of all there was to explain.
         common_p: of the few waves of the omnibus basis that are the same in all runs.
@@ -156,9 +158,14 @@ class Goodness:
             common, sizes = after.common(), sizes_by_run(refit, self.held_out)
             beyond = [statistic - rank for statistic, rank in (common, sizes)]
             excess = max(after.saturated_excess(), after.omnibus_excess(), *beyond, 0.0)
+            saturated_p, omnibus_p = after.saturated_p(), after.omnibus_p()
+            if saturated_p < GOODNESS:  # outliers of the noise may be what is left
+                saturated_p = max(saturated_p, flipped_p(after.signatures, after.cleared))
+            if omnibus_p < GOODNESS:
+                omnibus_p = max(omnibus_p, flipped_p(after.omnibus_signatures(), after.cleared))
             self.known[refit] = {
-                "saturated_p": after.saturated_p(),
-                "omnibus_p": after.omnibus_p(),
+                "saturated_p": saturated_p,
+                "omnibus_p": omnibus_p,
                 "excess": excess,
                 "left": excess / max(refit.gain + excess, 1e-9),
                 "common_p": sharp_p(common, refit.gain),

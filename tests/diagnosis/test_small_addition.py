@@ -9,7 +9,7 @@ import pytest
 
 from mjfish.diagnosis.combinations import MENDED, find_small_addition
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.held_out import HeldOut
+from mjfish.diagnosis.held_out import Confirmation, HeldOut
 from mjfish.diagnosis.refit import Refit, refined, refit_with
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -55,6 +55,25 @@ def test_a_pair_must_explain_more_than_every_single_cause() -> None:
         other = replace(alone, effects=(find("marker_offset"),), gain=gain + more)
         again = find_small_addition({"time_offset": alone, "marker_offset": other}, CANDIDATES, held_out, rng)
         assert (again is not None and ("munk_moment", "time_offset") in again.refits) is found
+
+
+@pytest.mark.parametrize(
+    ("learned", "probability", "found"),
+    [(True, 0.2, True), (True, 1e-5, False), (True, None, False), (False, 0.2, False)],
+)
+def test_beside_a_learned_form_something_may_be_left_if_held_out_trials_agree(
+    monkeypatch: pytest.MonkeyPatch, learned: bool, probability: float | None, found: bool
+) -> None:
+    """The scale of the camera stands for what a learned form cannot be: a tenth of what a Munk moment leaves."""
+    nominal, alone = _with_offset(1.0, 0.01)
+    told = None if probability is None else Confirmation(30.0, probability)
+    monkeypatch.setattr(Refit, "learned", property(lambda _refit: learned))
+    monkeypatch.setattr(HeldOut, "confirmed", lambda *_: told)
+    pairs = find_small_addition({"time_offset": alone}, CANDIDATES, HeldOut(nominal, ()), np.random.default_rng(0))
+    assert (pairs is not None) is found
+    if pairs is not None:
+        assert [*pairs.standings] == [("munk_moment", "time_offset")]
+        assert pairs.sufficient == []
 
 
 def test_a_signature_of_rounding_has_no_score() -> None:

@@ -1,0 +1,51 @@
+"""How much of noise with outliers a basis explains by chance: its distribution over all flips of the signs.
+
+What m orthonormal columns q explain of Gaussian noise is chi2(m). One outlier adds to it by far more. With independent,
+symmetric noise every sign is as likely as the other, given all sizes |z| ([Hemerik2020]), and over all flips
+
+    T = |q'z|^2,  A = q' diag(z^2) q:   mean = tr A,   variance = 2 (|A|^2 - sum_i |q_i|^4 z_i^4)
+
+with rows q_i. A misfit has equal signs in a row: flipped, little of it is left. The tail is that of a multiple of a
+chi2 with this mean and variance.
+
+[Hemerik2020] J. Hemerik, J. Goeman and L. Finos, Robust testing in generalized linear models by sign flipping score
+contributions, JRSS B 82.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from mjfish.arrays import FloatArray
+
+#: Eigenvalues of the scaled columns' Gram matrix below this one are rounding, as of `Evidence.saturated`.
+_ROUNDING = 1e-7
+
+
+def flipped_p(columns: FloatArray, residual: FloatArray) -> float:
+    """Return the p value of what columns (n, k) explain of a residual (n,), over all flips of its signs.
+
+    Args:
+        columns: what the fitted parameters leave of them; they may depend on each other.
+        residual: whitened, of the fit.
+    """
+    basis = _orthonormal(columns)
+    squares, leverage = residual**2, np.sum(basis**2, axis=1)
+    spread = basis.T @ (basis * squares[:, None])
+    mean = float(np.trace(spread))
+    variance = 2.0 * float(np.sum(spread**2) - np.sum((leverage * squares) ** 2))
+    if not min(mean, variance) > 0.0:
+        return 1.0
+    explained = float(np.sum((basis.T @ residual) ** 2))
+    return float(stats.chi2.sf(2.0 * explained * mean / variance, 2.0 * mean**2 / variance))
+
+
+def _orthonormal(columns: FloatArray) -> FloatArray:
+    """Return an orthonormal basis of the span of columns, without what is rounding."""
+    lengths = np.linalg.norm(columns, axis=0)
+    scaled = columns[:, lengths > 1e-9 * lengths.max(initial=1e-300)]
+    scaled = scaled / np.linalg.norm(scaled, axis=0)
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    solid = values > _ROUNDING
+    return np.asarray(scaled @ (vectors[:, solid] / np.sqrt(values[solid])))
