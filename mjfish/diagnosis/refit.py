@@ -128,10 +128,9 @@ def refits(
     chosen = sorted(worth_refitting(evidence, effects), key=lambda effect: effect.smooth)  # what takes longest first
     earlier, known, jobs = before or {}, coarse or {}, evidence.problem.jobs
     followed = _floor(earlier) if earlier else 0.0
-    alone = with_jobs(evidence, 1)
     found: dict[str, Refit] = {}
 
-    def made_of(effect: Effect) -> Refit:
+    def made_of(alone: Evidence, effect: Effect) -> Refit:
         if effect.name in earlier:
             refit = earlier[effect.name]
             return _taken_on(alone, refit, _ON if refit.gain >= followed else 1)
@@ -142,7 +141,8 @@ def refits(
     done = 0
     for general in (False, True):
         round_of = [effect for effect in chosen if bool(effect.limits) == general and _may_explain(effect, found)]
-        results = refit_in_parallel(made_of, round_of, jobs)
+        alone = with_jobs(evidence, jobs if len(round_of) == 1 else 1)
+        results = refit_in_parallel(functools.partial(made_of, alone), round_of, jobs)
         made = {}
         for effect in round_of:
             progress(f"refitting with {effect.name}", done / len(chosen))
