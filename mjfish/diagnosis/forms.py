@@ -30,6 +30,9 @@ _BEATEN = 0.01
 #: A learned form is fitted where its score, or a formula of its mechanism, explains this share of the best formula;
 #: and where that formula leaves nothing: only rivals that come near it matter then.
 _PROMISING, _NEAR = 0.3, 0.6
+#: Beside such a formula, a learned form is taken to explain at most so many times what the best formula of its own
+#: mechanism does at its refit: its score is first order, and of a strong effect promises too much.
+_TIMES = 1.5
 #: And followed to its optimum where its coarse refit explains this share of the best; where a formula leaves nothing,
 #: and is of another mechanism.
 _RUNNING, _RIVAL = 0.5, 0.85
@@ -75,7 +78,8 @@ def refit_learned_forms(
     jobs, known = evidence.problem.jobs, set(clear)
     share = _NEAR if known else _PROMISING
     alone = with_jobs(gather(evidence.problem, evidence.fit, learned), 1)
-    seen = [effect for effect in learned if effect.mechanism in known or promising(effect, alone, refits, share)]
+    times = _TIMES if known else np.inf
+    seen = [effect for effect in learned if effect.mechanism in known or promising(effect, alone, refits, share, times)]
 
     def begun(effect: Effect) -> Refit:
         formulas = [refit for refit in refits.values() if refit.mechanisms == (effect.mechanism,)]
@@ -91,14 +95,18 @@ def refit_learned_forms(
     return {refit.names[0]: refit for refit in results}
 
 
-def promising(effect: Effect, evidence: Evidence, refits: Mapping[str, Refit], share: float = _PROMISING) -> bool:
+def promising(
+    effect: Effect, evidence: Evidence, refits: Mapping[str, Refit], share: float = _PROMISING, times: float = np.inf
+) -> bool:
     """Return whether a learned form may explain this share of the best refit.
 
-    As its score says, or the best formula of its mechanism.
+    As its score says, at most so many times what the best formula of its mechanism explains; or as that formula does.
     """
     best = max((refit.gain for refit in refits.values()), default=0.0)
     formulas = [refit.gain for refit in refits.values() if effect.mechanism in refit.mechanisms]
     score = evidence.statistic(effect.name) if effect.smooth and evidence.scored(effect.name) else 0.0
+    if formulas:
+        score = min(score, times * max(formulas))
     return max([score, *formulas]) >= share * best
 
 
