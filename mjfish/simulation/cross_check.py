@@ -28,7 +28,7 @@ from mjfish.data import Trial
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
-from mjfish.fish import COEFFICIENTS, Cpg, Fish
+from mjfish.fish import Cpg, Fish, load_fish
 from mjfish.frames import CHANNELS
 from mjfish.model.extended import Extended, load
 from mjfish.model.model import LoadsOfRun
@@ -237,7 +237,7 @@ class Case:
     Attributes:
         name: also of its reference trajectory, NAME.csv.
         mode: of Table IV.
-        coefficients: in the order of `COEFFICIENTS`.
+        coefficients: in the order of those of the pike.
         munk: share of the Munk moment.
     """
 
@@ -249,7 +249,7 @@ class Case:
     @property
     def values(self) -> dict[str, float]:
         """The coefficients by name."""
-        return dict(zip(COEFFICIENTS, self.coefficients, strict=True))
+        return dict(zip(load_fish("pike").coefficient_names, self.coefficients, strict=True))
 
 
 _PUBLISHED = (0.01, 0.07, 0.06, 4.0, 1.5, 2.5, 0.02, 0.02, 0.02)

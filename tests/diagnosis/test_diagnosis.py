@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from diagnosed import diagnosis as handmade
 from hidden_cases import coefficients, draw
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.arrays import readonly
 from mjfish.data import load_dataset, save
@@ -24,7 +25,7 @@ from mjfish.effects import Effect, catalogue, find
 from mjfish.effects.effect import Values
 from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
 from mjfish.simulation.synthetic import generate
