@@ -12,6 +12,7 @@ from mjfish.data import Dataset
 from mjfish.data.importers.markers import import_fishsim, import_markers
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import import_poses, import_velocities
+from mjfish.data.importers.tailfish import import_tailfish
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 
 
@@ -38,6 +39,7 @@ IMPORTERS: Mapping[str, Importer] = {
     "fishsim": import_fishsim,
     "markers": import_markers,
     "poses": import_poses,
+    "tailfish": import_tailfish,
     "velocities": import_velocities,
 }
 #: What a file with an importer must define.
