@@ -58,7 +58,9 @@ def generate(
 def import_files(
     importer: Annotated[
         str,
-        typer.Argument(help="One of fishsim, tailfish, markers, poses, velocities, or a Python file with your own."),
+        typer.Argument(
+            help="One of fishsim, tailfish, deeplabcut, markers, poses, velocities, or a Python file with your own."
+        ),
     ],
     files: Annotated[list[Path], typer.Argument(help="Measured files.")],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],

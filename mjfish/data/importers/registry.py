@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from mjfish.data import Dataset
+from mjfish.data.importers.deeplabcut import import_deeplabcut
 from mjfish.data.importers.markers import import_fishsim, import_markers
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import import_poses, import_velocities
@@ -36,6 +37,7 @@ class Importer(Protocol):
 
 
 IMPORTERS: Mapping[str, Importer] = {
+    "deeplabcut": import_deeplabcut,
     "fishsim": import_fishsim,
     "markers": import_markers,
     "poses": import_poses,
