@@ -3,8 +3,8 @@
 A fish swims (drive -> body -> water -> camera), a measured fish swims too, and the package explains the difference.
 The names below are imported when they are first used:
 
-- the fish, the data and the model: `Fish`, `load_fish`, `Dataset`, `Trial`, `load_dataset`, `Model`, `Effect`,
-  `Parameter`;
+- the fish, the data and the model: `Fish`, `load_fish`, `new_fish`, `Dataset`, `Trial`, `load_dataset`, `Model`,
+  `Effect`, `Parameter`;
 - what can be done with them: `simulate`, `generate`, `check`, `inspect`, `identify`, `diagnose`, `plan`, `compare`;
 - the water for any MuJoCo model: `StripFluid`, `StripLink`;
 - `MjfishError`, the base of every error that a wrong input raises.
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mjfish.inspection import inspect
     from mjfish.model import Model
     from mjfish.mujoco import StripFluid, StripLink
+    from mjfish.new_fish import new_fish
     from mjfish.parameter import Parameter
     from mjfish.simulation import check, generate, simulate
 
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Fish": "fish",
     "load_fish": "fish",
+    "new_fish": "new_fish",
     "Dataset": "data",
     "Trial": "data",
     "load_dataset": "data",
@@ -74,6 +76,7 @@ __all__ = [
     "inspect",
     "load_dataset",
     "load_fish",
+    "new_fish",
     "plan",
     "simulate",
 ]

@@ -8,18 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, RootModel, model_validator
 
 from mjfish import tomlfile
 from mjfish.errors import InputError, ParameterError, UnknownNameError
 from mjfish.parameter import Parameter
 from mjfish.tomlfile import Table
 
-Group = Literal["head", "body", "tail"]
-GROUPS: tuple[Group, ...] = ("head", "body", "tail")
+#: Kinds of coefficients, in the order of [Yu2016], Table III.
 KINDS = {"c_m": "inertia (added mass)", "c_d": "drag across the body", "c_f": "skin friction along the body"}
-#: The nine coefficients of [Yu2016], Table III, in its order.
-COEFFICIENTS: tuple[str, ...] = tuple(f"{kind}.{group}" for kind in KINDS for group in GROUPS)
 
 # Limits beyond which no swimmer is, and within which nothing that is computed overflows.
 Positive = Annotated[float, Field(gt=0.0, le=1e9)]
@@ -29,6 +26,8 @@ Station = Annotated[float, Field(ge=-1e4, le=1e4)]
 Mass = Annotated[float, Field(ge=1e-9, le=1e9)]
 Inertia = Annotated[float, Field(ge=1e-18, le=1e12)]
 Constant = Annotated[float, Field(ge=-1e6, le=1e6)]
+#: Links of one group share their coefficients; its name is a part of theirs.
+Group = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 
 
 def _not_negative_pair(pair: tuple[float, float]) -> tuple[float, float]:
@@ -123,20 +122,22 @@ class Coefficient(Table):
     high: Positive
 
 
-class CoefficientGroup(Table):
-    """One kind of coefficient for the three groups of links."""
+class ByGroup(RootModel[dict[Group, Coefficient]]):
+    """One kind of coefficient, by group of links."""
 
-    head: Coefficient
-    body: Coefficient
-    tail: Coefficient
+    model_config = ConfigDict(frozen=True)
+
+    def __hash__(self) -> int:
+        """Return a hash of groups and coefficients: a fish is a key of what was computed with it."""
+        return hash(tuple(self.root.items()))
 
 
 class Coefficients(Table):
-    """The nine coefficients: inertia, drag and friction of head, body and tail."""
+    """Coefficients of inertia, drag and friction."""
 
-    c_m: CoefficientGroup
-    c_d: CoefficientGroup
-    c_f: CoefficientGroup
+    c_m: ByGroup
+    c_d: ByGroup
+    c_f: ByGroup
 
 
 class Fish(Table):
@@ -155,7 +156,8 @@ class Fish(Table):
         tail_hardening: see there [1/rad2].
         links: nose first.
         sections: the outline, nose to tip, without gaps.
-        coefficients: the nine hydrodynamic coefficients.
+        coefficients: of inertia, drag and friction, one of each for every group of links: nine of a fish with head,
+            body and tail.
         schema_: of the file, 1.
         cpg: the oscillator that drives the joints; absent where joint angles are always measured.
         servo: of the joints, in MuJoCo only.
@@ -188,11 +190,7 @@ class Fish(Table):
     def _consistent(self) -> Fish:
         if len({link.name for link in self.links}) < len(self.links):
             raise ValueError("two links share a name; give each its own")
-        if self.links[0].group != "head":
-            raise ValueError("the first link must be of group 'head'")
-        missing = [group for group in GROUPS if group not in {link.group for link in self.links}]
-        if missing:
-            raise ValueError(f"no link of group '{missing[0]}'; each of head, body and tail needs at least one")
+        self._check_groups()
         if self.cpg is not None and len(self.cpg.amplitude) != self.joints:
             raise ValueError(
                 f"cpg.amplitude has {len(self.cpg.amplitude)} numbers, the fish has {self.joints} joints; "
@@ -207,6 +205,17 @@ class Fish(Table):
         for parameter in self.parameters:  # raises where bounds, start and value contradict each other
             parameter.check(parameter.default)
         return self
+
+    def _check_groups(self) -> None:
+        for kind in KINDS:
+            given = getattr(self.coefficients, kind).root
+            for group in self.groups:
+                if group not in given:
+                    raise ValueError(f"coefficients.{kind} has no '{group}', a group of the links; add it")
+            for group in given:
+                if group not in self.groups:
+                    known = ", ".join(self.groups)
+                    raise ValueError(f"coefficients.{kind}.{group}: no link is of this group; the links have {known}")
 
     def _check_outline(self) -> None:
         if self.sections[0].start != 0.0:
@@ -233,9 +242,19 @@ class Fish(Table):
         return sum(link.length for link in self.links)
 
     @property
+    def groups(self) -> tuple[str, ...]:
+        """The groups of links that share coefficients, nose first."""
+        return tuple(dict.fromkeys(link.group for link in self.links))
+
+    @functools.cached_property
+    def coefficient_names(self) -> tuple[str, ...]:
+        """Names of the coefficients, ``c_m.head`` and so on: kind by kind, in each group by group."""
+        return tuple(f"{kind}.{group}" for kind in KINDS for group in self.groups)
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The nine coefficients as declared parameters, in the order of `COEFFICIENTS`."""
-        return tuple(self._parameter(name) for name in COEFFICIENTS)
+        """The coefficients as declared parameters, in the order of `coefficient_names`."""
+        return tuple(self._parameter(name) for name in self.coefficient_names)
 
     def _parameter(self, name: str) -> Parameter:
         entry = self._coefficient(name)
@@ -255,32 +274,31 @@ class Fish(Table):
 
     def _coefficient(self, name: str) -> Coefficient:
         kind, _, group = name.partition(".")
-        entry: Coefficient = getattr(getattr(self.coefficients, kind), group)
+        entry: Coefficient = getattr(self.coefficients, kind).root[group]
         return entry
 
     @property
     def values(self) -> dict[str, float]:
-        """The nine coefficients by name."""
-        return {name: self._coefficient(name).value for name in COEFFICIENTS}
+        """The coefficients by name."""
+        return {name: self._coefficient(name).value for name in self.coefficient_names}
 
     def with_coefficients(self, parameters: Mapping[str, Parameter]) -> Fish:
         """Return the fish with other declarations (value, start, bounds) for the named coefficients."""
-        kinds: dict[str, dict[str, Coefficient]] = {
-            kind: {group: self._coefficient(f"{kind}.{group}") for group in GROUPS} for kind in KINDS
-        }
+        kinds: dict[str, dict[str, Coefficient]] = {kind: dict(getattr(self.coefficients, kind).root) for kind in KINDS}
         for name, new in parameters.items():
-            if name not in COEFFICIENTS:
-                raise UnknownNameError("coefficient", name, COEFFICIENTS)
+            if name not in self.coefficient_names:
+                raise UnknownNameError("coefficient", name, self.coefficient_names)
             kind, _, group = name.partition(".")
             kinds[kind][group] = Coefficient(value=new.default, start=new.start, low=new.low, high=new.high)
-        groups = {kind: CoefficientGroup(**entries) for kind, entries in kinds.items()}
-        return self.model_copy(update={"coefficients": Coefficients(**groups)})
+        return self.model_copy(
+            update={"coefficients": Coefficients(**{kind: ByGroup(own) for kind, own in kinds.items()})}
+        )
 
     def with_values(self, values: Mapping[str, float]) -> Fish:
         """Return the fish with other values of the named coefficients, each checked against its bounds."""
         declared = {parameter.name: parameter for parameter in self.parameters}
         for name in values.keys() - declared.keys():
-            raise UnknownNameError("coefficient", name, COEFFICIENTS)
+            raise UnknownNameError("coefficient", name, self.coefficient_names)
         changed = {name: replace(declared[name], default=declared[name].check(float(v))) for name, v in values.items()}
         return self.with_coefficients(changed)
 

@@ -10,11 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.data import Dataset
 from mjfish.drive.modes import MODES
 from mjfish.effects import find
-from mjfish.fish import COEFFICIENTS, load_fish
+from mjfish.fish import load_fish
 from mjfish.simulation.synthetic import generate
 
 SEED = int(os.environ.get("MJFISH_SEED", "20261121"))

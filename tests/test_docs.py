@@ -77,6 +77,16 @@ def test_readme_makes_targets_that_exist() -> None:
         assert re.search(rf"^{command}:", makefile, re.MULTILINE), command
 
 
+def test_the_fish_that_is_described_is_made_and_shown(tmp_path: Path) -> None:
+    page = ROOT / "docs" / "fish.md"
+    new, show = commands(page)
+    run_command(new, tmp_path)
+    assert "Nothing is odd" in run_command(show, tmp_path)
+    made = mjfish.load_fish(tmp_path / "out" / "trout" / "trout.toml")
+    (expression,) = re.findall(r"`mjfish\.(new_fish\(.*?\))`", page.read_text())
+    assert eval(expression, {"new_fish": mjfish.new_fish}) == made  # noqa: S307 - our own page
+
+
 def test_the_dataset_that_is_described_can_be_read(tmp_path: Path) -> None:
     """Every key of the page, with recordings that fit it; a command writes one as well."""
     page = ROOT / "docs" / "datasets.md"

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 
 import mjfish
 from mjfish import ode
 from mjfish.drive import cpg, modes
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.fish import COEFFICIENTS, Fish, load_fish, shipped
+from mjfish.fish import Fish, load_fish, shipped
 from mjfish.parameter import Parameter
 
 PIKE = shipped()["pike"].read_text(encoding="utf-8")
@@ -120,13 +121,13 @@ BROKEN = {
     "inertia": ([("inertia = 290e-4", "inertia = -1")], "links.1.inertia: must be at least 1e-18"),
     "density": ([("density = 1000.0", "density = 0")], "density: must be above 0"),
     "schema": ([("schema = 1", "schema = 2")], "schema: expected 1 (found 2)"),
-    "group": (
-        [('group = "body"', 'group = "neck"')],
-        "links.2.group: expected 'head', 'body' or 'tail' (found",
-    ),
+    "group": ([('group = "body"', 'group = "neck"')], "coefficients.c_m has no 'neck', a group of the links; add it"),
+    "group with a dot": ([('group = "body"', 'group = "a.b"')], "links.2.group: "),
     "shared name": ([('"body_2"', '"body_1"')], "two links share a name; give each its own"),
-    "headless": ([('group = "head"', 'group = "body"')], "the first link must be of group 'head'"),
-    "tailless": ([('group = "tail"', 'group = "body"')], "no link of group 'tail'; each of head, body and tail needs"),
+    "headless": (
+        [('group = "head"', 'group = "body"')],
+        "coefficients.c_m.head: no link is of this group; the links have body, tail",
+    ),
     "gap": (
         [("from = 0.291", "from = 0.3")],
         "sections leave a gap or overlap between 0.291 and 0.3 m; let each",
@@ -166,7 +167,7 @@ BROKEN = {
     "negative coefficient": ([("value = 0.07", "value = -0.07")], "coefficients.c_m.body.value: must be at least 0"),
     "coefficient left out": (
         [("tail = { value = 0.06", "tial = { value = 0.06")],
-        "c_m.tail: this key is missing",
+        "coefficients.c_m has no 'tail', a group of the links; add it",
     ),
     "no links": ([("[[links]]", "[links]")], "not valid TOML"),
 }

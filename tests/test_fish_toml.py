@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 
 from mjfish import fish as fishes
 from mjfish import fish_toml
 from mjfish.errors import InputError
-from mjfish.fish import COEFFICIENTS, Fish, load_fish
+from mjfish.fish import Fish, load_fish
 
 
 def _odd(fish: Fish, seed: int = 5) -> Fish:

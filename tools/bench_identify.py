@@ -21,7 +21,7 @@ from mjfish import frames
 from mjfish.data import Trial
 from mjfish.drive import cpg, modes
 from mjfish.estimation import Noise, Problem, fit
-from mjfish.fish import COEFFICIENTS, load_fish
+from mjfish.fish import load_fish
 from mjfish.model import Model
 from mjfish.mujoco import StripFluid, mjcf, prescribed
 from mjfish.simulation.synthetic import generate
@@ -33,7 +33,7 @@ TimeSeries = sysid.TimeSeries
 _PIKE = load_fish("pike")
 _SIGMA = np.array([0.01, 0.01, 0.05])
 #: Inside the bounds of Table III, away from its start values: c_m, c_d, c_f of head, body, tail.
-_TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012), strict=True))
+_TRUTH = dict(zip(_PIKE.coefficient_names, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012), strict=True))
 _RATE = 50.0
 _TOLERANCES = {"x_scale": "jac", "ftol": 1e-8, "xtol": 1e-8, "gtol": 1e-8}
 #: Costs may differ by this share.
@@ -102,7 +102,7 @@ class PlainFit:
 
     def residual(self, x: FloatArray) -> FloatArray:
         """Return the residual, by sigma."""
-        fish = _PIKE.with_values(dict(zip(COEFFICIENTS, x, strict=True)))
+        fish = _PIKE.with_values(dict(zip(_PIKE.coefficient_names, x, strict=True)))
         found = [
             (PlainModel(fish, trial.drive[0].omega).velocity(trial.time, rtol=_RTOL) - trial.velocity) / _SIGMA
             for trial in self.problem.trials
@@ -150,7 +150,7 @@ class SysidFit:
         return 2.0 * float(found.cost)
 
     def _build(self, parameters: sysid.ParameterDict, spec: mujoco.MjSpec) -> mujoco.MjModel:
-        return self._water(spec, dict(zip(COEFFICIENTS, parameters.as_vector().tolist(), strict=True))).model
+        return self._water(spec, dict(zip(_PIKE.coefficient_names, parameters.as_vector().tolist(), strict=True))).model
 
     @staticmethod
     def _water(spec: mujoco.MjSpec, values: dict[str, float]) -> StripFluid:

@@ -23,13 +23,13 @@ import numpy as np
 
 from mjfish.drive import modes
 from mjfish.estimation import Noise, Problem, fit
-from mjfish.fish import COEFFICIENTS, load_fish
+from mjfish.fish import load_fish
 from mjfish.model import Model, Prediction, Prepared
 from mjfish.simulation.synthetic import generate
 
 _SIGMA = np.array([0.01, 0.01, 0.05])
 #: Inside the bounds of Table III, away from its start values: c_m, c_d, c_f of head, body, tail.
-_TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012), strict=True))
+_TRUTH = dict(zip(load_fish("pike").coefficient_names, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012), strict=True))
 #: In this order parameters are set free: those first that the data know best.
 _ORDER = ("c_d.tail", "c_m.tail", "c_d.body", "c_m.body", "c_d.head", "c_m.head", "c_f.tail", "c_f.head", "c_f.body")
 TRIALS = (1, 2, 5, 10, 20)

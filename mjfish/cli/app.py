@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from mjfish.cli import compare, console, data, diagnose, identify, plan, simulate
+from mjfish.cli import compare, console, data, diagnose, fish, identify, plan, simulate
 from mjfish.errors import MjfishError
 
 _ABOUT = "Shows what a swimming-fish simulation gets wrong, names the cause, and measures what knowing it gains."
@@ -95,6 +95,10 @@ def application() -> typer.Typer:
     }
     for name, command in commands.items():
         app.command(name, cls=_Command)(command)
+    own = typer.Typer(cls=_Group, help="Describe a fish, look at it.", no_args_is_help=True)
+    own.command("new", cls=_Command)(fish.new)
+    own.command("show", cls=_Command)(fish.show)
+    app.add_typer(own, name="fish")
     return app
 
 

@@ -57,7 +57,10 @@ def generate(
 
 def import_files(
     importer: Annotated[
-        str, typer.Argument(help="One of fishsim, markers, poses, velocities, or a Python file with your own.")
+        str,
+        typer.Argument(
+            help="One of fishsim, tailfish, deeplabcut, markers, poses, velocities, or a Python file with your own."
+        ),
     ],
     files: Annotated[list[Path], typer.Argument(help="Measured files.")],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],

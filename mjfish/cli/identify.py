@@ -142,7 +142,7 @@ def _write_fish(result: Identification, file: Path) -> None:
 
     fixed = result.problem.fixed if result.problem is not None else {}
     fish = identified_fish(result.dataset.fish, result.fit, fixed)
-    comments = origin(result.dataset.name, result.fit, fixed)
+    comments = origin(result.dataset.fish, result.dataset.name, result.fit, fixed)
     if file.suffix == ".toml":
         fish_toml.write(file, fish, comments)
     else:

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from mjfish.data.trial import Clock, Role
 from mjfish.errors import InputError, UnknownNameError, located
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import KINDS, Fish
 from mjfish.tomlfile import Table
 
 #: Name of the file that makes a folder a dataset.
@@ -150,9 +150,8 @@ def _flat(raw: object) -> object:
     if not isinstance(raw, Mapping):
         return raw
     flat: dict[str, Any] = {}
-    kinds = {name.partition(".")[0] for name in COEFFICIENTS}
     for key, value in raw.items():
-        if key in kinds and isinstance(value, Mapping):
+        if key in KINDS and isinstance(value, Mapping):
             flat.update({f"{key}.{group}": entry for group, entry in value.items()})
         else:
             flat[key] = value
@@ -209,6 +208,6 @@ def with_start(fish: Fish, start: Mapping[str, Bounds], file: Path) -> Fish:
     for name, bounds in start.items():
         with located(f"{file}: start"):
             if name not in declared:
-                raise UnknownNameError("coefficient", name, COEFFICIENTS)
+                raise UnknownNameError("coefficient", name, fish.coefficient_names)
             changed[name] = declared[name].rebound(low=bounds.low, high=bounds.high, start=bounds.start)
     return fish.with_coefficients(changed) if changed else fish

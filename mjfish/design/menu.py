@@ -115,7 +115,8 @@ def _drives(cpg: Cpg, low: float, high: float, duration: float) -> Iterator[tupl
     """Name, description and drive of every run between two frequencies [rad/s]."""
     straight = (0.0,) * len(cpg.amplitude)
     size = np.sqrt(cpg.amplitude)
-    turn = tuple(float(b) for b in _TURN * size * (np.arange(len(size)) > 0))
+    behind = np.arange(len(size)) > 0 if len(size) > 1 else np.array([True])
+    turn = tuple(float(b) for b in _TURN * size * behind)
     bend = tuple(float(b) for b in _BEND * size)
     middle, half = math.sqrt(low * high), 0.5 * duration
 
@@ -153,7 +154,7 @@ def _reach(cpg: Cpg, trials: Sequence[Trial]) -> FloatArray:
     """Return the largest angle [rad] and rate [rad/s] (2,) that a joint is known to follow; all have one servo."""
     joints = len(cpg.amplitude)
     drives = {(trial.drive, float(trial.time[-1])) for trial in trials if trial.drive}
-    drives |= {(modes.drive(mode), modes.DURATION) for mode in modes.MODES if len(modes.drive(mode)[0].bias) == joints}
+    drives |= {(modes.drive(mode, joints), modes.DURATION) for mode in modes.MODES}
     return np.asarray(np.max([_hardest(cpg, drive, duration) for drive, duration in drives], axis=0, initial=0.0))
 
 

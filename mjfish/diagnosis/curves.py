@@ -23,7 +23,7 @@ from mjfish.effects import Effect
 from mjfish.effects.beat_amplitude import KC_FLOOR, TAU, keulegan_carpenter
 from mjfish.estimation.fit import Z95, Fit
 from mjfish.estimation.smoothness import effective_degrees_of_freedom
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.forced_motion import forced_motion
 from mjfish.hydro.link import link_records
@@ -214,7 +214,7 @@ class _Fish:
             body = effect.body(body, own)
         every = loads_of(active, trial)
         table = load_table([pair for pair in every if not pair[0].stateful])
-        coefficients = {name: everything[name] for name in COEFFICIENTS}
+        coefficients = {name: everything[name] for name in model.fish.coefficient_names}
         return cls(body, link_records(body, coefficients), active, table, every)
 
     def force(self, link: int, u: float, v: float) -> tuple[float, float]:

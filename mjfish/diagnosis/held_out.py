@@ -134,6 +134,23 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
+class RunGain:
+    """What one held-out run gains.
+
+    Attributes:
+        trial: its name.
+        nominal: nRMSE per channel and ``pooled`` (their mean): RMSE over the range of the channel in this run.
+        extended: the same.
+        mean_speed_error: nominal and extended |mean surge simulated - measured| [m/s].
+    """
+
+    trial: str
+    nominal: Mapping[str, float]
+    extended: Mapping[str, float]
+    mean_speed_error: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Gain:
     """Held-out errors of the nominal and of the extended model.
 
@@ -143,6 +160,7 @@ class Gain:
         relative_reduction: of the pooled nRMSE.
         low, high: its 95 % interval, by resampling blocks of 0.7 s.
         mean_speed_error: nominal and extended |mean surge simulated - measured|, mean over trials [m/s].
+        by_run: the same run by run.
     """
 
     nominal: Mapping[str, float]
@@ -151,6 +169,7 @@ class Gain:
     low: float
     high: float
     mean_speed_error: tuple[float, float]
+    by_run: tuple[RunGain, ...] = ()
 
 
 def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.random.Generator) -> Gain:
@@ -168,14 +187,27 @@ def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.ran
         relative_reduction=float(_reduction(sums.sum(axis=0)[None], ranges)[0]),
         low=float(low),
         high=float(high),
-        mean_speed_error=(_speed_error(nominal), _speed_error(extended)),
+        mean_speed_error=(_speed_error(nominal.residuals), _speed_error(extended.residuals)),
+        by_run=tuple(
+            RunGain(
+                trial=trial.name,
+                nominal=_table(_error(before, trial)),
+                extended=_table(_error(after, trial)),
+                mean_speed_error=(_speed_error([before]), _speed_error([after])),
+            )
+            for trial, before, after in zip(trials, nominal.residuals, extended.residuals, strict=True)
+        ),
     )
 
 
 def pooled_error(residuals: Sequence[FloatArray], trials: Sequence[Trial]) -> float:
     """Return the nRMSE of residuals (n_r, 3), mean over channels: RMSE over the range of the measured channel."""
-    ranges = _ranges(trials)
-    return float(np.mean(np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0)) / ranges))
+    return float(np.mean(np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0)) / _ranges(trials)))
+
+
+def _error(residual: FloatArray, trial: Trial) -> FloatArray:
+    """Return the nRMSE (3,) of a run over its own ranges: those of all runs together flatter one that swims slowly."""
+    return np.asarray(np.sqrt(np.mean(residual**2, axis=0)) / _ranges([trial]))
 
 
 def _ranges(trials: Sequence[Trial]) -> FloatArray:
@@ -184,8 +216,8 @@ def _ranges(trials: Sequence[Trial]) -> FloatArray:
     return np.where(ranges > 0.0, ranges, np.inf)
 
 
-def _speed_error(score: Score) -> float:
-    return float(np.mean([abs(residual[:, 0].mean()) for residual in score.residuals]))
+def _speed_error(residuals: Sequence[FloatArray]) -> float:
+    return float(np.mean([abs(residual[:, 0].mean()) for residual in residuals]))
 
 
 def _blocks(nominal: FloatArray, extended: FloatArray, trial: Trial) -> FloatArray:

@@ -267,5 +267,18 @@ def _gain(gain: Gain) -> dict[str, Any]:
     return {
         "held_out": {"nominal": dict(gain.nominal), "extended": dict(gain.extended)},
         "relative_reduction": {"estimate": gain.relative_reduction, "low": gain.low, "high": gain.high},
-        "mean_speed_error": {"nominal": gain.mean_speed_error[0], "extended": gain.mean_speed_error[1], "unit": "m/s"},
+        "mean_speed_error": _speeds(gain.mean_speed_error),
+        "by_run": [
+            {
+                "trial": run.trial,
+                "nominal": dict(run.nominal),
+                "extended": dict(run.extended),
+                "mean_speed_error": _speeds(run.mean_speed_error),
+            }
+            for run in gain.by_run
+        ],
     }
+
+
+def _speeds(errors: tuple[float, float]) -> dict[str, Any]:
+    return {"nominal": errors[0], "extended": errors[1], "unit": "m/s"}

@@ -5,10 +5,19 @@ from __future__ import annotations
 from typing import ClassVar
 
 from mjfish.data import Dataset
-from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values, variant
 from mjfish.effects.mechanism import Domain
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
+
+#: Bounds and scale of the shift, as shares of the length of the head; and the share of the way to its ends at most.
+_REACH, _SCALE, _WITHIN = 0.275, 0.017, 0.95
+
+
+def _shift(reach: float, scale: float) -> Parameter:
+    return Parameter(
+        "com_offset.shift", "m", 0.0, -reach, reach, 0.0, scale, about="of the head's com, towards the tail"
+    )
 
 
 class ComOffset(Effect):
@@ -23,21 +32,26 @@ class ComOffset(Effect):
     domain: ClassVar[Domain] = "body"
     mechanism: ClassVar[str] = "mass_distribution"
     summary: ClassVar[str] = "the head's centre of mass is elsewhere"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("com_offset.shift", "m", 0.0, -0.08, 0.08, 0.0, 0.005, about="of the head's com, towards the tail"),
-    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (_shift(0.08, 0.005),)
     source: ClassVar[str] = "parallel-axis theorem (Steiner); [Yu2016] eq. (6): moment of mass m c of a link"
     signature: ClassVar[str] = "sway and yaw rate within the beat shift against each other, alike at every frequency"
     confirm: ClassVar[str] = "balance the head on an edge and read its centre of mass"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
 
+    @classmethod
+    def for_fish(cls, fish: Fish) -> Effect | None:
+        """Return the effect with bounds and scale in proportion to the head, and within it."""
+        head = fish.links[0]
+        reach = min(_REACH * head.length, _WITHIN * head.com, _WITHIN * (head.length - head.com))
+        if not reach > 0.0:
+            return None
+        return variant(cls, parameters=(_shift(float(f"{reach:.2g}"), float(f"{_SCALE * head.length:.2g}")),))
+
     def not_applicable(self, dataset: Dataset) -> str:
-        """A head so short that the bounds reach out of it cannot have this cause."""
+        """A head whose centre of mass lies outside of it cannot have this cause."""
         head, (shift,) = dataset.fish.links[0], self.parameters
         if shift.low <= -head.com or head.com + shift.high >= head.length:
-            return (
-                f"shifts of {shift.high:g} m either way leave the head, {head.length:g} m long with com {head.com:g} m"
-            )
+            return f"the head's centre of mass, {head.com:g} m from its front, is not inside its {head.length:g} m"
         return ""
 
     def body(self, fish: Fish, values: Values) -> Fish:

@@ -25,7 +25,7 @@ from mjfish.estimation.residual_tests import ResidualTests, residual_tests
 from mjfish.estimation.settings import Settings
 from mjfish.estimation.stability import Stability, stability
 from mjfish.estimation.table_iv import Row, table_iv
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.model import Model
 from mjfish.noise import Noise
@@ -324,16 +324,17 @@ def identified_fish(fish: Fish, fit: Fit, fixed: Mapping[str, float] | None = No
         fixed: coefficients that the fit was told, with their values. Parameters of causes and of single trials are no
             part of a fish; they are left out, here and in the fit.
     """
-    declared = {p.name: p for p in (*fish.parameters, *fit.parameters) if p.name in COEFFICIENTS}
+    declared = {p.name: p for p in (*fish.parameters, *fit.parameters) if p.name in fish.coefficient_names}
     values = {name: value for name, value in {**(fixed or {}), **fit.values}.items() if name in declared}
     return fish.with_coefficients({name: replace(declared[name], default=value) for name, value in values.items()})
 
 
-def origin(dataset: str, fit: Fit, fixed: Mapping[str, float] | None = None) -> list[str]:
+def origin(fish: Fish, dataset: str, fit: Fit, fixed: Mapping[str, float] | None = None) -> list[str]:
     """Return lines that say where the numbers of the identified fish come from, for the top of its file.
 
     Args:
-        dataset: its name.
+        fish: the fish.
+        dataset: name of the dataset.
         fit: of the fish.
         fixed: coefficients that the fit was told.
     """
@@ -341,7 +342,7 @@ def origin(dataset: str, fit: Fit, fixed: Mapping[str, float] | None = None) -> 
         f"Coefficients identified from the dataset '{dataset}' by mjfish {version('mjfish')}: {fit.status},",
         f"sum of squares {fit.sse:.6g} of {len(fit.residual)} weighted samples. Estimate +- standard error:",
     ]
-    for name in COEFFICIENTS:
+    for name in fish.coefficient_names:
         if name in fit.values:
             at_bound = fit.at_bound[[p.name for p in fit.parameters].index(name)]
             error = "at its bound" if at_bound else f"+- {fit.sigma[name]:.2g}"

@@ -88,7 +88,10 @@ def text(value: float, normalised: float) -> str:
 
 def mode_of(trial: Trial) -> str:
     """Return the mode of Table IV that a trial was driven by; empty if by none."""
-    return next((mode for mode in modes.MODES if modes.drive(mode) == trial.drive), "")
+    if not trial.drive:
+        return ""
+    joints = len(trial.drive[0].bias)
+    return next((mode for mode in modes.MODES if modes.drive(mode, joints) == trial.drive), "")
 
 
 def group_of(trial: Trial) -> Group:

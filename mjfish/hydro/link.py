@@ -13,7 +13,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray, RecordArray
 from mjfish.errors import UnknownNameError
-from mjfish.fish import COEFFICIENTS, KINDS, Fish
+from mjfish.fish import KINDS, Fish
 from mjfish.hydro.outline import COARSE, INTERVALS, STRIPS, outlines
 
 #: Most hidden states a load may have on each link.
@@ -147,7 +147,8 @@ def _template(same: Same[Fish]) -> RecordArray:
 def _places(same: Same[Fish]) -> dict[str, tuple[str, Any]]:
     """Return the field and the links of each coefficient."""
     groups = np.array([link.group for link in same.thing.links])
-    return {name: (name.partition(".")[0], np.flatnonzero(groups == name.partition(".")[2])) for name in COEFFICIENTS}
+    names = (name.partition(".") for name in same.thing.coefficient_names)
+    return {f"{kind}.{group}": (kind, np.flatnonzero(groups == group)) for kind, _, group in names}
 
 
 def link_records(fish: Fish, values: Mapping[str, float] | None = None) -> RecordArray:
@@ -160,7 +161,7 @@ def link_records(fish: Fish, values: Mapping[str, float] | None = None) -> Recor
     records, places = _template(same).copy(), _places(same)
     for name, value in (values or {}).items():
         if name not in places:
-            raise UnknownNameError("coefficient", name, COEFFICIENTS)
+            raise UnknownNameError("coefficient", name, fish.coefficient_names)
         kind, links = places[name]
         records[kind][links] = value
     return records

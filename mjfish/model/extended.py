@@ -16,7 +16,7 @@ from mjfish.drive.motion import JointMotion
 from mjfish.effects import catalogue, of_fish
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import UnknownNameError, located
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.model.model import LoadsOfRun, Model, active_effects, loads_of
 from mjfish.tomlfile import Table
 
@@ -104,7 +104,7 @@ def load(
     source = fish.name if isinstance(fish, Fish) else str(fish)
     fish, tables = (fish, {}) if isinstance(fish, Fish) else fishes.read(fish)
     known = of_fish(known, fish)
-    added = dict.fromkeys(name.partition(".")[0] for name in given if name not in COEFFICIENTS)
+    added = dict.fromkeys(name.partition(".")[0] for name in given if name not in fish.coefficient_names)
     if not tables:
         return Extended(Model(fish, tuple(known[name] for name in added if name in known)), given)
     with located(source):
@@ -134,7 +134,7 @@ def write(path: str | Path, model: Model, values: Mapping[str, float], comments:
     """
     fish = _with_coefficients(model.fish, values)
     own = Extended(
-        replace(model, fish=fish), {name: v for name, v in values.items() if name not in COEFFICIENTS}
+        replace(model, fish=fish), {name: v for name, v in values.items() if name not in fish.coefficient_names}
     ).values
     effects = {effect.name: {p.short: own[p.name] for p in effect.parameters} for effect in model.effects}
     fish_toml.write(path, fish, comments, effects)

@@ -17,7 +17,7 @@ from mjfish.drive import measured, wave
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.fish import COEFFICIENTS, Cpg, Fish, Link
+from mjfish.fish import Cpg, Fish, Link
 from mjfish.hydro.load import Load
 from mjfish.hydro.outline import outlines
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
@@ -93,7 +93,7 @@ class Model:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The nine coefficients, then the parameters of every effect."""
+        """The coefficients of the fish, then the parameters of every effect."""
         return (*self.fish.parameters, *(p for effect in self.effects for p in effect.parameters))
 
     def extended(self, effect: Effect) -> Model:
@@ -165,7 +165,7 @@ class Model:
             active=active,
             fish=fish,
             motion=joint_motion(self.fish.cpg, trial, servos, step),
-            coefficients={name: values[name] for name in COEFFICIENTS},
+            coefficients={name: values[name] for name in self.fish.coefficient_names},
             loads=loads_of(active, trial),
             velocity=begun,
             time=time,
@@ -262,10 +262,11 @@ def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, f
     if fish.tail_compliance <= 0.0:
         return step
     link, outline = fish.links[-1], outlines(fish)[-1]
-    inertia = link.inertia + link.mass * link.com**2 + max(values["c_m.tail"], 0.0) * float(outline.added[2])
+    c_m, c_d = (max(values[f"{kind}.{link.group}"], 0.0) for kind in ("c_m", "c_d"))
+    inertia = link.inertia + link.mass * link.com**2 + c_m * float(outline.added[2])
     inertia *= 0.5
     second_moment = float(outline.height_moment[-1, 2])
-    drag = fish.density * max(values["c_d.tail"], 0.0) * _RECOIL * _tail_speed(fish.links, asked) * second_moment
+    drag = fish.density * c_d * _RECOIL * _tail_speed(fish.links, asked) * second_moment
     rate = np.sqrt(1.0 / (fish.tail_compliance * inertia)) + (fish.tail_damping + drag) / inertia
     octaves = 0.5 * np.ceil(2.0 * np.log2(max(max(step, _COARSE) * rate / _STIFFNESS, 1.0)))
     return float(step / 2.0 ** min(octaves, _FINEST))

@@ -29,7 +29,7 @@ import numpy as np
 from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.fish import COEFFICIENTS, KINDS, Fish, Link, Servo, load_fish
+from mjfish.fish import KINDS, Fish, Link, Servo, load_fish
 from mjfish.hydro.load import Load, memory_of
 from mjfish.hydro.outline import LinkOutline, outlines
 from mjfish.mujoco.coupling_choice import Coupling
@@ -206,8 +206,8 @@ def strips(fish: Fish, values: Mapping[str, float] | None = None, free: Trim | N
         UnknownNameError: a name in `values` is no coefficient.
     """
     for name in values or {}:
-        if name not in COEFFICIENTS:
-            raise UnknownNameError("coefficient", name, COEFFICIENTS)
+        if name not in fish.coefficient_names:
+            raise UnknownNameError("coefficient", name, fish.coefficient_names)
     coefficients = {**fish.values, **(values or {})}
     links = []
     start = 0.0

@@ -28,7 +28,7 @@ from mjfish.data import Trial
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
-from mjfish.fish import COEFFICIENTS, Cpg, Fish
+from mjfish.fish import Cpg, Fish, load_fish
 from mjfish.frames import CHANNELS
 from mjfish.model.extended import Extended, load
 from mjfish.model.model import LoadsOfRun
@@ -145,7 +145,7 @@ def check(
           step 0.5 ms: ... of the range
     """
     extended = fish if isinstance(fish, Extended) else load(fish)
-    body, law, segments = extended.fish, cpg_of(extended.fish), modes.drive(mode)
+    body, law, segments = extended.fish, cpg_of(extended.fish), modes.drive(mode, extended.fish.joints)
     loads = _loads(extended, mode, duration)
     levels: list[Level] = []
     span = dict.fromkeys(CHANNELS, math.nan)
@@ -178,7 +178,8 @@ def check(
 
 def _loads(extended: Extended, mode: str, duration: float) -> LoadsOfRun:
     """Return the loads of the run of a mode, a trial without measurements."""
-    trial = Trial(mode, None, readonly([0.0, duration]), readonly(np.zeros((2, 3))), modes.drive(mode))
+    segments = modes.drive(mode, extended.fish.joints)
+    trial = Trial(mode, None, readonly([0.0, duration]), readonly(np.zeros((2, 3))), segments)
     check_can_act(extended.model.effects, trial)
     return extended.loads(trial)
 
@@ -237,7 +238,7 @@ class Case:
     Attributes:
         name: also of its reference trajectory, NAME.csv.
         mode: of Table IV.
-        coefficients: in the order of `COEFFICIENTS`.
+        coefficients: in the order of those of the pike.
         munk: share of the Munk moment.
     """
 
@@ -249,7 +250,7 @@ class Case:
     @property
     def values(self) -> dict[str, float]:
         """The coefficients by name."""
-        return dict(zip(COEFFICIENTS, self.coefficients, strict=True))
+        return dict(zip(load_fish("pike").coefficient_names, self.coefficients, strict=True))
 
 
 _PUBLISHED = (0.01, 0.07, 0.06, 4.0, 1.5, 2.5, 0.02, 0.02, 0.02)
@@ -346,7 +347,7 @@ def check_all(
     expected = {case.name: _read(reference, case) for case in cases}
     for done, case in enumerate(cases):
         body = fish.model_copy(update={"munk_moment": fish.munk_moment + case.munk})
-        asked = functools.partial(_motion, extended, modes.drive(case.mode), duration)
+        asked = functools.partial(_motion, extended, modes.drive(case.mode, fish.joints), duration)
         loads = _loads(extended, case.mode, duration)
         truth = ode.simulate(body, asked(FINE), values=case.values, loads=loads)
         for index, engine in enumerate(ENGINES):

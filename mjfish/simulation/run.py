@@ -205,7 +205,9 @@ def _trial(fish: Fish, mode: str, drive: Wave | str | Path | None, duration: flo
         )
     time = np.arange(int(duration * RATE + 1e-9) + 1) / RATE
     if drive is None:
-        return Trial(mode, None, readonly(time), readonly(np.zeros((len(time), 3))), drive=modes.drive(mode))
+        return Trial(
+            mode, None, readonly(time), readonly(np.zeros((len(time), 3))), drive=modes.drive(mode, fish.joints)
+        )
     if isinstance(drive, Wave):
         if drive.joints != fish.joints:
             raise InputError(

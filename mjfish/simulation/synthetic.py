@@ -95,7 +95,7 @@ def generate(
         role: Role | None = ("held_out" if trial_name in held_out else "fit") if held_out else None
         begin = None if start is None else readonly(np.broadcast_to(start, (len(time), 3)))
         still = readonly(np.zeros((len(time), 3)))
-        blank = Trial(trial_name, role, readonly(time), still, table_iv.drive(mode), pose=begin, tank=tank)
+        blank = Trial(trial_name, role, readonly(time), still, table_iv.drive(mode, fish.joints), pose=begin, tank=tank)
         check_can_act(model.effects, blank)
         predicted = model.predict(blank, truth)
         if predicted.status != "ok":

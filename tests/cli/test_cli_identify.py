@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import Run
+from pike_coefficients import COEFFICIENTS
 
 import mjfish
 from mjfish.data import save
-from mjfish.fish import COEFFICIENTS, load_fish
+from mjfish.fish import load_fish
 from mjfish.reporting.words import number
 from mjfish.simulation.synthetic import generate
 

@@ -56,9 +56,8 @@ def fish_of_datasets(draw: st.DrawFn) -> Fish:
         for parameter in draw(st.lists(st.sampled_from(fish.parameters), max_size=3, unique_by=lambda p: p.name)):
             low = draw(st.floats(0.0, 0.9)) * parameter.high
             high = parameter.high * draw(st.floats(1.0, 3.0))
-            moved[parameter.name] = parameter.rebound(
-                low=low, high=high, start=low + draw(st.floats(0, 1)) * (high - low)
-            )
+            start = min(low + draw(st.floats(0, 1)) * (high - low), high)  # rounding may be above it
+            moved[parameter.name] = parameter.rebound(low=low, high=high, start=start)
         fish = fish.with_coefficients(moved)
     if draw(st.booleans()):
         fish = fish.with_values({"c_d.head": draw(st.floats(3.7, 3.9))}) if draw(st.booleans()) else fish

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from recordings import TOML, same, swap, write_folder
 
 from mjfish import data as trial
 from mjfish.data import Dataset, Trial
 from mjfish.data import write as writing
 from mjfish.errors import InputError, MjfishError
-from mjfish.fish import COEFFICIENTS
 
 
 @pytest.fixture

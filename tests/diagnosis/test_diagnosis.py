@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from diagnosed import diagnosis as handmade
 from hidden_cases import coefficients, draw
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.arrays import readonly
 from mjfish.data import load_dataset, save
@@ -24,7 +25,7 @@ from mjfish.effects import Effect, catalogue, find
 from mjfish.effects.effect import Values
 from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
 from mjfish.simulation.synthetic import generate
@@ -132,6 +133,14 @@ def test_the_json_keeps_its_contract(named: Diagnosis, tmp_path: Path) -> None:
     assert {"channel", "trial", "part"} <= set(saved["where"])
     held = saved["gain"]["held_out"]
     assert set(held["nominal"]) == set(held["extended"]) == {*CHANNELS, "pooled"}
+    runs = saved["gain"]["by_run"]
+    assert [run["trial"] for run in runs] == [t.name for t in named.dataset.trials if t.role == "held_out"]
+    for run in runs:
+        assert set(run["nominal"]) == set(run["extended"]) == {*CHANNELS, "pooled"}
+        assert run["extended"]["pooled"] < run["nominal"]["pooled"]
+    for model in ("nominal", "extended"):
+        mean = np.mean([run["mean_speed_error"][model] for run in runs])
+        assert mean == pytest.approx(saved["gain"]["mean_speed_error"][model])
     reduction = saved["gain"]["relative_reduction"]
     assert reduction["low"] < reduction["estimate"] < reduction["high"]
     for model in ("nominal", "extended"):

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.arrays import FloatArray
 from mjfish.effects import Effect
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import apply_loads, load_table
 

@@ -8,6 +8,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Tank, Trial
@@ -16,7 +17,7 @@ from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect, catalogue
 from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.parameter import Parameter
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect, catalogue
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
 

@@ -18,7 +18,7 @@ from mjfish.diagnosis.refit import TOLERANCE, Refit, off_null
 from mjfish.effects import find
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.smoothness import smoothed
-from mjfish.fish import GROUPS, Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 from mjfish.simulation.synthetic import generate
 
@@ -52,8 +52,8 @@ def _wake(curve: MeasuredCurve, time: FloatArray) -> FloatArray:
 
 
 PLANTED = (
-    Planted("dipping_mass", "added_mass_law", {}, _mass, tuple(product(["c_m"], GROUPS)), True),
-    Planted("fading_wake", "wake_kernel", {}, _wake, tuple(product(["c_d", "c_m"], GROUPS)), True),
+    Planted("dipping_mass", "added_mass_law", {}, _mass, tuple(product(["c_m"], load_fish("pike").groups)), True),
+    Planted("fading_wake", "wake_kernel", {}, _wake, tuple(product(["c_d", "c_m"], load_fish("pike").groups)), True),
     Planted(
         "cranked_servo", "servo_curve", {}, lambda _, command: 0.75 * np.sin(command / 0.75),
         (("joint_angle", "joints"),),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import find
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
 

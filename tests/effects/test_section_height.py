@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import find
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.hydro.outline import outlines
 from mjfish.model import Model
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.data import Trial
 from mjfish.effects.wake_memory import WakeMemory
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, LoadBuffers, load_rows, loads_on

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.data import Dataset, Tank, Trial
 from mjfish.effects.wall_effect import WallEffect
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, LoadBuffers, load_rows, loads_on

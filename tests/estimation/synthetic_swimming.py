@@ -7,11 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.estimation import Noise, Problem
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.simulation.synthetic import generate
 

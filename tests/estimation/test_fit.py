@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from scipy import stats
 from synthetic_swimming import SIGMA, TRUTH, off_truth, problem, swimming
 
 from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.estimation import Fit, Noise, Problem, fit
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
 

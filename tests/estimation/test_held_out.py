@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, shifted, swimming
 
 from mjfish.arrays import FloatArray, readonly
@@ -13,7 +14,7 @@ from mjfish.data import Dataset, Trial
 from mjfish.estimation import Score, fit, held_out_covariance_root, identify, predict_held_out
 from mjfish.estimation.residual import PREFIX
 from mjfish.estimation.settings import Settings
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.model import MARGIN
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import SIGMA, TRUTH, off_truth, swimming
 
 from mjfish.arrays import readonly
@@ -16,7 +17,7 @@ from mjfish.estimation import Identification, identify
 from mjfish.estimation.identification import first_sigma
 from mjfish.estimation.settings import Settings
 from mjfish.files import write_json
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
+from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import problem, swimming
 
 import mjfish
@@ -26,7 +27,7 @@ from mjfish.estimation.identification import identified_fish, origin
 from mjfish.estimation.intervals import intervals
 from mjfish.estimation.residual import fitted
 from mjfish.estimation.tables import coefficient_rows, write_coefficients, write_scores
-from mjfish.fish import COEFFICIENTS, Fish, load_fish
+from mjfish.fish import Fish, load_fish
 from mjfish.mujoco import export
 from mjfish.serialise import plain
 
@@ -65,7 +66,7 @@ def test_the_identified_fish_has_values_starts_and_bounds_of_the_fit(synthetic: 
 def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(synthetic: Dataset, found: Fit, tmp_path: Path) -> None:
     """The way that a user goes: identify, write, load in MuJoCo."""
     fish = identified_fish(synthetic.fish, found, FIXED)
-    told = origin("pool --\n", found, FIXED)
+    told = origin(fish, "pool --\n", found, FIXED)
     fish_toml.write(tmp_path / "fish.toml", fish, told)
     assert load_fish(tmp_path / "fish.toml") == fish
     export.write(tmp_path / "fish.xml", fish, comments=told)
@@ -81,7 +82,9 @@ def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(synthetic: Dataset
 
 def test_a_fit_that_stopped_early_says_so_on_top(synthetic: Dataset) -> None:
     stopped = fit(problem(synthetic), evaluations=1)
-    assert "The fit stopped: The maximum number of function evaluations is exceeded." in origin("pool", stopped)
+    assert "The fit stopped: The maximum number of function evaluations is exceeded." in origin(
+        synthetic.fish, "pool", stopped
+    )
 
 
 def _csv(path: Path) -> list[dict[str, Any]]:

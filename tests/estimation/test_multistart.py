@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import TRUTH, off_truth, problem, swimming
 
 from mjfish.arrays import readonly
@@ -15,7 +16,7 @@ from mjfish.errors import InputError
 from mjfish.estimation.fit import fit, hypercube, multistart, slope
 from mjfish.estimation.identification import identify
 from mjfish.estimation.settings import Settings
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 
 #: The package exports its function `fit` under the name of the module.
 MODULE = importlib.import_module("mjfish.estimation.fit")

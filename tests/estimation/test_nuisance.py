@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import SIGMA, as_measured, off_truth, problem, shifted, swimming
 
 from mjfish.data import Dataset
 from mjfish.estimation import Fit, fit
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 
 RATE = 100.0

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from scipy.optimize import least_squares
 from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, swimming
 
@@ -15,7 +16,7 @@ from mjfish.errors import InputError, ParameterError, UnknownNameError
 from mjfish.estimation import fit, optimiser_interface
 from mjfish.estimation.identification import first_sigma
 from mjfish.estimation.optimiser_interface import residual_function
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 
 
 @pytest.fixture(scope="module")

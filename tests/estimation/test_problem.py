@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, swimming
 
 from mjfish.arrays import FloatArray, readonly
@@ -16,7 +17,7 @@ from mjfish.effects import catalogue
 from mjfish.estimation import Problem
 from mjfish.estimation.problem import nuisances
 from mjfish.estimation.residual import predict_held_out
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.model import MARGIN, Model
 from mjfish.noise import Autoregressive

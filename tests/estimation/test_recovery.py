@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from scipy import stats
 from synthetic_swimming import SIGMA
 
@@ -17,7 +18,7 @@ from mjfish.arrays import readonly
 from mjfish.drive import modes
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.fit import Z95
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.simulation.synthetic import generate
 

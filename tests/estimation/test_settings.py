@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import as_measured, swimming
 
 from mjfish.errors import InputError, MjfishError, ParameterError, UnknownNameError
 from mjfish.estimation.identification import pose
 from mjfish.estimation.settings import PAPER_SIGMA, Settings
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 
 
 def test_patterns_say_what_is_free_fixed_and_bounded(pike: Fish) -> None:

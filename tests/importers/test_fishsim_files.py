@@ -33,7 +33,7 @@ SPOILED: dict[str, tuple[Callable[[Lines], Lines], tuple[str, ...]]] = {
     "infinite": (lambda lines: _cell(lines, 9, 17, "-inf"), ("row 9, column 17 (X8)", "-inf")),
     "a column less": (lambda lines: [line.rpartition(",")[0] for line in lines], ("row 1", "17 cells", "18")),
     "a ragged row": (lambda lines: [*lines[:20], lines[20] + ",1", *lines[21:]], ("row 21", "19 cells", "18")),
-    "too few rows": (lambda lines: lines[:59], ("59 rows", "60 or more")),
+    "too few rows": (lambda lines: lines[:59], ("59 frames", "60 or more")),
     "empty": (lambda lines: [], ("the file is empty",)),
 }
 

@@ -37,7 +37,8 @@ def _errors(swim: Swim, folder: Path) -> Errors:
     table = read_mapping(layout("fishsim"), MarkersMap, "fishsim")
     where = markers.Marked.of(table, load_fish("eth_tendon"), layout("fishsim"))
     path = swim.write(folder / "markers_run.csv")
-    found = nose_velocities(markers.fit_track(markers.metres(path, table, where)[0], where, table.rate, path).fit)
+    points = markers.metres(path, markers.read_points(path, table), table, where)[0]
+    found = nose_velocities(markers.fit_track(points, where, table.rate, path).fit)
     inner = slice(_EDGE, -_EDGE)
     true = swim.truth[1][inner]
     return Errors(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 
 from mjfish import fish as fishes
 from mjfish import fish_toml
@@ -16,7 +17,7 @@ from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.fish import COEFFICIENTS, Fish, load_fish
+from mjfish.fish import Fish, load_fish
 from mjfish.model import Model, extended
 from mjfish.model.extended import Extended
 from mjfish.mujoco import SimRollout, simulate

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 
 from mjfish import ode
 from mjfish.arrays import readonly
@@ -14,7 +15,7 @@ from mjfish.drive import cpg
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import find
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.model import LEAD, Model, asked_motion
 
 DRIVE = (DriveSegment(0.0, 18.0, (0.0,) * 4), DriveSegment(1.2, 22.0, (0.0, 1.0, 1.5, 2.0)))

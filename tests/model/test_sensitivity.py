@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
@@ -14,7 +15,7 @@ from mjfish.drive import modes
 from mjfish.effects import Effect, find
 from mjfish.effects.effect import Values
 from mjfish.effects.mechanism import Domain
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.hydro.load import load
 from mjfish.model import Model
 from mjfish.model.sensitivity import one_sided, sensitivities

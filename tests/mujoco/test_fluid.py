@@ -5,10 +5,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from wet_models import TREE, compiled, stirred, tree_links
 
 from mjfish.arrays import FloatArray
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
 from mjfish.mujoco import StripFluid, mjcf
 from mjfish.mujoco import reference as slow

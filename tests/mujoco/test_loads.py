@@ -9,10 +9,11 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from pike_coefficients import COEFFICIENTS
 from wet_models import PLATE, PLATE_LINK, PUSHES, compiled, pushing, stirred, tree
 
 from mjfish.errors import InputError
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, link_records
 from mjfish.hydro.load import PARAMETERS, Load, load
 from mjfish.mujoco import StripFluid, mjcf, reference

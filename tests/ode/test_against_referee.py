@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import referee
+from pike_coefficients import COEFFICIENTS
 
 from mjfish import ode
 from mjfish.drive import cpg, modes
 from mjfish.drive.cpg import DriveSegment
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 
 STRAIGHT = (0.0, 0.0, 0.0, 0.0)
 #: The mode changes of Table IV, brought forward so that both sides of the jump are short.

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from joint_motions import stages, waving
+from pike_coefficients import COEFFICIENTS
 
 from mjfish import ode
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.ode.jacobians import input_jacobian, linear_response, state_jacobian
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from joint_motions import still, waving
+from pike_coefficients import COEFFICIENTS
 
 from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError, ParameterError
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.hydro.link import NUMBERS, column, numbers_of
 from mjfish.hydro.load import PARAMETERS, Load, load, load_table
 from mjfish.ode.forces import link_forces

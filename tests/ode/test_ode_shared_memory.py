@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from joint_motions import still, waving
+from pike_coefficients import COEFFICIENTS
 
 from mjfish import ode
 from mjfish.arrays import FloatArray
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.hydro.link import NUMBERS, column
 from mjfish.hydro.load import PARAMETERS, load
 from mjfish.ode.rollout import Conditions

@@ -8,12 +8,13 @@ import weakref
 import numpy as np
 import pytest
 from joint_motions import still, waving
+from pike_coefficients import COEFFICIENTS
 
 from mjfish import ode
 from mjfish.drive import cpg, modes
 from mjfish.drive.cpg import DriveSegment
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 
 JUMP = (DriveSegment(0.0, 18.0, (0.0,) * 4), DriveSegment(0.5, 30.0, (0.0, 1.0, 1.5, 2.0)))
 

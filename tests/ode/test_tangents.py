@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from complex_step import TINY, rollout_along
 from joint_motions import waving
+from pike_coefficients import COEFFICIENTS
 
 from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
-from mjfish.fish import COEFFICIENTS, Fish
+from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, NUMBERS, column, numbers_of
 from mjfish.ode.equation import TAIL
 from mjfish.ode.rollout import Conditions

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mujoco import sysid
+from pike_coefficients import COEFFICIENTS
 
 import bench_identify
 from comparison import Comparison, Side, measure
 from mjfish.estimation import Problem
-from mjfish.fish import COEFFICIENTS
 
 #: Coefficients away from the true ones, inside the bounds.
 _ELSEWHERE = (1.5, 0.2, 0.9, 3.0, 0.5, 2.5, 0.004, 0.015, 0.006)

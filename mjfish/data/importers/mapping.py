@@ -107,6 +107,8 @@ class MarkersMap(MappingTable):
     header: bool = False
     missing: bool = True
     y: Literal["up", "down"] = "down"
+    #: Of a point, below which it counts as lost; where the tracker gives one.
+    likelihood: Annotated[float, Field(ge=0.0, le=1.0)] = 0.6
     markers: Annotated[tuple[MarkerEntry, ...], Field(min_length=3)]
     planes: tuple[PlaneEntry, ...] = ()
 

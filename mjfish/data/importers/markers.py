@@ -6,7 +6,7 @@ markers are put back, and markers that are not where they belong are left out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -285,7 +285,12 @@ class _Imported:
 
 
 def import_markers(
-    files: Sequence[Path], held_out: Sequence[str] = (), mapping: Path | None = None, *, importer: str = "markers"
+    files: Sequence[Path],
+    held_out: Sequence[str] = (),
+    mapping: Path | None = None,
+    *,
+    importer: str = "markers",
+    read: Callable[[Path, MarkersMap], FloatArray] | None = None,
 ) -> tuple[Dataset, ImportReport]:
     """Turn marker tracks into a dataset with measured joint angles.
 
@@ -299,6 +304,7 @@ def import_markers(
             others are complete.
         mapping: the mapping file, of ``kind = "markers"``.
         importer: name for the report.
+        read: gives the points (n, markers, 2) of a file, NaN where lost; None: from the columns that the mapping names.
 
     Raises:
         InputError: a file is not a marker file, or has no stretch of two beats with all that is needed.
@@ -308,7 +314,7 @@ def import_markers(
     assert mapping is not None  # noqa: S101 - read refuses None
     fish = fish_of(table, mapping)
     marked = Marked.of(table, fish, mapping)
-    imported = [_import(path, table, marked, fish) for path in files]
+    imported = [_import(path, table, marked, fish, (read or read_points)(path, table)) for path in files]
     names = [run.name for run in imported]
     check_distinct(names, files)
     pairs = [(run.name, trial) for run in imported for trial in run.recording.trials]
@@ -322,8 +328,8 @@ def import_markers(
     return dataset, ImportReport(importer, tuple(run.report for run in imported))
 
 
-def _import(path: Path, table: MarkersMap, marked: Marked, fish: Fish) -> _Imported:
-    position, scale = metres(path, table, marked)
+def _import(path: Path, table: MarkersMap, marked: Marked, fish: Fish, points: FloatArray) -> _Imported:
+    position, scale = metres(path, points, table, marked)
     track = fit_track(position, marked, table.rate, path)
     name = path.stem.removeprefix(table.prefix)
     seen, reasons = _seen(track, marked)
@@ -345,14 +351,18 @@ def _import(path: Path, table: MarkersMap, marked: Marked, fish: Fish) -> _Impor
     return _Imported(name, recording, report, not track.dropped)
 
 
-def metres(path: Path, table: MarkersMap, marked: Marked) -> tuple[FloatArray, float]:
-    """Return the markers (n, markers, 2) in metres, y up, by the known distance of the first two, and the scale."""
+def read_points(path: Path, table: MarkersMap) -> FloatArray:
+    """Return the points of the markers (n, markers, 2) in the units of the file, NaN where one is lost."""
     columns = [name for entry in table.markers for name in (entry.columns or (f"X{entry.name}", f"Y{entry.name}"))]
-    pixels = read_columns(
-        path, columns, header=table.header, missing=table.missing, about=_ABOUT,
-        fewest=int(np.ceil(_LEAST_SECONDS * table.rate)),
-    )  # fmt: skip
-    raw = np.stack([pixels[name] for name in columns], axis=1).reshape(-1, len(table.markers), 2)
+    pixels = read_columns(path, columns, header=table.header, missing=table.missing, about=_ABOUT, fewest=1)
+    return np.stack([pixels[name] for name in columns], axis=1).reshape(-1, len(table.markers), 2)
+
+
+def metres(path: Path, raw: FloatArray, table: MarkersMap, marked: Marked) -> tuple[FloatArray, float]:
+    """Return points (n, markers, 2) in metres, y up, by the known distance of the first two markers, and the scale."""
+    fewest = int(np.ceil(_LEAST_SECONDS * table.rate))
+    if len(raw) < fewest:
+        raise InputError(f"{path}: has {len(raw)} frames, expected {fewest} or more; give a longer track")
     first, second = marked.base
     apart = float(np.nanmedian(np.hypot(*(raw[:, second] - raw[:, first]).T)))
     if not apart > 0.0:

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Protocol
 
 from mjfish.data import Dataset
+from mjfish.data.importers.deeplabcut import import_deeplabcut
 from mjfish.data.importers.markers import import_fishsim, import_markers
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import import_poses, import_velocities
+from mjfish.data.importers.tailfish import import_tailfish
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 
 
@@ -35,9 +37,11 @@ class Importer(Protocol):
 
 
 IMPORTERS: Mapping[str, Importer] = {
+    "deeplabcut": import_deeplabcut,
     "fishsim": import_fishsim,
     "markers": import_markers,
     "poses": import_poses,
+    "tailfish": import_tailfish,
     "velocities": import_velocities,
 }
 #: What a file with an importer must define.

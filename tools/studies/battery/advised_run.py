@@ -20,7 +20,7 @@ from mjfish.design import FittedModels, Menu, ModelEstimate, Run, excluded, sepa
 from mjfish.drive import modes
 from mjfish.effects import Effect, find
 from mjfish.estimation import fit
-from mjfish.fish import COEFFICIENTS, load_fish
+from mjfish.fish import load_fish
 from mjfish.model import Model
 
 #: Pairs of rivals and a size of each that is neither small nor large.
@@ -80,7 +80,7 @@ def case(seed: int) -> Outcome | None:
     truth_name, rival_name = names[which], names[1 - which]
     fish = load_fish("pike")
     model = Model(fish, (find(truth_name),), step=0.005)
-    drawn = {name: float(np.exp(rng.uniform(*np.log(_RANGES[name[:3]])))) for name in COEFFICIENTS}
+    drawn = {name: float(np.exp(rng.uniform(*np.log(_RANGES[name[:3]])))) for name in fish.coefficient_names}
     truth = model.values({**drawn, **PAIRS[names][which]})
     time = readonly(np.arange(int(DURATION * 50) + 1) / 50.0)
     blanks = [Trial(n, "fit", time, readonly(np.zeros((len(time), 3))), modes.drive(n)) for n in TRIALS]

@@ -1,0 +1,64 @@
+"""``mjfish fish new`` and ``mjfish fish show``: describe a fish, look at it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import mjfish
+from mjfish.cli import console
+from mjfish.errors import InputError
+
+#: What a new fish says of itself at the top of its file.
+_COMMENTS = (
+    "A first fish: length, mass, joints and height are measured, everything else is in proportion to a robotic pike.",
+    "Correct what you know, nose to tail: the length of each link (joint to joint), its mass, com (from its front",
+    "joint) and inertia (about its centre of mass); the sections from the nose, height and width at both ends of each;",
+    "the oscillators, if joint angles are not measured. Coefficients are textbook numbers to start from, no fit.",
+    "Lengths in m, masses in kg, inertias in kg m2, angles in rad.",
+)
+
+
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the fish; its file is NAME.toml.")],
+    length: Annotated[float, typer.Option(help="From nose to tip of the fin [m].")],
+    mass: Annotated[float, typer.Option(help="Of the whole fish [kg].")],
+    joints: Annotated[int, typer.Option(help="Number of joints, 1 to 20.")],
+    height: Annotated[float, typer.Option(help="Of the highest section of the body [m].")],
+    width: Annotated[float | None, typer.Option(help="Of the widest section [m]; default 0.8 of the height.")] = None,
+    density: Annotated[float, typer.Option(help="Of the water [kg/m3].")] = 1000.0,
+    out: Annotated[Path, typer.Option(help="Folder of the file.")] = Path(),
+    force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
+) -> None:
+    """Write a fish TOML from a few measurements, to be corrected."""
+    from mjfish import fish_toml
+    from mjfish.files import make_folder
+
+    body = mjfish.new_fish(name, length=length, mass=mass, joints=joints, height=height, width=width, density=density)
+    path = out / f"{name}.toml"
+    if path.exists() and not force:
+        raise InputError(f"{path}: is there already; give another name, or --force to replace it")
+    make_folder(out)
+    fish_toml.write(path, body, _COMMENTS)
+    console.say(f"wrote {path}", f"next: correct it, then {console.program()} fish show {path}")
+
+
+def show(fish: Annotated[str, typer.Argument(help="A shipped fish or a fish TOML.")]) -> None:
+    """Draw a fish, list its masses and its water, and say what is odd about its numbers."""
+    from mjfish.body_summary import summarise
+    from mjfish.fish import read
+
+    body, _ = read(fish)
+    found = summarise(body)
+    total = sum(link.mass for link in found.links)
+    console.say(f"{body.name}: {body.length:.3g} m, {total:.3g} kg, {body.joints} joints", "", *found.drawing, "")
+    headings = ("link", "group", "length", "mass", "displaced", "com", "inertia", "added mass", "added inertia")
+    table = console.table("", headings, left=("link", "group"), box=None, padding=(0, 1, 0, 0))
+    table.add_row("", "", "m", "kg", "kg", "m", "kg m2", "kg", "kg m2", style="dim")
+    for link in found.links:
+        numbers = (link.length, link.mass, link.displaced, link.com, link.inertia, link.added, link.added_inertia)
+        table.add_row(link.name, link.group, *(f"{number:.3g}" for number in numbers))
+    console.out.print(table)
+    console.say("", *(found.odd or ("Nothing is odd about its numbers.",)))

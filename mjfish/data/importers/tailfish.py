@@ -1,0 +1,127 @@
+"""Importer of the runs of a one-joint fish, the public data of giorgosmamakoukas/DerivativeBasedKoopman (MIT).
+
+A file has no header. Its columns are time [s], velocity along and across the body [m/s], yaw rate [rad/s], heading
+[rad], x and y [m] of a tracked point. Its name says what the tail was told: ``Amp20Bias-30.txt`` is 20 degrees about
+-30 degrees. Frequency and phase are not recorded: the beat is read from the yaw rate, and both are free in a fit.
+
+[Mamakoukas2021] G. Mamakoukas, M. Castano, X. Tan and T. Murphey, Derivative-based Koopman operators for real-time
+control of robotic systems, IEEE Transactions on Robotics 37.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Dataset, Trial
+from mjfish.data.importers.report import FileReport, ImportReport
+from mjfish.data.importers.smoothing import beat_frequency
+from mjfish.data.importers.trials import assign_roles, check_distinct
+from mjfish.drive.wave import Wave
+from mjfish.errors import InputError
+from mjfish.fish import load_fish
+
+#: Amplitude and bias [deg] in the name of a file.
+_NAME = re.compile(r"Amp(?P<amplitude>\d+)Bias(?P<bias>-?\d+)")
+_COLUMNS = ("time", "velocity along", "velocity across", "yaw rate", "heading", "x", "y")
+_FEWEST = 20
+
+
+def import_tailfish(
+    files: Sequence[Path], held_out: Sequence[str] = (), mapping: Path | None = None
+) -> tuple[Dataset, ImportReport]:
+    """Turn files of the one-joint fish into a dataset of the shipped fish ``one_joint``.
+
+    The tracked point is taken to be the centre of mass of the body, and carried to the nose. A positive bias turns the
+    recorded heading down, as a positive angle of the joint does.
+
+    Args:
+        files: one a run, named like ``Amp20Bias-30.txt``; a folder in front may tell repeats apart.
+        held_out: names of trials not to be fitted.
+        mapping: not needed.
+
+    Raises:
+        InputError: a file is missing, its name says no amplitude and bias, or it is no table of seven numbers a row.
+        UnknownNameError: `held_out` names nothing.
+    """
+    if mapping is not None:
+        raise InputError(f"{mapping}: importer 'tailfish' takes no mapping file, its layout is known; leave out --map")
+    fish = load_fish("one_joint")
+    trials = [_trial(path, fish.links[0].com) for path in files]
+    check_distinct([trial.name for trial in trials], files)
+    dataset = Dataset(
+        name=f"tailfish, {len(trials)} runs",
+        fish=fish,
+        trials=assign_roles([(trial.name, trial) for trial in trials], held_out),
+    )
+    return dataset, ImportReport("tailfish", tuple(map(_report, trials)))
+
+
+def _trial(path: Path, behind: float) -> Trial:
+    found = _NAME.search(path.stem)
+    if found is None:
+        raise InputError(
+            f"{path}: its name says no amplitude and bias, expected e.g. Amp20Bias-30.txt; rename it, or import it as "
+            "'velocities' with a mapping file"
+        )
+    amplitude, bias = (math.radians(float(found[group])) for group in ("amplitude", "bias"))
+    table = _read(path)
+    time, along, across, turn = table[:, 0], table[:, 1], table[:, 2], table[:, 3]
+    heading = np.unwrap(table[:, 4])
+    frequency, _ = beat_frequency(time, turn)
+    cos, sin = np.cos(heading), np.sin(heading)
+    pose = np.column_stack([table[:, 5] + behind * cos, table[:, 6] + behind * sin, heading])
+    return Trial(
+        name=path.stem,
+        role=None,
+        time=readonly(time),
+        velocity=readonly(np.column_stack([along, across + behind * turn, turn])),
+        pose=readonly(pose),
+        wave=Wave(frequency, (amplitude,), (0.0,), (bias,), free=True),
+        source=path,
+    )
+
+
+def _read(path: Path) -> FloatArray:
+    """Return the table (n, 7) of a file.
+
+    Raises:
+        InputError: it cannot be read, or is no such table.
+    """
+    try:
+        table = np.loadtxt(path, ndmin=2)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}; correct its name") from None
+    except ValueError as error:
+        raise InputError(f"{path}: {error}; expected rows of seven numbers: {', '.join(_COLUMNS)}") from None
+    if table.shape[1] != len(_COLUMNS) or len(table) < _FEWEST:
+        raise InputError(
+            f"{path}: {len(table)} rows of {table.shape[1]} numbers, expected {_FEWEST} rows or more of seven: "
+            f"{', '.join(_COLUMNS)}"
+        )
+    if not np.all(np.isfinite(table)):
+        row, column = np.argwhere(~np.isfinite(table))[0]
+        raise InputError(f"{path}: row {row + 1}, {_COLUMNS[column]}: no finite number; correct or remove the row")
+    if not np.all(np.diff(table[:, 0]) > 0.0):
+        row = int(np.flatnonzero(np.diff(table[:, 0]) <= 0.0)[0]) + 2
+        raise InputError(f"{path}: row {row}: its time is not after that of the row before; sort or remove rows")
+    return np.asarray(table, dtype=np.float64)
+
+
+def _report(trial: Trial) -> FileReport:
+    assert trial.source is not None and trial.wave is not None  # noqa: S101, PT018 - set in _trial
+    return FileReport(
+        path=trial.source,
+        trials=(trial.name,),
+        frames=len(trial.time),
+        usable=len(trial.time),
+        kept=len(trial.time),
+        beat=trial.wave.frequency,
+        speed=float(trial.velocity[:, 0].mean()),
+        noise=None,
+    )
