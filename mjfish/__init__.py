@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from mjfish.errors import MjfishError
     from mjfish.estimation import identify
     from mjfish.fish import Fish, load_fish
+    from mjfish.fish_of_measurements import new_fish
     from mjfish.inspection import inspect
     from mjfish.model import Model
     from mjfish.mujoco import StripFluid, StripLink
-    from mjfish.new_fish import new_fish
     from mjfish.parameter import Parameter
     from mjfish.simulation import check, generate, simulate
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Fish": "fish",
     "load_fish": "fish",
-    "new_fish": "new_fish",
+    "new_fish": "fish_of_measurements",
     "Dataset": "data",
     "Trial": "data",
     "load_dataset": "data",

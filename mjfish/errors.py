@@ -19,7 +19,7 @@ class MjfishError(Exception):
         ...     mjfish.load_fish("carp")
         ... except mjfish.MjfishError as error:
         ...     print(error)
-        unknown fish 'carp'; known: eth_tendon, pike; or give the path of a fish TOML
+        unknown fish 'carp'; known: eth_tendon, one_joint, pike; or give the path of a fish TOML
     """
 
 

@@ -79,7 +79,7 @@ def test_an_older_synthetic_dataset_is_replaced(run: Run, tmp_path: Path) -> Non
 
 
 REFUSED = {
-    "fish": ("--fish carp", "unknown fish 'carp'; known: eth_tendon, pike"),
+    "fish": ("--fish carp", "unknown fish 'carp'; known: eth_tendon, one_joint, pike"),
     "fish without cpg": ("--fish eth_tendon", "add [cpg] to the fish"),
     "mode": ("--modes v1,v2", "unknown mode 'v2'; known: v1, v1-t1"),
     "mode too late": ("--modes v1-t2", "mode 'v1-t2' changes at 5.2 s, after the end of a trial of 1 s; make"),
@@ -143,7 +143,9 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
 
 def test_bad_input_of_import_is_refused_and_nothing_written(refuse: Callable[[str], str], tmp_path: Path) -> None:
     (tmp_path / "f1.csv").write_text("not,markers\n1,2\n", encoding="utf-8")
-    assert "unknown importer 'pool'; known: fishsim, markers, poses, velocities" in refuse("import pool f1.csv --out a")
+    assert "unknown importer 'pool'; known: deeplabcut, fishsim, markers, poses, tailfish, velocities" in refuse(
+        "import pool f1.csv --out a"
+    )
     assert "absent.csv" in refuse("import fishsim absent.csv --out a")
     assert "f1.csv" in refuse("import fishsim f1.csv --out a")
     assert "f1.csv: given twice, expected every file once; remove one" in refuse("import fishsim f1.csv f1.csv --out a")

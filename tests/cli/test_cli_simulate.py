@@ -94,8 +94,11 @@ def test_a_run_that_diverges_is_written_as_far_as_it_went_and_exits_with_1(
 
 
 REFUSED = {
-    "unknown fish": ("--fish carp", "unknown fish 'carp'; known: eth_tendon, pike; or give the path of a fish TOML"),
-    "missing fish": ("--fish carp.toml", "carp.toml: no such fish file; shipped fish: eth_tendon, pike"),
+    "unknown fish": (
+        "--fish carp",
+        "unknown fish 'carp'; known: eth_tendon, one_joint, pike; or give the path of a fish TOML",
+    ),
+    "missing fish": ("--fish carp.toml", "carp.toml: no such fish file; shipped fish: eth_tendon, one_joint, pike"),
     "fish without cpg": ("--fish eth_tendon", "eth_tendon has no [cpg], which a mode of swimming needs; add one"),
     "unknown mode": ("--mode v2", "unknown mode 'v2'; known: v1, v1-t1"),
     "unknown coefficient": ("--set c_d.fin=1", "unknown parameter 'c_d.fin'; known: c_d.body"),
