@@ -75,7 +75,7 @@ def test_names_that_do_not_exist_list_those_that_do(tmp_path: Path) -> None:
     path = Swim(seconds=4.0).write(tmp_path / "markers_run.csv")
     with pytest.raises(
         UnknownNameError,
-        match="unknown importer 'vicon'; known: deeplabcut, fishsim, markers, .*velocities; or give a Python file",
+        match=r"unknown importer 'vicon'; known: deeplabcut, fishsim, markers, .*velocities; or give a Python file",
     ):
         importers.import_files("vicon", [path])
     with pytest.raises(UnknownNameError, match="unknown trial to hold out 'walk'; known: run"):
