@@ -128,8 +128,8 @@ class ByGroup(RootModel[dict[Group, Coefficient]]):
     model_config = ConfigDict(frozen=True)
 
     def __hash__(self) -> int:
-        """Return a hash of groups and coefficients: a fish is a key of what was computed with it."""
-        return hash(tuple(self.root.items()))
+        """Return a hash of groups and coefficients, in any order: a fish is a key of what was computed with it."""
+        return hash(frozenset(self.root.items()))
 
 
 class Coefficients(Table):

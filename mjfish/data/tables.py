@@ -113,7 +113,14 @@ def _write_parquet(file: BinaryIO, table: Mapping[str, FloatArray]) -> None:
 
 
 def read_columns(
-    path: Path, names: Sequence[str], *, header: bool, fewest: int, missing: bool = False, about: str = ""
+    path: Path,
+    names: Sequence[str],
+    *,
+    header: bool,
+    fewest: int,
+    missing: bool = False,
+    about: str = "",
+    skipped: int = 0,
 ) -> dict[str, FloatArray]:
     """Read columns of a CSV file of some laboratory, with headers of its own or none.
 
@@ -124,6 +131,7 @@ def read_columns(
         fewest: rows.
         missing: whether cells may be empty or NaN.
         about: what the file should be, for messages.
+        skipped: lines above the data, where `names` gives the columns though there are such lines.
 
     Returns:
         Columns (n,) by name, finite but for missing cells, and read-only.
@@ -132,23 +140,18 @@ def read_columns(
         InputError: no such file, no text, another number of columns, text or a missing number in a cell, too few rows.
         UnknownNameError: no column of a name.
     """
-    try:
-        text = _text(path)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; correct its name") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error}; {about or 'give a table of numbers'}") from None
+    text = read_text(path, about)
     found = [cell.strip() for cell in _first_row(text)] if header else list(names)
     for name in names:
         if name not in found:
             raise UnknownNameError(f"column in {path}", name, found, "or correct it in the mapping file")
-    first_line = 2 if header else 1
+    first_line = 2 if header else 1 + skipped
     cells = _cells(text, found, path, first_line, about)
     if cells.num_rows < fewest:
         raise InputError(
             f"{path}: has {cells.num_rows} rows, expected one a frame and {fewest} or more; give a longer track"
         )
-    read_as = "" if header else " (read as a file without header)"
+    read_as = "" if header or skipped else " (read as a file without header)"
     result = {}
     for name in names:
         column = f"column {found.index(name) + 1} ({name}){read_as}"
@@ -161,6 +164,20 @@ def read_columns(
                 f"{row}, {column}: {values[wrong[0]]}, expected a finite number; correct it or cut the track there"
             )
     return result
+
+
+def read_text(path: Path, about: str = "") -> str:
+    """Return the text of a table of some laboratory.
+
+    Raises:
+        InputError: no such file, no UTF-8 text, or an empty one; `about` says what the file should be.
+    """
+    try:
+        return _text(path)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; correct its name") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error}; {about or 'give a table of numbers'}") from None
 
 
 def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:

@@ -7,7 +7,8 @@ cuts d_r to single runs, and the projector M off all that is free in the fit,
     T = z' D (D' D)^+ D' z,    D = M (d_1 .. d_R),    z = M e
 
 is chi-squared with one degree of freedom less than there are runs, of each cause. Held-out runs take part, linearised
-at the fit: what they say of coefficients and sizes is taken out with M. One that no size explains does not.
+at the fit: what they say of coefficients and sizes is taken out with M. A held-out run that no size explains is left
+out.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish.arrays import blocks_of, orthonormal, project_out
+from mjfish.arrays import orthonormal, project_out
 from mjfish.data import Trial
 from mjfish.diagnosis.refit import Refit
 
@@ -39,12 +40,11 @@ def sizes_by_run(refit: Refit, held_out: tuple[Trial, ...] = ()) -> tuple[float,
     resting = {p.name for p, at_bound in zip(refit.fit.parameters, refit.fit.at_bound, strict=True) if at_bound}
     span = orthonormal(slopes[:, [name not in resting for name in names]])
     cleared = project_out(span, residual[:, None])[:, 0]
-    rows = blocks_of([3 * int(np.count_nonzero(every.mask(i))) for i in range(len(every.trials))])
     columns = []
     for effect in refit.effects:
         null = {p.name: p.default for p in effect.amplitudes()}
         along = slopes @ [value - null.get(name, value) for name, value in zip(names, x, strict=True)]
-        for i, run in enumerate(rows):
+        for i, run in enumerate(every.rows_by_trial()):
             own = orthonormal(along[run, None])
             left = project_out(own, cleared[run, None])
             if i < len(refit.problem.trials) or np.mean(left**2) < _PREDICTED:

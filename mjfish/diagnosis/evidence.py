@@ -126,10 +126,6 @@ class Evidence:
         slices = blocks_of([len(own) for own in self.amplitudes])
         return {effect.name: block for effect, block in zip(self.candidates, slices, strict=True)}
 
-    def rows_by_trial(self) -> list[slice]:
-        """Return where the rows of each trial stand."""
-        return blocks_of([3 * int(np.count_nonzero(self.problem.mask(i))) for i in range(len(self.problem.trials))])
-
     def amplitudes_of(self, name: str) -> tuple[Parameter, ...]:
         """Return the amplitude parameters of one candidate."""
         return self.amplitudes[[effect.name for effect in self.candidates].index(name)]
@@ -365,12 +361,22 @@ def tail(statistic: float, rank: int) -> float:
     return float(stats.chi2.sf(statistic, rank)) if rank else 1.0
 
 
-def _quadratic(u: FloatArray, information: FloatArray) -> tuple[float, int]:
-    """Return u' I^+ u and the rank of I, with columns scaled to unit length first."""
-    lengths = np.sqrt(np.maximum(np.diag(information), 0.0))
+def principal_axes(gram: FloatArray) -> FloatArray:
+    """Return W (k, rank) by which the columns S of gram = S'S become orthonormal, S W.
+
+    Columns are scaled to length 1 first; directions of which hardly anything is left are rounding, and left out.
+    """
+    lengths = np.sqrt(np.maximum(np.diag(gram), 0.0))
     kept = lengths > 1e-9 * lengths.max(initial=1e-300)
-    scaled = information[np.ix_(kept, kept)] / np.outer(lengths[kept], lengths[kept])
+    scaled = gram[np.ix_(kept, kept)] / np.outer(lengths[kept], lengths[kept])
     values, vectors = np.linalg.eigh(scaled)
     solid = values > 1e-7
-    projected = vectors[:, solid].T @ (u[kept] / lengths[kept])
-    return float(np.sum(projected**2 / values[solid])), int(np.count_nonzero(solid))
+    axes = np.zeros((len(gram), int(np.count_nonzero(solid))))
+    axes[kept] = vectors[:, solid] / np.sqrt(values[solid]) / lengths[kept, None]
+    return axes
+
+
+def _quadratic(u: FloatArray, information: FloatArray) -> tuple[float, int]:
+    """Return u' I^+ u and the rank of I."""
+    axes = principal_axes(information)
+    return float(np.sum((axes.T @ u) ** 2)), axes.shape[1]

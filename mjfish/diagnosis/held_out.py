@@ -20,8 +20,8 @@ Key = TypeVar("Key", bound=Hashable)
 #: Draws of the block bootstrap of the gain, and the length of a block [s].
 _DRAWS = 2000
 _BLOCK = 0.7
-#: A cause fails on held-out trials where it loses likelihood there, with a probability below this were it true. It is
-#: not borne out by them where it gains as much less than it should.
+#: A cause fails on held-out trials where it loses likelihood there, with a probability below this if it were true.
+#: They bear it out where the probability of so small a gain is not below it.
 _FAILED = 0.001
 #: Or where its error there is this much larger than without it, whatever the likelihood allows for.
 _WORSE = 1.1
@@ -50,7 +50,7 @@ class Confirmation:
 
     @property
     def borne_out(self) -> bool:
-        """Whether the cause gains there what it would were it true, by noise."""
+        """Whether the cause gains there what it would if it were true, up to noise."""
         return not self.failed and self.probability >= _FAILED
 
 
@@ -160,7 +160,7 @@ class Gain:
         relative_reduction: of the pooled nRMSE.
         low, high: its 95 % interval, by resampling blocks of 0.7 s.
         mean_speed_error: nominal and extended |mean surge simulated - measured|, mean over trials [m/s].
-        by_run: the same run by run.
+        by_run: errors run by run, each over its own ranges: those of all runs together flatter one that swims slowly.
     """
 
     nominal: Mapping[str, float]
@@ -191,8 +191,8 @@ def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.ran
         by_run=tuple(
             RunGain(
                 trial=trial.name,
-                nominal=_table(_error(before, trial)),
-                extended=_table(_error(after, trial)),
+                nominal=_table(_errors([before], [trial])),
+                extended=_table(_errors([after], [trial])),
                 mean_speed_error=(_speed_error([before]), _speed_error([after])),
             )
             for trial, before, after in zip(trials, nominal.residuals, extended.residuals, strict=True)
@@ -202,12 +202,12 @@ def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.ran
 
 def pooled_error(residuals: Sequence[FloatArray], trials: Sequence[Trial]) -> float:
     """Return the nRMSE of residuals (n_r, 3), mean over channels: RMSE over the range of the measured channel."""
-    return float(np.mean(np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0)) / _ranges(trials)))
+    return float(np.mean(_errors(residuals, trials)))
 
 
-def _error(residual: FloatArray, trial: Trial) -> FloatArray:
-    """Return the nRMSE (3,) of a run over its own ranges: those of all runs together flatter one that swims slowly."""
-    return np.asarray(np.sqrt(np.mean(residual**2, axis=0)) / _ranges([trial]))
+def _errors(residuals: Sequence[FloatArray], trials: Sequence[Trial]) -> FloatArray:
+    """Return the nRMSE (3,) of residuals (n_r, 3): RMSE over the range of the measured channel in these trials."""
+    return np.asarray(np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0)) / _ranges(trials))
 
 
 def _ranges(trials: Sequence[Trial]) -> FloatArray:

@@ -99,7 +99,7 @@ def bursts(evidence: Evidence, rng: np.random.Generator) -> Finding | None:
     and yaw rate above all; noise of a camera seldom does.
     """
     problem = evidence.problem
-    runs = [evidence.cleared[rows].reshape(-1, 3) for rows in evidence.rows_by_trial()]
+    runs = [evidence.cleared[rows].reshape(-1, 3) for rows in evidence.problem.rows_by_trial()]
     widths = [max(round(_WINDOW / trial.step), 2) for trial in problem.trials]
     if any(len(run) <= width for run, width in zip(runs, widths, strict=True)) or np.mean(evidence.cleared**2) < _QUIET:
         return None

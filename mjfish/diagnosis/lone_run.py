@@ -25,7 +25,7 @@ def lone_run(evidence: Evidence) -> int | None:
     Args:
         evidence: of the nominal model.
     """
-    blocks = evidence.rows_by_trial()
+    blocks = evidence.problem.rows_by_trial()
     if len(blocks) < _FEWEST:
         return None
     waves = whitened_omnibus(evidence.problem)

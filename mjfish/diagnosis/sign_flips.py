@@ -18,9 +18,7 @@ import numpy as np
 from scipy import stats
 
 from mjfish.arrays import FloatArray
-
-#: Eigenvalues of the scaled columns' Gram matrix below this one are rounding, as of `Evidence.saturated`.
-_ROUNDING = 1e-7
+from mjfish.diagnosis.evidence import principal_axes
 
 
 def flipped_p(columns: FloatArray, residual: FloatArray) -> float:
@@ -30,7 +28,7 @@ def flipped_p(columns: FloatArray, residual: FloatArray) -> float:
         columns: what the fitted parameters leave of them; they may depend on each other.
         residual: whitened, of the fit.
     """
-    basis = _orthonormal(columns)
+    basis = columns @ principal_axes(columns.T @ columns)
     squares, leverage = residual**2, np.sum(basis**2, axis=1)
     spread = basis.T @ (basis * squares[:, None])
     mean = float(np.trace(spread))
@@ -39,13 +37,3 @@ def flipped_p(columns: FloatArray, residual: FloatArray) -> float:
         return 1.0
     explained = float(np.sum((basis.T @ residual) ** 2))
     return float(stats.chi2.sf(2.0 * explained * mean / variance, 2.0 * mean**2 / variance))
-
-
-def _orthonormal(columns: FloatArray) -> FloatArray:
-    """Return an orthonormal basis of the span of columns, without what is rounding."""
-    lengths = np.linalg.norm(columns, axis=0)
-    scaled = columns[:, lengths > 1e-9 * lengths.max(initial=1e-300)]
-    scaled = scaled / np.linalg.norm(scaled, axis=0)
-    values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    solid = values > _ROUNDING
-    return np.asarray(scaled @ (vectors[:, solid] / np.sqrt(values[solid])))

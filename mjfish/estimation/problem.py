@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray
+from mjfish.arrays import BoolArray, FloatArray, blocks_of
 from mjfish.data import Trial
 from mjfish.estimation import clocks
 from mjfish.estimation.smoothing import Differentiator
@@ -203,6 +203,11 @@ class Problem:
         if window is not None:
             keep &= (trial.time >= window[0]) & (trial.time <= window[1])
         return keep
+
+    def rows_by_trial(self) -> list[slice]:
+        """Return where the rows of each trial stand in a whitened residual."""
+        counted = (int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials)))
+        return blocks_of([len(CHANNELS) * samples for samples in counted])
 
     def start(self, given: Mapping[str, float] | None = None) -> FloatArray:
         """Return the start vector: `given` by name where it has one, else each parameter's declared start."""

@@ -82,9 +82,9 @@ def test_cells_that_are_no_numbers_are_named(tmp_path: Path, mapping: Path) -> N
     file = _write(tmp_path / "run.csv", pixels, np.ones((len(pixels), 9)))
     lines = file.read_text().splitlines()
     file.write_text("\n".join([*lines[:12], lines[12] + ",1"]))
-    with pytest.raises(MjfishError, match="line 13 has 29 cells, expected 28"):
+    with pytest.raises(MjfishError, match=r"row 10 \(line 13\): 29 cells, expected 28"):
         import_files("deeplabcut", [file], mapping=mapping)
     lines[9] = lines[9].replace(lines[9].split(",")[4], "lost", 1)
     file.write_text("\n".join(lines))
-    with pytest.raises(MjfishError, match="line 10, column 5: found 'lost', expected a number"):
+    with pytest.raises(MjfishError, match=r"row 7 \(line 10\), column 5 \(part1 x\): 'lost' is not a number"):
         import_files("deeplabcut", [file], mapping=mapping)

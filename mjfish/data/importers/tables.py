@@ -76,7 +76,7 @@ def import_poses(
 def _import_pose_table(path: Path, table: PosesMap, fish: Fish, mapping: Path) -> _Imported:
     names = [table.time, table.x, table.y, table.yaw, *angle_columns(table)]
     numbers = read_columns(path, names, header=True, fewest=_FEWEST_POSES, missing=True)
-    time = _increasing(numbers[table.time] * TIMES[table.time_unit], path)
+    time = increasing(numbers[table.time] * TIMES[table.time_unit], path)
     pose = _at_nose(table, np.column_stack([numbers[name] for name in (table.x, table.y, table.yaw)]))
     joints = measured_angles(table, numbers, fish, mapping)
     measured = pose if joints is None else np.column_stack([pose, joints])
@@ -104,12 +104,12 @@ def _import_pose_table(path: Path, table: PosesMap, fish: Fish, mapping: Path) -
     return _Imported(name, recording, report)
 
 
-def _increasing(time: FloatArray, path: Path) -> FloatArray:
-    """Refuse times that do not increase."""
+def increasing(time: FloatArray, path: Path, headers: int = 1) -> FloatArray:
+    """Return the times of a file, or refuse such that do not increase; rows are counted with the lines above them."""
     wrong = np.flatnonzero(~(np.diff(time) > 0.0))
     if wrong.size:
         raise InputError(
-            f"{path}: row {int(wrong[0]) + 3}: its time is not after that of the row before; sort the rows"
+            f"{path}: row {int(wrong[0]) + 2 + headers}: its time is not after that of the row before; sort the rows"
         )
     return readonly(time)
 
@@ -174,7 +174,7 @@ def import_velocities(
         trials=assign_roles([(trial.name, trial) for trial in trials], held_out),
         noise=None if table.noise is None else readonly(table.noise),
     )
-    return dataset, ImportReport("velocities", tuple(_velocity_report(trial, table) for trial in trials))
+    return dataset, ImportReport("velocities", tuple(velocity_report(trial, table.noise) for trial in trials))
 
 
 def _velocity_trial(path: Path, source: _Source) -> Trial:
@@ -201,7 +201,16 @@ def _velocity_trial(path: Path, source: _Source) -> Trial:
     )
 
 
-def _velocity_report(trial: Trial, table: VelocitiesMap) -> FileReport:
+def velocity_report(
+    trial: Trial, noise: tuple[float, float, float] | None = None, beat: float | None = None
+) -> FileReport:
+    """Return the report of a file of velocities that were all taken as they are.
+
+    Args:
+        trial: made of it.
+        noise: sigma of the channels that is stated.
+        beat: frequency that was read from it [Hz].
+    """
     assert trial.source is not None  # noqa: S101 - set in _trial
     samples = len(trial.time)
     return FileReport(
@@ -210,8 +219,8 @@ def _velocity_report(trial: Trial, table: VelocitiesMap) -> FileReport:
         frames=samples,
         usable=samples,
         kept=samples,
-        beat=None,
+        beat=beat,
         speed=float(trial.velocity[:, 0].mean()),
-        noise=table.noise,
-        notes=() if table.noise is not None else ("noise not stated: estimated from the fit",),
+        noise=noise,
+        notes=() if noise is not None else ("noise not stated: estimated from the fit",),
     )

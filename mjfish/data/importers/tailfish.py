@@ -19,8 +19,9 @@ import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
-from mjfish.data.importers.report import FileReport, ImportReport
+from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.smoothing import beat_frequency
+from mjfish.data.importers.tables import increasing, velocity_report
 from mjfish.data.importers.trials import assign_roles, check_distinct
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
@@ -41,7 +42,7 @@ def import_tailfish(
     recorded heading down, as a positive angle of the joint does.
 
     Args:
-        files: one a run, named like ``Amp20Bias-30.txt``; a folder in front may tell repeats apart.
+        files: one a run, named like ``Amp20Bias-30.txt``; another ending tells repeats apart, ``Amp20Bias-30_2.txt``.
         held_out: names of trials not to be fitted.
         mapping: not needed.
 
@@ -54,12 +55,13 @@ def import_tailfish(
     fish = load_fish("one_joint")
     trials = [_trial(path, fish.links[0].com) for path in files]
     check_distinct([trial.name for trial in trials], files)
+    reports = tuple(velocity_report(t, beat=None if t.wave is None else t.wave.frequency) for t in trials)
     dataset = Dataset(
         name=f"tailfish, {len(trials)} runs",
         fish=fish,
         trials=assign_roles([(trial.name, trial) for trial in trials], held_out),
     )
-    return dataset, ImportReport("tailfish", tuple(map(_report, trials)))
+    return dataset, ImportReport("tailfish", reports)
 
 
 def _trial(path: Path, behind: float) -> Trial:
@@ -71,7 +73,7 @@ def _trial(path: Path, behind: float) -> Trial:
         )
     amplitude, bias = (math.radians(float(found[group])) for group in ("amplitude", "bias"))
     table = _read(path)
-    time, along, across, turn = table[:, 0], table[:, 1], table[:, 2], table[:, 3]
+    time, along, across, turn = increasing(table[:, 0], path, headers=0), table[:, 1], table[:, 2], table[:, 3]
     heading = np.unwrap(table[:, 4])
     frequency, _ = beat_frequency(time, turn)
     cos, sin = np.cos(heading), np.sin(heading)
@@ -79,7 +81,7 @@ def _trial(path: Path, behind: float) -> Trial:
     return Trial(
         name=path.stem,
         role=None,
-        time=readonly(time),
+        time=time,
         velocity=readonly(np.column_stack([along, across + behind * turn, turn])),
         pose=readonly(pose),
         wave=Wave(frequency, (amplitude,), (0.0,), (bias,), free=True),
@@ -107,21 +109,4 @@ def _read(path: Path) -> FloatArray:
     if not np.all(np.isfinite(table)):
         row, column = np.argwhere(~np.isfinite(table))[0]
         raise InputError(f"{path}: row {row + 1}, {_COLUMNS[column]}: no finite number; correct or remove the row")
-    if not np.all(np.diff(table[:, 0]) > 0.0):
-        row = int(np.flatnonzero(np.diff(table[:, 0]) <= 0.0)[0]) + 2
-        raise InputError(f"{path}: row {row}: its time is not after that of the row before; sort or remove rows")
     return np.asarray(table, dtype=np.float64)
-
-
-def _report(trial: Trial) -> FileReport:
-    assert trial.source is not None and trial.wave is not None  # noqa: S101, PT018 - set in _trial
-    return FileReport(
-        path=trial.source,
-        trials=(trial.name,),
-        frames=len(trial.time),
-        usable=len(trial.time),
-        kept=len(trial.time),
-        beat=trial.wave.frequency,
-        speed=float(trial.velocity[:, 0].mean()),
-        noise=None,
-    )
