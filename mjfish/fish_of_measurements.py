@@ -14,7 +14,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.fish import ByGroup, Coefficient, Coefficients, Cpg, Fish, Link, Section, Servo
-from mjfish.hydro.outline import section_at
+from mjfish.hydro.outline import LinkOutline, outline
 
 #: Pieces of the outline: end as a share of the length; height there as a share of the largest, width as one of the
 #: largest width.
@@ -30,8 +30,6 @@ _WIDTH = 0.8
 _SWING, _SINGLE, _PHASE, _APART = (0.31, 0.46, 0.53, 0.67), 0.5, 3.67, 1.3
 #: Size of one unit of the oscillators' psi [rad].
 _UNIT = 0.1
-#: Samples of a link for the integrals of its mass.
-_SAMPLES = 400
 #: Value, start, low and high of a coefficient by kind: plain-plate numbers of textbooks, no fit.
 _COEFFICIENTS = {"c_m": (0.8, 0.8, 0.01, 3.0), "c_d": (1.5, 1.5, 0.05, 6.0), "c_f": (0.01, 0.01, 0.0005, 0.1)}
 #: Damping of a servo over the least inertia of a link about its joint [1/s]: explicit integration is stable up to a
@@ -135,30 +133,25 @@ def _section(start: float, end: float, height: tuple[float, float], width: tuple
 
 def _links(names: Sequence[str], ends: Sequence[float], sections: tuple[Section, ...], mass: float) -> tuple[Link, ...]:
     """Return links of one density, with centre of mass and inertia of a body of elliptic sections."""
-    volumes, centres, spreads = [], [], []
-    for start, end in itertools.pairwise(ends):
-        r = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * (end - start)
-        high, wide = section_at(sections, start + r)
-        slice_volume = 0.25 * np.pi * high * wide * (end - start) / _SAMPLES
-        volume = float(slice_volume.sum())
-        centre = float(slice_volume @ r) / volume
-        volumes.append(volume)
-        centres.append(centre)
-        spreads.append(float(slice_volume @ ((r - centre) ** 2 + wide**2 / 16.0)) / volume)
-    total = sum(volumes)
+    pieces = [outline(sections, 1.0, start, end) for start, end in itertools.pairwise(ends)]
+    per_volume = mass / sum(piece.volume for piece in pieces)
     return tuple(
         Link(
             name=name,
             group=name.partition("_")[0],
             length=end - start,
-            mass=mass * volume / total,
-            com=centre,
-            inertia=mass * volume / total * spread,
+            mass=per_volume * piece.volume,
+            com=piece.centroid,
+            inertia=per_volume * _spread(piece),
         )
-        for name, (start, end), volume, centre, spread in zip(
-            names, itertools.pairwise(ends), volumes, centres, spreads, strict=True
-        )
+        for name, (start, end), piece in zip(names, itertools.pairwise(ends), pieces, strict=True)
     )
+
+
+def _spread(piece: LinkOutline) -> float:
+    """Return INT A ((r - c)^2 + w^2 / 16) dr of elliptic sections of area A about the centroid c [m5]."""
+    area = 0.25 * np.pi * piece.strip_height * piece.strip_width
+    return float(piece.strip_weight @ (area * ((piece.strip_r - piece.centroid) ** 2 + piece.strip_width**2 / 16.0)))
 
 
 def _coefficient(kind: str) -> Coefficient:

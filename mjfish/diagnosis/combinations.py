@@ -114,9 +114,9 @@ def find_small_addition(
     """Return pairs of which the second cause is small beside the first, and takes nearly all that the first leaves.
 
     Whatever form the first has, its error might be mended by a second cause that is not there; hardly all of it. A pair
-    must explain more than every single cause: its learned form, too. Nothing systematic may be left. But a learned form
-    has its limits, and where its cause is very strong they show: beside it, something may be left, if the held-out
-    trials gain by the second cause what they should were it there.
+    must explain more than every single cause: its learned form, too. Nothing systematic may be left, with one
+    exception. A learned form of a very strong cause has an error of its own that shows. Beside it something may be
+    left, if the held-out trials gain by the second cause what they would if it were true.
 
     Args:
         singles, candidates, held_out, rng: as of `find_combinations`.

@@ -153,7 +153,7 @@ def refits(
 
 
 def _may_explain(effect: Effect, found: Mapping[str, Refit]) -> bool:
-    """Return whether a candidate is worth a refit beside those found: one of its limits, if any, is a contender."""
+    """Return whether a candidate is worth a refit: none of its limits was refitted, or one of them is a contender."""
     limits = [found[name].gain for name in effect.limits if name in found]
     return not limits or max(limits) >= _floor(found)
 
@@ -383,7 +383,7 @@ def best_start(
     for like in _like(effect, formulas):
         tried.add(np.clip(problem.start(like), *bounds(problem.parameters)))
         if not effect.learned and any(like[p.name] == p.default for p in effect.amplitudes()):
-            for guess in guesses(effect, one_step):  # a limit has none of it, and no gradient either
+            for guess in guesses(effect, one_step):  # at the limit this amplitude is null, and has no gradient
                 tried.add(problem.start({**like, **guess}))
     amplitudes = evidence.amplitudes_of(effect.name)
     if not effect.smooth and len(amplitudes) == 1:
