@@ -43,8 +43,8 @@ GOODNESS = 1e-4
 LEFT = 0.1
 #: This share where all mechanisms are numbers without a form: there is no other one that could leave it.
 _EXACT = 0.03
-#: The tests of common waves and of sizes by run see the slightest error of form. What they see does not count below this
-#: share of the gain.
+#: The tests of common waves and of sizes by run see the slightest error of form. Below this share of the gain, what
+#: they see does not count.
 _SLIGHT = 0.01
 #: And up to this share, it is like the truth, if nothing else is.
 RESEMBLES = 1.0 / 3.0
