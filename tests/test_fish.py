@@ -239,3 +239,13 @@ def test_the_shipped_files_are_found_without_listing_anything_else() -> None:
         assert path.name == f"{name}.toml"
         assert path.parent == Path(mjfish.__file__).parent / "fishes"
     assert "pike" in shipped()
+
+
+def test_the_order_of_groups_in_the_file_does_not_matter(pike: Fish) -> None:
+    """Equal fish have equal hashes: what was computed with one is found with the other."""
+    told = pike.model_dump(by_alias=True)
+    told["coefficients"]["c_d"] = dict(reversed(told["coefficients"]["c_d"].items()))
+    other = Fish.model_validate(told)
+    assert other == pike
+    assert hash(other) == hash(pike)
+    assert other.coefficient_names == pike.coefficient_names
