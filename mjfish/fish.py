@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, RootModel, model_validator
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Field,
+    RootModel,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
+from mjfish import known as known_numbers
 from mjfish import tomlfile
 from mjfish.errors import InputError, ParameterError, UnknownNameError
+from mjfish.known import Known
 from mjfish.parameter import Parameter
 from mjfish.tomlfile import Table
 
@@ -114,12 +126,18 @@ class Servo(Table):
 
 
 class Coefficient(Table):
-    """Value, start and bounds of one dimensionless hydrodynamic coefficient, [Yu2016] Table III."""
+    """Value, start and bounds of one dimensionless hydrodynamic coefficient, [Yu2016] Table III.
+
+    `sd`: how well it is known; None: the bounds alone are. See `mjfish.Parameter.deviation`. `mean`: what the sd is
+    about; None: the value.
+    """
 
     value: NotNegative
     start: NotNegative
     low: NotNegative
     high: Positive
+    sd: Positive | None = None
+    mean: NotNegative | None = None
 
 
 class ByGroup(RootModel[dict[Group, Coefficient]]):
@@ -161,6 +179,7 @@ class Fish(Table):
         schema_: of the file, 1.
         cpg: the oscillator that drives the joints; absent where joint angles are always measured.
         servo: of the joints, in MuJoCo only.
+        known: the numbers that are given as ``{ value, sd }`` or ``{ value, low, high }``: they are free in a fit.
 
     Example:
         >>> import mjfish
@@ -185,6 +204,19 @@ class Fish(Table):
     coefficients: Coefficients
     cpg: Cpg | None = None
     servo: Servo | None = None
+    known: tuple[Known, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _split(cls, raw: object) -> object:
+        plain, known = known_numbers.split(raw)
+        return {**plain, "known": tuple(known)} if known and isinstance(plain, dict) else plain
+
+    @model_serializer(mode="wrap")
+    def _joined(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
+        table = handler(self)
+        del table["known"]
+        return known_numbers.joined(table, self.known)
 
     @model_validator(mode="after")
     def _consistent(self) -> Fish:
@@ -204,6 +236,13 @@ class Fish(Table):
         self._check_outline()
         for parameter in self.parameters:  # raises where bounds, start and value contradict each other
             parameter.check(parameter.default)
+        try:
+            names = [parameter.name for parameter in self.numbers]
+        except ParameterError as error:
+            raise ValueError(str(error)) from None
+        for name in names:
+            if ":" in name or name in self.coefficient_names:
+                raise ValueError(f"{name}: not a name for a free number; rename the link")
         return self
 
     def _check_groups(self) -> None:
@@ -268,9 +307,47 @@ class Fish(Table):
                 start=entry.start,
                 scale=max(0.1 * entry.start, 1e-3 * (entry.high - entry.low)),
                 about=f"{KINDS[name.partition('.')[0]]}, {name.partition('.')[2]}",
+                sd=entry.sd,
+                mean=entry.mean,
             )
         except ParameterError as error:
             raise ValueError(f"coefficients.{error}") from None
+
+    @property
+    def numbers(self) -> tuple[Parameter, ...]:
+        """The other numbers that are free, such as ``mass.head``, as declared parameters."""
+        return tuple(known_numbers.parameters(self.known, self))
+
+    def with_numbers(self, values: Mapping[str, float]) -> Fish:
+        """Return the fish with other values of the numbers that are free; others in `values` are ignored.
+
+        Where the length of a link changes, the sections along it are stretched, and those behind move along.
+        """
+        links, sections, known = list(self.links), list(self.sections), []
+        own: dict[str, object] = {}
+        for one, parameter in zip(self.known, self.numbers, strict=True):
+            value = values.get(parameter.name, parameter.default)
+            moved = one.sd is not None and one.mean is None and value != parameter.default
+            known.append(one.model_copy(update={"mean": parameter.default}) if moved else one)
+            match one.place:
+                case ("links", int() as number, str() as key):
+                    links[number] = links[number].model_copy(update={key: value})
+                case ("sections", int() as number, str() as key, int() as end):
+                    pair = getattr(sections[number], key)
+                    pair = (value, pair[1]) if end == 0 else (pair[0], value)
+                    sections[number] = sections[number].model_copy(update={key: pair})
+                case (str() as key,):
+                    own[key] = value
+        before, after = ([0.0, *itertools.accumulate(link.length for link in chain)] for chain in (self.links, links))
+        if before != after:
+            ends = [float(v) for v in np.interp([section.end for section in sections], before, after)]
+            starts = [0.0, *ends[:-1]]
+            sections = [
+                section.model_copy(update={"start": start, "end": end})
+                for section, start, end in zip(sections, starts, ends, strict=True)
+            ]
+        changed = {"links": tuple(links), "sections": tuple(sections), "known": tuple(known), **own}
+        return self.model_copy(update=changed)
 
     def _coefficient(self, name: str) -> Coefficient:
         kind, _, group = name.partition(".")
@@ -289,7 +366,10 @@ class Fish(Table):
             if name not in self.coefficient_names:
                 raise UnknownNameError("coefficient", name, self.coefficient_names)
             kind, _, group = name.partition(".")
-            kinds[kind][group] = Coefficient(value=new.default, start=new.start, low=new.low, high=new.high)
+            mean = None if new.sd is None or new.expected == new.default else new.expected
+            kinds[kind][group] = Coefficient(
+                value=new.default, start=new.start, low=new.low, high=new.high, sd=new.sd, mean=mean
+            )
         return self.model_copy(
             update={"coefficients": Coefficients(**{kind: ByGroup(own) for kind, own in kinds.items()})}
         )

@@ -14,6 +14,8 @@ from mjfish.errors import ParameterError
 
 #: Ratio of positive bounds above which they are far apart.
 _WIDE = 5.0
+#: Least value whose logarithm is taken.
+_TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,8 @@ class Parameter:
         scale: a change that is neither negligible nor large, used to scale fits and finite differences.
         about: one line for tables and reports.
         shape: of a cause: matters only where an amplitude of the cause is off its null (e.g. a damping).
+        sd: how well the number is known beforehand, in its own unit; None: only its bounds are known. See `deviation`.
+        mean: what it is known to be; None: the default.
 
     Raises:
         ParameterError: bounds, start, default and scale contradict each other.
@@ -50,6 +54,8 @@ class Parameter:
     scale: float
     about: str = ""
     shape: bool = False
+    sd: float | None = None
+    mean: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse declarations that contradict themselves."""
@@ -62,6 +68,41 @@ class Parameter:
             raise ParameterError(f"{self.name}: scale is {self.scale:g}, expected a positive number")
         self.check(self.default, "default")
         self.check(self.start, "start")
+        if self.mean is not None:
+            self.check(self.mean, "mean")
+        if self.sd is not None and not (math.isfinite(self.sd) and self.sd > 0.0):
+            raise ParameterError(
+                f"{self.name}: sd is {self.sd:g} {self.unit}, expected a positive number; leave it out where nothing "
+                "is known"
+            )
+
+    @property
+    def expected(self) -> float:
+        """What the number is known to be: its mean, or else the default."""
+        return self.default if self.mean is None else self.mean
+
+    @property
+    def log_normal(self) -> bool:
+        """Whether what is known is a factor: of numbers that cannot be negative."""
+        return self.sd is not None and self.low >= 0.0 and self.expected > 0.0
+
+    def deviation(self, value: float) -> float:
+        """Return how far a value is from the expected one, in units of the sd; 0 where no sd is given.
+
+        (value - expected) / sd; of numbers that cannot be negative log(value / expected) / log(1 + sd / expected): one
+        sd more is expected + sd, and zero is infinitely far.
+        """
+        if self.sd is None:
+            return 0.0
+        if self.log_normal:
+            return math.log(max(value, _TINY) / self.expected) / math.log1p(self.sd / self.expected)
+        return (value - self.expected) / self.sd
+
+    def deviation_rate(self, value: float) -> float:
+        """Return the derivative of `deviation` [1/unit]."""
+        if self.sd is None:
+            return 0.0
+        return 1.0 / (max(value, _TINY) * math.log1p(self.sd / self.expected)) if self.log_normal else 1.0 / self.sd
 
     @functools.cached_property
     def group(self) -> str:

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from mjfish.data.trial import Clock, Role
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import KINDS, Fish
+from mjfish.known import Beforehand
 from mjfish.tomlfile import Table
 
 #: Name of the file that makes a folder a dataset.
@@ -168,6 +169,7 @@ class DatasetTable(Table):
     noise: Noise | None = None
     tank: TankTable | None = None
     start: Annotated[dict[str, Bounds], BeforeValidator(_flat), Field(default_factory=dict)]
+    known: Annotated[dict[str, Beforehand], Field(default_factory=dict)]
     trials: Annotated[tuple[TrialTable, ...], Field(min_length=1)]
 
 

@@ -69,6 +69,7 @@ def load_dataset(path: str | Path) -> Dataset:
         noise=_sigmas(table.noise),
         clock=table.clock,
         source=file,
+        known=table.known,
     )
 
 

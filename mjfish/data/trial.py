@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -15,6 +16,7 @@ from mjfish.arrays import BoolArray, FloatArray
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.fish import Fish
+from mjfish.known import Beforehand
 
 Role = Literal["fit", "held_out"]
 Clock = Literal["synchronised", "free"]
@@ -129,14 +131,19 @@ class Trial:
         """
         return self.joint_angle is None and (self.wave is None or self.wave.ramp > 0.0)
 
-    def waved(self, frequency: float, phase: float) -> Trial:
-        """Return the trial with a wave whose frequency [Hz] and phase in the middle of the record [rad] are higher."""
+    def waved(self, frequency: float, phase: float, scale: float = 1.0) -> Trial:
+        """Return the trial with another wave.
+
+        Args:
+            frequency: by which it is higher [Hz].
+            phase: by which it is higher in the middle of the record [rad].
+            scale: of its angles.
+        """
         if self.wave is None:
             return self
         middle = 0.5 * float(self.time[0] + self.time[-1])
-        return replace(
-            self, wave=self.wave.moved(frequency=frequency, phase=phase - 2.0 * math.pi * frequency * middle)
-        )
+        phase -= 2.0 * math.pi * frequency * middle
+        return replace(self, wave=self.wave.moved(frequency=frequency, phase=phase, scale=scale))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +157,9 @@ class Dataset:
         noise: (3,) sigma of the measured surge [m/s], sway [m/s], yaw rate [rad/s]; None: estimate it from the data.
         clock: ``synchronised``, or ``free`` where the velocity clock has an unknown offset in each trial.
         source: the dataset.toml it was read from.
+        known: what is known of numbers that are no part of the fish, by name or pattern (`mjfish.known.Beforehand`):
+            ``wave.scale``, ``*:wave.frequency``, ``run_1:start.surge``, or a cause's, which makes it a part of the
+            nominal model.
 
     Example:
         >>> import mjfish
@@ -165,6 +175,7 @@ class Dataset:
     noise: FloatArray | None = None
     clock: Clock = "synchronised"
     source: Path | None = None
+    known: Mapping[str, Beforehand] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Return at most ten lines: fish, stated noise, clock and the first trials."""

@@ -96,6 +96,7 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
     raw = {
         "schema": 1, "name": dataset.name, "fish": fish, "clock": dataset.clock, "noise": noise,
         "tank": _tank(dataset), "start": start,
+        "known": {name: one.model_dump(exclude_none=True) for name, one in dataset.known.items()},
     }  # fmt: skip
     filled = {key: value for key, value in raw.items() if value not in (None, {})}
     return {**filled, "trials": [{key: value for key, value in trial.items() if value} for trial in trials]}

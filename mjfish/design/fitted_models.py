@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,8 +24,8 @@ from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.identification import first_sigma
 from mjfish.estimation.noise_of_fit import restore
+from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.smoothing import Differentiator
-from mjfish.model import Model
 from mjfish.noise.autoregressive import estimate
 
 _TOLERANCE = 1e-6
@@ -77,9 +76,7 @@ class FittedModels:
         """Return a dataset of which nothing is known but its noise, as stated, else from third differences."""
         dataset = aligned(dataset)
         sigma = first_sigma(dataset.trials) if dataset.noise is None else np.asarray(dataset.noise)
-        free_clock, threads = dataset.clock == "free", jobs or os.cpu_count() or 1
-        problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(sigma), free_clock=free_clock, jobs=threads)
-        return cls(dataset, effects, problem)
+        return cls(dataset, effects, nominal_problem(dataset, dataset.trials, Noise.white(sigma), jobs=jobs))
 
     @classmethod
     def of(cls, diagnosis: Diagnosis, jobs: int | None = None) -> FittedModels:

@@ -365,7 +365,7 @@ def _linearised(model_estimate: ModelEstimate, runs: Sequence[Run]) -> _Linearis
     problem = model_estimate.problem
     free = [p.name for p in problem.parameters if p.name not in model_estimate.at_bound]
     blocks = jacobians(problem, model_estimate.x, free)
-    residual, jacobian = problem.residual(model_estimate.x), np.concatenate(blocks)
+    residual, jacobian = problem.residual(model_estimate.x)[: problem.samples], np.concatenate(blocks)
     first = sum(len(block) for block in blocks[: model_estimate.fitted])
     step = solve(jacobian.T @ jacobian, jacobian[first:].T @ residual[first:, None])[:, 0]
     moved = dict(zip(free, step, strict=True))

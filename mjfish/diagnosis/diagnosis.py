@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -37,12 +36,17 @@ from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Z95
 from mjfish.estimation.identification import check_enough, first_sigma
+from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.residual import Score
 from mjfish.inspection import Inspection, inspect, inspect_fit
 from mjfish.model import Model
 
 #: Said of a refit that was too far behind the best to be followed.
 _ROUGH = "Its refit was not followed to its optimum: what it explains is a lower bound, its size is rough."
+
+
+#: Said of a cause that is a part of the nominal model.
+_PART = "It is a part of the nominal model: the dataset says what is known of it."
 
 
 def diagnose(
@@ -92,22 +96,20 @@ def _diagnosed(
     rng = np.random.default_rng(seed)
     candidates = tuple(of_fish(catalogue() if effects is None else effects, dataset.fish).values())
     known = {effect.name: effect for effect in candidates}
-    reasons = {effect.name: effect.not_applicable(dataset) for effect in candidates}
+    dataset = aligned(dataset)
+    fitted, held = dataset.split()
+    stated = None if dataset.noise is None else np.asarray(dataset.noise)
+    sigma = stated if stated is not None else first_sigma(fitted)
+    problem = nominal_problem(dataset, fitted, Noise.white(sigma), jobs=jobs)
+    reasons = {
+        effect.name: _PART if effect.name in problem.nominal else effect.not_applicable(dataset)
+        for effect in candidates
+    }
     formulas = tuple(effect for effect in candidates if not effect.learned)
     applicable = tuple(effect for effect in formulas if not reasons[effect.name])
     learnable = tuple(effect for effect in candidates if effect.learned and not reasons[effect.name])
     if not applicable:
         raise InputError(f"{dataset.name}: none of the {len(candidates)} effects applies to this dataset; add one")
-    dataset = aligned(dataset)
-    fitted, held = dataset.split()
-    stated = None if dataset.noise is None else np.asarray(dataset.noise)
-    problem = Problem(
-        Model(dataset.fish),
-        fitted,
-        Noise.white(stated if stated is not None else first_sigma(fitted)),
-        free_clock=dataset.clock == "free",
-        jobs=jobs or os.cpu_count() or 1,
-    )
     check_enough(problem, dataset.name)
     checks = inspect(dataset, known)
     screening, noise_remark = screen(problem, applicable, stated, rng, progress)

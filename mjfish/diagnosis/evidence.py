@@ -313,7 +313,9 @@ def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Sequenc
     raw, slopes = [block[:, :, None] for block in problem.raw(x)], problem.sensitivities(x)
     for noise in noises:
         other = replace(problem, noise=noise)
-        seen = replace(evidence.fit, residual=other.whiten(raw)[:, 0], jacobian=other.whiten(slopes))
+        residual, jacobian = other.whiten(raw)[:, 0], other.whiten(slopes)
+        residual[other.samples :], jacobian[other.samples :] = other.known_rows(x)
+        seen = replace(evidence.fit, residual=residual, jacobian=jacobian)
         yield gather(other, seen, evidence.candidates, known_signatures)
 
 
@@ -353,7 +355,7 @@ def whitened_omnibus(problem: Problem) -> FloatArray:
         padded[:, column : column + joined.shape[2]] = joined.reshape(-1, joined.shape[2])
         column += joined.shape[2]
         rows.append(padded)
-    return np.concatenate(rows)
+    return problem.padded(np.concatenate(rows))
 
 
 def tail(statistic: float, rank: int) -> float:

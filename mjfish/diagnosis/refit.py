@@ -100,7 +100,8 @@ class Refit:
     def less(self, out: Effect) -> Refit:
         """Refit without one of several causes, from where the others and the coefficients are."""
         kept = tuple(effect for effect in self.effects if effect.name != out.name)
-        problem = replace(self.problem, model=replace(self.problem.model, effects=kept))
+        left = tuple(effect for effect in self.problem.model.effects if effect.name != out.name)
+        problem = replace(self.problem, model=replace(self.problem.model, effects=left))
         here = fit(problem, problem.start(self.fit.values), tolerance=TOLERANCE)
         return Refit(kept, problem, here, self.gain + self.fit.sse - here.sse)
 
@@ -249,8 +250,7 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
         starts = [problem.start(values) for values in _like(effect, formulas)]
         tried = [fit(problem, x, tolerance=TOLERANCE, evaluations=COARSE[True]) for x in starts]
         best = min([best, *tried], key=lambda each: each.objective)
-    added = problem.model.effects
-    return Refit(added, problem, best, gained + evidence.fit.sse - best.sse)
+    return Refit(problem.causes, problem, best, gained + evidence.fit.sse - best.sse)
 
 
 def made_smooth(refit: Refit, best: float = np.inf) -> Refit:

@@ -63,7 +63,7 @@ def locate(evidence: Evidence, directed: bool) -> Where:
     z = project_out(coefficients, evidence.fit.residual[:, None])
     pattern = evidence.signatures if directed else project_out(coefficients, whitened_omnibus(problem))
     span = orthonormal(pattern)
-    energy = ((span @ (span.T @ z))[:, 0] ** 2).reshape(-1, 3)
+    energy = ((span @ (span.T @ z))[: problem.samples, 0] ** 2).reshape(-1, 3)
     labels = [_labels(problem.model.fish.cpg, trial) for trial in problem.trials]
     counted = [problem.mask(i) for i in range(len(problem.trials))]
     names = np.concatenate([np.full(int(k.sum()), t.name) for k, t in zip(counted, problem.trials, strict=True)])

@@ -9,7 +9,7 @@ rate or acceleration; without a ramp r = 1, and the fish is swimming when the re
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -43,9 +43,16 @@ class Wave:
         """Number of joints."""
         return len(self.amplitude)
 
-    def moved(self, *, frequency: float = 0.0, phase: float = 0.0) -> Wave:
-        """Return the wave with a frequency [Hz] and a phase of all joints [rad] so much higher."""
-        return replace(self, frequency=self.frequency + frequency, phase=tuple(own + phase for own in self.phase))
+    def moved(self, *, frequency: float = 0.0, phase: float = 0.0, scale: float = 1.0) -> Wave:
+        """Return the wave with a frequency [Hz] and a phase of all joints [rad] so much higher, its angles scaled."""
+        return Wave(
+            frequency=self.frequency + frequency,
+            amplitude=tuple(scale * own for own in self.amplitude),
+            phase=tuple(own + phase for own in self.phase),
+            bias=tuple(scale * own for own in self.bias),
+            ramp=self.ramp,
+            free=self.free,
+        )
 
 
 @functools.lru_cache(maxsize=256)

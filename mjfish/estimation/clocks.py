@@ -1,4 +1,4 @@
-"""Waves whose clock is not that of the record: frequency and phase as nuisance parameters of their trial.
+"""Waves that are not known well: frequency and phase as nuisance parameters of their trial, and the scale of angles.
 
 The phase is that in the middle of the record, where it does not trade with the frequency.
 """
@@ -16,9 +16,10 @@ from mjfish.frames import CHANNELS
 from mjfish.model import Model
 from mjfish.parameter import Parameter
 
-FREQUENCY, PHASE = "wave.frequency", "wave.phase"
-#: How far a frequency may be off [1], and how far a phase after `aligned` [rad]; scale of a phase [rad].
-_OFF, _TURN, _PHASE_SCALE = 0.05, 1.0, 0.05
+FREQUENCY, PHASE, SCALE = "wave.frequency", "wave.phase", "wave.scale"
+#: How far a frequency may be off [1], and how far a phase after `aligned` [rad]; scale of a phase [rad] and
+#: of the scale of angles.
+_OFF, _TURN, _PHASE_SCALE, _SCALE_SCALE = 0.05, 1.0, 0.05, 0.03
 #: Phases tried by `aligned`.
 _TRIED = 16
 
@@ -43,18 +44,24 @@ def parameters(trial: Trial) -> tuple[Parameter, ...]:
     )
 
 
+def scale(name: str) -> Parameter:
+    """Return the scale of the angles of a wave, as a parameter of this name."""
+    return Parameter(name, "-", 1.0, 0.2, 5.0, 1.0, _SCALE_SCALE, about="of the angles of the wave")
+
+
 def clocked(trial: Trial, values: Mapping[str, float]) -> Trial:
-    """Return the trial with the frequency and phase that `values` have for it."""
-    if trial.wave is None or not trial.wave.free:
+    """Return the trial with the frequency, phase and scale that `values` have for its wave."""
+    if trial.wave is None:
         return trial
     known = trial.wave.frequency
     frequency = values.get(f"{trial.name}:{FREQUENCY}", known) - known
-    return _clocked(trial, frequency, values.get(f"{trial.name}:{PHASE}", 0.0))
+    own = values.get(f"{trial.name}:{SCALE}", values.get(SCALE, 1.0))
+    return _clocked(trial, frequency, values.get(f"{trial.name}:{PHASE}", 0.0), own)
 
 
 @functools.lru_cache(maxsize=64)
-def _clocked(trial: Trial, frequency: float, phase: float) -> Trial:
-    return trial if frequency == phase == 0.0 else trial.waved(frequency, phase)
+def _clocked(trial: Trial, frequency: float, phase: float, scale: float) -> Trial:
+    return trial if frequency == phase == 0.0 and scale == 1.0 else trial.waved(frequency, phase, scale)
 
 
 def aligned(dataset: Dataset) -> Dataset:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -19,6 +18,7 @@ from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Fit, fit, multistart
 from mjfish.estimation.identifiability import Weakness, weaknesses
 from mjfish.estimation.intervals import Intervals, intervals
+from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual, fitted, held_out
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests
@@ -27,7 +27,6 @@ from mjfish.estimation.stability import Stability, stability
 from mjfish.estimation.table_iv import Row, table_iv
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
-from mjfish.model import Model
 from mjfish.noise import Noise
 from mjfish.noise.autoregressive import floor
 from mjfish.result import Result
@@ -193,17 +192,10 @@ def pose(dataset: Dataset, settings: Settings | None = None, *, jobs: int | None
     dataset = aligned(dataset)
     settings = settings or Settings()
     fitted, _ = dataset.split()
-    model = Model(dataset.fish)
     noise = dataset.noise if dataset.noise is not None else first_sigma(fitted)
-    problem = Problem(
-        model,
-        fitted,
-        Noise.white(settings.sigma(noise)),
-        free_clock=dataset.clock == "free",
-        jobs=jobs or os.cpu_count() or 1,
-    )
+    problem = nominal_problem(dataset, fitted, Noise.white(settings.sigma(noise)), jobs=jobs)
     fixed, declared = settings.choose(problem.parameters)
-    problem = replace(problem, fixed=fixed, declared=declared)
+    problem = replace(problem, fixed=fixed, declared={**problem.declared, **declared})
     check_enough(problem, dataset.name)
     return problem
 

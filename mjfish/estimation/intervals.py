@@ -108,11 +108,11 @@ def intervals(problem: Problem, fit: Fit, *, level: float = 0.95) -> Intervals:
         level: of the intervals.
     """
     blocks = blocks_of(problem, fit)
-    found = serial(blocks, ~fit.at_bound)
-    own, degrees_of_freedom = _sandwich(found, blocks, ~fit.at_bound)
+    found, known = serial(blocks, ~fit.at_bound), fit.jacobian[problem.samples :]
+    own, degrees_of_freedom = _sandwich(found, blocks, known, ~fit.at_bound)
     sigma, plain = np.sqrt(np.diag(own)), np.sqrt(np.diag(fit.covariance))
     if np.any(fit.at_bound):
-        all_free, loose = _sandwich(found, blocks, np.ones_like(fit.at_bound))
+        all_free, loose = _sandwich(found, blocks, known, np.ones_like(fit.at_bound))
         sigma = np.where(fit.at_bound, np.sqrt(np.diag(all_free)), sigma)
         degrees_of_freedom = np.where(fit.at_bound, loose, degrees_of_freedom)
         plain = np.where(fit.at_bound, fit.reach, plain)
@@ -135,17 +135,21 @@ def intervals(problem: Problem, fit: Fit, *, level: float = 0.95) -> Intervals:
     )
 
 
-def _sandwich(found: Serial, blocks: Sequence[Block], free: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _sandwich(
+    found: Serial, blocks: Sequence[Block], known: FloatArray, free: BoolArray
+) -> tuple[FloatArray, FloatArray]:
     """Return A' Omega A (p, p) and the freedom (p,) of its diagonal; zero and one where a parameter is not free.
 
     A = U S^-1 V' of the singular value decomposition: a direction that nothing moves gets a huge variance, not none.
+    Rows `known` (k, p) of what is known of the parameters stand below those of the blocks; their Omega is 1.
     """
-    index = np.flatnonzero(free)
-    left, singular, right = np.linalg.svd(stacked(blocks, free), full_matrices=False)
+    index, measured = np.flatnonzero(free), stacked(blocks, free)
+    left, singular, right = np.linalg.svd(np.concatenate([measured, known[:, free]]), full_matrices=False)
     floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-100))
-    columns = by_trial((left / floor) @ right, blocks)
+    rows = (left / floor) @ right
+    columns, beside = by_trial(rows[: len(measured)], blocks), rows[len(measured) :]
     covariance, degrees_of_freedom = np.zeros((len(free), len(free))), np.ones(len(free))
-    covariance[np.ix_(index, index)] = found.quadratic(columns)
+    covariance[np.ix_(index, index)] = found.quadratic(columns) + beside.T @ beside
     degrees_of_freedom[index] = np.maximum(found.degrees_of_freedom(columns), 1.0)
     return covariance, degrees_of_freedom
 

@@ -107,7 +107,8 @@ def saturated(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> NoiseS
     shapes = [np.concatenate(blocks, axis=2)[mask] for blocks, mask in zip(basis, left.masks, strict=True)]
     white = replace(problem, noise=Noise.white(problem.noise.sigma))
     jacobian = white.whiten(white.sensitivities(fit.x))[:, ~fit.at_bound]
-    return replace(left, shapes=shapes).without(np.concatenate([jacobian, white.whiten(known)], axis=1))
+    explained = np.concatenate([jacobian, white.whiten(known)], axis=1)[: white.samples]
+    return replace(left, shapes=shapes).without(explained)
 
 
 def state_jacobians(problem: Problem, values: Mapping[str, float]) -> dict[str, FloatArray]:

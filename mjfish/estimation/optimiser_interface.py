@@ -10,6 +10,7 @@ print(dict(zip(names, found.x)))
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +20,8 @@ from mjfish.data import Dataset
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.identification import first_sigma
+from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.problem import Problem
-from mjfish.model import Model
 from mjfish.noise import Noise
 from mjfish.parameter import bounds
 
@@ -69,8 +70,8 @@ def residual_function(
         InputError, ParameterError: `noise` is no sigma, a fixed value is outside its bounds.
     """
     trials, _ = aligned(dataset).split()
-    model, given = Model(dataset.fish), dict(fixed or {})
-    known = {p.name: p for p in model.parameters}
+    given = dict(fixed or {})
+    known = {p.name: p for p in (*dataset.fish.parameters, *dataset.fish.numbers)}
     for name, value in given.items():
         if name not in known:
             raise UnknownNameError("coefficient", name, known)
@@ -80,8 +81,7 @@ def residual_function(
     sigma = np.asarray(noise, dtype=np.float64)
     if sigma.shape != (3,) or not np.all((sigma > 0.0) & np.isfinite(sigma)):
         raise InputError(f"noise is {sigma.tolist()}, expected three numbers above 0: surge, sway, yaw rate")
-    free_clock = dataset.clock == "free"
-    return of(Problem(model, trials, Noise.white(readonly(sigma)), fixed=given, free_clock=free_clock, jobs=jobs))
+    return of(replace(nominal_problem(dataset, trials, Noise.white(readonly(sigma)), jobs=jobs), fixed=given))
 
 
 def of(problem: Problem) -> ResidualFunction:

@@ -12,6 +12,7 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of
 from mjfish.data import Trial
+from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
 from mjfish.estimation.smoothing import Differentiator
 from mjfish.frames import CHANNELS, UNITS
@@ -40,13 +41,15 @@ class Problem:
         trials: all fitted together.
         noise: gives the weights.
         fixed: parameters that are not free, with their values; all others are, those of single trials too.
-        declared: other declarations (bounds, starts) for parameters, by name.
+        declared: other declarations (bounds, starts, priors) for parameters, by name; the scale of waves is one where it
+            is declared here.
         free_clock: whether each trial has a clock offset of its own.
         windows: per trial, the times [s] between which samples count; None: all of it.
         ends: how many samples at either end of every trial do not count.
         slope_step: longest integration step of the derivatives [s]; None: that of the model. A fit goes by them, where
             it ends the residuals say: they may be rougher.
         smoothing: filter that the recorded velocities went through, and predictions do, too; None: none.
+        nominal: names of the effects that are a part of the nominal model; others are causes that extend it.
         prior_sds: of learned priors, by name; those of others, and where it has none, are the declared ones.
         jobs: threads.
     """
@@ -61,18 +64,50 @@ class Problem:
     ends: int = 0
     slope_step: float | None = None
     smoothing: Differentiator | None = None
+    nominal: tuple[str, ...] = ()
     prior_sds: Mapping[str, float] = field(default_factory=dict)
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The free parameters: the model's, then the nuisance parameters of every trial."""
-        every = (*self.model.parameters, *(p for trial in self.trials for p in nuisances(trial, self.free_clock)))
+        own = (p for trial in self.trials for p in nuisances(trial, self.free_clock))
+        scales = [clocks.SCALE, *(f"{trial.name}:{clocks.SCALE}" for trial in self.trials)]
+        scaled = (clocks.scale(name) for name in scales if name in self.declared)
+        every = (*self.model.parameters, *own, *scaled)
         return tuple(self.declared.get(p.name, p) for p in every if p.name not in self.fixed)
+
+    @property
+    def causes(self) -> tuple[Effect, ...]:
+        """The effects that extend the nominal model."""
+        return tuple(effect for effect in self.model.effects if effect.name not in self.nominal)
+
+    @cached_property
+    def known(self) -> tuple[int, ...]:
+        """Places of the free parameters of which more than bounds is known.
+
+        Each is a row of data more, behind those of the trials: its `deviation`, which has mean 0 and variance 1.
+        """
+        return tuple(i for i, p in enumerate(self.parameters) if p.sd is not None)
+
+    def known_rows(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return residuals (k,) of the known parameters, expected less found in units of their sds; derivatives (k, p).
+
+        The derivatives are of what was found, as those of a prediction.
+        """
+        rates = np.zeros((len(self.known), len(x)))
+        for row, i in enumerate(self.known):
+            rates[row, i] = self.parameters[i].deviation_rate(float(x[i]))
+        return np.array([-self.parameters[i].deviation(float(x[i])) for i in self.known]), rates
+
+    @cached_property
+    def samples(self) -> int:
+        """Number of rows that were measured: those in front of the known parameters'."""
+        return sum(len(CHANNELS) * int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials)))
 
     @cached_property
     def priors(self) -> tuple[Prior, ...]:
-        """What is known of the parameters beforehand."""
+        """Priors of the effects: what keeps learned curves smooth."""
         declared = (prior for effect in self.model.effects for prior in effect.priors())
         return tuple(replace(prior, sd=self.prior_sds.get(prior.name, prior.sd)) for prior in declared)
 
@@ -101,8 +136,9 @@ class Problem:
         return {key: plain(value) for key, value in fields.items()}
 
     def residual(self, x: FloatArray) -> FloatArray:
-        """Return whitened residuals (measured - predicted), all trials and channels stacked."""
-        return self._stack(self._run([(trial, self.named(x)) for trial in self.trials]))
+        """Return whitened residuals (measured - predicted), all trials and channels stacked; then `known_rows`."""
+        measured = self._stack(self._run([(trial, self.named(x)) for trial in self.trials]))
+        return np.concatenate([measured, self.known_rows(x)[0]]) if self.known else measured
 
     def raw(self, x: FloatArray) -> list[FloatArray]:
         """Return residuals (n_r, 3) of every trial's counted samples, in physical units."""
@@ -123,15 +159,22 @@ class Problem:
         return "; ".join(f"{trial.name} {rollout.message}" for trial, rollout in lost)
 
     def jacobian(self, x: FloatArray) -> FloatArray:
-        """Return the derivative (n, p) of the whitened *prediction* by the free parameters."""
-        return self.whiten(self.sensitivities(x))
+        """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `known_rows`."""
+        rows = self.whiten(self.sensitivities(x))
+        if self.known:
+            rows[self.samples :] = self.known_rows(x)[1]
+        return rows
 
     def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
-        """Whiten blocks (n_r, 3, k), one a trial, and stack them to (n, k)."""
+        """Whiten blocks (n_r, 3, k), one a trial, and stack them to (n, k): zeros in the rows of known parameters."""
         if blocks[0].shape[2] == 0:  # filters refuse columns that are none
             return self.whiten([np.zeros((len(block), len(CHANNELS), 1)) for block in blocks])[:, :0]
-        whitened = [self.whitened(i, block) for i, block in enumerate(blocks)]
-        return np.concatenate([block.reshape(-1, block.shape[2]) for block in whitened])
+        whitened = [self.whitened(i, block).reshape(-1, block.shape[2]) for i, block in enumerate(blocks)]
+        return self.padded(np.concatenate(whitened))
+
+    def padded(self, rows: FloatArray) -> FloatArray:
+        """Return columns (n, k) of what was measured with zeros in the rows of known parameters."""
+        return np.concatenate([rows, np.zeros((len(self.known), rows.shape[1]))]) if self.known else rows
 
     def whitened(self, index: int, block: FloatArray) -> FloatArray:
         """Whiten columns (n_r, 3, ...) of the counted samples of one trial."""
@@ -160,6 +203,9 @@ class Problem:
         slopes = sensitivities(
             model, clocks.clocked(trial, here), here, [own[k] for k in exact], velocity=velocity, offset=offset
         )
+        for column, k in enumerate(exact):
+            if own[k] == clocks.SCALE:  # derived relative to the scale that the wave has
+                slopes[:, :, column] /= here[chosen[k].name]
         result[:, :, exact] = self._smoothed(trial, slopes)
         if rough:
             base = self._predict((trial, dict(here)))

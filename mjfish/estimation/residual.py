@@ -47,7 +47,7 @@ def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple
     for alone, x in _alone(fitted, values, trials):
         residuals.append(alone.raw(x)[0])
         predictions.append(alone.predictions(x)[0])
-        whitened.append(alone.residual(x))
+        whitened.append(alone.residual(x)[: alone.samples])
     return Score(tuple(residuals), tuple(predictions), tuple(whitened))
 
 
@@ -56,14 +56,15 @@ def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, .
 
     D = J C^(1/2), with J the derivative by the model's free parameters and C their covariance where they were fitted.
     """
-    shared = [p.name for p in fitted.parameters if p.name in {parameter.name for parameter in fitted.model.parameters}]
+    shared = [p.name for p in fitted.parameters if ":" not in p.name]
     rows = [i for i, p in enumerate(found.parameters) if p.name in shared]
     values, vectors = np.linalg.eigh(found.covariance[np.ix_(rows, rows)])
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     slopes = []
     for alone, x in _alone(fitted, found.values, trials):
         free = replace(alone, fixed=fitted.fixed)
-        slopes.append(free.whiten(free.sensitivities(free.start({**alone.named(x), **found.values}), shared)))
+        columns = free.sensitivities(free.start({**alone.named(x), **found.values}), shared)
+        slopes.append(free.whiten(columns)[: free.samples])
     return np.asarray(np.concatenate(slopes) @ root)
 
 
@@ -72,7 +73,7 @@ def _alone(
 ) -> Iterator[tuple[Problem, FloatArray]]:
     """Yield the problem of every trial whose residuals are the scored ones, and the estimates of its own parameters."""
     everything = {**fitted.fixed, **values}
-    shared = {p.name: everything[p.name] for p in fitted.model.parameters}
+    shared = {name: value for name, value in everything.items() if ":" not in name}
     for trial in trials:
         own = nuisances(trial, fitted.free_clock)
         alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)

@@ -475,7 +475,7 @@ def absorbed(problem: Problem, fit: Fit) -> Absorbed:
     slopes = [block[:, :, free] for block in problem.sensitivities(fit.x)]
     size = np.sqrt(np.maximum(np.sum(problem.whiten(slopes) ** 2, axis=0), 1e-300))
     slopes = [block / size for block in slopes]
-    left, singular, right = np.linalg.svd(problem.whiten(slopes), full_matrices=False)
+    left, singular, right = np.linalg.svd(problem.whiten(slopes)[: problem.samples], full_matrices=False)
     kept = singular > _FLOOR * singular.max(initial=0.0)
     shape = (sum(map(len, slopes)), len(CHANNELS), int(np.count_nonzero(kept)))
     parts = np.split(left[:, kept].reshape(shape), np.cumsum([len(block) for block in slopes])[:-1])

@@ -9,6 +9,7 @@ from mjfish.model.model import (
     asked_motion,
     headed,
     joint_motion,
+    numbered,
     pose_of,
 )
 from mjfish.model.sensitivity import sensitivities
@@ -22,6 +23,7 @@ __all__ = [
     "asked_motion",
     "headed",
     "joint_motion",
+    "numbered",
     "pose_of",
     "sensitivities",
 ]

@@ -18,6 +18,7 @@ from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Cpg, Fish, Link
+from mjfish.hydro.link import Same
 from mjfish.hydro.load import Load
 from mjfish.hydro.outline import outlines
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
@@ -93,8 +94,8 @@ class Model:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The coefficients of the fish, then the parameters of every effect."""
-        return (*self.fish.parameters, *(p for effect in self.effects for p in effect.parameters))
+        """The coefficients of the fish, its other free numbers, then the parameters of every effect."""
+        return (*self.fish.parameters, *self.fish.numbers, *(p for effect in self.effects for p in effect.parameters))
 
     def extended(self, effect: Effect) -> Model:
         """Return the model with one more effect."""
@@ -153,7 +154,7 @@ class Model:
             keep: names of effects that act even at their null values, for derivatives there.
         """
         active = active_effects(self, values, keep)
-        fish = self.fish
+        fish = numbered(self.fish, values)
         for effect, own in active:
             fish = effect.body(fish, own)
         servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.domain == "drive")
@@ -171,6 +172,18 @@ class Model:
             time=time,
             step=step,
         )
+
+
+def numbered(fish: Fish, values: Mapping[str, float]) -> Fish:
+    """Return the fish with the values of its free numbers: the same one for the same values."""
+    if not fish.known:
+        return fish
+    return _numbered(Same(fish), tuple((p.name, values[p.name]) for p in fish.numbers))
+
+
+@functools.lru_cache(maxsize=256)
+def _numbered(fish: Same[Fish], values: tuple[tuple[str, float], ...]) -> Fish:
+    return fish.thing.with_numbers(dict(values))
 
 
 def active_effects(model: Model, values: Mapping[str, float], keep: Sequence[str] = ()) -> ActiveEffects:

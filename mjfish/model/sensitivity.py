@@ -20,7 +20,7 @@ from mjfish.fish import Cpg, Fish
 from mjfish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
-from mjfish.model import Model, Prepared, asked_motion, headed, pose_of
+from mjfish.model import Model, Prepared, asked_motion, headed, numbered, pose_of
 from mjfish.ode.equation import TAIL, tail_of
 from mjfish.ode.rollout import Conditions
 from mjfish.ode.tangents import Direction, simulate_tangents
@@ -49,7 +49,8 @@ def sensitivities(
     Args:
         model, trial, values, velocity, offset: as in `mjfish.model.Model.predict`.
         names: parameters of the model; ``start.surge``, ``start.sway``, ``start.yaw_rate`` of the velocity at the start
-            ``clock.offset`` of the clock; ``wave.frequency`` and ``wave.phase`` (mid-record) of a wave. An effect may
+            ``clock.offset`` of the clock; ``wave.frequency``, ``wave.phase`` (mid-record) and ``wave.scale`` of a wave,
+            the last relative to the scale that it has. An effect may
             be at its null value, but where its hooks of drive or body act on one side of it only (`one_sided`) it has
             no derivative there.
 
@@ -138,6 +139,8 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
     if kind == "wave":
         return Direction(motion=_of_wave(Same(at.model.fish.cpg), at.trial, at.servos, short, at.run.step)), None
     effect = _owner(at.model, name)
+    if effect is None and name not in at.model.fish.coefficient_names:
+        return _of_number(at, name), None
     if effect is None:
         return _of_coefficient(tuple(link.group for link in at.run.fish.links), kind, short), None
     p = effect.declaration(short)
@@ -151,7 +154,7 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         begun = difference(lambda value: _begun(at, at.kept(effect, (name, value))), p, at.values[name])
     if effect.overrides("body"):
         hooked = tuple(active for active in at.kept(effect) if active[0].overrides("body"))
-        rows = _of_body(Same(at.model.fish), hooked, p, at.values[name])
+        rows = _of_body(Same(numbered(at.model.fish, at.values)), hooked, p, at.values[name])
         links, tail = rows[:, :-TAIL], rows[0, -TAIL:]
     if effect.overrides("drive") and at.trial.joint_angle is None:
         servos = tuple(active for active in at.kept(effect) if active[0].domain == "drive")
@@ -183,15 +186,35 @@ def _replaced(hooked: Active, p: Parameter, value: float) -> Active:
 @functools.lru_cache(maxsize=256)
 def _of_body(fish: Same[Fish], hooked: Active, p: Parameter, value: float) -> FloatArray:
     """Return rates of the link records, and in TAIL more columns, in every row, of the tail; coefficients stay."""
+    return readonly(difference(lambda at_value: _body(fish.thing, _replaced(hooked, p, at_value)), p, value))
 
-    def rows(at_value: float) -> FloatArray:
-        made = fish.thing
-        for effect, own in _replaced(hooked, p, at_value):
-            made = effect.body(made, dict(own))
-        numbers = numbers_of(made, fish.thing.values)
-        return np.concatenate([numbers, np.broadcast_to(tail_of(made), (len(numbers), TAIL))], axis=1)
 
-    return readonly(difference(rows, p, value))
+def _body(fish: Fish, hooked: Active) -> FloatArray:
+    """Return the rows of the links through the hooks of effects, with TAIL more columns, in every row, of the tail."""
+    made = fish
+    for effect, own in hooked:
+        made = effect.body(made, dict(own))
+    numbers = numbers_of(made, fish.values)
+    return np.concatenate([numbers, np.broadcast_to(tail_of(made), (len(numbers), TAIL))], axis=1)
+
+
+def _of_number(at: _At, name: str) -> Direction:
+    """Return the direction of a free number of the fish."""
+    hooked = tuple((e, tuple(own.items())) for e, own in at.run.active if e.overrides("body"))
+    numbers = tuple((p.name, at.values[p.name]) for p in at.model.fish.numbers)
+    rows = _rows_of_number(Same(at.model.fish), hooked, _declared(at.model, name), numbers)
+    return Direction(links=rows[:, :-TAIL], tail=rows[0, -TAIL:])
+
+
+@functools.lru_cache(maxsize=256)
+def _rows_of_number(
+    fish: Same[Fish], hooked: Active, p: Parameter, numbers: tuple[tuple[str, float], ...]
+) -> FloatArray:
+    """Return rates of the link records by a free number; coefficients stay."""
+    values = dict(numbers)
+    return readonly(
+        difference(lambda value: _body(fish.thing.with_numbers({**values, p.name: value}), hooked), p, values[p.name])
+    )
 
 
 @functools.lru_cache(maxsize=128)
@@ -214,7 +237,8 @@ def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Active, short: str, st
     """Return rates of angle, rate and acceleration (3, n, 3, joints) by the frequency or the phase of a wave."""
 
     def moves(by: float) -> FloatArray:
-        motion = asked_motion(cpg.thing, trial.waved(by, 0.0) if short == "frequency" else trial.waved(0.0, by), step)
+        moved = {"frequency": (by, 0.0, 1.0), "phase": (0.0, by, 1.0), "scale": (0.0, 0.0, 1.0 + by)}[short]
+        motion = asked_motion(cpg.thing, trial.waved(*moved), step)
         for effect, own in servos:
             motion = effect.drive(motion, dict(own))
         return np.stack([motion.angle, motion.rate, motion.acceleration])

@@ -1,0 +1,66 @@
+"""The least-squares problem of the nominal model of a dataset, with what is known beforehand."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+
+from mjfish.data import Dataset, Trial
+from mjfish.effects import catalogue
+from mjfish.effects.effect import Effect
+from mjfish.errors import InputError, UnknownNameError, located
+from mjfish.estimation import clocks
+from mjfish.estimation.problem import Problem, nuisances
+from mjfish.model import Model
+from mjfish.noise import Noise
+from mjfish.parameter import Parameter
+
+
+def nominal_problem(dataset: Dataset, trials: tuple[Trial, ...], noise: Noise, *, jobs: int | None = None) -> Problem:
+    """Return the problem of a dataset's fish on some of its trials.
+
+    A cause of whose parameters something is known (`Dataset.known`) is a part of the nominal model.
+
+    Args:
+        dataset: with the fish, and what is known.
+        trials: of it, that are fitted.
+        noise: gives the weights.
+        jobs: threads; None: one per processor.
+
+    Raises:
+        UnknownNameError: something is known of a number that there is not.
+        InputError, ParameterError: what is known contradicts itself.
+    """
+    model = Model(dataset.fish, tuple(_known_effects(dataset)))
+    free_clock, nominal = dataset.clock == "free", tuple(effect.name for effect in model.effects)
+    problem = Problem(model, trials, noise, free_clock=free_clock, nominal=nominal, jobs=jobs or os.cpu_count() or 1)
+    if not dataset.known:
+        return problem
+    own = (p for trial in dataset.trials for p in nuisances(trial, free_clock))
+    waves = [trial for trial in dataset.trials if trial.wave is not None]
+    scales = [clocks.SCALE, *(f"{trial.name}:{clocks.SCALE}" for trial in waves)] if waves else []
+    with located(f"{dataset.source or dataset.name}: known"):
+        return replace(problem, declared=_declared(dataset, [*model.parameters, *own, *map(clocks.scale, scales)]))
+
+
+def _known_effects(dataset: Dataset) -> Iterator[Effect]:
+    """Yield the causes of whose parameters something is known."""
+    for name, effect in catalogue().items():
+        if any(key.startswith(f"{name}.") for key in dataset.known):
+            yield effect
+
+
+def _declared(dataset: Dataset, parameters: Sequence[Parameter]) -> dict[str, Parameter]:
+    """Return the declarations of the parameters of which something is known, by name."""
+    declared: dict[str, Parameter] = {}
+    for pattern, known in dataset.known.items():
+        found = [p for p in parameters if p.name == pattern or fnmatchcase(p.name, pattern)]
+        if not found:
+            raise UnknownNameError("parameter", pattern, [p.name for p in parameters])
+        declared.update({p.name: known.of(p) for p in found})
+    both = [name for name in declared if name.endswith(f":{clocks.SCALE}")]
+    if clocks.SCALE in declared and both:
+        raise InputError(f"{clocks.SCALE} and {both[0]} say the same thing twice; drop one of the two")
+    return declared
