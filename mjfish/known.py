@@ -1,7 +1,7 @@
 """What is known of the numbers of a fish: ``mass = { value = 0.725, sd = 0.02 }`` in its file.
 
-A number given as a table is free in a fit. With an ``sd`` it has a prior there (`mjfish.parameter.Parameter.deviation`),
-with ``low`` and ``high`` a range. Its parameter has the name of the number, then that of the link: ``mass.head``.
+A number given as a table is free in a fit. With an ``sd`` it has a prior (`mjfish.parameter.Parameter.deviation`), with
+``low`` and ``high`` a range. Its parameter has the name of the number, then that of the link: ``mass.head``.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from mjfish.data.filters import Differentiator, Filter, GaussianFilter
 from mjfish.data.trial import Clock, Role
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import KINDS, Fish
@@ -159,6 +160,45 @@ def _flat(raw: object) -> object:
     return {key: value if isinstance(value, Mapping) else {"start": value} for key, value in flat.items()}
 
 
+class GaussianTable(Table):
+    """Recorded velocities were smoothed by a Gaussian of this `sd` [s]."""
+
+    kind: Literal["gaussian"]
+    sd: Positive
+
+
+class DifferentiatedTable(Table):
+    """Recorded velocities are the Savitzky-Golay derivative of positions; window 3, degree 2: central differences.
+
+    `turned`: positions were differentiated along the axes of the tank, and turned by the recorded heading.
+    """
+
+    kind: Literal["differentiated"]
+    window: Annotated[int, Field(ge=3, le=101)]
+    degree: Annotated[int, Field(ge=1, le=6)] = 2
+    turned: bool = False
+
+    @model_validator(mode="after")
+    def _fits(self) -> DifferentiatedTable:
+        if self.window % 2 == 0 or self.window <= self.degree:
+            raise ValueError(f"window = {self.window}: expected an odd number above degree = {self.degree}; correct it")
+        return self
+
+
+def filter_of(table: GaussianTable | DifferentiatedTable | None) -> Filter | None:
+    """Return the filter that recorded velocities went through."""
+    if isinstance(table, DifferentiatedTable):
+        return Differentiator(table.window, table.degree, table.turned)
+    return None if table is None else GaussianFilter(table.sd)
+
+
+def filter_table(used: Filter | None) -> dict[str, Any]:
+    """Return the table of a filter, empty where none was used."""
+    if isinstance(used, Differentiator):
+        return {"kind": "differentiated", "window": used.window, "degree": used.degree, "turned": used.turned}
+    return {} if used is None else {"kind": "gaussian", "sd": float(used.sd)}
+
+
 class DatasetTable(Table):
     """The file: a fish, how it was measured, and its trials."""
 
@@ -170,6 +210,7 @@ class DatasetTable(Table):
     tank: TankTable | None = None
     start: Annotated[dict[str, Bounds], BeforeValidator(_flat), Field(default_factory=dict)]
     known: Annotated[dict[str, Beforehand], Field(default_factory=dict)]
+    filter: GaussianTable | DifferentiatedTable | None = Field(default=None, discriminator="kind")
     trials: Annotated[tuple[TrialTable, ...], Field(min_length=1)]
 
 

@@ -70,6 +70,7 @@ def load_dataset(path: str | Path) -> Dataset:
         clock=table.clock,
         source=file,
         known=table.known,
+        filter=dataset_toml.filter_of(table.filter),
     )
 
 

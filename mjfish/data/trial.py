@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mjfish.arrays import BoolArray, FloatArray
+from mjfish.data.filters import Filter
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.fish import Fish
@@ -160,6 +161,7 @@ class Dataset:
         known: what is known of numbers that are no part of the fish, by name or pattern (`mjfish.known.Beforehand`):
             ``wave.scale``, ``*:wave.frequency``, ``run_1:start.surge``, or a cause's, which makes it a part of the
             nominal model.
+        filter: that the recorded velocities went through, and predictions do, too; None: none is known.
 
     Example:
         >>> import mjfish
@@ -176,6 +178,7 @@ class Dataset:
     clock: Clock = "synchronised"
     source: Path | None = None
     known: Mapping[str, Beforehand] = field(default_factory=dict)
+    filter: Filter | None = None
 
     def __repr__(self) -> str:
         """Return at most ten lines: fish, stated noise, clock and the first trials."""

@@ -97,6 +97,7 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
         "schema": 1, "name": dataset.name, "fish": fish, "clock": dataset.clock, "noise": noise,
         "tank": _tank(dataset), "start": start,
         "known": {name: one.model_dump(exclude_none=True) for name, one in dataset.known.items()},
+        "filter": dataset_toml.filter_table(dataset.filter),
     }  # fmt: skip
     filled = {key: value for key, value in raw.items() if value not in (None, {})}
     return {**filled, "trials": [{key: value for key, value in trial.items() if value} for trial in trials]}

@@ -13,6 +13,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
+from mjfish.data.filters import restored_filter
 from mjfish.diagnosis import Diagnosis, FittedModel
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.progress import Progress
@@ -25,7 +26,6 @@ from mjfish.estimation.clocks import aligned
 from mjfish.estimation.identification import first_sigma
 from mjfish.estimation.noise_of_fit import restore
 from mjfish.estimation.nominal import nominal_problem
-from mjfish.estimation.smoothing import Differentiator
 from mjfish.noise.autoregressive import estimate
 
 _TOLERANCE = 1e-6
@@ -193,7 +193,7 @@ def _restored(
     known = FittedModels.undiagnosed(dataset, effects, jobs)
     fitted, _ = known.dataset.split()
     compared = raw["problem"]
-    smoothing = Differentiator(**compared["smoothing"]) if compared["smoothing"] else None
+    smoothing = restored_filter(compared["smoothing"])
     problem = replace(
         known.problem, trials=fitted, ends=compared["ends"], slope_step=compared["slope_step"], smoothing=smoothing
     )

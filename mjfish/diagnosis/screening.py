@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mjfish.arrays import FloatArray
+from mjfish.data.filters import Filter
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, under
 from mjfish.diagnosis.integration_step import resolved
 from mjfish.diagnosis.progress import Progress, part
@@ -20,7 +21,6 @@ from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.fit import hypercube
 from mjfish.estimation.noise_of_fit import noise_of, saturated, smoothing_of
-from mjfish.estimation.smoothing import Differentiator
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
 from mjfish.noise.sample import noisy_ends
 
@@ -87,8 +87,8 @@ def screen(
         problem = replace(problem, ends=ends)
         baseline = fit(problem, baseline.x, tolerance=1e-6)
         slopes = signatures(problem, baseline.values, candidates)
-    results: dict[Differentiator | None, tuple[Screening, str]] = {}
-    smoothing = problem.smoothing
+    results: dict[Filter | None, tuple[Screening, str]] = {}
+    smoothing, known = problem.smoothing, problem.smoothing is not None
     while smoothing not in results:
         if smoothing != problem.smoothing:
             problem = replace(problem, smoothing=smoothing)
@@ -96,11 +96,13 @@ def screen(
             slopes = signatures(problem, baseline.values, candidates)
         found, noise_remark, smoothing = _screened(problem, baseline, slopes, candidates, stated, rng, progress)
         results[problem.smoothing] = found, noise_remark
+        if known:  # the dataset says through which filter its velocities went
+            smoothing = problem.smoothing
     screening, remark = results[smoothing]
     if ends:
         remark += "; " if remark else ""
         remark += f"the last samples of the runs are noisier than the rest: {ends} at either end are left out"
-    if smoothing is not None:
+    if smoothing is not None and not known:
         remark += f"; the motion was smoothed with it, and predictions are, too: {smoothing.words}"
     return screening, remark
 
@@ -130,7 +132,7 @@ def _screened(
     stated: FloatArray | None,
     rng: np.random.Generator,
     progress: Progress,
-) -> tuple[Screening, str, Differentiator | None]:
+) -> tuple[Screening, str, Filter | None]:
     """Screen with the smoothing of the problem; return it, a remark on the noise, and the suggested smoothing."""
     noise, remark = noise_of(problem, baseline, slopes, stated, patterns=False)
     test = _NominalTest(candidates, slopes, rng, progress)

@@ -24,12 +24,12 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from mjfish.arrays import FloatArray, blocks_of, orthonormal, project_out, readonly
 from mjfish.data import Trial
+from mjfish.data.filters import Differentiator, Filter
 from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.effects import Effect
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.omnibus import omnibus
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.smoothing import Differentiator
 from mjfish.frames import CHANNELS
 from mjfish.noise import (
     Autoregressive,
@@ -203,7 +203,7 @@ def _white_errors(joint: Smoothing, sigma: float) -> BSpline:
 
 def smoothing_of(
     problem: Problem, fit: Fit, noise: Noise, others: Sequence[Effect], known: Sequence[FloatArray]
-) -> Differentiator | None:
+) -> Filter | None:
     """Return the filter that the motion of a recording went through; None where none is clear.
 
     Velocities that are not white in their noise were differentiated, smoothed, or both, and the motion with them. The

@@ -35,7 +35,15 @@ def nominal_problem(dataset: Dataset, trials: tuple[Trial, ...], noise: Noise, *
     """
     model = Model(dataset.fish, tuple(_known_effects(dataset)))
     free_clock, nominal = dataset.clock == "free", tuple(effect.name for effect in model.effects)
-    problem = Problem(model, trials, noise, free_clock=free_clock, nominal=nominal, jobs=jobs or os.cpu_count() or 1)
+    problem = Problem(
+        model,
+        trials,
+        noise,
+        free_clock=free_clock,
+        smoothing=dataset.filter,
+        nominal=nominal,
+        jobs=jobs or os.cpu_count() or 1,
+    )
     if not dataset.known:
         return problem
     own = (p for trial in dataset.trials for p in nuisances(trial, free_clock))

@@ -12,9 +12,9 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of
 from mjfish.data import Trial
+from mjfish.data.filters import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
-from mjfish.estimation.smoothing import Differentiator
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.model.sensitivity import one_sided, sensitivities
@@ -41,8 +41,8 @@ class Problem:
         trials: all fitted together.
         noise: gives the weights.
         fixed: parameters that are not free, with their values; all others are, those of single trials too.
-        declared: other declarations (bounds, starts, priors) for parameters, by name; the scale of waves is one where it
-            is declared here.
+        declared: other declarations (bounds, starts, priors) for parameters, by name; the scale of waves is a parameter
+            where it is declared here.
         free_clock: whether each trial has a clock offset of its own.
         windows: per trial, the times [s] between which samples count; None: all of it.
         ends: how many samples at either end of every trial do not count.
@@ -63,7 +63,7 @@ class Problem:
     windows: tuple[tuple[float, float] | None, ...] | None = None
     ends: int = 0
     slope_step: float | None = None
-    smoothing: Differentiator | None = None
+    smoothing: Filter | None = None
     nominal: tuple[str, ...] = ()
     prior_sds: Mapping[str, float] = field(default_factory=dict)
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)

@@ -15,7 +15,7 @@ from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem
-from mjfish.estimation.smoothing import Differentiator
+from mjfish.data.filters import Differentiator
 from mjfish.fish import load_fish
 from mjfish.model import Model
 from mjfish.simulation.synthetic import generate

@@ -1,4 +1,4 @@
-"""Velocities that were made by differentiating positions: the prediction goes through the same filter.
+"""Velocities that were smoothed, or made by differentiating positions: the prediction goes through the same filter.
 
 A Savitzky-Golay derivative [Savitzky1964] smooths the motion as it smooths the noise. A simulation that is compared
 with such velocities must be smoothed alike, or what the filter took looks like an effect. The data are never filtered:
@@ -10,16 +10,38 @@ the User, 2nd ed. [VanCittert1931] P. van Cittert, Zeitschrift fuer Physik 69.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
-from scipy import interpolate, signal
+from numpy.typing import NDArray
+from scipy import interpolate, ndimage, signal
 
 from mjfish.arrays import FloatArray
-from mjfish.data import Trial
 
 #: Rounds of the iteration that undoes the smoothing of a heading [VanCittert1931].
 _ROUNDS = 5
+
+
+class Recording(Protocol):
+    """What a filter must know of a trial (`mjfish.data.Trial`)."""
+
+    @property
+    def time(self) -> FloatArray:
+        """Times (n,) of its samples [s]."""
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Recorded velocities (n, 3)."""
+
+    @property
+    def rows(self) -> NDArray[np.intp]:
+        """Rows (n,) of its samples on a grid of equal steps."""
+
+    @property
+    def step(self) -> float:
+        """Step of that grid [s]."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +59,7 @@ class Differentiator:
     degree: int
     turned: bool = False
 
-    def of_trial(self, trial: Trial, block: FloatArray) -> FloatArray:
+    def of_trial(self, trial: Recording, block: FloatArray) -> FloatArray:
         """Return the columns (n, 3, ...) of velocities of a trial, one row a sample, as this filter would make them."""
         if not self.turned:
             return self._filtered(trial, block)
@@ -57,13 +79,56 @@ class Differentiator:
         along = "the tank" if self.turned else "the fish"
         return f"positions along the axes of {along}, differentiated over {self.window} samples, degree {self.degree}"
 
-    def _filtered(self, trial: Trial, columns: FloatArray) -> FloatArray:
+    def _filtered(self, trial: Recording, columns: FloatArray) -> FloatArray:
         """Integrate columns (n, ...) to positions, at missing samples, too, and differentiate these by the filter."""
         rows = trial.rows
         flat, grid = columns.reshape(len(columns), -1), np.interp(np.arange(rows[-1] + 1), rows, trial.time)
         path = interpolate.CubicSpline(trial.time, flat).antiderivative()(grid)
         smooth = signal.savgol_filter(path, self.window, self.degree, deriv=1, delta=trial.step, axis=0)
         return np.asarray(smooth[rows].reshape(columns.shape))
+
+
+#: Standard deviations beyond which a Gaussian is cut.
+_CUT = 3.0
+
+
+@dataclass(frozen=True)
+class GaussianFilter:
+    """A Gaussian that velocities were smoothed with.
+
+    Attributes:
+        sd: of it [s]. A wave of frequency f keeps exp(-(2 pi f sd)^2 / 2) of its amplitude.
+    """
+
+    sd: float
+
+    def of_trial(self, trial: Recording, block: FloatArray) -> FloatArray:
+        """Return the columns (n, 3, ...) of velocities of a trial, one row a sample, as this filter would make them."""
+        rows, flat = trial.rows, block.reshape(len(block), -1)
+        grid = np.interp(np.arange(rows[-1] + 1), rows, trial.time)
+        dense = flat if len(grid) == len(flat) else interpolate.CubicSpline(trial.time, flat)(grid)
+        smooth = ndimage.gaussian_filter1d(dense, self.sd / trial.step, axis=0, mode="nearest", truncate=_CUT)
+        return np.asarray(smooth[rows].reshape(block.shape))
+
+    def reach(self, step: float) -> float:
+        """Return how far [s] a sample is felt to either side, samples being `step` [s] apart."""
+        return max(_CUT * self.sd, step)
+
+    @property
+    def words(self) -> str:
+        """The filter in words."""
+        return f"velocities smoothed by a Gaussian of {1e3 * self.sd:.3g} ms"
+
+
+#: What recorded velocities went through.
+Filter = Differentiator | GaussianFilter
+
+
+def restored_filter(fields: Mapping[str, Any] | None) -> Filter | None:
+    """Return the filter whose fields these are."""
+    if not fields:
+        return None
+    return GaussianFilter(**fields) if "sd" in fields else Differentiator(**fields)
 
 
 def _integral(time: FloatArray, columns: FloatArray) -> FloatArray:
