@@ -25,7 +25,7 @@ _ENDS = ("front", "rear")
 #: What may stand beside the value of a number.
 _KEYS = ("mean", "sd", "low", "high")
 #: Bounds of a number that has an sd and none of its own: so many sds from its value.
-_REACH = 6.0
+_REACH = 12.0
 
 Positive = Annotated[float, Field(gt=0.0, le=1e9)]
 Bound = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -40,7 +40,7 @@ class Beforehand(Table):
     high: Bound | None = None
 
     def of(self, declared: Parameter) -> Parameter:
-        """Return a parameter of which this is known: it starts at the mean, and its bounds hold six sds."""
+        """Return a parameter of which this is known: it starts at the mean, and its bounds hold twelve sds."""
         mean = declared.start if self.mean is None else self.mean
         low, high = (declared.low, declared.high) if self.sd is None else _reach(mean, self.sd, declared.low >= 0.0)
         low, high = low if self.low is None else self.low, high if self.high is None else self.high
@@ -146,7 +146,7 @@ def parameters(known: Sequence[Known], table: Any) -> Iterator[Parameter]:
 
 
 def _reach(mean: float, sd: float, positive: bool) -> tuple[float, float]:
-    """Return bounds that hold six sds about a mean, by factors where a number cannot be negative."""
+    """Return bounds that hold twelve sds about a mean, by factors where a number cannot be negative."""
     if positive and mean > 0.0:
         factor = (1.0 + sd / mean) ** _REACH
         return mean / factor, mean * factor

@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 from mjfish.data import Dataset, Trial
 from mjfish.effects import catalogue
 from mjfish.effects.effect import Effect
-from mjfish.errors import InputError, UnknownNameError, located
+from mjfish.errors import UnknownNameError, located
 from mjfish.estimation import clocks
 from mjfish.estimation.problem import Problem, nuisances
 from mjfish.model import Model
@@ -68,7 +68,4 @@ def _declared(dataset: Dataset, parameters: Sequence[Parameter]) -> dict[str, Pa
         if not found:
             raise UnknownNameError("parameter", pattern, [p.name for p in parameters])
         declared.update({p.name: known.of(p) for p in found})
-    both = [name for name in declared if name.endswith(f":{clocks.SCALE}")]
-    if clocks.SCALE in declared and both:
-        raise InputError(f"{clocks.SCALE} and {both[0]} say the same thing twice; drop one of the two")
     return declared

@@ -178,7 +178,7 @@ def numbered(fish: Fish, values: Mapping[str, float]) -> Fish:
     """Return the fish with the values of its free numbers: the same one for the same values."""
     if not fish.known:
         return fish
-    return _numbered(Same(fish), tuple((p.name, values[p.name]) for p in fish.numbers))
+    return _numbered(Same(fish), tuple((p.name, values.get(p.name, p.default)) for p in fish.numbers))
 
 
 @functools.lru_cache(maxsize=256)

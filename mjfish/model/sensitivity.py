@@ -201,7 +201,7 @@ def _body(fish: Fish, hooked: Active) -> FloatArray:
 def _of_number(at: _At, name: str) -> Direction:
     """Return the direction of a free number of the fish."""
     hooked = tuple((e, tuple(own.items())) for e, own in at.run.active if e.overrides("body"))
-    numbers = tuple((p.name, at.values[p.name]) for p in at.model.fish.numbers)
+    numbers = tuple((p.name, at.values.get(p.name, p.default)) for p in at.model.fish.numbers)
     rows = _rows_of_number(Same(at.model.fish), hooked, _declared(at.model, name), numbers)
     return Direction(links=rows[:, :-TAIL], tail=rows[0, -TAIL:])
 
