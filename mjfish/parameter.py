@@ -16,6 +16,8 @@ from mjfish.errors import ParameterError
 _WIDE = 5.0
 #: Least value whose logarithm is taken.
 _TINY = 1e-300
+#: Largest power of e that is taken.
+_HUGE = 600.0
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,14 @@ class Parameter:
         if self.log_normal:
             return math.log(max(value, _TINY) / self.expected) / math.log1p(self.sd / self.expected)
         return (value - self.expected) / self.sd
+
+    def at_deviation(self, deviation: float) -> float:
+        """Return the value that is so many sds from the expected one, the inverse of `deviation`."""
+        if self.sd is None:
+            return self.expected
+        if self.log_normal:
+            return self.expected * math.exp(min(deviation * math.log1p(self.sd / self.expected), _HUGE))
+        return self.expected + deviation * self.sd
 
     def deviation_rate(self, value: float) -> float:
         """Return the derivative of `deviation` [1/unit]."""

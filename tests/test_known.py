@@ -14,9 +14,11 @@ from mjfish import fish_toml
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, save
 from mjfish.drive.wave import Wave
+from mjfish.effects.catalogue import find
 from mjfish.errors import InputError, MjfishError
 from mjfish.estimation import Problem, fit
 from mjfish.estimation.nominal import nominal_problem
+from mjfish.inspection.known_numbers import contradicted
 from mjfish.known import Beforehand
 from mjfish.noise import Noise
 from mjfish.parameter import Parameter
@@ -95,7 +97,7 @@ def test_a_prior_that_contradicts_itself_is_refused_where_it_stands(tmp_path: Pa
 
 
 def test_a_number_of_the_servo_cannot_be_free(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="servo.kp: this number cannot be free"):
+    with pytest.raises(InputError, match=r"servo\.kp: this number cannot be free"):
         written(tmp_path, kp="{ value = 40.0, sd = 4.0 }")
 
 
@@ -167,13 +169,10 @@ def test_a_known_cause_is_a_part_of_the_nominal_model_and_no_candidate() -> None
     problem = problem_of(waved(EVERYTHING))
     assert problem.nominal == ("com_offset", "joint_zero_offset")
     assert problem.causes == ()
-    found = mjfish.diagnose(
-        replace(mjfish.generate("pike", ["v1", "v3"], noise=tuple(SIGMA), duration=4.0), known={
-            "com_offset.shift": Beforehand(sd=0.001)
-        }),
-        effects={name: effect for name, effect in mjfish.effects.catalogue().items() if name in ("com_offset", "servo_lag")},
-        jobs=1,
-    )  # fmt: skip
+    candidates = {name: find(name) for name in ("com_offset", "servo_lag")}
+    pool = mjfish.generate("pike", ["v1", "v3"], noise=tuple(SIGMA), duration=4.0)
+    known = {"com_offset.shift": Beforehand(sd=0.001)}
+    found = mjfish.diagnose(replace(pool, known=known), effects=candidates, jobs=1)
     assert "com_offset.shift" in found.nominal
     (candidate,) = [candidate for candidate in found.candidates if candidate.name == "com_offset"]
     assert not candidate.applicable
@@ -221,3 +220,19 @@ def test_an_estimate_between_prior_and_data_is_at_the_mode() -> None:
     assert 1.0005 < both.x[0] < 1.0095
     assert both.x[0] == pytest.approx(mode, abs=2e-4)
     assert both.covariance[0, 0] == pytest.approx(1.0 / (weight + prior.deviation_rate(mode) ** 2), rel=0.1)
+
+
+def test_a_number_far_from_what_the_data_say_is_a_finding(tmp_path: Path) -> None:
+    """The centre of mass is 10 sd away, and the mass is right."""
+    pool = mjfish.generate("pike", ["v1", "v3", "v5"], noise=tuple(SIGMA), duration=5.0)
+    head = pool.fish.links[0]
+    fish = written(
+        tmp_path, mass=f"{{ value = {head.mass}, sd = 0.02 }}", com=f"{{ value = {head.com + 0.03}, sd = 0.003 }}"
+    )
+    problem = problem_of(replace(pool, fish=fish.with_coefficients({p.name: p for p in pool.fish.parameters})))
+    found = list(contradicted(problem, fit(problem)))
+    assert [finding.place for finding in found] == ["com.head"]
+    assert found[0].code == "far-from-known"
+    assert "sd away" in found[0].expected
+    right = problem_of(replace(pool, fish=written(tmp_path, com=f"{{ value = {head.com}, sd = 0.003 }}")))
+    assert list(contradicted(right, fit(right))) == []

@@ -24,7 +24,7 @@ from mjfish.diagnosis.missing_force import missing_force
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.refit import Refit
-from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
+from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, KnownNumber, Overlay
 from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.select import Goodness, standings
 from mjfish.diagnosis.verdict import ALARM, Comparison, Decision, decide, message_of
@@ -39,6 +39,7 @@ from mjfish.estimation.identification import check_enough, first_sigma
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.residual import Score
 from mjfish.inspection import Inspection, inspect, inspect_fit
+from mjfish.inspection.known_numbers import contradicted
 from mjfish.model import Model
 
 #: Said of a refit that was too far behind the best to be followed.
@@ -166,6 +167,7 @@ def _diagnosed(
     scores = (held_out.score(None), held_out.score(best)) if held else None
     final = evidence.fit if best is None else best.fit
     extended = evidence.problem if best is None else best.problem
+    checks = checks.joined(Inspection.of(contradicted(extended, final), known))
     errors = {name: pooled_error(held_out.score(refit).residuals, held) for name, refit in refits.items() if held}
     table = _candidates(candidates, reasons, evidence, refits, single.joined(others), errors)
     converged = {"the nominal model": evidence.fit.status, "the extended model": final.status}
@@ -285,11 +287,11 @@ def estimates(found: Fit, model: Model) -> dict[str, Estimate]:
     result = {}
     declared = {p.name: p for p in model.parameters}
     for p, at_bound, slope in zip(found.parameters, found.at_bound, found.jacobian.T, strict=True):
-        if p.name in declared:
+        if ":" not in p.name:
             low, high = found.interval(p.name, Z95)
-            low = declared[p.name].low if low <= p.low else low
+            low = declared.get(p.name, p).low if low <= p.low else low
             value = p.default if p.shape and not np.any(slope) else found.values[p.name]
-            result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound))
+            result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound), KnownNumber.of(p, value))
     return result
 
 

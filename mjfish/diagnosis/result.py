@@ -21,6 +21,7 @@ from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Problem
 from mjfish.inspection import Inspection
 from mjfish.model import Model
+from mjfish.parameter import Parameter
 from mjfish.result import Result
 from mjfish.serialise import plain
 
@@ -37,13 +38,35 @@ _NEXT = {
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimate with its 95 % interval."""
+    """An estimate with its 95 % interval.
+
+    Attributes:
+        estimate, low, high: it, and the ends of the interval.
+        unit: of all.
+        at_bound: whether it rests on a bound.
+        known: what was known of it beforehand; None: its bounds alone.
+    """
 
     estimate: float
     low: float
     high: float
     unit: str
     at_bound: bool = False
+    known: KnownNumber | None = None
+
+
+@dataclass(frozen=True)
+class KnownNumber:
+    """What was known of a number: its mean and sd, and how many sds the estimate is away (`Parameter.deviation`)."""
+
+    mean: float
+    sd: float
+    deviation: float
+
+    @classmethod
+    def of(cls, p: Parameter, value: float) -> KnownNumber | None:
+        """Return what was known of a parameter, and how far a value is from it."""
+        return None if p.sd is None else cls(p.expected, p.sd, float(p.deviation(value)))
 
 
 @dataclass(frozen=True)

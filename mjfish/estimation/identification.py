@@ -172,6 +172,7 @@ class Identification(Result):
                     "high": solution.interval(p.name)[1],
                     "unit": p.unit,
                     "at_bound": bool(at_bound),
+                    "deviation": p.deviation(solution.values[p.name]) if p.sd is not None else None,
                 }
                 for p, at_bound in zip(solution.parameters, solution.at_bound, strict=True)
             },

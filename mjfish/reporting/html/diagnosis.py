@@ -129,7 +129,8 @@ def write_diagnosis(diagnosis: Diagnosis, path: Path) -> None:
 def render_diagnosis(diagnosis: Diagnosis) -> str:
     """Return the page of a diagnosis as HTML: self-contained, everything that came from a user escaped."""
     overlays = sorted(diagnosis.overlays, key=lambda overlay: not overlay.held_out)
-    declared = {p.name: p for p in (*diagnosis.nominal_model.parameters, *diagnosis.extended_model.parameters)}
+    models = (diagnosis.nominal_model, diagnosis.extended_model)
+    declared = {p.name: p for p in (*diagnosis.problem.parameters, *(p for m in models for p in m.parameters))}
     possible = [cause.name for cause in diagnosis.causes] or [name for group in diagnosis.rivals for name in group]
     names = [*diagnosis.nominal, *(name for name in diagnosis.extended if name not in diagnosis.nominal)]
     knots = knots_of(diagnosis.effects.values())

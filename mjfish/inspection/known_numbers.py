@@ -1,0 +1,54 @@
+"""Numbers that the data put far from what is known of them.
+
+With the rows of what is known in the fit (`mjfish.estimation.Problem.known`), d the deviation of an estimate in units
+of its sd and h the leverage of its row, the estimate without that row lies d / (1 - h) from the expected value, and
+
+    t = d / sqrt(1 - h) = (estimate of the data - expected) / sqrt(sd^2 + se^2)
+
+is standard normal where both are right: the deleted residual of linear regression ([Cook1982], sec. 2.2).
+
+[Cook1982] R. Cook, S. Weisberg, Residuals and Influence in Regression.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import stats
+
+from mjfish.estimation import Fit, Problem
+from mjfish.inspection.finding import Finding
+
+#: P value of any number, corrected for how many are asked, below which it is said.
+_LEVEL = 0.01
+#: Leverage above which the data say nothing about a number.
+_UNSEEN = 0.95
+
+
+def contradicted(problem: Problem, fit: Fit) -> Iterator[Finding]:
+    """Yield a finding for every number that the data alone put far from what is known of it.
+
+    Args:
+        problem: that was fitted.
+        fit: of it.
+    """
+    rows, deviations = fit.jacobian[problem.samples :], -fit.residual[problem.samples :]
+    left = 1.0 - np.einsum("ki,ij,kj->k", rows, fit.covariance, rows)
+    asked = left > 1.0 - _UNSEEN
+    for i, deviation, share, seen in zip(problem.known, deviations, left, asked, strict=True):
+        t = deviation / np.sqrt(share) if seen else 0.0
+        if 2.0 * stats.norm.sf(abs(t)) * np.count_nonzero(asked) >= _LEVEL:
+            continue
+        p = problem.parameters[i]
+        alone = p.at_deviation(float(deviation / share))
+        owner, _, _ = p.name.rpartition(":")
+        yield Finding(
+            code="far-from-known",
+            severity="suspect",
+            place=p.name,
+            found=f"the data alone put it at {min(max(alone, p.low), p.high):.3g} {p.unit}".removesuffix(" -"),
+            expected=f"{p.expected:.3g} with an sd of {p.sd:.2g} ({abs(t):.1f} sd away)",
+            remedy="measure it again, give it a larger sd, or look for a cause that it stands for",
+            trials=(owner,) if owner else (),
+        )
