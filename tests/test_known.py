@@ -12,11 +12,12 @@ from scipy.optimize import minimize_scalar
 import mjfish
 from mjfish import fish_toml
 from mjfish.arrays import FloatArray
-from mjfish.data import Dataset, save
+from mjfish.data import Dataset, Trial, save
 from mjfish.drive.wave import Wave
 from mjfish.effects.catalogue import find
 from mjfish.errors import InputError, MjfishError
 from mjfish.estimation import Problem, fit
+from mjfish.estimation.clocks import aligned
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.inspection.known_numbers import contradicted
 from mjfish.known import Beforehand
@@ -236,3 +237,22 @@ def test_a_number_far_from_what_the_data_say_is_a_finding(tmp_path: Path) -> Non
     assert "sd away" in found[0].expected
     right = problem_of(replace(pool, fish=written(tmp_path, com=f"{{ value = {head.com}, sd = 0.003 }}")))
     assert list(contradicted(right, fit(right))) == []
+
+
+def test_a_wave_of_the_wrong_frequency_is_said_and_taken_to_be_that_of_the_beat() -> None:
+    """The files say 1 Hz, the fish beats at 2."""
+    dataset = waved({})
+    slow = replace(dataset, trials=tuple(replace(t, wave=replace(wave_of(t), frequency=1.0)) for t in dataset.trials))
+    findings = [finding for finding in mjfish.inspect(slow).findings if finding.code == "wave-frequency"]
+    assert [finding.trials for finding in findings] == [("one",), ("two",)]
+    assert findings[0].found.startswith(
+        ("the drive says 1 Hz, the fish beats at 1.99", "the drive says 1 Hz, the fish beats at 2")
+    )
+    assert [wave_of(trial).frequency for trial in aligned(slow).trials] == pytest.approx([2.0, 2.0], abs=0.02)
+    assert not [finding for finding in mjfish.inspect(dataset).findings if finding.code == "wave-frequency"]
+
+
+def wave_of(trial: Trial) -> Wave:
+    """Return the wave of a trial that has one."""
+    assert trial.wave is not None
+    return trial.wave

@@ -97,6 +97,7 @@ def _diagnosed(
     rng = np.random.default_rng(seed)
     candidates = tuple(of_fish(catalogue() if effects is None else effects, dataset.fish).values())
     known = {effect.name: effect for effect in candidates}
+    checks = inspect(dataset, known)
     dataset = aligned(dataset)
     fitted, held = dataset.split()
     stated = None if dataset.noise is None else np.asarray(dataset.noise)
@@ -112,7 +113,6 @@ def _diagnosed(
     if not applicable:
         raise InputError(f"{dataset.name}: none of the {len(candidates)} effects applies to this dataset; add one")
     check_enough(problem, dataset.name)
-    checks = inspect(dataset, known)
     screening, noise_remark = screen(problem, applicable, stated, rng, progress)
     evidence, refits = screening.evidence, screening.refits
     checks = checks.joined(inspect_fit(evidence.problem, evidence.fit, known, held))

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from mjfish.data import Dataset, Trial
+from mjfish.data.importers.smoothing import beat_frequency
 from mjfish.frames import CHANNELS
 from mjfish.model import Model
 from mjfish.parameter import Parameter
@@ -64,11 +65,23 @@ def _clocked(trial: Trial, frequency: float, phase: float, scale: float) -> Tria
     return trial if frequency == phase == 0.0 and scale == 1.0 else trial.waved(frequency, phase, scale)
 
 
+def beat(trial: Trial) -> float | None:
+    """Return the frequency [Hz] of a beat that is not the stated one of a wave with a clock of its own; None: it is.
+
+    It is that of the measured yaw rate, where this swings clearly.
+    """
+    if trial.wave is None or not trial.wave.free:
+        return None
+    frequency, periodic = beat_frequency(trial.time, trial.velocity[:, CHANNELS.index("yaw_rate")])
+    return frequency if periodic and abs(frequency / trial.wave.frequency - 1.0) > _OFF else None
+
+
 def aligned(dataset: Dataset) -> Dataset:
     """Return the dataset with the phases of all waves with clocks of their own set to about the right turn.
 
-    Of 16 phases the one at which the nominal model correlates best with the measured sway and yaw rate, which swing
-    with the beat whatever the coefficients are; the fit does the rest.
+    A wave of another frequency than the `beat` gets that of the beat. Of 16 phases the one is taken at which the
+    nominal model correlates best with the measured sway and yaw rate, which swing with the beat whatever the
+    coefficients are; the fit does the rest.
     """
     if not any(trial.wave is not None and trial.wave.free for trial in dataset.trials):
         return dataset
@@ -82,6 +95,8 @@ def _aligned(model: Model, trial: Trial) -> Trial:
     swinging = [CHANNELS.index("sway"), CHANNELS.index("yaw_rate")]
     start = None if trial.starts_at_rest else trial.velocity[0]
     measured = trial.velocity[:, swinging] - trial.velocity[:, swinging].mean(axis=0)
+    faster = beat(trial)
+    trial = trial if faster is None else trial.waved(faster - trial.wave.frequency, 0.0)
     best, found = -np.inf, trial
     for phase in np.arange(_TRIED) * 2.0 * np.pi / _TRIED:
         turned = trial.waved(0.0, float(phase))

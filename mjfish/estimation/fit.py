@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy import optimize
+from scipy import optimize, special
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
@@ -267,15 +267,21 @@ def multistart(
 
 
 def hypercube(problem: Problem, count: int, seed: int) -> FloatArray:
-    """Return starts (count, p): nuisance parameters of trials stay at their own, which the data give."""
+    """Return starts (count, p): nuisance parameters of trials stay at their own, which the data give.
+
+    A parameter with a prior is drawn from it, any other evenly between its bounds.
+    """
     parameters = problem.parameters
     x = np.tile(problem.start(), (count, 1))
     shared = [i for i, p in enumerate(parameters) if ":" not in p.name]
     if count and shared:
-        low, high = bounds([parameters[i] for i in shared])
-        x[:, shared] = low + (high - low) * qmc.LatinHypercube(len(shared), rng=np.random.default_rng(seed)).random(
-            count
-        )
+        shares = qmc.LatinHypercube(len(shared), rng=np.random.default_rng(seed)).random(count)
+        for i, share in zip(shared, shares.T, strict=True):
+            p = parameters[i]
+            if p.sd is None:
+                x[:, i] = p.low + (p.high - p.low) * share
+            else:
+                x[:, i] = np.clip([p.at_deviation(float(z)) for z in special.ndtri(share)], p.low, p.high)
     return x
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.effects import Effect, catalogue
+from mjfish.estimation.clocks import aligned
 from mjfish.inspection import nominal_simulation as nominal
 from mjfish.inspection.finding import Finding
 from mjfish.inspection.kinematics import compatibility, disagreements
@@ -19,6 +20,7 @@ from mjfish.inspection.repeats import noise_from_repeats, repeat_findings
 from mjfish.inspection.result import Inspection
 from mjfish.inspection.runs import missing_runs
 from mjfish.inspection.samples import copies, interpolated, outliers, pooled, stuck
+from mjfish.inspection.wave_frequency import wave_frequencies
 from mjfish.model import Model
 
 
@@ -46,6 +48,7 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     """
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
+    frequencies, dataset = list(wave_frequencies(dataset.trials)), aligned(dataset)
     held = [trial.name for trial in dataset.split()[1]]
     found = [finding for trial in dataset.trials for finding in stuck(trial)]
     silent = {name for finding in found if finding.severity == "blocks" for name in finding.trials}
@@ -54,6 +57,7 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     fine = [trial for trial, good in zip(trials, enough, strict=True) if good]
     lines = [line for line in map(interpolated, fine) if line is not None]
     noise = pooled(lines)
+    found += frequencies
     found += copies(trials, held, noise)
     found += nominal.sampling(trials, enough)
     found += _against_simulation(dataset, fine, noise)

@@ -9,8 +9,8 @@ from scipy import signal
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
-from mjfish.estimation import Noise, Problem
 from mjfish.data.filters import Differentiator
+from mjfish.estimation import Noise, Problem
 from mjfish.fish import load_fish
 from mjfish.model import Model
 from mjfish.simulation.synthetic import generate

@@ -10,12 +10,12 @@ from scipy import interpolate
 
 from mjfish.arrays import readonly
 from mjfish.data import Trial
+from mjfish.data.filters import Differentiator
 from mjfish.diagnosis.progress import silent
 from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem
-from mjfish.data.filters import Differentiator
 from mjfish.fish import load_fish
 from mjfish.model import Model
 from mjfish.simulation.synthetic import generate
