@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Fit, fit, multistart
 from mjfish.estimation.identifiability import Weakness, weaknesses
 from mjfish.estimation.intervals import Intervals, intervals
+from mjfish.estimation.posterior import posterior
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual, fitted, held_out
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests
@@ -28,6 +30,7 @@ from mjfish.estimation.table_iv import Row, table_iv
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.model import Model
+from mjfish.model.posterior import Posterior
 from mjfish.noise import Noise
 from mjfish.noise.autoregressive import floor
 from mjfish.result import Result
@@ -122,6 +125,14 @@ class Identification(Result):
     problem: Problem | None = None
     assessment: Assessment | None = None
 
+    @cached_property
+    def posterior(self) -> Posterior | None:
+        """What the fit says of the coefficients, for draws (`mjfish.sample`); None where it diverged."""
+        if self.problem is None or self.assessment is None:
+            return None
+        fish = identified_fish(self.problem.model.fish, self.fit, self.problem.fixed)
+        return posterior(self.problem, self.fit, fish, self.assessment.stability.scatter, correlated=True)
+
     def strong_correlations(self, limit: float) -> list[tuple[str, str, float]]:
         """Return pairs of estimates that are correlated beyond `limit`, strongest first."""
         names, matrix = [p.name for p in self.fit.parameters], self.fit.correlation
@@ -180,6 +191,7 @@ class Identification(Result):
             "scores": plain(self.scores),
             "remarks": list(self.remarks),
             "assessment": plain(self.assessment),
+            "posterior": plain(self.posterior),
         }
 
 

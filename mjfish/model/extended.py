@@ -84,12 +84,14 @@ class Extended:
 
 
 def load(
-    fish: Fish | str | Path, effects: Mapping[str, Effect] | None = None, given: Mapping[str, float] | None = None
+    fish: Fish | Extended | str | Path,
+    effects: Mapping[str, Effect] | None = None,
+    given: Mapping[str, float] | None = None,
 ) -> Extended:
     """Return a fish with its effects: those in the tables ``[effects.NAME]`` of its file, and those that get values.
 
     Args:
-        fish: a fish, or as `mjfish.load_fish` takes it.
+        fish: a fish, one with effects, or as `mjfish.load_fish` takes it.
         effects: that may occur, by name; None: the shipped ones.
         given: coefficients and parameters of effects by full name, that replace those of the file. A parameter of an
             effect that the file does not have adds it.
@@ -101,21 +103,28 @@ def load(
     """
     given = given or {}
     known = catalogue() if effects is None else effects
-    source = fish.name if isinstance(fish, Fish) else str(fish)
-    fish, tables = (fish, {}) if isinstance(fish, Fish) else fishes.read(fish)
+    base = fish if isinstance(fish, Extended) else _alone(fish, known)
+    model, known = base.model, of_fish(known, base.model.fish)
+    there = {*base.model.fish.coefficient_names, *(effect.name for effect in model.effects)}
+    added = dict.fromkeys(name if name in there else name.partition(".")[0] for name in given)
+    new = tuple(known[name] for name in added if name in known and name not in there)
+    return Extended(replace(model, effects=(*model.effects, *new)), {**base.values, **given})
+
+
+def _alone(fish: Fish | str | Path, known: Mapping[str, Effect]) -> Extended:
+    """Return a fish with the effects of its file."""
+    if isinstance(fish, Fish):
+        return Extended(Model(fish), {})
+    source = str(fish)
+    fish, tables = fishes.read(fish)
     known = of_fish(known, fish)
-    added = dict.fromkeys(name.partition(".")[0] for name in given if name not in fish.coefficient_names)
-    if not tables:
-        return Extended(Model(fish, tuple(known[name] for name in added if name in known)), given)
     with located(source):
         entries = tomlfile.parse({"effects": tables}, _Effects, "").effects
         for name in entries:
             if name not in known:
                 raise UnknownNameError("effect", name, known, _OWN)
         values = {known[name].declaration(short).name: v for name, own in entries.items() for short, v in own.items()}
-        names = [*entries, *(name for name in added if name in known and name not in entries)]
-        extended = Extended(Model(fish, tuple(known[name] for name in names)), values)
-    return Extended(extended.model, {**extended.values, **given})
+        return Extended(Model(fish, tuple(known[name] for name in entries)), values)
 
 
 def write(path: str | Path, model: Model, values: Mapping[str, float], comments: Sequence[str] = ()) -> None:
