@@ -9,10 +9,11 @@ with delta what the common fit is off by, and tau is that of the largest restric
 
     -2 log L = sum_r log |V_r| + log |X' V^-1 X| + y' P y,   P = V^-1 - V^-1 X (X' V^-1 X)^-1 X' V^-1
 
-where X has all columns that the fit has. For one coefficient that every run tells with the same error this is
-the between-study variance of [DerSimonian1986]. All coefficients are estimated together: one that is
-scattered does not lend its scatter to those that are correlated with it, and a run that says nothing of a coefficient
-says nothing of its scatter. The estimate is 0 in about half of all cases where there is none, and then small.
+where X has all columns that the fit has. For one coefficient that every run tells with the same error this is the
+between-study variance of [DerSimonian1986]. All coefficients are estimated together: one that is scattered does not
+lend its scatter to those that are correlated with it, and a run that says nothing of a coefficient says nothing of its
+scatter. Where there is none, the estimate is 0 in most cases (three of four, over 240 draws of white and of AR(1) noise
+of 0.8 in six runs), and else about the error of a run.
 
 [Patterson1971] H. D. Patterson, R. Thompson: Recovery of inter-block information when block sizes are unequal.
 [DerSimonian1986] R. DerSimonian, N. Laird: Meta-analysis in clinical trials, Controlled Clinical Trials 7.

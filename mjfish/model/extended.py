@@ -20,7 +20,8 @@ from mjfish.fish import Fish
 from mjfish.model.model import LoadsOfRun, Model, active_effects, loads_of
 from mjfish.tomlfile import Table
 
-_OWN = "a cause of your own needs its file: --effects FILE"
+#: What to do about an effect that is not shipped.
+OWN = "a cause of your own needs its file: --effects FILE"
 
 
 class _Effects(Table):
@@ -122,7 +123,7 @@ def _alone(fish: Fish | str | Path, known: Mapping[str, Effect]) -> Extended:
         entries = tomlfile.parse({"effects": tables}, _Effects, "").effects
         for name in entries:
             if name not in known:
-                raise UnknownNameError("effect", name, known, _OWN)
+                raise UnknownNameError("effect", name, known, OWN)
         values = {known[name].declaration(short).name: v for name, own in entries.items() for short, v in own.items()}
         return Extended(Model(fish, tuple(known[name] for name in entries)), values)
 

@@ -7,10 +7,11 @@ left.
 
 The draw is Gaussian in the parameters themselves, not in their logarithms: estimates often rest on a bound, and bounds
 may be zero, where there is no logarithm. There the mean is the bound, and one parameter alone is drawn from a
-half-normal distribution with the standard error that it would have without bounds. Plain rejection would be the
-simplest way to truncate, but of five estimates on bounds (as those of the paper's pike) it keeps one draw in
-thirty-two at best. So every draw comes from elliptical slice sampling, which moves on ellipses inside the bounds
-and leaves the truncated Gaussian unchanged ([Murray2010]).
+half-normal distribution with the standard error that it would have without bounds, as its interval has it: wider than
+the truth where the data push hard against the bound. Plain rejection would be the simplest way to truncate, but of five
+estimates on bounds (as those of the paper's pike) it keeps one draw in thirty-two at best. So every draw comes from
+elliptical slice sampling, which moves on ellipses inside the bounds and leaves the truncated Gaussian unchanged
+([Murray2010]).
 
 [Higgins2009] J. Higgins, S. Thompson, D. Spiegelhalter: A re-evaluation of random-effects meta-analysis, JRSS A 172.
 [Murray2010] I. Murray, R. Adams, D. MacKay: Elliptical slice sampling, AISTATS.
@@ -30,7 +31,7 @@ import numpy as np
 
 from mjfish import files, tomlfile
 from mjfish.arrays import FloatArray
-from mjfish.effects import catalogue, find, of_fish
+from mjfish.effects import catalogue, of_fish
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish
@@ -107,7 +108,10 @@ class Posterior:
         """
         raw = tomlfile.parse(saved, _Saved, place)
         known = of_fish(effects, raw.fish)
-        model = Model(raw.fish, tuple(find(name, dict(known)) for name in raw.effects))
+        for name in raw.effects:
+            if name not in known:
+                raise UnknownNameError(f"effect in {place}", name, known, extended.OWN)
+        model = Model(raw.fish, tuple(known[name] for name in raw.effects))
         declared = [p.name for p in model.parameters]
         for name in raw.names:
             if name not in declared:
