@@ -74,6 +74,7 @@ class Posterior:
         mean: their estimates (p,).
         covariance: of their errors (p, p). Estimates on a bound have the one that they would have without it, and
             bounds count as a Gaussian prior as wide as they are apart, so that what the data do not say stays finite.
+            0 for coefficients for which learned curves stand in (`mjfish.estimation.posterior`).
         scatter: standard deviations (p,) from run to run.
         runs: how many were fitted.
     """

@@ -6,12 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_swimming import TRUTH, swimming
+from synthetic_swimming import TRUTH, problem, swimming
 
 from mjfish import sample
-from mjfish.estimation import Identification, identify
+from mjfish.effects import find
+from mjfish.estimation import Identification, fit, identify
+from mjfish.estimation.posterior import posterior as posterior_of
+from mjfish.estimation.scatter import scatter
 from mjfish.estimation.settings import Settings
 from mjfish.fish import Fish
+from mjfish.model import Model
 from mjfish.model.posterior import Posterior
 
 
@@ -57,15 +61,14 @@ def test_draws_fit_the_data_as_a_posterior_does(found: Identification, posterior
 
     Draws of independent parameters, where estimates are correlated, raise it many times as much.
     """
-    problem = found.problem
-    assert problem is not None
+    posed = found.problem
+    assert posed is not None
     unscattered = replace(posterior, scatter=np.zeros(9))
     independent = replace(unscattered, covariance=np.diag(np.diag(posterior.covariance)))
     rise = [
-        np.mean([np.sum(problem.residual(x) ** 2) for x in one.draw(60, np.random.default_rng(1))]) - found.fit.sse
+        np.mean([np.sum(posed.residual(x) ** 2) for x in one.draw(60, np.random.default_rng(1))]) - found.fit.sse
         for one in (unscattered, independent)
     ]
-    print(rise)
     assert 6.0 < rise[0] < 12.0
     assert rise[1] > 5.0 * rise[0]
 
@@ -81,3 +84,19 @@ def test_the_fish_has_the_bounds_of_the_fit_and_keeps_what_was_fixed(pike: Fish)
     assert (body.low, body.high) == (0.2, 3.3)
     assert found.to_dict()["posterior"]["runs"] == 2
     assert set(TRUTH) == set(draw.values)
+
+
+def test_a_coefficient_that_a_learned_curve_scales_is_held(pike: Fish) -> None:
+    """Catches draws that leave the hyperbola c_d exp(curve): drag was off by half in some. The curve has no scatter."""
+    law = find("drag_law").for_fish(pike) or find("drag_law")
+    posed = problem(swimming(pike, ("v1", "v5"), duration=3.0), model=Model(pike, (law,)))
+    found = fit(posed, posed.start(TRUTH), evaluations=2)
+    learned = posterior_of(posed, found, pike, {}, correlated=False)
+    sigma = dict(zip(learned.names, np.sqrt(np.diag(learned.covariance)), strict=True))
+    held = [name for name, error in sigma.items() if error == 0.0]
+    assert {"c_d.head", "c_f.head"} <= set(held)
+    assert not [name for name in held if name.startswith(("c_m", "drag_law"))]
+    assert sigma["drag_law.across_3"] < 0.1
+    scattered = scatter(posed, found)
+    assert "c_m.tail" in scattered
+    assert not [name for name in scattered if name.startswith(("drag_law.across", "drag_law.along"))]
