@@ -9,6 +9,7 @@ import typer
 
 import mjfish
 from mjfish.cli import console
+from mjfish.files import check_new_folder
 
 
 def sample(
@@ -22,9 +23,9 @@ def sample(
 ) -> None:
     """Draw fish whose coefficients and effects have the error of the fit and the scatter from run to run."""
     from mjfish.effects import catalogue
-    from mjfish.model.posterior import check_new, write_draws
+    from mjfish.model.posterior import write_draws
 
-    check_new(out)
+    check_new_folder(out)
     draws = mjfish.sample(diagnosis, n, seed=seed, effects=catalogue(tuple(effects or ())))
     origin = f"Drawn by mjfish sample from {diagnosis.name}, {n} draws, seed {seed}."
     files = write_draws(out, draws, [origin])

@@ -20,8 +20,6 @@ elliptical slice sampling, which moves on ellipses inside the bounds and leaves 
 from __future__ import annotations
 
 import json
-import shutil
-import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -234,17 +232,6 @@ def _read(path: Path, effects: Mapping[str, Effect]) -> Posterior:
     return Posterior.restored(saved, f"{path}: posterior", effects)
 
 
-def check_new(folder: Path) -> None:
-    """Refuse a folder that `write_draws` would refuse; for callers with long work before they write.
-
-    Raises:
-        InputError: it holds something, or cannot be made.
-    """
-    files.check_folder(folder)
-    if folder.exists() and any(folder.iterdir()):
-        raise InputError(f"{folder}: is not empty, expected a new folder; choose another")
-
-
 def write_draws(folder: str | Path, draws: Sequence[Extended], comments: Sequence[str] = ()) -> tuple[Path, ...]:
     """Write draws as fish TOMLs ``draw_001.toml`` and so on to a new folder, all of them or none.
 
@@ -259,19 +246,10 @@ def write_draws(folder: str | Path, draws: Sequence[Extended], comments: Sequenc
     Raises:
         InputError: the folder holds something or cannot be written.
     """
-    folder = Path(folder).resolve()
-    check_new(folder)
-    names = [f"draw_{k:0{max(3, len(str(len(draws))))}d}.toml" for k in range(1, len(draws) + 1)]
-    partial = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}.partial")
-    try:
-        partial.mkdir(parents=True)
+    folder = Path(folder)
+    digits = max(3, len(str(len(draws))))
+    names = [f"draw_{k:0{digits}d}.toml" for k in range(1, len(draws) + 1)]
+    with files.new_folder(folder) as partial:
         for name, draw in zip(names, draws, strict=True):
             extended.write(partial / name, draw.model, draw.values, comments)
-        if folder.exists():
-            folder.rmdir()
-        partial.rename(folder)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error}; choose another place") from None
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
     return tuple(folder / name for name in names)

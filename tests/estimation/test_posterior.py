@@ -51,9 +51,15 @@ def test_errors_are_those_of_the_intervals(found: Identification, posterior: Pos
     np.testing.assert_allclose(np.sqrt(np.diag(given))[narrow], known.sigma[narrow], rtol=0.1)
 
 
-def test_what_the_data_do_not_say_is_as_wide_as_its_bounds_at_most(found: Identification, posterior: Posterior) -> None:
-    width = np.array([p.high - p.low for p in found.fit.parameters])
-    assert np.all(np.sqrt(np.diag(posterior.covariance)) <= width * (1.0 + 1e-9))
+@pytest.mark.parametrize("correlated", [False, True])
+def test_what_the_data_do_not_say_is_as_wide_as_its_bounds(pike: Fish, found: Identification, correlated: bool) -> None:
+    assert found.problem is not None
+    silent = found.fit.jacobian.copy()
+    silent[:, 6] = 0.0
+    unsaid = posterior_of(found.problem, replace(found.fit, jacobian=silent), pike, {}, correlated=correlated)
+    p = found.fit.parameters[6]
+    assert np.sqrt(unsaid.covariance[6, 6]) == pytest.approx(p.high - p.low, rel=1e-9)
+    assert unsaid.names[6] == p.name == "c_f.head"
 
 
 def test_draws_fit_the_data_as_a_posterior_does(found: Identification, posterior: Posterior) -> None:

@@ -76,9 +76,10 @@ def test_a_parameter_without_variance_stays_and_one_that_nothing_tells_fills_its
 
 def test_scatter_adds_that_of_the_run_and_what_it_makes_of_the_mean(posterior: Posterior) -> None:
     """tau^2 (1 + 1 / runs) beside the error; of the others nothing changes."""
-    wider = replace(posterior, scatter=np.array([0.0, 0.0, 0.003]))
+    wider = replace(posterior, scatter=np.array([0.0, 0.0, 0.003]), runs=2)
     x = _drawn(wider, 4000)
-    assert stats.kstest((x[:, 2] - 0.02) / np.sqrt(0.002**2 + 1.25 * 0.003**2), "norm").pvalue > 1e-3
+    assert np.std(x[:, 2]) == pytest.approx(np.sqrt(0.002**2 + 1.5 * 0.003**2), rel=0.04)
+    assert stats.kstest((x[:, 2] - 0.02) / np.sqrt(0.002**2 + 1.5 * 0.003**2), "norm").pvalue > 1e-3
     assert stats.kstest((x[:, 1] - posterior.mean[1]) / 0.02, "halfnorm").pvalue > 1e-3
 
 
