@@ -5,7 +5,8 @@ The names below are imported when they are first used:
 
 - the fish, the data and the model: `Fish`, `load_fish`, `new_fish`, `Dataset`, `Trial`, `load_dataset`, `Model`,
   `Effect`, `Parameter`;
-- what can be done with them: `simulate`, `generate`, `check`, `inspect`, `identify`, `diagnose`, `plan`, `compare`;
+- what can be done with them: `simulate`, `generate`, `check`, `inspect`, `identify`, `diagnose`, `sample`, `plan`,
+  `compare`;
 - the water for any MuJoCo model: `StripFluid`, `StripLink`;
 - `MjfishError`, the base of every error that a wrong input raises.
 """
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from mjfish.fish_of_measurements import new_fish
     from mjfish.inspection import inspect
     from mjfish.model import Model
+    from mjfish.model.posterior import sample
     from mjfish.mujoco import StripFluid, StripLink
     from mjfish.parameter import Parameter
     from mjfish.simulation import check, generate, simulate
@@ -52,6 +54,7 @@ _HOME = {
     "inspect": "inspection",
     "identify": "estimation",
     "diagnose": "diagnosis",
+    "sample": "model.posterior",
     "plan": "design",
     "compare": "comparison",
     "MjfishError": "errors",
@@ -78,6 +81,7 @@ __all__ = [
     "load_fish",
     "new_fish",
     "plan",
+    "sample",
     "simulate",
 ]
 

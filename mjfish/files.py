@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
+import shutil
 import tempfile
+import uuid
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +79,42 @@ def check_folder(path: Path) -> None:
     if not existing.is_dir():
         raise InputError(f"{existing}: is a file, expected a folder; choose another place")
     _check_writable(existing)
+
+
+def check_new_folder(path: Path) -> None:
+    """Refuse a folder that holds something, or that cannot be made or written to.
+
+    Raises:
+        InputError: see above.
+    """
+    check_folder(path)
+    if path.exists() and any(path.iterdir()):
+        raise InputError(f"{path}: is not empty, expected a new folder; choose another")
+
+
+@contextlib.contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """Yield a folder that becomes `path` when the block is done, complete or not at all.
+
+    Args:
+        path: absent, or an empty folder.
+
+    Raises:
+        InputError: it holds something, or cannot be written.
+    """
+    path = path.resolve()
+    check_new_folder(path)
+    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.partial")
+    try:
+        partial.mkdir(parents=True)
+        yield partial
+        if path.exists():
+            path.rmdir()
+        partial.rename(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error}; choose another place") from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
 
 
 def make_folder(path: Path) -> None:

@@ -21,9 +21,10 @@ from mjfish.diagnosis.where import Where
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import catalogue, find
 from mjfish.estimation import Noise, Problem
-from mjfish.fish import load_fish
+from mjfish.fish import Fish, load_fish
 from mjfish.inspection import Inspection
 from mjfish.model import Model
+from mjfish.model.posterior import Posterior
 
 CAUSE = "servo_lag"
 #: A clock that only large servo delays are told from, walls that nothing shows.
@@ -111,6 +112,7 @@ def diagnosis(
         extended={**nominal, **of_cause} if wrong else nominal,
         nominal_model=Model(fish),
         extended_model=Model(fish).extended(find(cause)) if wrong else Model(fish),
+        posterior=_posterior(fish, {**nominal, **of_cause} if wrong else nominal, (cause,) if wrong else ()),
         overlays=tuple(overlays),
         problem=Problem(
             Model(fish), tuple(overlay.trial for overlay in overlays if not overlay.held_out), Noise.white(SIGMA)
@@ -118,6 +120,19 @@ def diagnosis(
         fits=_fits(fish.values, {cause: values, "time_offset": {"time_offset.offset": -0.0195}} if wrong else {}),
         effects=catalogue(),
         provenance={"versions": {"mjfish": "0.1.0"}, "commit": None, "seed": 7, "inputs": {"slow.csv": "ab12"}},
+    )
+
+
+def _posterior(fish: Fish, estimates: Mapping[str, Estimate], causes: tuple[str, ...]) -> Posterior:
+    """Return independent errors as large as the intervals say, without scatter."""
+    sigma = np.array([(value.high - value.low) / 4.0 for value in estimates.values()])
+    return Posterior(
+        model=Model(fish, tuple(find(name) for name in causes)),
+        names=tuple(estimates),
+        mean=np.array([value.estimate for value in estimates.values()]),
+        covariance=np.diag(sigma**2),
+        scatter=np.zeros(len(sigma)),
+        runs=2,
     )
 
 

@@ -137,8 +137,10 @@ def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
     """A clock or the servos: the data cannot tell, and the plan knows what would."""
     page = ROOT / "docs" / "diagnosis.md"
     (tmp_path / "out").mkdir()
-    _, diagnosed, planned = (run_command(line, tmp_path) for line in commands(page))
+    _, diagnosed, planned, sampled, swum = (run_command(line, tmp_path) for line in commands(page))
     assert diagnosed.startswith("cannot_tell")
+    assert "wrote 20 fish to out/draws" in sampled
+    assert "% of 20 draws" in swum
     assert "To confirm servo_lag" in diagnosed
     assert "Verdict" not in planned
     assert "The data cannot tell" in planned
@@ -148,6 +150,7 @@ def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
     assert verdict == "cannot_tell"
     assert {"servo_lag", "time_offset"} <= set(rivals)
     assert "section_height" in printed
+    assert "20 fish" in printed
 
 
 def test_the_page_of_the_next_experiment_runs(tmp_path: Path) -> None:

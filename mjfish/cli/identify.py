@@ -207,6 +207,9 @@ def _words(result: Identification, profiles: Sequence[Profile]) -> Iterator[str]
     if assessment is not None:
         yield from (f"- {weakness.text}" for weakness in assessment.weaknesses)
         yield f"- {assessment.stability.text}"
+        if scattered := {name: tau for name, tau in assessment.stability.scatter.items() if tau > 0.0}:
+            listed = ", ".join(f"{name} {number(tau, 2)}" for name, tau in scattered.items())
+            yield f"- scatter from trial to trial beyond the errors (standard deviations): {listed}"
         tests, rank = assessment.residual_tests, assessment.criteria
         yield (
             f"- residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the drive "

@@ -10,7 +10,7 @@ import typer
 import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError
-from mjfish.files import check_file
+from mjfish.files import check_file, check_new_folder
 from mjfish.reporting.words import number
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def plan(
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Rank runs and calibrations by how well they would tell rival causes apart a second."""
-    from mjfish.design import Menu, load_diagnosis, next_run, write_next_run
+    from mjfish.design import Menu, load_diagnosis, write_next_run
     from mjfish.effects import catalogue
 
     known = catalogue(tuple(effects or ()))
@@ -50,7 +50,7 @@ def plan(
     if json_ is not None:
         check_file(json_)
     if generate_ is not None:
-        next_run.check_folder(generate_)
+        check_new_folder(generate_)
     measured = mjfish.load_dataset(dataset)
     source = measured if diagnosis is None else load_diagnosis(diagnosis, measured, effects=known, jobs=jobs)
     asked = {"rivals": console.names(rivals or ""), "causes": console.names(causes or "")}

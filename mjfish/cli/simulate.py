@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mjfish.model.extended import Extended
-    from mjfish.simulation import CrossCheck, Row
+    from mjfish.simulation import CrossCheck, Row, Simulation
 
 #: Checked where no mode is named: a straight run, a change of frequency, a turn.
 CHECKED = ("v1", "v5-v1", "v3-t2")
@@ -55,6 +55,10 @@ def simulate(
     ] = None,
     duration: Annotated[float, typer.Option(help="Length of the run [s].")] = DURATION,
     free: Annotated[bool, typer.Option("--free", help="Free to roll, pitch and sink; --engine mujoco only.")] = False,
+    draws: Annotated[
+        Path | None,
+        typer.Option(help="Folder of `mjfish sample`: simulate its fish too and write their band, band.csv."),
+    ] = None,
 ) -> None:
     """Simulate a fish with its effects and write rollout.csv and rollout.rrd."""
     from mjfish import effects as causes
@@ -69,17 +73,45 @@ def simulate(
     for name, settings in console.effect_settings(effect or []).items():
         values |= {causes.find(name, known).declaration(short).name: value for short, value in settings.items()}
     drive = joints if wave is None else parse_wave(wave)
-    run = mjfish.simulate(
-        fish, mode, engine=engine, values=values, effects=known, drive=drive, duration=duration, free=free
-    )
+    others = [] if draws is None else _fish_in(draws)
+
+    def swim(fish: str | Path) -> Simulation:
+        return mjfish.simulate(
+            fish, mode, engine=engine, values=values, effects=known, drive=drive, duration=duration, free=free
+        )
+
+    run = swim(fish)
+    diverged = 0
+    if others and run.status == "ok":
+        with console.progress_bar() as tell:
+            swum = []
+            for done, other in enumerate(others):
+                tell("simulating the draws", done / len(others))
+                swum.append(swim(other))
+        diverged = sum(other.status != "ok" for other in swum)
+        run = run.with_band(swum)
     make_folder(out)
     table, log = out / "rollout.csv", out / "rollout.rrd"
     run.write_table(table)
     run.log(log)
+    if run.band is not None:
+        run.band.write_table(out / "band.csv")
     if run.status != "ok":
         console.complain(run.status, run.message)
         raise typer.Exit(console.NOT_GOOD)
-    console.say(run.summary(), f"wrote {table} and {log} (open it with: {console.program()} view {log})")
+    written = f"{table} and {log}" if run.band is None else f"{table}, {out / 'band.csv'} and {log}"
+    console.say(run.summary(), f"wrote {written} (open it with: {console.program()} view {log})")
+    if diverged:
+        console.complain("diverged", f"{diverged} of {len(others)} draws, which the band leaves out")
+        raise typer.Exit(console.NOT_GOOD)
+
+
+def _fish_in(folder: Path) -> list[Path]:
+    """Return the fish TOMLs in a folder, in the order of their names."""
+    found = sorted(folder.glob("*.toml"))
+    if not found:
+        raise InputError(f"--draws: no fish TOML in {folder}; write some by 'mjfish sample DIAGNOSIS --out {folder}'")
+    return found
 
 
 def check(

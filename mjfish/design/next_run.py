@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import shutil
 import tomllib
-import uuid
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +18,7 @@ from mjfish.design.menu import Run
 from mjfish.design.planning import Plan
 from mjfish.drive import cpg as hopf
 from mjfish.errors import InputError
-from mjfish.files import check_folder as check_place
+from mjfish.files import new_folder
 from mjfish.fish import Cpg, load_fish
 from mjfish.frames import CHANNELS
 from mjfish.ode.rollout import STEP
@@ -29,17 +27,6 @@ from mjfish.ode.rollout import STEP
 _RATE = 100.0
 _FISH = "fish.toml"
 _LIST = "RECORD.md"
-
-
-def check_folder(folder: Path) -> None:
-    """Refuse a folder that holds something, or cannot be made; for callers with long work before `write_next_run`.
-
-    Raises:
-        InputError: see above.
-    """
-    check_place(folder)
-    if folder.exists() and any(folder.iterdir()):
-        raise InputError(f"{folder}: is not empty, expected a new folder; choose another")
 
 
 def write_next_run(dataset: Dataset, plan: Plan, folder: Path) -> Path:
@@ -68,13 +55,10 @@ def write_next_run(dataset: Dataset, plan: Plan, folder: Path) -> Path:
             f"{dataset.name}: was not read from a dataset.toml, which the new one is made from; save it first"
         )
     folder = folder.resolve()
-    check_folder(folder)
     raw = tomllib.loads(dataset.source.read_text(encoding="utf-8"))
     shipped = raw["fish"] in fishes.shipped()
     own_fish = load_fish(raw["fish"], relative_to=dataset.source.parent)  # as its file has it, without [start]
-    partial = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}.partial")
-    try:
-        partial.mkdir(parents=True)
+    with new_folder(folder) as partial:
         if not shipped:
             raw["fish"] = _FISH
             (partial / _FISH).write_text(fish_toml.text(own_fish), encoding="utf-8")
@@ -82,13 +66,6 @@ def write_next_run(dataset: Dataset, plan: Plan, folder: Path) -> Path:
         (partial / FILE).write_text(tomlfile.text(raw), encoding="utf-8")
         (partial / _LIST).write_text("\n".join(_list(plan, run)) + "\n", encoding="utf-8")
         write_table(partial / f"{run.name}.command.csv", _command(dataset.fish.cpg, run))
-        if folder.exists():
-            folder.rmdir()
-        partial.rename(folder)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error}; choose another place") from None
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
     return folder / FILE
 
 

@@ -35,12 +35,15 @@ from mjfish.errors import InputError
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Z95
-from mjfish.estimation.identification import check_enough, first_sigma
+from mjfish.estimation.identification import check_enough, first_sigma, identified_fish
 from mjfish.estimation.nominal import nominal_problem
+from mjfish.estimation.posterior import posterior
 from mjfish.estimation.residual import Score
+from mjfish.estimation.scatter import scatter
 from mjfish.inspection import Inspection, inspect, inspect_fit
 from mjfish.inspection.known_numbers import contradicted
 from mjfish.model import Model
+from mjfish.model.posterior import Posterior
 
 #: Said of a refit that was too far behind the best to be followed.
 _ROUGH = "Its refit was not followed to its optimum: what it explains is a lower bound, its size is rough."
@@ -198,6 +201,7 @@ def _diagnosed(
         extended=estimates(final, extended.model),
         nominal_model=evidence.problem.model,
         extended_model=extended.model,
+        posterior=_posterior(extended, final),
         overlays=_overlays(evidence, extended, final, held, scores),
         problem=evidence.problem,
         fits=(
@@ -293,6 +297,14 @@ def estimates(found: Fit, model: Model) -> dict[str, Estimate]:
             value = p.default if p.shape and not np.any(slope) else found.values[p.name]
             result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound), KnownNumber.of(p, value))
     return result
+
+
+def _posterior(problem: Problem, found: Fit) -> Posterior | None:
+    """Return the posterior of the extended model; its residuals are white under the noise of the problem."""
+    if found.status == "diverged":
+        return None
+    fish = identified_fish(problem.model.fish, found, problem.fixed)
+    return posterior(problem, found, fish, scatter(problem, found), correlated=False)
 
 
 def _fitted_model(causes: tuple[str, ...], problem: Problem, fit: Fit) -> FittedModel:

@@ -21,6 +21,7 @@ from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Problem
 from mjfish.inspection import Inspection
 from mjfish.model import Model
+from mjfish.model.posterior import Posterior
 from mjfish.parameter import Parameter
 from mjfish.result import Result
 from mjfish.serialise import plain
@@ -189,6 +190,8 @@ class Diagnosis(Result):
         nominal: coefficients of the nominal model by name.
         extended: coefficients and effect parameters of the extended model by full name.
         nominal_model, extended_model: ready to predict.
+        posterior: what the fit of the extended model says of its parameters, for draws (`mjfish.sample`); None where
+            it diverged.
         overlays: every trial, measured and predicted.
         problem: of the nominal model on the fit trials, with the noise that the fits were made under.
         fits: the nominal model, then every candidate that was fitted together with the coefficients.
@@ -222,6 +225,7 @@ class Diagnosis(Result):
     extended: Mapping[str, Estimate]
     nominal_model: Model
     extended_model: Model
+    posterior: Posterior | None
     overlays: tuple[Overlay, ...]
     problem: Problem
     fits: tuple[FittedModel, ...]
@@ -272,7 +276,7 @@ class Diagnosis(Result):
         kept = (
             "verdict", "message", "status", "remarks", "causes", "mechanisms", "domain", "rivals", "alternatives",
             "certain", "candidates", "undetectable", "isolability", "checks", "fingerprint", "description", "p_wrong",
-            "where", "fits", "provenance",
+            "where", "fits", "posterior", "provenance",
         )  # fmt: skip
         return {
             "schema": SCHEMA,

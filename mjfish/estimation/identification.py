@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from mjfish.estimation.fit import Fit, fit, multistart
 from mjfish.estimation.identifiability import Weakness, weaknesses
 from mjfish.estimation.intervals import Intervals, intervals
 from mjfish.estimation.nominal import nominal_problem
+from mjfish.estimation.posterior import posterior
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual, fitted, held_out
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests
@@ -27,6 +29,7 @@ from mjfish.estimation.stability import Stability, stability
 from mjfish.estimation.table_iv import Row, table_iv
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
+from mjfish.model.posterior import Posterior
 from mjfish.noise import Noise
 from mjfish.noise.autoregressive import floor
 from mjfish.result import Result
@@ -121,6 +124,14 @@ class Identification(Result):
     problem: Problem | None = None
     assessment: Assessment | None = None
 
+    @cached_property
+    def posterior(self) -> Posterior | None:
+        """What the fit says of the coefficients, for draws (`mjfish.sample`); None where it diverged."""
+        if self.problem is None or self.assessment is None:
+            return None
+        fish = identified_fish(self.problem.model.fish, self.fit, self.problem.fixed)
+        return posterior(self.problem, self.fit, fish, self.assessment.stability.scatter, correlated=True)
+
     def strong_correlations(self, limit: float) -> list[tuple[str, str, float]]:
         """Return pairs of estimates that are correlated beyond `limit`, strongest first."""
         names, matrix = [p.name for p in self.fit.parameters], self.fit.correlation
@@ -180,6 +191,7 @@ class Identification(Result):
             "scores": plain(self.scores),
             "remarks": list(self.remarks),
             "assessment": plain(self.assessment),
+            "posterior": plain(self.posterior),
         }
 
 
@@ -311,6 +323,8 @@ def _score(residual: Residual) -> TrialScore:
 def identified_fish(fish: Fish, fit: Fit, fixed: Mapping[str, float] | None = None) -> Fish:
     """Return the fish with what was found; `mjfish.fish_toml` and `mjfish.mujoco.export` write it.
 
+    What was known of its numbers beforehand stays what is known.
+
     Args:
         fish: of the dataset.
         fit: its estimates become values, the starts and bounds it had become the fish's.
@@ -319,7 +333,9 @@ def identified_fish(fish: Fish, fit: Fit, fixed: Mapping[str, float] | None = No
     """
     declared = {p.name: p for p in (*fish.parameters, *fit.parameters) if p.name in fish.coefficient_names}
     values = {name: value for name, value in {**(fixed or {}), **fit.values}.items() if name in declared}
-    return fish.with_coefficients({name: replace(declared[name], default=value) for name, value in values.items()})
+    known = {name: declared[name].expected for name in values}
+    changed = {name: replace(declared[name], default=v, mean=known[name]) for name, v in values.items()}
+    return fish.with_numbers(fit.values).with_coefficients(changed)
 
 
 def origin(fish: Fish, dataset: str, fit: Fit, fixed: Mapping[str, float] | None = None) -> list[str]:

@@ -15,19 +15,17 @@ of 6 s, 8 % of 400 in three of 4 s.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import stats
 
-from mjfish.arrays import BoolArray, FloatArray
+from mjfish.arrays import FloatArray
+from mjfish.estimation.by_trial import RANK, Reduced, reduced, span
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.serial_correlation import Block, Serial, blocks_of, serial
-
-#: Directions weaker than this share of the strongest are not counted.
-_RANK = 1e-6
+from mjfish.estimation.scatter import scatter
+from mjfish.estimation.serial_correlation import blocks_of
 
 
 @dataclass(frozen=True)
@@ -65,6 +63,8 @@ class Stability:
         stable: whether it is not below `alpha`; None where there is nothing to compare.
         alpha: probability of calling a stable model unstable.
         text: the same in words.
+        scatter: standard deviation of each coefficient from trial to trial, beyond the error of its estimates by trial
+            (`mjfish.estimation.scatter`); empty where there is nothing to compare.
     """
 
     statistic: float
@@ -76,6 +76,7 @@ class Stability:
     stable: bool | None
     alpha: float
     text: str
+    scatter: dict[str, float] = field(default_factory=dict)
 
 
 def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
@@ -93,11 +94,11 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
     if len(problem.trials) < 2 or not shared:
         nothing = "one trial" if len(problem.trials) < 2 else "no free coefficient"
         return Stability(0.0, (0.0, 0.0), 1.0, (), 1.0, 1.0, None, alpha, f"{nothing}: there is nothing to compare")
-    small = _reduced(blocks_of(problem, fit), free)
+    small = reduced(blocks_of(problem, fit), free)
     places = {k: int(np.count_nonzero(free[:k])) for k in shared}
     alone = [_moved(fit.parameters[k].name, float(fit.x[k]), small, place) for k, place in places.items()]
     columns = np.concatenate([small.split(place) for place in places.values()], axis=1)
-    statistic, degrees_of_freedom, p_value = small.f_test(columns)
+    statistic, degrees_of_freedom, p_value = _f_test(small, columns)
     ranked = tuple(sorted(alone, key=lambda test: (test.p_value, -test.statistic)))
     p_value_of_first = min(1.0, len(ranked) * ranked[0].p_value)
     p_value_combined = min(1.0, 2.0 * min(p_value, p_value_of_first))
@@ -112,93 +113,34 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
         p_value_combined >= alpha,
         alpha,
         text,
+        scatter(problem, fit, small),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Reduced:
-    """Everything in coordinates of J_r = Q_r R_r, trial by trial: few numbers for many samples.
-
-    Attributes:
-        trials: names.
-        found: covariance of the residuals in time.
-        bases: Q_r (n_r, 3, k) of every trial.
-        factors: (trials, k, p) R_r.
-        residual: (trials k,) Q_r' e_r.
-        omega: (trials k, trials k) Q_r' Omega_r Q_r on its diagonal.
-    """
-
-    trials: tuple[str, ...]
-    found: Serial
-    bases: tuple[FloatArray, ...]
-    factors: FloatArray
-    residual: FloatArray
-    omega: FloatArray
-
-    @property
-    def common(self) -> FloatArray:
-        """Columns (trials k, p) of parameters that all trials share."""
-        return self.factors.reshape(-1, self.factors.shape[2])
-
-    def split(self, place: int) -> FloatArray:
-        """Return the column of one parameter as one column a trial (trials k, trials)."""
-        return linalg.block_diag(*self.factors[:, :, place, None])
-
-    def f_test(self, columns: FloatArray) -> tuple[float, tuple[float, float], float]:
-        """Return F, its degrees of freedom and its p value, of columns (trials k, m) beside the common ones."""
-        length = np.linalg.norm(columns, axis=0)
-        left = columns[:, length > 0.0] / length[length > 0.0]
-        common = _span(self.common)
-        left = left - common @ (common.T @ left)
-        basis, singular, _ = np.linalg.svd(left, full_matrices=False)
-        basis = basis[:, singular > _RANK]
-        if basis.shape[1] == 0:
-            return 0.0, (0.0, 0.0), 1.0
-        weights = np.maximum(np.linalg.eigvalsh(basis.T @ self.omega @ basis), 0.0)
-        total = max(float(weights.sum()), 1e-300)
-        parts = [q @ part for q, part in zip(self.bases, np.split(basis, len(self.bases)), strict=True)]
-        first = float(total**2 / max(float(weights @ weights), 1e-300))
-        second = max(float(self.found.degrees_of_freedom(parts, total=True)[0]), 1.0)
-        statistic = float(np.sum((basis.T @ self.residual) ** 2)) / total
-        return statistic, (first, second), float(stats.f.sf(statistic, first, second))
-
-
-def _reduced(blocks: Sequence[Block], free: BoolArray) -> _Reduced:
-    """Reduce to the span of each trial's own columns; the noise is what is left when each trial is fitted alone.
-
-    What the common fit leaves of trials that differ is no noise, and would hide that they do.
-    """
-    bases, factors, residual, left = [], [], [], []
-    for block in blocks:
-        columns = block.jacobian[:, :, free].reshape(3 * len(block.residual), -1)
-        full = np.concatenate([columns, np.zeros((max(columns.shape[1] - len(columns), 0), columns.shape[1]))])
-        q, r = np.linalg.qr(full)
-        q = q[: len(columns)]
-        own = q.T @ block.residual.ravel()
-        bases.append(q.reshape(-1, 3, q.shape[1]))
-        factors.append(r)
-        residual.append(own)
-        left.append(replace(block, residual=block.residual - (q @ own).reshape(-1, 3)))
-    found = serial(left, free, apart=True)
-    middles = [np.einsum("tci,tcj->ij", q, found.times(r, q)) for r, q in enumerate(bases)]
-    names = tuple(block.trial for block in blocks)
-    return _Reduced(
-        names, found, tuple(bases), np.array(factors), np.concatenate(residual), linalg.block_diag(*middles)
-    )
-
-
-def _span(columns: FloatArray) -> FloatArray:
-    """Return an orthonormal basis of the span of columns, each first scaled to length 1."""
+def _f_test(small: Reduced, columns: FloatArray) -> tuple[float, tuple[float, float], float]:
+    """Return F, its degrees of freedom and its p value, of columns (trials k, m) beside the common ones."""
     length = np.linalg.norm(columns, axis=0)
-    left, singular, _ = np.linalg.svd(columns[:, length > 0.0] / length[length > 0.0], full_matrices=False)
-    return np.asarray(left[:, singular > _RANK * singular.max(initial=0.0)])
+    left = columns[:, length > 0.0] / length[length > 0.0]
+    common = span(small.common)
+    left = left - common @ (common.T @ left)
+    basis, singular, _ = np.linalg.svd(left, full_matrices=False)
+    basis = basis[:, singular > RANK]
+    if basis.shape[1] == 0:
+        return 0.0, (0.0, 0.0), 1.0
+    weights = np.maximum(np.linalg.eigvalsh(basis.T @ small.omega @ basis), 0.0)
+    total = max(float(weights.sum()), 1e-300)
+    parts = [q @ part for q, part in zip(small.bases, np.split(basis, len(small.bases)), strict=True)]
+    first = float(total**2 / max(float(weights @ weights), 1e-300))
+    second = max(float(small.found.degrees_of_freedom(parts, total=True)[0]), 1.0)
+    statistic = float(np.sum((basis.T @ small.residual) ** 2)) / total
+    return statistic, (first, second), float(stats.f.sf(statistic, first, second))
 
 
-def _moved(name: str, value: float, small: _Reduced, place: int) -> Moved:
+def _moved(name: str, value: float, small: Reduced, place: int) -> Moved:
     """Return the test of one coefficient, and its estimates by trial, all others common: one Gauss-Newton step."""
     columns = small.split(place)
-    statistic, degrees_of_freedom, p_value = small.f_test(columns)
-    others = _span(np.delete(small.common, place, axis=1))
+    statistic, degrees_of_freedom, p_value = _f_test(small, columns)
+    others = span(np.delete(small.common, place, axis=1))
     moving = np.linalg.norm(columns, axis=0) > 0.0
     own = columns[:, moving] - others @ (others.T @ columns[:, moving])
     steps = np.linalg.pinv(own)

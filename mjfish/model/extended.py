@@ -20,7 +20,8 @@ from mjfish.fish import Fish
 from mjfish.model.model import LoadsOfRun, Model, active_effects, loads_of
 from mjfish.tomlfile import Table
 
-_OWN = "a cause of your own needs its file: --effects FILE"
+#: What to do about an effect that is not shipped.
+OWN = "a cause of your own needs its file: --effects FILE"
 
 
 class _Effects(Table):
@@ -53,7 +54,7 @@ class Extended:
     @property
     def fish(self) -> Fish:
         """The fish as it really is, with its coefficients: through every hook ``body``."""
-        fish = _with_coefficients(self.model.fish, self.values)
+        fish = _with_values(self.model.fish, self.values)
         for effect, own in self.active:
             fish = effect.body(fish, own)
         return fish
@@ -84,12 +85,14 @@ class Extended:
 
 
 def load(
-    fish: Fish | str | Path, effects: Mapping[str, Effect] | None = None, given: Mapping[str, float] | None = None
+    fish: Fish | Extended | str | Path,
+    effects: Mapping[str, Effect] | None = None,
+    given: Mapping[str, float] | None = None,
 ) -> Extended:
     """Return a fish with its effects: those in the tables ``[effects.NAME]`` of its file, and those that get values.
 
     Args:
-        fish: a fish, or as `mjfish.load_fish` takes it.
+        fish: a fish, one with effects, or as `mjfish.load_fish` takes it.
         effects: that may occur, by name; None: the shipped ones.
         given: coefficients and parameters of effects by full name, that replace those of the file. A parameter of an
             effect that the file does not have adds it.
@@ -101,21 +104,28 @@ def load(
     """
     given = given or {}
     known = catalogue() if effects is None else effects
-    source = fish.name if isinstance(fish, Fish) else str(fish)
-    fish, tables = (fish, {}) if isinstance(fish, Fish) else fishes.read(fish)
+    base = fish if isinstance(fish, Extended) else _alone(fish, known)
+    model, known = base.model, of_fish(known, base.model.fish)
+    there = {*base.model.fish.coefficient_names, *(effect.name for effect in model.effects)}
+    added = dict.fromkeys(name if name in there else name.partition(".")[0] for name in given)
+    new = tuple(known[name] for name in added if name in known and name not in there)
+    return Extended(replace(model, effects=(*model.effects, *new)), {**base.values, **given})
+
+
+def _alone(fish: Fish | str | Path, known: Mapping[str, Effect]) -> Extended:
+    """Return a fish with the effects of its file."""
+    if isinstance(fish, Fish):
+        return Extended(Model(fish), {})
+    source = str(fish)
+    fish, tables = fishes.read(fish)
     known = of_fish(known, fish)
-    added = dict.fromkeys(name.partition(".")[0] for name in given if name not in fish.coefficient_names)
-    if not tables:
-        return Extended(Model(fish, tuple(known[name] for name in added if name in known)), given)
     with located(source):
         entries = tomlfile.parse({"effects": tables}, _Effects, "").effects
         for name in entries:
             if name not in known:
-                raise UnknownNameError("effect", name, known, _OWN)
+                raise UnknownNameError("effect", name, known, OWN)
         values = {known[name].declaration(short).name: v for name, own in entries.items() for short, v in own.items()}
-        names = [*entries, *(name for name in added if name in known and name not in entries)]
-        extended = Extended(Model(fish, tuple(known[name] for name in names)), values)
-    return Extended(extended.model, {**extended.values, **given})
+        return Extended(Model(fish, tuple(known[name] for name in entries)), values)
 
 
 def write(path: str | Path, model: Model, values: Mapping[str, float], comments: Sequence[str] = ()) -> None:
@@ -132,7 +142,7 @@ def write(path: str | Path, model: Model, values: Mapping[str, float], comments:
         InputError: another suffix, or the file cannot be written.
         UnknownNameError, ParameterError: no parameter of that name, or a parameter of an effect outside its bounds.
     """
-    fish = _with_coefficients(model.fish, values)
+    fish = _with_values(model.fish, values)
     own = Extended(
         replace(model, fish=fish), {name: v for name, v in values.items() if name not in fish.coefficient_names}
     ).values
@@ -140,11 +150,11 @@ def write(path: str | Path, model: Model, values: Mapping[str, float], comments:
     fish_toml.write(path, fish, comments, effects)
 
 
-def _with_coefficients(fish: Fish, values: Mapping[str, float]) -> Fish:
-    """Return the fish with the coefficients among `values`; bounds give way to them."""
+def _with_values(fish: Fish, values: Mapping[str, float]) -> Fish:
+    """Return the fish with the coefficients and free numbers among `values`; bounds of coefficients give way."""
     changed = {}
     for p in fish.parameters:
         if p.name in values and values[p.name] != p.default:
             value = float(values[p.name])
             changed[p.name] = replace(p, default=value, low=min(p.low, value), high=max(p.high, value))
-    return fish.with_coefficients(changed)
+    return fish.with_numbers(values).with_coefficients(changed)

@@ -26,6 +26,7 @@ from mjfish.model import extended
 from mjfish.model.model import Prepared
 from mjfish.result import Result
 from mjfish.serialise import unsaved
+from mjfish.simulation.band import Band, band
 
 #: Longest step of both engines [s].
 STEP = 0.001
@@ -53,6 +54,7 @@ class Simulation(Result):
         motion: of the joints, as the engine realised it.
         states: (m, 6 or more) velocity and pose at the boundaries of the steps of `motion`, for forces
             (`mjfish.ode.forces.link_forces`).
+        band: of other fish in the same run, see `with_band`; None: there are none.
     """
 
     fish: str
@@ -69,14 +71,37 @@ class Simulation(Result):
     prepared: Prepared = unsaved()
     motion: JointMotion = unsaved()
     states: FloatArray = unsaved()
+    band: Band | None = None
+
+    def with_band(self, draws: Iterable[Simulation]) -> Simulation:
+        """Return the run with the band of other fish in it, such as draws of `mjfish.sample`.
+
+        Args:
+            draws: the same run by other fish; those that diverged are left out.
+
+        Raises:
+            InputError: none of them got through, or one is another run or at other times.
+        """
+        through = [draw for draw in draws if draw.status == "ok"]
+        if not through:
+            raise InputError(f"{self.drive}: none of the draws swam to the end; sample others, or give a slower drive")
+        for draw in through:
+            same = (draw.fish, draw.drive) == (self.fish, self.drive) and np.array_equal(draw.time, self.time)
+            if not same:
+                raise InputError(
+                    f"a draw of {draw.fish} swam {draw.drive} for {draw.time[-1]:g} s, expected {self.fish}, "
+                    f"{self.drive}, {self.time[-1]:g} s; give draws of the same fish, simulated alike"
+                )
+        return replace(self, band=band(self.time, [draw.velocity for draw in through]))
 
     def summary(self) -> str:
-        """Return fish, drive, engine and mean surge of the second half, then the effects; at most ten lines."""
+        """Return fish, drive, engine and mean surge of the second half, its band, the effects; at most ten lines."""
         head = f"{self.fish}, {self.drive}, {self.engine}: "
         if self.status != "ok":
             return head + f"{self.status}: {self.message}"
         surge = self.velocity[len(self.time) // 2 :, 0].mean()
-        return "\n".join([f"{head}mean surge of the second half {surge:.3f} m/s", *self.effects[:9]])
+        others = [] if self.band is None else [self.band.summary()]
+        return "\n".join([f"{head}mean surge of the second half {surge:.3f} m/s", *others, *self.effects][:10])
 
     def write_table(self, path: str | Path) -> None:
         """Write time, velocity, pose, joint angles and attitude, if any, as CSV or Parquet (see `mjfish.compare`).
@@ -95,7 +120,7 @@ class Simulation(Result):
 
 
 def simulate(
-    fish: Fish | str | Path = "pike",
+    fish: Fish | extended.Extended | str | Path = "pike",
     mode: str = "v1",
     *,
     engine: Literal["ode", "mujoco"] = "ode",
@@ -108,7 +133,7 @@ def simulate(
     """Simulate one run of a fish from rest, with the effects of its file and those that get values.
 
     Args:
-        fish: a fish, the name of a shipped one, or a fish TOML with its effects.
+        fish: a fish, the name of a shipped one, a fish TOML with its effects, or a draw of `mjfish.sample`.
         mode: of swimming, see [Yu2016], Table IV; the fish needs a CPG.
         engine: ``ode``, the equation in the frame of the head, or ``mujoco``, whose servos follow the command.
         values: coefficients and parameters of effects by full name, e.g. ``{"munk_moment.kappa": 1.0}``.

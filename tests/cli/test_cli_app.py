@@ -26,6 +26,7 @@ COMMANDS = (
     "compare",
     "identify",
     "diagnose",
+    "sample",
     "plan",
     "effects",
     "demo",

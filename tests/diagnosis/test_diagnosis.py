@@ -14,6 +14,7 @@ from diagnosed import diagnosis as handmade
 from hidden_cases import coefficients, draw
 from pike_coefficients import COEFFICIENTS
 
+from mjfish import sample
 from mjfish.arrays import readonly
 from mjfish.data import load_dataset, save
 from mjfish.diagnosis import Diagnosis, diagnose
@@ -37,6 +38,25 @@ QUICK = {name: find(name) for name in ("time_offset", "servo_lag", "ambient_curr
 @pytest.fixture(scope="module")
 def named() -> Diagnosis:
     return diagnose(draw("time_offset", "middling", trials=4).dataset, effects=QUICK, jobs=1, seed=3)
+
+
+def test_draws_come_from_the_extended_model_with_the_errors_of_its_intervals(named: Diagnosis) -> None:
+    """Catches the posterior of another fit, and one without the cause."""
+    posterior = named.posterior
+    assert posterior is not None
+    assert posterior.names == tuple(named.extended)
+    assert posterior.model.effects == named.extended_model.effects
+    assert posterior.runs == len(named.problem.trials)
+    np.testing.assert_array_equal(posterior.mean, [value.estimate for value in named.extended.values()])
+    at_bound = [value.at_bound for value in named.extended.values()]
+    beside = posterior.covariance[:, at_bound]
+    given = posterior.covariance - beside @ np.linalg.solve(beside[at_bound], beside.T)
+    offset = named.extended["time_offset.offset"]
+    place = posterior.names.index("time_offset.offset")
+    assert np.sqrt(given[place, place]) == pytest.approx((offset.high - offset.low) / (2.0 * 1.96), rel=0.01)
+    assert named.to_dict()["posterior"]["effects"] == ["time_offset"]
+    offsets = [draw.values["time_offset.offset"] for draw in sample(named, 50)]
+    assert 0.6 < np.std(offsets) / np.sqrt(posterior.covariance[place, place]) < 1.4
 
 
 class FadingBattery(Effect):

@@ -58,6 +58,9 @@ def _(result: Simulation) -> go.Figure:
     drawn = panels(len(CHANNELS), height=480, shared_xaxes=True, vertical_spacing=0.075)
     for k, channel in enumerate(CHANNELS):
         panel = Panel(drawn, k + 1)
+        if (others := result.band) is not None:
+            low, _, high = others.velocity[:, :, k]
+            panel.band(others.time, low, high, "extended-soft")
         panel.curve(result.time, result.velocity[:, k], "extended", "simulated")
         panel.heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
     return drawn.update_xaxes(title_text="time [s]", row=len(CHANNELS))

@@ -24,7 +24,7 @@ from mjfish.frames import CHANNELS, UNITS
 from mjfish.ode.forces import LinkForces
 from mjfish.reporting.log.body import link_mesh, link_poses
 from mjfish.reporting.log.curves import form_tab, log_curves
-from mjfish.reporting.log.scene import Run, Swim, Swimmer
+from mjfish.reporting.log.scene import Run, Swim
 
 #: Of a fish that is free in space, and their units.
 ATTITUDE = {"roll": "rad", "pitch": "rad", "heave": "m"}
@@ -95,12 +95,14 @@ APPLICATION = "mjfish"
 #: Every run has its own time, from its own start, on this line.
 TIMELINE = "sim_time"
 #: Red, green, blue, alpha of each swimmer, bodies and curves alike.
-COLOURS: dict[Swimmer, tuple[int, int, int, int]] = {
+COLOURS: dict[str, tuple[int, int, int, int]] = {
     "measured": (205, 208, 214, 255),
     "nominal": (229, 138, 60, 150),
     "extended": (46, 168, 178, 200),
     "simulated": (46, 168, 178, 200),
 }
+#: Of the band of other fish in the same run.
+BAND = (130, 136, 145, 255)
 #: Kinds of force, as they are called in the log and in `mjfish.ode.forces.LinkForces`.
 FORCES = {"drag": (232, 84, 100, 255), "added_mass": (136, 150, 255, 255), "load": (226, 204, 70, 255)}
 FLOOR = (70, 78, 90, 255)
@@ -119,8 +121,9 @@ def write_runs(
 
     Per run: ``/RUN/world/SWIMMER/link_K`` the body with a transform over time, ``/RUN/world/SWIMMER/path``,
     ``/RUN/world/SWIMMER/force/drag`` and ``.../added_mass``, ``/RUN/velocity/CHANNEL/SWIMMER`` and
-    ``/RUN/residual/CHANNEL/SWIMMER``, of a fish in space ``/RUN/attitude/roll/SWIMMER`` and so on, all on the duration
-    timeline ``sim_time``. Curves are ``/curves/MECHANISM/QUANTITY-GROUP``, see `mjfish.reporting.log.curves`.
+    ``/RUN/residual/CHANNEL/SWIMMER``, of a band of other fish ``/RUN/velocity/CHANNEL/draws_5`` and so on, of a fish in
+    space ``/RUN/attitude/roll/SWIMMER`` and so on, all on the duration timeline ``sim_time``. Curves are
+    ``/curves/MECHANISM/QUANTITY-GROUP``, see `mjfish.reporting.log.curves`.
 
     Args:
         path: of the file; one that is there is replaced.
@@ -159,6 +162,9 @@ def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: 
             _series(recording, f"{root}/velocity", swim.swimmer, swim.time, swim.velocity)
             if swim.attitude is not None:
                 _series(recording, f"{root}/attitude", swim.swimmer, swim.time, swim.attitude, tuple(ATTITUDE))
+        if run.band is not None:
+            for level, velocity in zip(run.band.levels, run.band.velocity, strict=True):
+                _series(recording, f"{root}/velocity", f"draws_{level:g}", run.band.time, velocity)
         for swimmer, (time, residual) in run.residuals().items():
             _series(recording, f"{root}/residual", swimmer, time, residual)
     log_curves(recording, mechanisms)
@@ -217,15 +223,15 @@ def _arrows(recording: rr.RecordingStream, root: str, time: FloatArray, forces: 
 def _series(
     recording: rr.RecordingStream,
     root: str,
-    swimmer: Swimmer,
+    name: str,
     time: FloatArray,
     values: FloatArray,
     channels: Sequence[str] = CHANNELS,
 ) -> None:
-    """Log one curve a channel."""
-    style = rr.SeriesLines(names=swimmer, colors=COLOURS[swimmer], widths=1.6)
+    """Log one curve a channel, of a swimmer or of another name."""
+    style = rr.SeriesLines(names=name, colors=COLOURS.get(name, BAND), widths=1.6 if name in COLOURS else 0.8)
     for k, channel in enumerate(channels):
-        _columns(recording, f"{root}/{channel}/{swimmer}", style, time, rr.Scalars.columns(scalars=values[:, k]))
+        _columns(recording, f"{root}/{channel}/{name}", style, time, rr.Scalars.columns(scalars=values[:, k]))
 
 
 def _columns(recording: rr.RecordingStream, entity: str, style: Any, time: FloatArray, columns: Any) -> None:

@@ -127,7 +127,7 @@ def _(result: Simulation, path: Path) -> None:
         time = result.prepared.time[: len(result.time)]
         forces = _forces(result.prepared, result.motion, result.states, time, result.pose)
     swim = Swim("simulated", result.time, result.velocity, result.pose, result.joint_angle, forces, result.attitude)
-    runs = [Run(result.drive, result.prepared.fish, (swim,))]
+    runs = [Run(result.drive, result.prepared.fish, (swim,), band=result.band)]
     write_runs(path, runs, name=result.fish, about=result.summary())
 
 

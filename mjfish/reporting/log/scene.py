@@ -12,6 +12,7 @@ from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.fish import Fish
 from mjfish.ode.forces import LinkForces
+from mjfish.simulation.band import Band
 
 #: Who swims: the recorded fish, the nominal and the extended model of a diagnosis, or a simulation on its own.
 Swimmer = Literal["measured", "nominal", "extended", "simulated"]
@@ -55,12 +56,14 @@ class Run:
         fish: its body.
         swims: one a swimmer, those of one run on the same samples.
         held_out: whether nothing was fitted to it.
+        band: of other fish in the same run, if any.
     """
 
     name: str
     fish: Fish
     swims: tuple[Swim, ...]
     held_out: bool = False
+    band: Band | None = None
 
     def followed(self) -> Swim:
         """Return the swim that the camera follows: one with a body, the best simulated first."""
