@@ -13,7 +13,7 @@ import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError
 from mjfish.files import check_file, check_folder, make_folder
-from mjfish.reporting.words import CHANNEL_NAMES, NONE, VERDICTS, estimate, interval, named_as, number, p_value, percent
+from mjfish.reporting.words import CHANNEL_NAMES, NONE, estimate, interval, named_as, number, p_value, percent
 
 if TYPE_CHECKING:
     from mjfish.diagnosis import Diagnosis, Splits
@@ -220,17 +220,15 @@ def show_splits(result: Splits) -> None:
     texts = ("held out", "fitted", "verdict", "mechanisms")
     table = console.table("Splits", (*texts, "held-out error less by"), texts)
     for split in result.splits:
-        gain, verdict = NONE, NONE if split.verdict is None else VERDICTS[split.verdict].lower()
+        gain, verdict = NONE, (split.verdict or NONE).replace("_", " ")
         if split.gain is not None:
             ends = f"{percent(split.gain.low, 2)} to {percent(split.gain.high, 2)}"
             gain = f"{percent(split.gain.relative_reduction, 2)}  ({ends})"
         held_out = f"{', '.join(split.held_out)}{' (as divided)' if split.declared else ''}"
         table.add_row(held_out, ", ".join(split.fitted), verdict, split.summary(), gain)
-    counts = ", ".join(f"{VERDICTS[share.name].lower()} {share.count} of {known}" for share in result.verdicts)
-    table.caption = f"{counts}. " if counts else ""
-    table.caption += "The splits share runs: how often something comes is no probability."
+    table.caption = "The splits share runs: how often something comes is no probability."
     console.out.print(table)
-    console.say(f"Divided anew, {result.headline()}")
+    console.say(result.headline())
 
 
 def _cause(result: Diagnosis) -> Table:

@@ -146,19 +146,23 @@ class Splits(Result):
         return tuple(sorted(found, key=lambda share: (-share.count, -share.certain, -share.not_named)))
 
     def headline(self) -> str:
-        """Return in a sentence how often the verdict of the dataset came."""
+        """Return in words how often the verdict of the dataset, and each verdict, came."""
         own = _row(self.diagnosis, declared=True)
         certain = "" if own.verdict == "named" else "certain: "
         said = f"{own.verdict} ({certain}{', '.join(sorted(own.claims))})" if own.claims else f"{own.verdict}"
-        own_too = ", its own among them" if any(split.declared for split in self.splits) else ""
-        return f"{said} came in {self.agreeing} of {len(self.splits)} splits{own_too}; {self.possible} are possible."
+        own_too = ", the dataset's own among them" if any(split.declared for split in self.splits) else ""
+        counts = [f"{one.name} {one.count}" for one in self.verdicts]
+        if failed := len(self.splits) - len(self.diagnosed):
+            counts.append(f"not diagnosed {failed}")
+        return (
+            f"The verdict {said} came in {self.agreeing} of {len(self.splits)} splits{own_too}. By verdict: "
+            f"{', '.join(counts)}. Possible splits: {self.possible}."
+        )
 
     def summary(self) -> str:
         """Return how often the verdict of the dataset, each verdict and each mechanism came, in at most ten lines."""
         known = len(self.diagnosed)
         lines = [f"{self.diagnosis.dataset.name}: {self.headline()}"]
-        if known:
-            lines.append(f"  verdicts: {', '.join(f'{one.name} {one.count} of {known}' for one in self.verdicts)}")
         if failed := [split for split in self.splits if split.verdict is None]:
             lines.append(f"  {len(failed)} not diagnosed: {failed[0].message}")
         room = 10 - len(lines)
@@ -219,10 +223,10 @@ def diagnose_splits(
         >>> from mjfish.diagnosis import diagnose_splits
         >>> from mjfish.effects import find
         >>> truth, noise = {"servo_lag.time_constant": 0.03}, (0.006, 0.006, 0.04)
-        >>> pool = mjfish.generate("pike", ["v1", "v5-v1", "v3"], values=truth, noise=noise)
+        >>> pool = mjfish.generate("pike", ["v1", "v5", "v3"], duration=4.0, values=truth, noise=noise)
         >>> found = diagnose_splits(pool, 3, effects={name: find(name) for name in ("servo_lag", "time_offset")})
-        >>> found.headline()
-        'named (servo_dynamics) came in 3 of 3 splits, its own among them; 3 are possible.'
+        >>> [(split.held_out, split.verdict) for split in found.splits]
+        [(('v1',), 'named'), (('v5',), 'named'), (('v3',), 'named')]
     """
     if count < 1:
         raise InputError(f"splits: found {count}, expected 1 or more; give the number of times to divide the runs")

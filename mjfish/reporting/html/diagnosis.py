@@ -138,7 +138,6 @@ def render_diagnosis(diagnosis: Diagnosis, splits: Splits | None = None) -> str:
         diagnosis=diagnosis,
         splits=splits,
         badge=VERDICTS[diagnosis.verdict],
-        verdicts=VERDICTS,
         sampled=sum(len(overlay.trial.time) for overlay in diagnosis.overlays),
         errors=errors(diagnosis),
         channel_names=CHANNEL_NAMES,
