@@ -30,8 +30,8 @@ _WIDTH = 0.8
 _SWING, _SINGLE, _PHASE, _APART = (0.31, 0.46, 0.53, 0.67), 0.5, 3.67, 1.3
 #: Size of one unit of the oscillators' psi [rad].
 _UNIT = 0.1
-#: Value, start, low and high of a coefficient by kind: plain-plate numbers of textbooks, no fit.
-_COEFFICIENTS = {"c_m": (0.8, 0.8, 0.01, 3.0), "c_d": (1.5, 1.5, 0.05, 6.0), "c_f": (0.01, 0.01, 0.0005, 0.1)}
+#: Value, sd, low and high of a coefficient by kind: plain-plate numbers of textbooks, how far they are trusted; no fit.
+_COEFFICIENTS = {"c_m": (0.8, 0.4, 0.01, 3.0), "c_d": (1.5, 1.0, 0.05, 20.0), "c_f": (0.01, 0.02, 1e-5, 1.0)}
 #: Damping of a servo over the least inertia of a link about its joint [1/s]: explicit integration is stable up to a
 #: step of 2 ms. Stiffness over damping [1/s].
 _DAMPED, _STIFF = 200.0, 400.0
@@ -155,8 +155,8 @@ def _spread(piece: LinkOutline) -> float:
 
 
 def _coefficient(kind: str) -> Coefficient:
-    value, start, low, high = _COEFFICIENTS[kind]
-    return Coefficient(value=value, start=start, low=low, high=high)
+    value, sd, low, high = _COEFFICIENTS[kind]
+    return Coefficient(value=value, sd=sd, start=value, low=low, high=high)
 
 
 def _oscillators(joints: int) -> Cpg:

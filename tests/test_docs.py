@@ -33,20 +33,22 @@ def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A page's command and its Python diagnose the same folder: the second gets the result of the first.
+    """A page's commands and its Python diagnose the same folder: each split of its runs is diagnosed once.
 
-    docs/diagnosis.md diagnoses its folder both ways.
+    docs/diagnosis.md diagnoses its folder in both ways, and its splits.
     """
     diagnose, results = mjfish.diagnose, {}
 
     def diagnose_once(dataset: Dataset | Path | str, **options: Any) -> Diagnosis:
         dataset = dataset if isinstance(dataset, Dataset) else load_dataset(dataset)
-        key = b"".join(trial.velocity.tobytes() for trial in dataset.trials)
+        fitted, held = dataset.split()
+        key = tuple(b"".join(trial.velocity.tobytes() for trial in trials) for trials in (fitted, held))
         if key not in results:
             results[key] = diagnose(dataset, **options)
         return results[key]
 
     monkeypatch.setattr(mjfish, "diagnose", diagnose_once)
+    monkeypatch.setattr("mjfish.diagnosis.splits.diagnose", diagnose_once)
 
 
 @pytest.mark.usefixtures("diagnosed_once")
@@ -133,18 +135,25 @@ def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
     assert "'c_m.tail': np.float64(0.061)" in run_python(script, tmp_path)
 
 
+@pytest.mark.usefixtures("diagnosed_once")
 def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
-    """A clock or the servos: the data cannot tell, and the plan knows what would."""
+    """A clock or the servos: the data cannot tell, however they are divided, and the plan knows what would."""
     page = ROOT / "docs" / "diagnosis.md"
     (tmp_path / "out").mkdir()
-    _, diagnosed, planned, sampled, swum = (run_command(line, tmp_path) for line in commands(page))
+    _, diagnosed, planned, sampled, swum, divided = (run_command(line, tmp_path) for line in commands(page))
     assert diagnosed.startswith("cannot_tell")
     assert "wrote 20 fish to out/draws" in sampled
     assert "% of 20 draws" in swum
+    assert divided.startswith(diagnosed)
+    assert "The verdict cannot_tell came in 3 of 3 splits" in divided
+    written = json.loads((tmp_path / "out" / "splits" / "splits.json").read_text())
+    assert {"splits", "verdicts", "mechanisms", "agreeing"} <= set(written)
+    assert {"message", "gain"} <= set(written["splits"][0])
     assert "To confirm servo_lag" in diagnosed
     assert "Verdict" not in planned
     assert "The data cannot tell" in planned
-    (script,) = blocks(page, "python")
+    splits, script = blocks(page, "python")
+    assert "(('v1',), 'cannot_tell')" in run_python(splits, tmp_path)
     printed = run_python(script, tmp_path)
     verdict, *rivals = printed.partition("\n")[0].split()
     assert verdict == "cannot_tell"

@@ -13,15 +13,17 @@ import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError
 from mjfish.files import check_file, check_folder, make_folder
-from mjfish.reporting.words import CHANNEL_NAMES, estimate, interval, named_as, number, p_value, percent
+from mjfish.reporting.words import CHANNEL_NAMES, NONE, estimate, interval, named_as, number, p_value, percent
 
 if TYPE_CHECKING:
-    from mjfish.diagnosis import Diagnosis
+    from mjfish.diagnosis import Diagnosis, Splits
     from mjfish.effects import Effect
 
 #: The datasets that ship with the package; what is hidden in them is not said here.
 DEMO = Path(__file__).parents[1] / "demo"
 LEARNED = DEMO / "learned"
+#: What is written to a folder: numbers, report, rerun log, extended fish.
+_FILES = ("diagnosis.json", "report.html", "fish.rrd", "extended.toml")
 #: Standard errors by which a coefficient must move to be listed.
 _MOVED = 2.0
 _COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow", "unexplained": "red"}
@@ -44,7 +46,16 @@ def diagnose(
         Path | None, typer.Option(help="Folder for the curves of the named mechanisms, a CSV each.")
     ] = None,
     extended: Annotated[Path | None, typer.Option(help="Write the extended model as a fish TOML to simulate.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the simulated null distributions.", min=0)] = 0,
+    splits: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Divide the runs anew so many times, diagnose each split, and say what comes how often."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for all of these files under the names of the demo, and splits.json.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the simulated null distributions, and of the splits.", min=0)] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Find what the simulation gets wrong on measured data, name the cause, and measure the gain on held-out trials."""
@@ -52,16 +63,33 @@ def diagnose(
     for file in (json_, report, rrd, extended):
         if file is not None:
             check_file(file)
-    if curves is not None:
-        check_folder(curves)
+    for folder in (curves, out):
+        if folder is not None:
+            check_folder(folder)
     if extended is not None and extended.suffix != ".toml":
         raise InputError(f"--extended: {extended} ends in '{extended.suffix}', expected .toml; rename it")
-    measured = mjfish.load_dataset(dataset)
+    measured, divided = mjfish.load_dataset(dataset), None
     with console.progress_bar() as tell:
-        result = mjfish.diagnose(measured, effects=known, seed=seed, jobs=jobs, progress=tell)
-    _write(result, json_, report, rrd, extended)
+        if splits is None:
+            result = mjfish.diagnose(measured, effects=known, seed=seed, jobs=jobs, progress=tell)
+        else:
+            from mjfish.diagnosis import diagnose_splits
+
+            divided = diagnose_splits(measured, splits, effects=known, seed=seed, jobs=jobs, progress=tell)
+            result = divided.diagnosis
+    if out is not None:
+        make_folder(out)
+        json_, report, rrd, extended = (
+            given or out / name for given, name in zip((json_, report, rrd, extended), _FILES, strict=True)
+        )
+        curves = curves or out / "curves"
+        if divided is not None:
+            divided.save(out / "splits.json")
+    _write(result, json_, report, rrd, extended, splits=divided)
     written = None if curves is None else result.write_curves(curves)
     show(result)
+    if divided is not None:
+        show_splits(divided)
     if written == ():
         console.say(f"No curve was written to {curves}: no mechanism is named whose form is a curve.")
     _leave(result)
@@ -85,7 +113,7 @@ def demo(
     with console.progress_bar() as tell:
         result = mjfish.diagnose(mjfish.load_dataset(LEARNED if learned else DEMO), progress=tell)
     make_folder(out)
-    _write(result, *(out / name for name in ("diagnosis.json", "report.html", "fish.rrd", "extended.toml")))
+    _write(result, *(out / name for name in _FILES))
     curves = result.write_curves(out / "curves")
     show(result)
     program = console.program()
@@ -119,11 +147,19 @@ def _catalogue(files: list[Path] | None) -> dict[str, Effect]:
     return dict(catalogue(tuple(files or ())))
 
 
-def _write(result: Diagnosis, json_: Path | None, report: Path | None, rrd: Path | None, extended: Path | None) -> None:
+def _write(
+    result: Diagnosis,
+    json_: Path | None,
+    report: Path | None,
+    rrd: Path | None,
+    extended: Path | None,
+    *,
+    splits: Splits | None = None,
+) -> None:
     if json_ is not None:
         result.save(json_)
     if report is not None:
-        result.report(report)
+        (splits or result).report(report)
     if rrd is not None:
         result.log(rrd)
     if extended is not None:
@@ -166,6 +202,33 @@ def show(result: Diagnosis) -> None:
     _undetectable(result)
     console.say(*(f"Data, {finding.severity}: {finding.message}" for finding in result.checks.findings))
     console.say(*(f"Remark: {remark}" for remark in result.remarks))
+
+
+def show_splits(result: Splits) -> None:
+    """Print how often each mechanism is named and each verdict came, and what every split says."""
+    known = len(result.diagnosed)
+    title = "Mechanisms, by the splits in which they are named"
+    table = console.table(
+        title,
+        ("mechanism", "named", "with its form", "certain beside rivals", "not named, part of the best"),
+        ("mechanism",),
+    )
+    for share in result.mechanisms:
+        table.add_row(share.name, f"{share.count} of {known}", *map(str, (share.form, share.certain, share.not_named)))
+    if table.row_count:
+        console.out.print(table)
+    texts = ("held out", "fitted", "verdict", "mechanisms")
+    table = console.table("Splits", (*texts, "held-out error less by"), texts)
+    for split in result.splits:
+        gain, verdict = NONE, (split.verdict or NONE).replace("_", " ")
+        if split.gain is not None:
+            ends = f"{percent(split.gain.low, 2)} to {percent(split.gain.high, 2)}"
+            gain = f"{percent(split.gain.relative_reduction, 2)}  ({ends})"
+        held_out = f"{', '.join(split.held_out)}{' (as divided)' if split.declared else ''}"
+        table.add_row(held_out, ", ".join(split.fitted), verdict, split.summary(), gain)
+    table.caption = "The splits share runs: how often something comes is no probability."
+    console.out.print(table)
+    console.say(result.headline())
 
 
 def _cause(result: Diagnosis) -> Table:

@@ -2,5 +2,19 @@
 
 from mjfish.diagnosis.diagnosis import diagnose
 from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
+from mjfish.diagnosis.splits import Share, Split, SplitMechanism, Splits, diagnose_splits
 
-__all__ = ["Candidate", "Cause", "Diagnosis", "Estimate", "FittedModel", "Overlay", "diagnose"]
+__all__ = [
+    "Candidate",
+    "Cause",
+    "Diagnosis",
+    "Estimate",
+    "FittedModel",
+    "Overlay",
+    "Share",
+    "Split",
+    "SplitMechanism",
+    "Splits",
+    "diagnose",
+    "diagnose_splits",
+]

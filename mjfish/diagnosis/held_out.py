@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy import stats
@@ -170,6 +170,27 @@ class Gain:
     high: float
     mean_speed_error: tuple[float, float]
     by_run: tuple[RunGain, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the gain as ``diagnosis.json`` has it."""
+        return {
+            "held_out": {"nominal": dict(self.nominal), "extended": dict(self.extended)},
+            "relative_reduction": {"estimate": self.relative_reduction, "low": self.low, "high": self.high},
+            "mean_speed_error": _speeds(self.mean_speed_error),
+            "by_run": [
+                {
+                    "trial": run.trial,
+                    "nominal": dict(run.nominal),
+                    "extended": dict(run.extended),
+                    "mean_speed_error": _speeds(run.mean_speed_error),
+                }
+                for run in self.by_run
+            ],
+        }
+
+
+def _speeds(errors: tuple[float, float]) -> dict[str, Any]:
+    return {"nominal": errors[0], "extended": errors[1], "unit": "m/s"}
 
 
 def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.random.Generator) -> Gain:

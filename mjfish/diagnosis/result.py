@@ -284,28 +284,7 @@ class Diagnosis(Result):
             **{name: plain(getattr(self, name)) for name in kept},
             "causes": [{**plain(cause), "name": self._told(cause.name)} for cause in self.causes],
             "missing_force": plain([force.summary() for force in self.force]),
-            "gain": _gain(self.gain) if self.gain else None,
+            "gain": plain(self.gain),
             "coefficients": {"nominal": plain(self.nominal), "extended": plain(self.extended)},
             "problem": self.problem.to_dict(),
         }
-
-
-def _gain(gain: Gain) -> dict[str, Any]:
-    return {
-        "held_out": {"nominal": dict(gain.nominal), "extended": dict(gain.extended)},
-        "relative_reduction": {"estimate": gain.relative_reduction, "low": gain.low, "high": gain.high},
-        "mean_speed_error": _speeds(gain.mean_speed_error),
-        "by_run": [
-            {
-                "trial": run.trial,
-                "nominal": dict(run.nominal),
-                "extended": dict(run.extended),
-                "mean_speed_error": _speeds(run.mean_speed_error),
-            }
-            for run in gain.by_run
-        ],
-    }
-
-
-def _speeds(errors: tuple[float, float]) -> dict[str, Any]:
-    return {"nominal": errors[0], "extended": errors[1], "unit": "m/s"}

@@ -28,7 +28,7 @@ def settings() -> Settings:
 @pytest.fixture(scope="module")
 def real(settings: Settings, fishsim: Path) -> Outcome:
     del fishsim  # skips where there are no files
-    return runs.run(settings)
+    return runs.run(settings, splits=True)
 
 
 def test_without_the_files_it_says_how_to_get_them(

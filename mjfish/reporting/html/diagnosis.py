@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from mjfish.diagnosis import Candidate, Diagnosis, Estimate
+from mjfish.diagnosis import Candidate, Diagnosis, Estimate, Splits
 from mjfish.diagnosis.curves import knots_of
 from mjfish.diagnosis.select import GOODNESS, KEEP
 from mjfish.diagnosis.where import FIFTHS
@@ -117,16 +117,16 @@ def _left(candidate: Candidate) -> str:
 _PARTS = ("start-up", "transition", "steady")
 
 
-def write_diagnosis(diagnosis: Diagnosis, path: Path) -> None:
-    """Write the page of a diagnosis as one HTML file, whole or not at all.
+def write_diagnosis(diagnosis: Diagnosis, path: Path, splits: Splits | None = None) -> None:
+    """Write the page of a diagnosis, with its splits where there are some, as one HTML file, whole or not at all.
 
     Raises:
         InputError: the file cannot be written.
     """
-    write_text(path, render_diagnosis(diagnosis))
+    write_text(path, render_diagnosis(diagnosis, splits))
 
 
-def render_diagnosis(diagnosis: Diagnosis) -> str:
+def render_diagnosis(diagnosis: Diagnosis, splits: Splits | None = None) -> str:
     """Return the page of a diagnosis as HTML: self-contained, everything that came from a user escaped."""
     overlays = sorted(diagnosis.overlays, key=lambda overlay: not overlay.held_out)
     models = (diagnosis.nominal_model, diagnosis.extended_model)
@@ -137,6 +137,7 @@ def render_diagnosis(diagnosis: Diagnosis) -> str:
     return render(
         "diagnosis.html.j2",
         diagnosis=diagnosis,
+        splits=splits,
         badge=VERDICTS[diagnosis.verdict],
         sampled=sum(len(overlay.trial.time) for overlay in diagnosis.overlays),
         errors=errors(diagnosis),

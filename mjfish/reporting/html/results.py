@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 
 from mjfish.comparison import Comparison
 from mjfish.design import Plan
-from mjfish.diagnosis import Diagnosis
+from mjfish.diagnosis import Diagnosis, Splits
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
 from mjfish.frames import CHANNELS, UNITS
@@ -26,6 +26,12 @@ from mjfish.simulation import CrossCheck, Simulation
 
 #: Options of a plan that are drawn.
 _OPTIONS = 12
+#: Bars of a mechanism in the splits: attribute of its share, words, colour.
+_LEVELS = (
+    ("count", "named", "extended"),
+    ("certain", "certain beside rivals", "nominal"),
+    ("not_named", "not named, part of the best", "measured"),
+)
 
 
 @functools.singledispatch
@@ -42,6 +48,19 @@ def figure(result: Any) -> go.Figure:
 def _(result: Diagnosis) -> go.Figure:
     """Draw a held-out trial, or else the first one, as measured and as the models predict it."""
     return overlay_figure(result, max(result.overlays, key=lambda overlay: overlay.held_out))
+
+
+@figure.register
+def _(result: Splits) -> go.Figure:
+    """Draw in how many splits each mechanism is named, certain, or a part of the best."""
+    shares = result.mechanisms[::-1]
+    names = [html.escape(share.name) for share in shares]
+    drawn = panels(1, height=120 + 26 * len(shares))
+    for attribute, words, colour in _LEVELS:
+        counts = [getattr(share, attribute) for share in shares]
+        drawn.add_bar(x=counts, y=names, name=words, orientation="h", marker_color=COLOURS[colour])
+    drawn.update_xaxes(title_text=f"splits of {len(result.diagnosed)}", range=[0, max(len(result.diagnosed), 1)])
+    return drawn.update_yaxes(type="category").update_layout(barmode="stack", margin_l=160)
 
 
 @figure.register
@@ -140,6 +159,11 @@ def write_report(result: Any, path: Path) -> None:
 @write_report.register
 def _(result: Diagnosis, path: Path) -> None:
     write_diagnosis(result, path)
+
+
+@write_report.register
+def _(result: Splits, path: Path) -> None:
+    write_diagnosis(result.diagnosis, path, result)
 
 
 @write_report.register

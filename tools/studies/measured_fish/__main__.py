@@ -102,9 +102,11 @@ def tell(outcome: Outcome) -> None:
 
 
 def save(outcome: Outcome, folder: Path) -> None:
-    """Write the diagnosis and the extended fish."""
+    """Write the diagnosis, its splits and the extended fish."""
     make_folder(folder)
     outcome.diagnosis.save(folder / "diagnosis.json")
+    if outcome.splits is not None:
+        outcome.splits.save(folder / "splits.json")
     values = {name: one.estimate for name, one in outcome.diagnosis.extended.items()}
     comments = [f"Fitted by studies.measured_fish to {', '.join(outcome.settings.fit)}.", outcome.diagnosis.message]
     write_fish(folder / "extended.toml", outcome.diagnosis.extended_model, values, comments)
@@ -127,13 +129,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--settings", type=Path, default=SETTINGS, help="settings, as TOML")
     parser.add_argument("--out", type=Path, default=Path("out/real"), help="folder for diagnosis.json and the fish")
-    parser.add_argument("--page", type=Path, help="write the page and its pictures too")
+    parser.add_argument("--page", type=Path, help="write the page and its pictures too; its splits take long")
     given = parser.parse_args()
     try:
         settings = tomlfile.read(given.settings, Settings)
         check(given.out, given.page)
         with console.progress_bar() as bar:
-            outcome = run(settings, progress=bar)
+            outcome = run(settings, splits=given.page is not None, progress=bar)
         save(outcome, given.out)
         tell(outcome)
         if given.page is not None:

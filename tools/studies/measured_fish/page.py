@@ -52,6 +52,7 @@ def page(outcome: Outcome) -> str:
         "preferred": causes.preferred(found),
         "gains": _gains(outcome),
         "crossed": _scores(tuple(crossed(outcome))),
+        **_splits(outcome),
         "bound": _list([name for name, one in told(outcome).items() if one.at_bound]) or "none",
         "coefficients": _coefficients(outcome),
         "openings": "\n".join(f"{k}. {why[0].upper()}{why[1:]}." for k, why in enumerate(outcome.settings.openings, 1)),
@@ -138,6 +139,31 @@ def _gains(outcome: Outcome) -> str:
         f"{100 * gain.low:.0f} to {100 * gain.high:.0f} %, by a block bootstrap); "
         f"error of the mean speed {gain.mean_speed_error[0]:.4f} to {gain.mean_speed_error[1]:.4f} m/s."
     )
+
+
+def _splits(outcome: Outcome) -> dict[str, str]:
+    """Return what comes of the runs divided anew; empty where they were not."""
+    found = outcome.splits
+    if found is None:
+        return {"headline": "", "shares": "", "splits": ""}
+    known = len(found.diagnosed)
+    shares = [
+        (one.name, f"{one.count} of {known}", f"{one.form}", f"{one.certain}", f"{one.not_named}")
+        for one in found.mechanisms
+    ]
+    rows = []
+    for split in found.splits:
+        errors, less = "", ""
+        if split.gain is not None:
+            errors = f"{split.gain.nominal['pooled']:.3f} to {split.gain.extended['pooled']:.3f}"
+            ends = f"{100 * split.gain.low:.0f} to {100 * split.gain.high:.0f} %"
+            less = f"{100 * split.gain.relative_reduction:.0f} % ({ends})"
+        held_out = f"{', '.join(split.held_out)}{' (this page)' if split.declared else ''}"
+        verdict = (split.verdict or "").replace("_", " ")
+        rows.append((held_out, ", ".join(split.fitted), verdict, split.summary(), errors, less))
+    named = ("mechanism", "named", "with its form", "certain beside rivals", "not named, part of the best")
+    heads = ("held out", "fitted", "verdict", "mechanisms", "nRMSE held out", "less by (95 %)")
+    return {"headline": found.headline(), "shares": _table(named, shares), "splits": _table(heads, rows)}
 
 
 def _coefficients(outcome: Outcome) -> str:

@@ -18,7 +18,7 @@ from mjfish import tomlfile
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.data.importers import ImportReport, import_files
-from mjfish.diagnosis import Diagnosis, Estimate, Overlay, diagnose
+from mjfish.diagnosis import Diagnosis, Estimate, Overlay, Splits, diagnose, diagnose_splits
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation import PREFIX, Fit, Noise, Problem, fit, predict_held_out
@@ -57,6 +57,7 @@ class Settings(tomlfile.Table):
     candidates: tuple[str, ...] = ("*",)
     start: Annotated[dict[str, Bounds], Field(default_factory=dict)]
     seed: int = 0
+    splits: Annotated[int, Field(ge=1)] = 10
     goal: Goal
     openings: tuple[str, ...] = ()
 
@@ -81,11 +82,13 @@ class Outcome:
         settings: it was made with.
         tracks: what the importer says of the files, fitted ones first.
         diagnosis: of the runs.
+        splits: the same with the runs divided anew; None where nobody asked.
     """
 
     settings: Settings
     tracks: ImportReport
     diagnosis: Diagnosis
+    splits: Splits | None = None
 
 
 @dataclass(frozen=True)
@@ -166,14 +169,21 @@ def _imported(files: Path, names: tuple[str, ...], role: Literal["fit", "held_ou
 
 
 def run(
-    settings: Settings, *, jobs: int | None = None, progress: Callable[[str, float], None] | None = None
+    settings: Settings,
+    *,
+    splits: bool = False,
+    jobs: int | None = None,
+    progress: Callable[[str, float], None] | None = None,
 ) -> Outcome:
-    """Import and diagnose."""
+    """Import and diagnose; with `splits`, again with the runs divided anew."""
     told = {} if progress is None else {"progress": progress}
+    options = {"effects": settings.causes(), "seed": settings.seed, "jobs": jobs, **told}
     with threadpool_limits(1, "blas"):  # small matrices: on two cores more threads take three times as long
         made, tracks = dataset(settings, folder(settings))
-        found = diagnose(made, effects=settings.causes(), seed=settings.seed, jobs=jobs, **told)
-    return Outcome(settings, tracks, found)
+        if splits:
+            divided = diagnose_splits(made, settings.splits, **options)
+            return Outcome(settings, tracks, divided.diagnosis, divided)
+        return Outcome(settings, tracks, diagnose(made, **options))
 
 
 def residual(diagnosis: Diagnosis, overlay: Overlay, model: Which) -> FloatArray:
