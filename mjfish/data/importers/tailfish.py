@@ -32,6 +32,7 @@ from mjfish.data.importers.trials import assign_roles, check_distinct
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import load_fish
+from mjfish.frames import CHANNELS
 from mjfish.known import Beforehand
 
 #: Amplitude and bias [deg] in the name of a file.
@@ -42,6 +43,10 @@ _FEWEST = 20
 _SMOOTHED = 0.05
 #: What is known of all runs: the scale of the tail's angles, and its zero [rad].
 _SCALE, _ZERO = 0.2, 0.1
+#: How far the tracked point may lie from the centre of mass [m].
+_TRACKED = {"along": 0.02, "across": 0.003}
+#: How far the fish's velocity at the first sample may be from the recorded one, smoothed and noisy [m/s, m/s, rad/s].
+_START = (0.02, 0.05, 0.5)
 #: How well the average phase of a record is known at either end, as the average frequency tells it [rad].
 _TURN = 0.05
 
@@ -76,6 +81,8 @@ def import_tailfish(
         known={
             "wave.scale": Beforehand(sd=_SCALE),
             "joint_zero_offset.joint_1": Beforehand(sd=_ZERO),
+            **{f"marker_offset.{axis}": Beforehand(sd=sd) for axis, sd in _TRACKED.items()},
+            **{f"*:start.{channel}": Beforehand(sd=sd) for channel, sd in zip(CHANNELS, _START, strict=True)},
             **{f"{trial.name}:wave.frequency": Beforehand(sd=_TURN / _length(trial)) for trial in trials},
         },
         filter=GaussianFilter(_SMOOTHED),
