@@ -116,6 +116,7 @@ def _facts() -> dict[str, str]:
         fall.descent / _falls(i_star)["published equations"].descent
         for i_star, fall in zip(FALLING, rocking, strict=True)
     ]
+    fluttering = _falls(FALLING[0])["published equations"]
     reduced = [_falls(i_star)["C_R = 0, C_T = B, mu_1 = 0"].descent for i_star in FALLING]
     alike = [abs(fall.descent / descent - 1.0) for fall, descent in zip(rocking, reduced, strict=True)]
     return {
@@ -138,6 +139,7 @@ def _facts() -> dict[str, str]:
         "rise_misfit": f"{100.0 * max(rise):.0f}",
         "duration": f"{falling_plate.DURATION:g}",
         "angle": f"{np.degrees(falling_plate.START[1]):.0f}",
+        "swing": f"{fluttering.swing:.0f}",
         "rock_low": f"{min(fall.swing for fall in rocking):.0f}",
         "rock_high": f"{max(fall.swing for fall in rocking):.0f}",
         "fast_low": f"{min(fast):.1f}",
