@@ -13,6 +13,7 @@ from mjfish import tomlfile
 from mjfish.data.importers import HEADERS
 from mjfish.diagnosis import Candidate
 from mjfish.errors import InputError, UnknownNameError
+from studies.markdown import table
 from studies.measured_fish import __main__ as command
 from studies.measured_fish import causes, page, pictures, runs
 from studies.measured_fish.runs import Outcome, Settings
@@ -83,7 +84,7 @@ def test_what_is_held_out_is_not_fitted_and_gives_no_noise(settings: Settings, f
     assert alone.noise is not None
     assert both.noise is not None
     np.testing.assert_array_equal(both.noise, alone.noise)
-    told = page._table(page._TOLD, ([row[HEADERS.index(n)] for n in page._TOLD] for row in tracks.rows()))
+    told = table(page._TOLD, ([row[HEADERS.index(n)] for n in page._TOLD] for row in tracks.rows()))
     assert told in _PAGE.read_text(encoding="utf-8"), "python -m studies.measured_fish --page docs/real-fish.md"
 
 

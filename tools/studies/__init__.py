@@ -1,1 +1,1 @@
-"""Studies made with mjfish: the paper's Table IV, the measured fish, the roll of the free fish, the battery."""
+"""Studies made with mjfish: the paper's Table IV, measured fish, roll of the free fish, published numbers, battery."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import textwrap
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -16,12 +15,12 @@ from mjfish.data.importers import HEADERS
 from mjfish.diagnosis import Estimate
 from mjfish.files import make_folder, write_text
 from mjfish.frames import CHANNELS
+from studies.markdown import table, wrapped
 from studies.measured_fish import causes, pictures
 from studies.measured_fish.runs import Outcome, Score, alone, crossed, reached, refitted, scores, told
 
 #: Columns of the importer's report that are told.
 _TOLD = ("file", "frames", "usable", "beat [Hz]", "mean speed [m/s]", "sigma yaw_rate [rad/s]", "sigma joints [rad]")
-_WIDTH = 128
 
 
 def write(outcome: Outcome, path: Path) -> None:
@@ -41,13 +40,13 @@ def page(outcome: Outcome) -> str:
     parts = {
         "fitted": _list(outcome.settings.fit),
         "held": _list(outcome.settings.held_out),
-        "tracks": _table(_TOLD, ([row[HEADERS.index(n)] for n in _TOLD] for row in outcome.tracks.rows())),
+        "tracks": table(_TOLD, ([row[HEADERS.index(n)] for n in _TOLD] for row in outcome.tracks.rows())),
         "verdict": found.verdict.replace("_", " ").capitalize(),
         "message": found.message,
         "best": _list([f"`{name}`" for name in found.best]),
         "certain": _list([f"`{name}`" for name in found.certain]),
         "roll": "roll" in found.best,
-        "candidates": _table(causes.HEAD, causes.rows(found)),
+        "candidates": table(causes.HEAD, causes.rows(found)),
         "coarse": causes.left_out(found),
         "preferred": causes.preferred(found),
         "gains": _gains(outcome),
@@ -61,8 +60,7 @@ def page(outcome: Outcome) -> str:
     }
     template = Path(__file__).with_name("page.md.j2").read_text(encoding="utf-8")
     made = jinja2.Template(template, undefined=jinja2.StrictUndefined, trim_blocks=True).render(**parts)
-    blocks = [part.strip("\n") for part in made.split("\n\n") if part.strip("\n")]
-    return "\n\n".join(_wrapped(part) for part in blocks) + "\n"
+    return wrapped(made)
 
 
 def _results(outcome: Outcome) -> dict[str, str]:
@@ -169,7 +167,7 @@ def _splits(outcome: Outcome) -> dict[str, str]:
 def _coefficients(outcome: Outcome) -> str:
     found = outcome.diagnosis
     rows = ((name, _said(found.nominal.get(name)), _said(one), one.unit) for name, one in told(outcome).items())
-    return _table(("coefficient (bold: at a bound)", "nominal", "extended", "unit"), rows)
+    return table(("coefficient (bold: at a bound)", "nominal", "extended", "unit"), rows)
 
 
 def _said(one: Estimate | None) -> str:
@@ -180,7 +178,7 @@ def _said(one: Estimate | None) -> str:
 
 def _scores(found: Sequence[Score]) -> str:
     head = ("run", "role", "model", *(name.replace("_", " ") for name in CHANNELS), "speed [m/s]", "error [m/s]")
-    return _table(
+    return table(
         head,
         (
             (one.run, one.role, one.model, *(f"{e:.3f}" for e in one.nrmse), f"{one.speed:.4f}", f"{one.error:+.4f}")
@@ -189,25 +187,6 @@ def _scores(found: Sequence[Score]) -> str:
     )
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
 def _list(parts: Sequence[str]) -> str:
     """Return parts as one would say them."""
     return " and ".join(filter(None, (", ".join(parts[:-1]), *parts[-1:])))
-
-
-def _wrapped(part: str) -> str:
-    """Break the lines of a paragraph, or of the items of a list, anew: numbers changed their lengths."""
-    if part[0] in "#|!`" or part[0].isdigit():
-        return part
-    items = ["- " + item for item in part[2:].split("\n- ")] if part.startswith("- ") else [part]
-    indent = "  " if part.startswith("- ") else ""
-    return "\n".join(
-        textwrap.fill(
-            " ".join(item.split()), _WIDTH, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False
-        )
-        for item in items
-    )

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from mjfish.drive import modes
 from mjfish.estimation import PAPER
 from mjfish.files import write_text
 from mjfish.mujoco import Trim
+from studies.markdown import table, wrapped
 from studies.roll.runs import (
     BIASES,
     END,
@@ -43,12 +43,6 @@ TRIMS = tuple(
     Trim(arm=arm, drop=drop)
     for arm, drop in ((0.002, 0.002), (0.004, 0.004), (0.008, 0.008), (0.004, 0.002), (0.004, 0.008))
 )
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a Markdown table; all but the first column to the right."""
-    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def straight() -> str:
@@ -199,18 +193,7 @@ def page() -> str:
     }
     template = Path(__file__).with_name("page.md.j2").read_text(encoding="utf-8")
     made = jinja2.Template(template, undefined=jinja2.StrictUndefined)
-    return "\n\n".join(_wrapped(part) for part in made.render(**numbers, **tables, **told).split("\n\n")) + "\n"
-
-
-def _wrapped(part: str) -> str:
-    """Break the lines of a paragraph, or of the items of a list, anew: numbers changed their lengths."""
-    if part[0] in "#|!":
-        return part
-    items = ["- " + item for item in part[2:].split("\n- ")] if part.startswith("- ") else [part]
-    indent = "  " if part.startswith("- ") else ""
-    return "\n".join(
-        textwrap.fill(" ".join(item.split()), 128, subsequent_indent=indent, break_on_hyphens=False) for item in items
-    )
+    return wrapped(made.render(**numbers, **tables, **told))
 
 
 def main() -> None:

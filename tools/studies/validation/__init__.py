@@ -1,0 +1,1 @@
+"""The water of mjfish beside published numbers, written to docs/validation.md."""
