@@ -11,7 +11,7 @@ from diagnosed import diagnosis
 
 from mjfish import tomlfile
 from mjfish.data.importers import HEADERS
-from mjfish.diagnosis import Candidate
+from mjfish.diagnosis import Candidate, Split, SplitMechanism, Splits
 from mjfish.errors import InputError, UnknownNameError
 from studies.markdown import table
 from studies.measured_fish import __main__ as command
@@ -167,6 +167,19 @@ def test_sway_that_lacks_is_that_of_the_model_without_roll(settings: Settings) -
     inside = np.isfinite(left)
     np.testing.assert_allclose(made_of_roll[inside], wobble[inside], atol=0.02 * np.ptp(wobble))
     np.testing.assert_allclose(left[inside] - wobble[inside], (left - wobble)[inside].mean(), atol=1e-9)
+
+
+def test_splits_are_told_with_their_errors_and_those_without_a_verdict_by_their_message(settings: Settings) -> None:
+    made = diagnosis()
+    named = Split(("a", "b"), ("c",), True, "named", "", (SplitMechanism("roll", "form"),), made.gain)
+    failed = Split(("b", "c"), ("a",), False, None, "too few numbers")
+    told = page._splits(Outcome(settings, None, made, Splits(made, 3, (failed, named))))  # type: ignore[arg-type]
+    assert told["shares"].splitlines()[2:] == ["| roll | 1 of 1 | 1 | 0 | 0 |"]
+    assert told["splits"].splitlines()[2:] == [
+        "| a | b, c |  | not diagnosed: too few numbers |  |  |",
+        "| c (this page) | a, b | named | roll (form) | 0.031 to 0.012 | 62 % (57 to 66 %) |",
+    ]
+    assert not any(page._splits(Outcome(settings, None, made)).values())  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
