@@ -161,7 +161,7 @@ def _splits(outcome: Outcome) -> dict[str, str]:
         rows.append((held_out, ", ".join(split.fitted), verdict, split.summary(), errors, less))
     named = ("mechanism", "named", "with its form", "certain beside rivals", "not named, part of the best")
     heads = ("held out", "fitted", "verdict", "mechanisms", "nRMSE held out", "less by (95 %)")
-    return {"headline": found.headline(), "shares": _table(named, shares), "splits": _table(heads, rows)}
+    return {"headline": found.headline(), "shares": table(named, shares), "splits": table(heads, rows)}
 
 
 def _coefficients(outcome: Outcome) -> str:
