@@ -109,6 +109,7 @@ class TrialTable(Table):
     """One entry of ``[[trials]]``; `file` is relative to the folder of dataset.toml.
 
     `gaps`: samples are missing, rows or velocities in rows; only where a CPG drives the fish, whose motion is known.
+    `joints`: whether the columns of joint angles are what the joints did, or what the servos were told.
     `errors`: file of the modes of the errors of velocities and joint angles, see `mjfish.data.error_modes`.
     """
 
@@ -116,6 +117,7 @@ class TrialTable(Table):
     file: Annotated[str, AfterValidator(_path)]
     role: Role | None = None
     gaps: bool = False
+    joints: Literal["measured", "commanded"] = "measured"
     errors: Annotated[str, AfterValidator(_path)] | None = None
     drive: tuple[Drive, ...] = ()
     wave: WaveDrive | None = None

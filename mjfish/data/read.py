@@ -112,6 +112,11 @@ def build_trial(
     joints = _joints(numbers, fish, source)
     wave = None if entry.wave is None else wave_of(entry.wave, fish, f"{key}.drive")
     _check_one_drive(bool(drive) or wave is not None, joints, fish, source, key)
+    if entry.joints == "commanded" and joints is None:
+        raise InputError(
+            f"{key}.joints: 'commanded', but {source} has no columns of joint angles, expected what the servos were "
+            "told; add the columns, or remove the key"
+        )
     if wave is not None:
         validation.check_wave(time, wave, source, f"{key}.drive")
     if drive:
@@ -135,6 +140,7 @@ def build_trial(
         gaps=entry.gaps,
         wave=wave,
         tank=tank,
+        commanded=entry.joints == "commanded",
     )
 
 

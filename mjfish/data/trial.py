@@ -75,6 +75,7 @@ class Trial:
         velocity: (n, 3) surge [m/s], sway [m/s], yaw rate [rad/s] of the nose in the forward frame.
         drive: CPG segments; empty where the joints were measured.
         joint_angle: (n, joints) measured joint angles [rad], or None.
+        commanded: the angles are those that the servos were told, each held until the next; else those of the joints.
         pose: (n, 3) x [m], y [m], yaw [rad] in the world, or None; yaw alone may be given (x, y are NaN then).
         roll: (n,) [rad], or None.
         source: the file it was read from.
@@ -104,15 +105,25 @@ class Trial:
     wave: Wave | None = None
     tank: Tank | None = None
     errors: FloatArray | None = None
+    commanded: bool = False
 
     def __repr__(self) -> str:
         """Return one line: name, role, samples, duration, rate and what moves the joints."""
         sampling = f"{len(self.time)} samples"
         if len(self.time) > 1:
             sampling += f" in {float(self.time[-1] - self.time[0]):.4g} s ({1.0 / self.step:.4g} Hz)"
-        drive = "a wave" if self.wave is not None else "the CPG" if self.drive else "measured joint angles"
+        drive = "a wave" if self.wave is not None else "the CPG" if self.drive else self._angles
         role = self.role or "not assigned"
         return f"<Trial '{self.name}', role {role}: {sampling}, driven by {drive}>"
+
+    @property
+    def _angles(self) -> str:
+        return "recorded commands" if self.commanded else "measured joint angles"
+
+    @property
+    def joints_measured(self) -> bool:
+        """Whether the angles of the joints were measured: no servo stands between them and the model."""
+        return self.joint_angle is not None and not self.commanded
 
     @cached_property
     def step(self) -> float:

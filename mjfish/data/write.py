@@ -84,6 +84,7 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
             "file": f"{trial.name}{suffix}",
             "role": trial.role,
             "gaps": trial.gaps,
+            "joints": "commanded" if trial.commanded else None,
             "errors": None if trial.errors is None else error_modes.file_name(trial.name),
             "drive": [
                 {"start": float(part.start), "omega": float(part.omega), "bias": [float(bias) for bias in part.bias]}

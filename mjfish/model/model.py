@@ -240,7 +240,8 @@ def headed(state: FloatArray, trial: Trial) -> FloatArray:
 def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
     """Return the joint motion a trial asks for: the spline of its measured angles, or the CPG's."""
     if trial.joint_angle is not None:
-        return measured.joint_motion(trial.time, trial.joint_angle, step)
+        held = 0.5 * trial.step if trial.commanded else 0.0  # a staircase is late by half a step, on average
+        return measured.joint_motion(trial.time, trial.joint_angle, step, late=held)
     if trial.wave is not None:
         end = float(trial.time[-1]) + LEAD
         return wave.joint_motion(trial.wave, 0.0 if trial.starts_at_rest else float(trial.time[0]), end, step)
@@ -259,7 +260,7 @@ def joint_motion(
     Measured joint angles are what the joints got; nothing comes in between.
     """
     motion = asked_motion(cpg, trial, step)
-    if trial.joint_angle is None:
+    if not trial.joints_measured:
         for effect, values in servos:
             motion = effect.drive(motion, dict(values))
     return motion

@@ -156,7 +156,7 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         hooked = tuple(active for active in at.kept(effect) if active[0].overrides("body"))
         rows = _of_body(Same(numbered(at.model.fish, at.values)), hooked, p, at.values[name])
         links, tail = rows[:, :-TAIL], rows[0, -TAIL:]
-    if effect.overrides("drive") and at.trial.joint_angle is None:
+    if effect.overrides("drive") and not at.trial.joints_measured:
         servos = tuple(active for active in at.kept(effect) if active[0].domain == "drive")
         motion = _of_drive(Same(at.model.fish.cpg), at.trial, servos, p, at.values[name], at.run.step)
     if effect.load is not None:
