@@ -85,7 +85,7 @@ def _import_pose_table(path: Path, table: PosesMap, fish: Fish, mapping: Path) -
     seen: BoolArray = np.asarray(np.isfinite(measured).all(axis=1))
     name = path.stem.removeprefix(table.prefix)
     recording = record(fit, count, seen, {int(frame): "pose" for frame in np.flatnonzero(~seen)}, name, path)
-    law = wave_drive(table, fish, mapping)
+    law = wave_drive(table, fish, mapping, path)
     recording = recording.driven_by(law)
     report = FileReport(
         path=path,
@@ -196,7 +196,7 @@ def _velocity_trial(path: Path, source: _Source) -> Trial:
         time=readonly(time),
         velocity=readonly(np.column_stack([surge, sway + table.behind_nose * turn, turn])),
         joint_angle=measured_angles(table, numbers, source.fish, source.file),
-        wave=wave_drive(table, source.fish, source.file),
+        wave=wave_drive(table, source.fish, source.file, path),
         source=path,
     )
 
