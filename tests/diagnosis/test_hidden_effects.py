@@ -36,7 +36,7 @@ def _contains(result: Diagnosis, effect: str, truth: Mapping[str, float]) -> boo
 
     Sizes and a shape trade along a curve, which no interval of one of them follows.
     """
-    own = [p.name for p in find(effect).parameters]
+    own = [p.name for p in find(effect).parameters if p.name in truth]
     problem = replace(result.problem, model=result.extended_model)
     (found,) = [model for model in result.fits if model.causes == (effect,)]
     fixed = {**problem.fixed, **{name: truth[name] for name in own}}
