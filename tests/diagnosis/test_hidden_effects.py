@@ -104,8 +104,8 @@ def test_every_cause_of_the_catalogue_is_hidden_once_or_cannot_be_seen() -> None
 def test_other_draws_of_a_hidden_effect_are_named_too(effect: str, strength: str) -> None:
     """Of four more draws one may get no name (a true cause is lost in four of a thousand), none another name.
 
-    Where the data do not bear the formula, the mechanism is named, by another form or a learned one. A weak one may have
-    rivals; a servo that is hardly asked for more than its limit leaves no trace and does not count.
+    Where the data do not bear the formula, the mechanism is named, by another form or a learned one. A weak one may
+    have rivals; a servo that is hardly asked for more than its limit leaves no trace and does not count.
     """
     found, right = [], [find(effect).mechanism]
     for number in range(1, 5):
