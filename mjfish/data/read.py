@@ -62,7 +62,7 @@ def load_dataset(path: str | Path) -> Dataset:
             numbers = {} if entry.file is None else read_table(source, missing=CHANNELS if entry.gaps else ())
             modes = None if entry.errors is None else read_table(file.parent / entry.errors)
             sensors = tuple(
-                read_sensor(sensor, fish, file.parent / sensor.file, f"{key}.sensors.{place}")
+                read_sensor(sensor, fish, file.parent / sensor.file, f"sensors.{place}")
                 for place, sensor in enumerate(entry.sensors, start=1)
             )
         trial = build_trial(entry, numbers, fish, source, key, tank, sensors)

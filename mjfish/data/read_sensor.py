@@ -45,7 +45,7 @@ def read_sensor(entry: SensorTable, fish: Fish, source: Path, key: str) -> Senso
 
 def build_sensor(entry: SensorTable, numbers: Mapping[str, FloatArray], fish: Fish, source: Path, key: str) -> Sensor:
     """Put a sensor together from its entry and its columns by name; arguments and errors as in `read_sensor`."""
-    channels = CHANNELS_OF[entry.kind]
+    channels, (link, station) = CHANNELS_OF[entry.kind], _place(entry, fish, key)
     for name in ("time", *channels):
         if name not in numbers:
             found = ", ".join(map(columns.header, numbers))
@@ -61,7 +61,6 @@ def build_sensor(entry: SensorTable, numbers: Mapping[str, FloatArray], fish: Fi
             f"{key}.sigma: {len(entry.sigma)} numbers, expected one for each of {', '.join(channels)}; "
             "correct it, or leave it out to have it estimated"
         )
-    link, station = _place(entry, fish, key)
     sensor = Sensor(
         name=entry.label,
         kind=entry.kind,

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from scipy import signal
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import columns
@@ -178,12 +179,19 @@ def third_differences(sensor: Sensor) -> FloatArray:
     return np.asarray(np.diff(sensor.values, n=3, axis=0)[in_a_row] / np.sqrt(20.0))
 
 
-def first_sensor_sigma(sensors: Sequence[Sensor], floor: float) -> FloatArray:
-    """Return a first sigma (c,) of one sensor on several runs, at least the share `floor` of the range of a channel.
+def smallest_sigma(sensors: Sequence[Sensor], share: float) -> FloatArray:
+    """Return the smallest sigma (c,) that is believed of a sensor that states none: a share of its range.
+
+    That is the largest range of any run, less its straight line: a fish swims far, and a track is no less exact for it.
+    """
+    reach = np.max([np.ptp(signal.detrend(sensor.values, axis=0), axis=0) for sensor in sensors], axis=0)
+    return np.asarray(share * reach + 1e-9)
+
+
+def first_sensor_sigma(sensors: Sequence[Sensor], share: float) -> FloatArray:
+    """Return a first sigma (c,) of one sensor on several runs, not below `smallest_sigma`.
 
     It is that of the third differences, as for velocities; what is left of a smooth motion in them makes it larger.
     """
-    differences = np.concatenate([third_differences(sensor) for sensor in sensors])
-    reach = np.max([np.ptp(sensor.values, axis=0) for sensor in sensors], axis=0)
-    size = np.sqrt(np.mean(differences**2, axis=0)) if len(differences) else np.zeros_like(reach)
-    return np.asarray(np.maximum(size, floor * reach + 1e-9))
+    least, differences = smallest_sigma(sensors, share), np.concatenate([third_differences(s) for s in sensors])
+    return np.maximum(np.sqrt(np.mean(differences**2, axis=0)), least) if len(differences) else least

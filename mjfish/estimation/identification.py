@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray, robust_sigma
-from mjfish.data import Dataset, Trial, load_dataset
+from mjfish.data import Dataset, Sensor, Trial, load_dataset
+from mjfish.data.sensor import smallest_sigma
 from mjfish.errors import InputError
 from mjfish.estimation.agreement import Agreement, Criteria, agreement, criteria
 from mjfish.estimation.clocks import aligned
@@ -355,14 +356,14 @@ def _of_measured(problem: Problem, residuals: list[FloatArray]) -> FloatArray:
 def _sensor_spread(problem: Problem, x: FloatArray, loss: Loss) -> dict[str, FloatArray]:
     """Return the sigma of every sensor that states none: of its residuals in all trials, at least its floor."""
     found: dict[str, list[FloatArray]] = {}
-    reach: dict[str, list[FloatArray]] = {}
+    same: dict[str, list[Sensor]] = {}
     for (i, sensor), predicted in zip(problem.sensors, problem.sensor_predictions(x), strict=True):
         if sensor.sigma is None:
             error = (sensor.values - predicted)[problem.sensor_mask(i, sensor)]
             found.setdefault(sensor.name, []).append(error)
-            reach.setdefault(sensor.name, []).append(np.ptp(sensor.values, axis=0))
+            same.setdefault(sensor.name, []).append(sensor)
     return {
-        name: np.maximum(_spread(np.concatenate(errors), loss), FLOOR * np.max(reach[name], axis=0) + 1e-9)
+        name: np.maximum(_spread(np.concatenate(errors), loss), smallest_sigma(same[name], FLOOR))
         for name, errors in found.items()
     }
 
