@@ -179,11 +179,12 @@ def _agreement(result: Identification) -> Table:
     from mjfish.frames import CHANNELS
 
     measured = {trial.name: trial.measured for trial in result.dataset.trials}
+    anywhere = [any(there) for there in zip(*measured.values(), strict=True)]
 
     title = "simulated: RMSE / nRMSE, in m/s and rad/s, over the range"
     table = console.table(title, ("trial", "role", *CHANNELS), ("trial", "role"))
     for row in [] if result.assessment is None else result.assessment.table:
-        there = measured.get(row.name, (True,) * len(CHANNELS))
+        there = measured.get(row.name, anywhere)
         cells = (
             table_iv.text(a, b) if seen else "not measured"
             for a, b, seen in zip(row.rmse, row.nrmse, there, strict=True)
@@ -237,7 +238,8 @@ def _words(result: Identification, profiles: Sequence[Profile]) -> Iterator[str]
         else:
             yield "- residuals: not tested, and no AICc, BIC, FPE: they are those of surge, sway and yaw rate together"
         held = [r.trial for r in assessment.residuals if r.role == "held_out"]
-        if any(not trial.starts_at_rest or trial.sensors for trial in held):
+        seen = (s.free_clock or s.kind in ("position", "heading") for trial in held for s in trial.sensors)
+        if any(not trial.starts_at_rest for trial in held) or any(seen):
             share = percent(PREFIX, 2)
             yield f"- what belongs to a held-out trial alone was fitted on its first {share}, which is not scored"
     for profile in profiles:

@@ -146,7 +146,7 @@ def cleaned(sensor: Sensor, source: Path) -> Sensor:
     return replace(sensor, values=np.unwrap(sensor.values, axis=0)) if sensor.kind == "heading" else sensor
 
 
-def within(sensor: Sensor, first: float, last: float, source: Path) -> Sensor:
+def within(sensor: Sensor, first: float, last: float, source: Path | str) -> Sensor:
     """Return the samples of a sensor from `first` to `last` [s], the times of its run.
 
     Raises:

@@ -363,12 +363,12 @@ class Problem:
         return keep
 
     def sensor_mask(self, index: int, sensor: Sensor) -> BoolArray:
-        """Return which samples (m,) of a sensor of a trial count: not those beside a step of the drive.
+        """Return which samples (m,) of a sensor of a trial count: those within it, not beside a step of the drive.
 
-        Nor those at the ends of measured joint angles, or outside of the window.
+        Nor at the ends of measured joint angles, or outside of the window.
         """
         trial = self.trials[index]
-        keep = np.ones(len(sensor.time), dtype=np.bool_)
+        keep = (sensor.time >= trial.time[0] - 1e-9) & (sensor.time <= trial.time[-1] + 1e-9)
         for segment in trial.drive[1:]:
             keep &= np.abs(sensor.time - segment.start) > 1.5 * sensor.step
         if trial.joint_angle is not None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Role, Sensor, Tank, Trial
+from mjfish.data.sensor import within
 from mjfish.drive import modes as table_iv
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError, UnknownNameError
@@ -30,7 +31,7 @@ class Recording(TypedDict, total=False):
         name: of the dataset; ``synthetic``.
         tank: the fish swims in; its poses are then written, without noise.
         places: x, y [m], yaw [rad] where each trial starts; none: the origin. Poses are written where given.
-        sensors: that every trial has, too, on the times that they have and with white noise of their sigma.
+        sensors: that every trial has, too, at the times that they have within it and with white noise of their sigma.
     """
 
     rate: float
@@ -97,7 +98,8 @@ def generate(
         role: Role | None = ("held_out" if trial_name in held_out else "fit") if held_out else None
         begin = None if start is None else readonly(np.broadcast_to(start, (len(time), 3)))
         still = readonly(np.zeros((len(time), 3)))
-        drive, sensors = table_iv.drive(mode, fish.joints), tuple(recording.get("sensors", ()))
+        drive = table_iv.drive(mode, fish.joints)
+        sensors = tuple(within(s, 0.0, float(time[-1]), s.name) for s in recording.get("sensors", ()))
         blank = Trial(trial_name, role, readonly(time), still, drive, pose=begin, tank=tank, sensors=sensors)
         check_can_act(model.effects, blank)
         predicted = model.predict(blank, truth)

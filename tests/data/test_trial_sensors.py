@@ -126,7 +126,7 @@ REFUSED = {
     "columns of another kind": (
         POSITION + '\ncolumns = {time = "t", x = "x", y = "y", yaw = "w"}', ("columns: 'yaw' unknown",),
     ),
-    "a header that is not there": (POSITION + '\ncolumns = {time = "t", x = "x", y = "y"}', ("unknown column in", "'t'")),
+    "no such header": (POSITION + '\ncolumns = {time = "t", x = "x", y = "y"}', ("unknown column in", "'t'")),
     "name": (POSITION + '\nname = "start"', ("sensor's name", "rename the sensor")),
     "names": (f"{POSITION}\n[[trials.sensors]]\n{POSITION}", ("'position' is also the name of another sensor",)),
     "no file": (POSITION.replace("tag.csv", "none.csv"), ("none.csv: no such file",)),

@@ -31,7 +31,7 @@ def _sensor(name: str, kind: Kind, rate: float, sigma: float, **place: float) ->
 
 SENSORS = (
     _sensor("tag", "position", 30.0, 0.002, station=0.05),
-    _sensor("tail", "position", 25.0, 0.002, link=3, station=0.05),
+    _sensor("tail", "position", 25.0, 0.002, link=4, station=0.05),
     _sensor("compass", "heading", 10.0, 0.01),
     _sensor("imu", "imu", 80.0, 0.2, station=0.08),
     _sensor("gyro", "gyro", 40.0, 0.03),
