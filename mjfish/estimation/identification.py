@@ -195,7 +195,7 @@ class Identification(Result):
             "starts": self.starts,
             "reached": self.reached,
             "samples": len(solution.residual) if self.problem is None else self._rows(self.problem),
-            "noise": self.noise.tolist(),
+            "noise": plain(self.noise),
             "parameters": {
                 p.name: {
                     "estimate": solution.values[p.name],

@@ -368,7 +368,7 @@ class Problem:
         Nor at the ends of measured joint angles, or outside of the window.
         """
         trial = self.trials[index]
-        keep = (sensor.time >= trial.time[0] - 1e-9) & (sensor.time <= trial.time[-1] + 1e-9)
+        keep = np.asarray((sensor.time >= trial.time[0] - 1e-9) & (sensor.time <= trial.time[-1] + 1e-9))
         for segment in trial.drive[1:]:
             keep &= np.abs(sensor.time - segment.start) > 1.5 * sensor.step
         if trial.joint_angle is not None:

@@ -50,18 +50,23 @@ def test_an_imu_reads_the_second_derivative_of_its_place_and_the_first_of_the_he
     assert imu[1:-1, 0] == pytest.approx((compass[2:, 0] - compass[:-2, 0]) / (2.0 * h), rel=1e-3, abs=1e-3)
 
 
-def test_a_point_on_the_tail_is_as_far_from_the_nose_as_the_links_and_joints_say(pike: Fish) -> None:
+@pytest.mark.parametrize("compliance", [0.0, 2.0])
+def test_a_point_on_the_tail_is_as_far_from_the_nose_as_the_links_and_joints_say(pike: Fish, compliance: float) -> None:
+    """A flexible tail is bent on by its deflection, which is a state of the run."""
     time, model, trial = _swim(pike)
-    run, predicted = model.prepare(trial, model.values()), model.predict(trial, model.values(), pose=POSE)
+    model = model.extended(find("tail_compliance"))
+    values = model.values({"tail_compliance.compliance": compliance})
+    run, predicted = model.prepare(trial, values), model.predict(trial, values, pose=POSE)
     angle = run.motion.angle_at(time)
-    place = np.zeros((len(time), 2))  # complex numbers, from the tail to the head
-    chain = 0.05 * np.exp(1j * angle[:, -1]) + pike.links[-2].length
+    deflection = predicted.rollout.at(time)[:, 6]
+    assert (np.abs(deflection).max() > 1e-3) == (compliance > 0.0)
+    angle[:, -1] += deflection
+    chain = 0.05 * np.exp(1j * angle[:, -1]) + pike.links[-2].length  # complex numbers, from the tail to the head
     for link, joint in zip(pike.links[-3::-1], angle.T[-2::-1], strict=True):
         chain = chain * np.exp(1j * joint) + link.length
     nose = predicted.sensors[0] + 0.08 * _unit(predicted.sensors[2][:, 0])
     chain = chain * np.exp(1j * predicted.sensors[2][:, 0])
-    place = nose - np.stack([chain.real, chain.imag], axis=1)
-    assert predicted.sensors[3] == pytest.approx(place, abs=1e-12)
+    assert predicted.sensors[3] == pytest.approx(nose - np.stack([chain.real, chain.imag], axis=1), abs=1e-12)
 
 
 def _unit(angle: FloatArray) -> FloatArray:
