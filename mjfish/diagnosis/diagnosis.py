@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mjfish.data import Dataset, Trial, load_dataset
+from mjfish.data.validation import check_velocities
 from mjfish.diagnosis.combinations import find_combinations, find_small_addition
 from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.domain import explaining_domain
@@ -101,6 +102,7 @@ def _diagnosed(
     dataset: Dataset, effects: Mapping[str, Effect] | None, seed: int, jobs: int | None, progress: Progress
 ) -> Diagnosis:
     rng = np.random.default_rng(seed)
+    check_velocities(dataset, "a diagnosis")
     candidates = tuple(of_fish(catalogue() if effects is None else effects, dataset.fish).values())
     known = {effect.name: effect for effect in candidates}
     checks = inspect(dataset, known)
@@ -185,7 +187,7 @@ def _diagnosed(
         verdict=decision.verdict,
         message=decision.message + (f" What is sure is the domain: {domain}." if domain else ""),
         status="ok" if set(converged.values()) == {"converged"} else "fit_not_converged",
-        remarks=tuple(remarks(noise_remark, evidence.fit, converged, held)),
+        remarks=(*remarks(noise_remark, evidence.fit, converged, held), *_of_sensors(dataset)),
         checks=checks,
         causes=_causes(best) if best is not None and decision.verdict == "named" else (),
         mechanisms=mechanisms,
@@ -219,6 +221,12 @@ def _diagnosed(
     )
     progress("done", 1.0)
     return result
+
+
+def _of_sensors(dataset: Dataset) -> Iterator[str]:
+    """Yield what was left out of sensors."""
+    for trial in dataset.trials:
+        yield from (f"{trial.name}: {remark}" for sensor in trial.sensors for remark in sensor.remarks)
 
 
 def _compared(
