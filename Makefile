@@ -26,7 +26,8 @@ test: env
 test-slow: env
 	$(TEST) -m slow
 
-# The measured fish of srl-ethz/fishsim; MJFISH_FISHSIM names the folder of its marker files.
+# Measured fish; MJFISH_FISHSIM names the folder of the marker files of srl-ethz/fishsim. Those of the one-joint fish
+# (MJFISH_TAILFISH) are diagnosed by `python -m studies.tail_fish`, in a quarter of an hour.
 real: env
 	$(BIN)/python -m studies.measured_fish
 

@@ -105,8 +105,19 @@ def test_the_dataset_that_is_described_can_be_read(tmp_path: Path) -> None:
         table = np.column_stack([*columns.values()])
         rows = np.delete(table, [50, 51], axis=0) if name == "straight" else table
         np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=",".join(columns), comments="")
+    moving = np.column_stack([time, 0.1 * time, np.sin(time), np.cos(time)])
+    for name, header in (("tag", "time [s],x [m],y [m]"), ("log", "t,gz,ax,ay")):
+        width = header.count(",") + 1
+        np.savetxt(tmp_path / f"{name}.csv", moving[:, :width], delimiter=",", header=header, comments="")
     dataset = load_dataset(tmp_path)
-    straight, wave, angles = dataset.trials
+    straight, wave, angles, tagged = dataset.trials
+    assert [(sensor.name, sensor.link, sensor.free_clock) for sensor in tagged.sensors] == [
+        ("tag", 4, False),
+        ("imu", 0, True),
+    ]
+    assert not tagged.measured.any()
+    (script,) = blocks(page, "python")
+    assert "tag x 0.002 m" in run_python(script, tmp_path)
     assert straight.gaps
     assert len(straight.time) == len(time) - 2
     assert straight.tank is not None

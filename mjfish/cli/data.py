@@ -59,7 +59,7 @@ def import_files(
     importer: Annotated[
         str,
         typer.Argument(
-            help="One of fishsim, tailfish, deeplabcut, markers, poses, velocities, or a Python file with your own."
+            help="fishsim, tailfish, deeplabcut, markers, mcap, poses, velocities, or a Python file with your own."
         ),
     ],
     files: Annotated[list[Path], typer.Argument(help="Measured files.")],

@@ -155,8 +155,10 @@ def _show(result: Identification, profiles: Sequence[Profile]) -> None:
     """Print the coefficients with intervals and remarks, the agreement per trial, and what the data say in words."""
     console.out.print(_coefficients(result))
     if result.assessment is not None:
-        console.out.print(_agreement(result.assessment))
+        console.out.print(_agreement(result))
         console.out.print(_fits(result.assessment))
+    if result.sensor_scores:
+        console.out.print(_sensors(result))
     console.say(*_words(result, profiles))
 
 
@@ -172,15 +174,31 @@ def _coefficients(result: Identification) -> Table:
     return table
 
 
-def _agreement(assessment: Assessment) -> Table:
+def _agreement(result: Identification) -> Table:
     from mjfish.estimation import table_iv
     from mjfish.frames import CHANNELS
 
+    measured = {trial.name: trial.measured for trial in result.dataset.trials}
+    anywhere = [any(there) for there in zip(*measured.values(), strict=True)]
+
     title = "simulated: RMSE / nRMSE, in m/s and rad/s, over the range"
     table = console.table(title, ("trial", "role", *CHANNELS), ("trial", "role"))
-    for row in assessment.table:
-        cells = (table_iv.text(a, b) for a, b in zip(row.rmse, row.nrmse, strict=True))
+    for row in [] if result.assessment is None else result.assessment.table:
+        there = measured.get(row.name, anywhere)
+        cells = (
+            table_iv.text(a, b) if seen else "not measured"
+            for a, b, seen in zip(row.rmse, row.nrmse, there, strict=True)
+        )
         table.add_row(row.name, row.role, *cells)
+    return table
+
+
+def _sensors(result: Identification) -> Table:
+    """RMSE and nRMSE of every channel of every sensor."""
+    headings = ("trial", "role", "sensor", "channel", "RMSE", "unit", "nRMSE")
+    table = console.table("sensors: RMSE, and over the range", headings, ("trial", "role", "sensor", "channel", "unit"))
+    for s in result.sensor_scores:
+        table.add_row(s.trial, s.role, s.sensor, s.channel, number(s.rmse, 3), s.unit, number(s.nrmse, 3))
     return table
 
 
@@ -195,7 +213,7 @@ def _fits(assessment: Assessment) -> Table:
     table = console.table(title, ("trial", "channel", *headings), ("trial", "channel"))
     scores = {(a.trial, a.channel, a.horizon): a.fit for a in assessment.agreement if a.part == "whole"}
     for trial in dict.fromkeys(a.trial for a in assessment.agreement):
-        for channel in CHANNELS:
+        for channel in (c for c in CHANNELS if (trial, c, None) in scores):
             table.add_row(trial, channel, *(number(scores.get((trial, channel, horizon))) for horizon in horizons))
     return table
 
@@ -211,12 +229,17 @@ def _words(result: Identification, profiles: Sequence[Profile]) -> Iterator[str]
             listed = ", ".join(f"{name} {number(tau, 2)}" for name, tau in scattered.items())
             yield f"- scatter from trial to trial beyond the errors (standard deviations): {listed}"
         tests, rank = assessment.residual_tests, assessment.criteria
-        yield (
-            f"- residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the drive "
-            f"{p_value(tests.p_independent)}"
-        )
-        yield f"- AICc {rank.aicc:.6g}, BIC {rank.bic:.6g}, FPE {rank.fpe:.4g} with {rank.parameters} parameters"
-        if any(r.role == "held_out" and not r.trial.starts_at_rest for r in assessment.residuals):
+        if all(trial.measured.all() for trial in result.dataset.split()[0]):
+            yield (
+                f"- residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the "
+                f"drive {p_value(tests.p_independent)}"
+            )
+            yield f"- AICc {rank.aicc:.6g}, BIC {rank.bic:.6g}, FPE {rank.fpe:.4g} with {rank.parameters} parameters"
+        else:
+            yield "- residuals: not tested, and no AICc, BIC, FPE: they are those of surge, sway and yaw rate together"
+        held = [r.trial for r in assessment.residuals if r.role == "held_out"]
+        seen = (s.free_clock or s.kind in ("position", "heading") for trial in held for s in trial.sensors)
+        if any(not trial.starts_at_rest for trial in held) or any(seen):
             share = percent(PREFIX, 2)
             yield f"- what belongs to a held-out trial alone was fitted on its first {share}, which is not scored"
     for profile in profiles:

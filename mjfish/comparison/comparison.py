@@ -285,10 +285,13 @@ def _coarse(trial: Trial, run: SimulatedRun) -> list[str]:
 
 
 def _shifts(trial: Trial, run: SimulatedRun, counted: BoolArray) -> dict[str, Shift]:
-    index = [CHANNELS.index(channel) for channel in run.channels]
+    there = [channel for channel in run.channels if trial.measured[CHANNELS.index(channel)]]
+    index = [CHANNELS.index(channel) for channel in there]
+    if not there:
+        return {}
     span = np.nanmax(trial.velocity, axis=0) - np.nanmin(trial.velocity, axis=0)
     found = {}
-    for name, chosen in [*zip(run.channels, ([i] for i in index), strict=True), ("all", index)]:
+    for name, chosen in [*zip(there, ([i] for i in index), strict=True), ("all", index)]:
 
         def predict(time: FloatArray, chosen: list[int] = chosen) -> FloatArray:
             return run.at(time)[:, chosen]

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mjfish.errors import InputError
-from mjfish.frames import CHANNELS
 from mjfish.frames import UNITS as VELOCITY_UNITS
 
 POSE = ("x", "y", "yaw")
@@ -18,9 +17,8 @@ ATTITUDE = ("roll", "pitch", "heave")
 UNITS = {
     "time": "s", **VELOCITY_UNITS, "x": "m", "y": "m", "yaw": "rad", "roll": "rad", "pitch": "rad", "heave": "m",
     "mode": "-",  # number of a mode of the errors
+    "surge_acceleration": "m/s2", "sway_acceleration": "m/s2",
 }  # fmt: skip
-#: Columns that every trial must have.
-REQUIRED = ("time", *CHANNELS)
 
 _HEADER = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?")
 _JOINT = re.compile(r"joint_([1-9][0-9]{0,3})")

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from mjfish.data.filters import Differentiator, Filter, GaussianFilter
+from mjfish.data.sensor import Kind
 from mjfish.data.trial import Clock, Role
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import KINDS, Fish
@@ -50,6 +51,21 @@ def _safe(name: str) -> str:
     return name
 
 
+def _safe_sensor(name: str) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or name in ("start", "clock", "wave"):
+        raise ValueError(
+            "a sensor's name is a part of the names of parameters: lower-case letters, digits and _ only, beginning "
+            "with a letter, not start, clock or wave; rename the sensor"
+        )
+    return name
+
+
+def _sensor_sigma(value: float) -> float:
+    if value <= 0.0:
+        raise ValueError("must be above 0; leave out sigma to have it estimated from the data")
+    return value
+
+
 def _path(name: str) -> str:
     if not name or "\0" in name:
         raise ValueError("expected the name of a file; correct it")
@@ -64,9 +80,9 @@ NotNegative = Annotated[Number, AfterValidator(_not_negative)]
 class Noise(Table):
     """Standard deviation of the measured velocities: surge, sway [m/s], yaw rate [rad/s]."""
 
-    surge: Sigma
-    sway: Sigma
-    yaw_rate: Sigma
+    surge: Sigma | None = None
+    sway: Sigma | None = None
+    yaw_rate: Sigma | None = None
 
 
 class Bounds(Table):
@@ -105,20 +121,53 @@ class WaveDrive(Law):
     kind: Literal["wave"]
 
 
+class PlaceTable(Table):
+    """Where a sensor sits: on a `link`, by name, a `station` [m] behind its front."""
+
+    link: str
+    station: NotNegative
+
+
+class SensorTable(Table):
+    """One entry of ``[[trials.sensors]]``, see `mjfish.data.sensor.Sensor`; `name` is the kind where it is not given.
+
+    `columns`: headers of the file by channel (``time``, ``x``, ..), where they are not those of this package.
+    `sigma`: one for each channel, in its unit.
+    """
+
+    kind: Kind
+    name: Annotated[str, AfterValidator(_safe_sensor)] = ""
+    file: Annotated[str, AfterValidator(_path)]
+    columns: Annotated[dict[str, str], Field(default_factory=dict)]
+    place: PlaceTable | None = None
+    sigma: tuple[Annotated[Number, AfterValidator(_sensor_sigma)], ...] = ()
+    clock: Clock = "synchronised"
+
+    @property
+    def label(self) -> str:
+        """Name of the sensor."""
+        return self.name or self.kind
+
+
 class TrialTable(Table):
     """One entry of ``[[trials]]``; `file` is relative to the folder of dataset.toml.
 
+    `file` may be left out where there are `sensors` and a drive: the times of the longest sensor are then the run's.
+
     `gaps`: samples are missing, rows or velocities in rows; only where a CPG drives the fish, whose motion is known.
+    `joints`: whether the columns of joint angles are what the joints did, or what the servos were told.
     `errors`: file of the modes of the errors of velocities and joint angles, see `mjfish.data.error_modes`.
     """
 
     name: Annotated[str, AfterValidator(_safe)]
-    file: Annotated[str, AfterValidator(_path)]
+    file: Annotated[str, AfterValidator(_path)] | None = None
     role: Role | None = None
     gaps: bool = False
+    joints: Literal["measured", "commanded"] = "measured"
     errors: Annotated[str, AfterValidator(_path)] | None = None
     drive: tuple[Drive, ...] = ()
     wave: WaveDrive | None = None
+    sensors: tuple[SensorTable, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -229,12 +278,25 @@ def check(table: DatasetTable, file: Path) -> None:
             raise InputError(
                 f"{file}: trials.{number}.name: '{trial.name}' is also the name of trial {first}; give each its own"
             )
-        first = files.setdefault((file.parent / trial.file).resolve(), number)
-        if first != number:
+        names_of_sensors = [sensor.label for sensor in trial.sensors]
+        for place, sensor in enumerate(trial.sensors, start=1):
+            if sensor.label in names_of_sensors[: place - 1]:
+                raise InputError(
+                    f"{file}: trials.{number}.sensors.{place}.name: '{sensor.label}' is also the name of another "
+                    "sensor of this trial; give each its own"
+                )
+        if trial.file is None and not trial.sensors:
             raise InputError(
-                f"{file}: trials.{number}.file: '{trial.file}' is also the file of trial {first}; "
-                "a recording must not be counted twice, or be both fitted and held out; remove one"
+                f"{file}: trials.{number}: no file and no [[trials.sensors]], expected a recording; add one of them"
             )
+        recordings = [] if trial.file is None else [trial.file]
+        for recording in [*recordings, *dict.fromkeys(sensor.file for sensor in trial.sensors)]:
+            first = files.setdefault((file.parent / recording).resolve(), number)
+            if first != number:
+                raise InputError(
+                    f"{file}: trials.{number}.file: '{recording}' is also the file of trial {first}; "
+                    "a recording must not be counted twice, or be both fitted and held out; remove one"
+                )
     if all(trial.role == "held_out" for trial in table.trials):
         raise InputError(f"{file}: trials: every role is 'held_out', expected one or more of role 'fit'; change one")
 

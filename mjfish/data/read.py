@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +12,8 @@ from mjfish import tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import columns, dataset_toml, error_modes, validation
 from mjfish.data.dataset_toml import DatasetTable, Law, Noise, TrialTable
+from mjfish.data.read_sensor import read_sensor
+from mjfish.data.sensor import Sensor, within
 from mjfish.data.tables import read_table
 from mjfish.data.trial import Dataset, Tank, Trial
 from mjfish.drive.cpg import DriveSegment
@@ -54,11 +56,16 @@ def load_dataset(path: str | Path) -> Dataset:
     tank = None if table.tank is None else Tank(table.tank.x, table.tank.y)
     trials = []
     for number, entry in enumerate(table.trials, start=1):
-        source = file.parent / entry.file
-        with located(f"{file}: trials.{number}"):
-            numbers = read_table(source, missing=CHANNELS if entry.gaps else ())
+        key = f"{file}: trials.{number}"
+        source = file.parent / (entry.file or entry.sensors[0].file)
+        with located(key):
+            numbers = {} if entry.file is None else read_table(source, missing=CHANNELS if entry.gaps else ())
             modes = None if entry.errors is None else read_table(file.parent / entry.errors)
-        trial = build_trial(entry, numbers, fish, source, f"{file}: trials.{number}", tank)
+            sensors = tuple(
+                read_sensor(sensor, fish, file.parent / sensor.file, f"sensors.{place}")
+                for place, sensor in enumerate(entry.sensors, start=1)
+            )
+        trial = build_trial(entry, numbers, fish, source, key, tank, sensors)
         if modes is not None:
             trial = replace(trial, errors=error_modes.from_columns(modes, trial, file.parent / str(entry.errors)))
         trials.append(trial)
@@ -66,7 +73,7 @@ def load_dataset(path: str | Path) -> Dataset:
         name=table.name,
         fish=fish,
         trials=tuple(trials),
-        noise=_sigmas(table.noise),
+        noise=_sigmas(table.noise, trials, file),
         clock=table.clock,
         source=file,
         known=table.known,
@@ -81,24 +88,28 @@ def build_trial(
     source: Path,
     key: str,
     tank: Tank | None = None,
+    sensors: Sequence[Sensor] = (),
 ) -> Trial:
     """Put a trial together from its entry in dataset.toml and its columns, and validate it.
 
     Args:
         entry: of ``[[trials]]``.
-        numbers: columns by name, each (n,) and finite; with `gaps` in the entry, velocities may be NaN.
+        numbers: columns by name, each (n,) and finite; with `gaps` in the entry, velocities may be NaN. Without any,
+            the times are those of the longest sensor.
         fish: that swam.
         source: file of the columns, for messages.
         key: of the entry in its file, for messages.
         tank: it swam in.
+        sensors: as read; what is outside of the run is left out here.
 
     Raises:
         InputError: see `load`.
     """
-    missing = [name for name in columns.REQUIRED if name not in numbers]
-    if missing:
-        found = ", ".join(map(columns.header, numbers))
-        raise InputError(f"{source}: column '{columns.header(missing[0])}' is missing; found {found}; add it")
+    if not numbers:
+        time = _longest(sensors).time
+        numbers = {"time": readonly(time[time >= 0.0] if entry.drive or (entry.wave and entry.wave.ramp) else time)}
+    else:
+        _check_measured(numbers, sensors, source)
     if entry.gaps and not entry.drive and entry.wave is None:
         raise InputError(
             f"{key}.gaps: samples may be missing only where a CPG drives the fish, or a wave, for the joints move on "
@@ -107,11 +118,16 @@ def build_trial(
     if entry.gaps:
         numbers = _recorded(numbers, source)
     time = numbers["time"]
-    validation.check_times(time, source, gaps=entry.gaps)
+    validation.check_times(time, source, gaps=entry.gaps or entry.file is None)
     drive = tuple(DriveSegment(segment.start, segment.omega, segment.bias) for segment in entry.drive)
     joints = _joints(numbers, fish, source)
     wave = None if entry.wave is None else wave_of(entry.wave, fish, f"{key}.drive")
     _check_one_drive(bool(drive) or wave is not None, joints, fish, source, key)
+    if entry.joints == "commanded" and joints is None:
+        raise InputError(
+            f"{key}.joints: 'commanded', but {source} has no columns of joint angles, expected what the servos were "
+            "told; add the columns, or remove the key"
+        )
     if wave is not None:
         validation.check_wave(time, wave, source, f"{key}.drive")
     if drive:
@@ -126,7 +142,7 @@ def build_trial(
         name=entry.name,
         role=entry.role,
         time=time,
-        velocity=readonly(np.stack([numbers[name] for name in CHANNELS], axis=1)),
+        velocity=readonly(np.stack([numbers.get(name, np.full(len(time), np.nan)) for name in CHANNELS], axis=1)),
         drive=drive,
         joint_angle=joints,
         pose=pose,
@@ -135,7 +151,25 @@ def build_trial(
         gaps=entry.gaps,
         wave=wave,
         tank=tank,
+        commanded=entry.joints == "commanded",
+        sensors=tuple(within(s, float(time[0]), float(time[-1]), s.source or source) for s in sensors),
     )
+
+
+def _longest(sensors: Sequence[Sensor]) -> Sensor:
+    return max(sensors, key=lambda sensor: float(sensor.time[-1] - sensor.time[0]))
+
+
+def _check_measured(numbers: Mapping[str, FloatArray], sensors: Sequence[Sensor], source: Path) -> None:
+    """Refuse columns without times, and a trial in which nothing was measured."""
+    found = ", ".join(map(columns.header, numbers))
+    if "time" not in numbers:
+        raise InputError(f"{source}: column '{columns.header('time')}' is missing; found {found}; add it")
+    if not sensors and not any(name in numbers for name in CHANNELS):
+        raise InputError(
+            f"{source}: no velocity; found {found}; expected one of {', '.join(map(columns.header, CHANNELS))}; "
+            "add it, or what was measured instead as [[trials.sensors]]"
+        )
 
 
 def wave_of(law: Law, fish: Fish, key: str, unit: float = 1.0) -> Wave:
@@ -157,9 +191,14 @@ def wave_of(law: Law, fish: Fish, key: str, unit: float = 1.0) -> Wave:
 
 def _recorded(numbers: Mapping[str, FloatArray], source: Path) -> Mapping[str, FloatArray]:
     """Leave out samples whose velocity is missing: where a CPG drives the fish, its motion is known without them."""
-    kept = np.all(np.isfinite([numbers[name] for name in CHANNELS]), axis=0)
+    measured = [numbers[name] for name in CHANNELS if name in numbers]
+    if not measured:
+        return numbers
+    kept = np.all(np.isfinite(measured), axis=0)
     if not kept.any():
-        raise InputError(f"{source}: no row has all of surge, sway and yaw rate; give a recording of the three")
+        raise InputError(
+            f"{source}: no row has all of the velocities; give them at the same times, or leave out a column"
+        )
     return {name: readonly(values[kept]) for name, values in numbers.items()}
 
 
@@ -186,8 +225,19 @@ def _fish(name: str, file: Path) -> Fish:
             raise InputError(f"'{name}' cannot be read: {error}; correct the path") from None
 
 
-def _sigmas(noise: Noise | None) -> FloatArray | None:
-    return None if noise is None else readonly([noise.surge, noise.sway, noise.yaw_rate])
+def _sigmas(noise: Noise | None, trials: Sequence[Trial], file: Path) -> FloatArray | None:
+    """Return the stated sigmas (3,), NaN of velocities that no trial has."""
+    if noise is None:
+        return None
+    stated = [getattr(noise, name) for name in CHANNELS]
+    for channel, (name, sigma) in enumerate(zip(CHANNELS, stated, strict=True)):
+        having = [trial.name for trial in trials if trial.measured[channel]]
+        if having and sigma is None:
+            raise InputError(
+                f"{file}: noise.{name}: this key is missing, and trial '{having[0]}' has {name}; add it, or leave out "
+                "[noise] to have all estimated"
+            )
+    return readonly([np.nan if sigma is None else sigma for sigma in stated])
 
 
 def _joints(numbers: Mapping[str, FloatArray], fish: Fish, source: Path) -> FloatArray | None:

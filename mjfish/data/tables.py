@@ -274,7 +274,7 @@ def _read_parquet(path: Path, missing: Collection[str]) -> dict[str, FloatArray]
     with pa.parquet.ParquetFile(path, page_checksum_verification=True) as file:
         table = file.read(use_threads=False)
     if not table.num_columns:
-        raise InputError(f"{path}: has no columns; expected {', '.join(map(columns.header, columns.REQUIRED))}")
+        raise InputError(f"{path}: has no columns; expected '{columns.header('time')}' and what was measured")
     names = columns.parse(table.column_names, path)
     result = {}
     for name, cells in zip(names, table.columns, strict=True):

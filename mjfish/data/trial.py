@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data.filters import Filter
+from mjfish.data.sensor import Sensor
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.fish import Fish
@@ -72,9 +73,11 @@ class Trial:
         name: of the trial.
         role: ``fit``, ``held_out``, or None where the dataset assigns none.
         time: (n,) increasing [s].
-        velocity: (n, 3) surge [m/s], sway [m/s], yaw rate [rad/s] of the nose in the forward frame.
+        velocity: (n, 3) surge [m/s], sway [m/s], yaw rate [rad/s] of the nose in the forward frame; NaN in the channels
+            that were not `measured`.
         drive: CPG segments; empty where the joints were measured.
         joint_angle: (n, joints) measured joint angles [rad], or None.
+        commanded: the angles are those that the servos were told, each held until the next; else those of the joints.
         pose: (n, 3) x [m], y [m], yaw [rad] in the world, or None; yaw alone may be given (x, y are NaN then).
         roll: (n,) [rad], or None.
         source: the file it was read from.
@@ -83,6 +86,7 @@ class Trial:
         tank: its walls, or None where they are not known.
         errors: (modes, n, 3 + joints) what is known of the errors of `velocity` and `joint_angle`: their sum, each mode
             times an independent standard normal number (`mjfish.data.error_modes`); None: not known.
+        sensors: what else was measured, each on its own clock.
 
     Example:
         >>> import mjfish
@@ -104,15 +108,32 @@ class Trial:
     wave: Wave | None = None
     tank: Tank | None = None
     errors: FloatArray | None = None
+    commanded: bool = False
+    sensors: tuple[Sensor, ...] = ()
 
     def __repr__(self) -> str:
         """Return one line: name, role, samples, duration, rate and what moves the joints."""
         sampling = f"{len(self.time)} samples"
         if len(self.time) > 1:
             sampling += f" in {float(self.time[-1] - self.time[0]):.4g} s ({1.0 / self.step:.4g} Hz)"
-        drive = "a wave" if self.wave is not None else "the CPG" if self.drive else "measured joint angles"
+        drive = "a wave" if self.wave is not None else "the CPG" if self.drive else self._angles
         role = self.role or "not assigned"
-        return f"<Trial '{self.name}', role {role}: {sampling}, driven by {drive}>"
+        beside = f", with {', '.join(sensor.name for sensor in self.sensors)}" if self.sensors else ""
+        return f"<Trial '{self.name}', role {role}: {sampling}{beside}, driven by {drive}>"
+
+    @property
+    def _angles(self) -> str:
+        return "recorded commands" if self.commanded else "measured joint angles"
+
+    @property
+    def joints_measured(self) -> bool:
+        """Whether the angles of the joints were measured: no servo stands between them and the model."""
+        return self.joint_angle is not None and not self.commanded
+
+    @cached_property
+    def measured(self) -> BoolArray:
+        """Which of surge, sway and yaw rate (3,) were measured."""
+        return np.asarray(~np.all(np.isnan(self.velocity), axis=0))
 
     @cached_property
     def step(self) -> float:
@@ -155,7 +176,8 @@ class Dataset:
         name: of the dataset.
         fish: with the start values and bounds of the dataset's ``[start]`` table applied.
         trials: in the order of the file.
-        noise: (3,) sigma of the measured surge [m/s], sway [m/s], yaw rate [rad/s]; None: estimate it from the data.
+        noise: (3,) sigma of the measured surge [m/s], sway [m/s], yaw rate [rad/s], NaN of one that no trial measured;
+            None: estimate it from the data.
         clock: ``synchronised``, or ``free`` where the velocity clock has an unknown offset in each trial.
         source: the dataset.toml it was read from.
         known: what is known of numbers that are no part of the fish, by name or pattern (`mjfish.known.Beforehand`):
@@ -184,8 +206,8 @@ class Dataset:
         """Return at most ten lines: fish, stated noise, clock and the first trials."""
         noise = "not stated"
         if self.noise is not None:
-            surge, sway, yaw_rate = map(float, self.noise)
-            noise = f"surge {surge:.3g} m/s, sway {sway:.3g} m/s, yaw rate {yaw_rate:.3g} rad/s"
+            named = zip(("surge", "sway", "yaw rate"), self.noise, ("m/s", "m/s", "rad/s"), strict=True)
+            noise = ", ".join(f"{name} {sigma:.3g} {unit}" for name, sigma, unit in named if sigma == sigma)
         shown = self.trials if len(self.trials) <= _TRIALS_SHOWN else self.trials[: _TRIALS_SHOWN - 1]
         more = len(self.trials) - len(shown)
         return (

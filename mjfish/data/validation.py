@@ -11,11 +11,12 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.data import columns
 from mjfish.data.tables import row_name
-from mjfish.data.trial import Tank
+from mjfish.data.trial import Dataset, Tank
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.frames import CHANNELS
 
 #: Joints that move less than this do not beat [rad].
 _STILL = 1e-6
@@ -233,3 +234,15 @@ def check_in_tank(pose: FloatArray, tank: Tank, source: Path) -> None:
             f"{row_name(source, first)}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
             f"{tank.x[0]:g} to {tank.x[1]:g} m, y from {tank.y[0]:g} to {tank.y[1]:g} m; correct tank or poses"
         )
+
+
+def check_velocities(dataset: Dataset, what: str) -> None:
+    """Refuse a dataset where a trial has not all three velocities, which `what` needs."""
+    for trial in dataset.trials:
+        absent = [columns.header(name) for name, there in zip(CHANNELS, trial.measured, strict=True) if not there]
+        if absent:
+            raise InputError(
+                f"{dataset.name}: trial '{trial.name}' has no {', '.join(absent)}, and {what} rests on residuals of "
+                "surge, sway and yaw rate in every trial, whatever other sensors there are; add what is missing, leave "
+                "the trial out, or fit the coefficients with `mjfish identify`"
+            )

@@ -15,6 +15,8 @@ from mjfish.arrays import FloatArray
 from mjfish.data import columns, dataset_toml, error_modes
 from mjfish.data.dataset_toml import Bounds, DatasetTable
 from mjfish.data.read import build_trial
+from mjfish.data.read_sensor import build_sensor
+from mjfish.data.sensor import Sensor
 from mjfish.data.tables import check_finite, write_table
 from mjfish.data.trial import Dataset, Trial
 from mjfish.errors import InputError, MjfishError, located
@@ -77,19 +79,22 @@ def check_folder(folder: str | Path) -> None:
 def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
     """Return dataset.toml as plain tables."""
     fish, start = _fish_entry(dataset.fish)
-    noise = None if dataset.noise is None else dict(zip(CHANNELS, map(float, dataset.noise), strict=True))
+    stated = () if dataset.noise is None else zip(CHANNELS, map(float, dataset.noise), strict=True)
+    noise = {name: sigma for name, sigma in stated if not np.isnan(sigma)}
     trials = [
         {
             "name": trial.name,
             "file": f"{trial.name}{suffix}",
             "role": trial.role,
             "gaps": trial.gaps,
+            "joints": "commanded" if trial.commanded else None,
             "errors": None if trial.errors is None else error_modes.file_name(trial.name),
             "drive": [
                 {"start": float(part.start), "omega": float(part.omega), "bias": [float(bias) for bias in part.bias]}
                 for part in trial.drive
             ]
             or _wave(trial),
+            "sensors": [_sensor(trial, sensor, dataset.fish, suffix) for sensor in trial.sensors],
         }
         for trial in dataset.trials
     ]
@@ -101,6 +106,17 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
     }  # fmt: skip
     filled = {key: value for key, value in raw.items() if value not in (None, {})}
     return {**filled, "trials": [{key: value for key, value in trial.items() if value} for trial in trials]}
+
+
+def _sensor(trial: Trial, sensor: Sensor, fish: Fish, suffix: str) -> dict[str, Any]:
+    """Return the entry of a sensor."""
+    table: dict[str, Any] = {
+        "kind": sensor.kind, "name": sensor.name, "file": f"{trial.name}.{sensor.name}{suffix}",
+        "place": {"link": fish.links[sensor.link].name, "station": float(sensor.station)},
+    }  # fmt: skip
+    if sensor.sigma is not None:
+        table["sigma"] = [float(sigma) for sigma in sensor.sigma]
+    return {**table, "clock": "free"} if sensor.free_clock else table
 
 
 def _tank(dataset: Dataset) -> dict[str, list[float]] | None:
@@ -151,12 +167,16 @@ def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, Flo
             tomlfile.parse(dataset.fish.model_dump(by_alias=True), Fish, _FISH_FILE)
         tables = {}
         for number, (entry, trial) in enumerate(zip(table.trials, dataset.trials, strict=True), start=1):
-            tables[entry.file] = _columns(trial)
-            for name, values in tables[entry.file].items():
-                check_finite(name, values, Path(entry.file))
-            build_trial(
-                entry, tables[entry.file], dataset.fish, Path(entry.file), f"{file}: trials.{number}", trial.tank
-            )
+            own, key = _columns(trial), f"{file}: trials.{number}"
+            tables[str(entry.file)] = own
+            for name, values in own.items():
+                check_finite(name, values, Path(str(entry.file)))
+            sensors = []
+            for place, (told, sensor) in enumerate(zip(entry.sensors, trial.sensors, strict=True), start=1):
+                tables[told.file] = dict(zip(("time", *sensor.channels), (sensor.time, *sensor.values.T), strict=True))
+                source = Path(told.file)
+                sensors.append(build_sensor(told, tables[told.file], dataset.fish, source, f"{key}.sensors.{place}"))
+            build_trial(entry, own, dataset.fish, Path(str(entry.file)), key, trial.tank, sensors)
             if entry.errors is not None:
                 tables[entry.errors] = error_modes.to_columns(trial)
     return tables
@@ -166,6 +186,9 @@ def _columns(trial: Trial) -> dict[str, FloatArray]:
     """Return the arrays of a trial as columns by name."""
     samples = np.size(trial.time)
     names: list[tuple[tuple[str, ...], FloatArray]] = [(CHANNELS, trial.velocity)]
+    if np.shape(trial.velocity) == (samples, len(CHANNELS)) and not trial.measured.all():
+        told = [k for k, measured in enumerate(trial.measured) if measured]
+        names = [(tuple(CHANNELS[k] for k in told), trial.velocity[:, told])]
     if trial.pose is not None:
         has_position = not np.isnan(trial.pose[:, :2]).all()
         names.append((columns.POSE, trial.pose) if has_position else (("yaw",), trial.pose[:, 2:]))
@@ -208,6 +231,7 @@ def _replaceable(folder: Path) -> list[Path]:
     names = [
         dataset_toml.FILE,
         *(file for trial in old.trials for file in (trial.file, trial.errors) if file),
+        *(sensor.file for trial in old.trials for sensor in trial.sensors),
         *([_FISH_FILE] if old.fish == _FISH_FILE else []),
     ]
     return [folder / name for name in names if Path(name).name == name]

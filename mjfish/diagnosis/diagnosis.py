@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mjfish.data import Dataset, Trial, load_dataset
+from mjfish.data.validation import check_velocities
 from mjfish.diagnosis.combinations import find_combinations, find_small_addition
 from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.domain import explaining_domain
@@ -51,6 +52,9 @@ _ROUGH = "Its refit was not followed to its optimum: what it explains is a lower
 
 #: Said of a cause that is a part of the nominal model.
 _PART = "It is a part of the nominal model: the dataset says what is known of it."
+
+#: Said where the closest model is not shown.
+_MISLEADS = " On the held-out runs it errs more than the nominal model, which stays."
 
 
 def diagnose(
@@ -98,6 +102,7 @@ def _diagnosed(
     dataset: Dataset, effects: Mapping[str, Effect] | None, seed: int, jobs: int | None, progress: Progress
 ) -> Diagnosis:
     rng = np.random.default_rng(seed)
+    check_velocities(dataset, "a diagnosis")
     candidates = tuple(of_fish(catalogue() if effects is None else effects, dataset.fish).values())
     known = {effect.name: effect for effect in candidates}
     checks = inspect(dataset, known)
@@ -167,6 +172,9 @@ def _diagnosed(
     if decision.verdict == "unexplained":
         domain = explaining_domain(evidence, learnable)
     progress("looking at what is wrong", 0.96)
+    unexplained = decision.verdict == "unexplained"
+    if unexplained and best is not None and held and _misleads(best, held_out, held):
+        best, decision = None, replace(decision, message=decision.message + _MISLEADS)
     scores = (held_out.score(None), held_out.score(best)) if held else None
     final = evidence.fit if best is None else best.fit
     extended = evidence.problem if best is None else best.problem
@@ -179,7 +187,7 @@ def _diagnosed(
         verdict=decision.verdict,
         message=decision.message + (f" What is sure is the domain: {domain}." if domain else ""),
         status="ok" if set(converged.values()) == {"converged"} else "fit_not_converged",
-        remarks=tuple(remarks(noise_remark, evidence.fit, converged, held)),
+        remarks=(*remarks(noise_remark, evidence.fit, converged, held), *_of_sensors(dataset)),
         checks=checks,
         causes=_causes(best) if best is not None and decision.verdict == "named" else (),
         mechanisms=mechanisms,
@@ -196,7 +204,7 @@ def _diagnosed(
         fingerprint=None if best is None else fingerprint(best),
         description=describe(evidence.problem, evidence.fit, rng) if decision.verdict == "unexplained" else None,
         p_wrong=screening.p_wrong,
-        gain=gain(*scores, held, rng) if scores is not None and best is not None else None,
+        gain=gain(*scores, held, rng) if scores is not None and (best is not None or unexplained) else None,
         nominal=estimates(evidence.fit, evidence.problem.model),
         extended=estimates(final, extended.model),
         nominal_model=evidence.problem.model,
@@ -213,6 +221,12 @@ def _diagnosed(
     )
     progress("done", 1.0)
     return result
+
+
+def _of_sensors(dataset: Dataset) -> Iterator[str]:
+    """Yield what was left out of sensors."""
+    for trial in dataset.trials:
+        yield from (f"{trial.name}: {remark}" for sensor in trial.sensors for remark in sensor.remarks)
 
 
 def _compared(
@@ -262,6 +276,12 @@ def _best(decision: Decision, single: Comparison, combined: Comparison | None) -
         if comparison is not None and decision.sets and decision.sets[0] in comparison.refits:
             return comparison.refits[decision.sets[0]]
     return max(single.refits.values(), key=lambda refit: refit.adjusted) if single.refits else None
+
+
+def _misleads(closest: Refit, held_out: HeldOut, held: Sequence[Trial]) -> bool:
+    """Return whether the closest model errs more on the held-out runs than the nominal one."""
+    nominal, extended = (pooled_error(held_out.score(model).residuals, held) for model in (None, closest))
+    return not extended <= nominal
 
 
 def _retained(decision: Decision, single: Comparison, combined: Comparison | None) -> list[Refit]:

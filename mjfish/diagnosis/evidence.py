@@ -21,6 +21,7 @@ from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.omnibus import HATS, omnibus
+from mjfish.estimation.problem import Slopes
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
 
@@ -267,7 +268,7 @@ class Evidence:
 
 
 def gather(
-    problem: Problem, fit: Fit, candidates: Sequence[Effect], known_signatures: Sequence[FloatArray] | None = None
+    problem: Problem, fit: Fit, candidates: Sequence[Effect], known_signatures: Slopes | None = None
 ) -> Evidence:
     """Compute residual, projected signatures and omnibus scores at a fit.
 
@@ -283,7 +284,7 @@ def gather(
     free = fit.jacobian[:, ~fit.at_bound]
     span = orthonormal(free)
     z = project_out(span, fit.residual[:, None])[:, 0]
-    raw = problem.whiten(signatures(problem, fit.values, kept) if known_signatures is None else known_signatures)
+    raw = problem.rows(signatures(problem, fit.values, kept) if known_signatures is None else known_signatures)
     projected = project_out(span, raw)
     waves = whitened_omnibus(problem)
     return Evidence(
@@ -301,7 +302,7 @@ def gather(
     )
 
 
-def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Sequence[FloatArray]) -> Iterator[Evidence]:
+def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Slopes) -> Iterator[Evidence]:
     """Yield what the evidence would be under other noises, refitted to first order.
 
     Args:
@@ -310,11 +311,11 @@ def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Sequenc
         known_signatures: `signatures` of its candidates.
     """
     problem, x = evidence.problem, evidence.fit.x
-    raw, slopes = [block[:, :, None] for block in problem.raw(x)], problem.sensitivities(x)
+    raw, slopes = problem.raw_and_sensors(x), problem.slopes(x)
     for noise in noises:
         other = replace(problem, noise=noise)
-        residual, jacobian = other.whiten(raw)[:, 0], other.whiten(slopes)
-        residual[other.samples :], jacobian[other.samples :] = other.known_rows(x)
+        residual, jacobian = other.rows(raw)[:, 0], other.rows(slopes)
+        residual[other.measured :], jacobian[other.measured :] = other.known_rows(x)
         seen = replace(evidence.fit, residual=residual, jacobian=jacobian)
         yield gather(other, seen, evidence.candidates, known_signatures)
 
@@ -324,8 +325,8 @@ def signatures(
     values: Mapping[str, float],
     candidates: Sequence[Effect],
     shapes: Mapping[str, float] | None = None,
-) -> list[FloatArray]:
-    """Return, per trial, the derivative (n_r, 3, d) of the prediction by every candidate's amplitudes, times scale.
+) -> Slopes:
+    """Return the derivatives of the prediction by every candidate's amplitudes, times scale.
 
     Args:
         problem: of the model without the candidates.
@@ -338,8 +339,7 @@ def signatures(
     null = {p.name: p.default for effect in candidates for p in effect.parameters}
     x = wide.start({**null, **(shapes or {}), **values})
     amplitudes = [p for effect in candidates for p in effect.amplitudes()]
-    blocks = wide.sensitivities(x, only=[p.name for p in amplitudes])
-    return [block * np.array([p.scale for p in amplitudes]) for block in blocks]
+    return wide.slopes(x, only=[p.name for p in amplitudes]).scaled(np.array([p.scale for p in amplitudes]))
 
 
 def whitened_omnibus(problem: Problem) -> FloatArray:

@@ -81,7 +81,7 @@ def amplitude_signatures(evidence: Evidence, learned: Sequence[Effect]) -> tuple
     Those of a cause that is not smooth at its null are the change of the prediction by one scale of the amplitude.
     """
     problem, fit = evidence.problem, evidence.fit
-    slopes = problem.whiten(signatures(problem, fit.values, learned))
+    slopes = problem.rows(signatures(problem, fit.values, learned))
     effects = (*evidence.candidates, *learned)
     raw = np.hstack([evidence.raw, slopes])
     rough = [(effect, block) for effect, block in zip(effects, _blocks(effects), strict=True) if not effect.smooth]

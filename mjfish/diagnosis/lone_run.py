@@ -33,6 +33,8 @@ def lone_run(evidence: Evidence) -> int | None:
     for index, block in enumerate(blocks):
         kept = np.ones(len(evidence.cleared), dtype=bool)
         kept[block] = False
+        for (run, _), rows in zip(evidence.problem.sensors, evidence.problem.sensor_rows, strict=True):
+            kept[rows] &= run != index
         others = _without(evidence, waves, kept)
         if min(others.saturated_p(), others.omnibus_p()) >= GOODNESS:
             alone.append(index)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.fit import hypercube
 from mjfish.estimation.noise_of_fit import noise_of, saturated, smoothing_of
+from mjfish.estimation.problem import Slopes
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
 from mjfish.noise.sample import noisy_ends
 
@@ -82,7 +83,7 @@ def screen(
     problem, start = resolved(problem)
     baseline = nominal_fit(problem, start)
     slopes = signatures(problem, baseline.values, candidates)
-    ends = noisy_ends(saturated(problem, baseline, slopes).residuals)
+    ends = noisy_ends(saturated(problem, baseline, slopes.velocity).residuals)
     if ends:
         problem = replace(problem, ends=ends)
         baseline = fit(problem, baseline.x, tolerance=1e-6)
@@ -127,29 +128,29 @@ def nominal_fit(problem: Problem, start: FloatArray) -> Fit:
 def _screened(
     problem: Problem,
     baseline: Fit,
-    slopes: Sequence[FloatArray],
+    slopes: Slopes,
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
     rng: np.random.Generator,
     progress: Progress,
 ) -> tuple[Screening, str, Filter | None]:
     """Screen with the smoothing of the problem; return it, a remark on the noise, and the suggested smoothing."""
-    noise, remark = noise_of(problem, baseline, slopes, stated, patterns=False)
+    noise, remark = noise_of(problem, baseline, slopes.velocity, stated, patterns=False)
     test = _NominalTest(candidates, slopes, rng, progress)
     seen = test.run(problem, baseline, noise)
     if seen.p_wrong >= ALARM:  # a noise estimate that includes patterns common to all runs may absorb a misfit
-        noise, remark = noise_of(problem, baseline, slopes, stated)
+        noise, remark = noise_of(problem, baseline, slopes.velocity, stated)
         seen = test.repeat(seen, noise)
     refitted: dict[str, Refit] = {}
     if seen.p_wrong < ALARM:
         refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), coarse=seen.refits)
     if not refitted:
-        smoothing = smoothing_of(problem, baseline, noise, candidates, slopes)
+        smoothing = smoothing_of(problem, baseline, noise, candidates, slopes.velocity)
     else:
         leader = max(refitted, key=lambda name: refitted[name].gain)
         refitted[leader] = best = refined(refitted[leader], refitted[leader].fit.sse)
         others = tuple(effect for effect in candidates if effect.name not in best.names)
-        beside = signatures(best.problem, best.fit.values, others)
+        beside = signatures(best.problem, best.fit.values, others).velocity
         noise, remark = noise_of(best.problem, best.fit, beside, stated)
         smoothing = smoothing_of(best.problem, best.fit, noise, others, beside)
         before, seen = seen, test.repeat(seen, noise)
@@ -177,7 +178,7 @@ class _NominalTest:
     """Fits the nominal model under a noise and tests its residual."""
 
     candidates: tuple[Effect, ...]
-    slopes: Sequence[FloatArray]
+    slopes: Slopes
     rng: np.random.Generator
     progress: Progress
 

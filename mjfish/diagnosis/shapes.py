@@ -73,7 +73,7 @@ def _scored(
         for twin, own in zip(twins, tried, strict=True)
         for name, value in own.items()
     }
-    stacked = problem.whiten(signatures(problem, evidence.fit.values, twins, shapes))
+    stacked = problem.rows(signatures(problem, evidence.fit.values, twins, shapes))
     for k in range(len(tried)):
         raw = stacked[:, k * width : (k + 1) * width]
         projected = project_out(span, raw)

@@ -28,18 +28,22 @@ _DEAR = 1.4
 _DIFFERENCE = 5e-3
 
 
-def joint_motion(time: FloatArray, angle: FloatArray, step: float) -> JointMotion:
-    """Smooth measured joint angles and sample the joint motion on the half-step grid.
+def joint_motion(time: FloatArray, angle: FloatArray, step: float, *, late: float = 0.0) -> JointMotion:
+    """Smooth recorded joint angles and sample the joint motion on the half-step grid.
 
     Args:
         time: (n,) increasing [s].
         angle: (n, joints) measured [rad].
         step: longest integration step [s].
+        late: by how much the joints are behind the record [s]; where they begin they stand still as long.
     """
     boundaries = grid(np.array([time[0], time[-1]]), step)
     splines = [smoothing_spline(time, angle[:, joint]) for joint in range(angle.shape[1])]
     stages = np.stack([boundaries[:-1], 0.5 * (boundaries[:-1] + boundaries[1:]), boundaries[1:]], axis=1)
-    sampled = [np.stack([spline(stages, nu=order) for spline in splines], axis=-1) for order in range(3)]
+    sampled = [
+        np.stack([spline(np.maximum(stages - late, time[0]), nu=order) for spline in splines], axis=-1)
+        for order in range(3)
+    ]
     return JointMotion(time=boundaries, angle=sampled[0], rate=sampled[1], acceleration=sampled[2])
 
 

@@ -21,7 +21,7 @@ SHORTEST = 1e-3
 
 def undetectable_behind_measured_joints(dataset: Dataset) -> str:
     """Say why no servo can be detected, where every trial has measured joint angles."""
-    if all(trial.joint_angle is not None for trial in dataset.trials):
+    if all(trial.joints_measured for trial in dataset.trials):
         return "the joint angles were measured, so no servo stands between them and the model"
     return ""
 

@@ -101,16 +101,17 @@ def agreement(
         settling: beats from a step of the drive until the fish swims steadily.
 
     Returns:
-        Rows by trial, channel, part, horizon; parts only where the drive tells them. NaN for a rollout that diverged.
+        Rows by trial, channel that was measured, part, horizon; parts only where the drive tells them. NaN for a
+        rollout that diverged, and for predictions of a trial that has not all channels.
     """
     rows = []
     for residual in residuals:
         own = noise
-        if own is None and horizons and not residual.diverged:
+        if own is None and horizons and not residual.diverged and residual.trial.measured.all():
             own = noise_at(residuals, residual.trial.step)
         where = parts_of_trial(residual.trial, settling)
         left: dict[int | None, FloatArray] = {None: residual.values, **_unforecast(residual, own, horizons)}
-        for channel in range(len(CHANNELS)):
+        for channel in np.flatnonzero(residual.trial.measured).tolist():
             for part, inside in where.items():
                 rows += [_row(residual, channel, part, inside, k, values) for k, values in left.items()]
     return tuple(rows)
@@ -138,7 +139,8 @@ def parts_of_trial(trial: Trial, settling: float = SETTLING) -> dict[Part, BoolA
 
 def noise_at(residuals: Sequence[Residual], step: float) -> Autoregressive:
     """Estimate the noise of the residuals that are sampled at `step` [s], of fitted trials where there are any."""
-    same_rate = [r for r in residuals if abs(r.trial.step / step - 1.0) < _SAME_RATE and not r.diverged]
+    good = [r for r in residuals if r.trial.measured.all() and not r.diverged]
+    same_rate = [r for r in good if abs(r.trial.step / step - 1.0) < _SAME_RATE]
     chosen = [r for r in same_rate if r.role == "fit"] or same_rate
     there = [np.all(np.isfinite(r.values), axis=1) for r in chosen]
     kept = [(r.values[inside], r.rows[inside]) for r, inside in zip(chosen, there, strict=True) if np.any(inside)]
@@ -181,7 +183,7 @@ def _row(
 
 @dataclass(frozen=True)
 class Criteria:
-    """Criteria of one fit; NaN after a divergence.
+    """Criteria of one fit; NaN after a divergence, and where a trial has not all velocities: they are the data here.
 
     Attributes:
         samples: n, scalar.
@@ -225,7 +227,7 @@ def criteria(
 
 def of_residuals(residuals: Sequence[Residual], noise: Noise, free: int, *, stated: bool) -> Criteria:
     """Return the criteria of residuals of a model with `free` fitted parameters; see `criteria`."""
-    if any(residual.diverged for residual in residuals):
+    if any(residual.diverged or not residual.trial.measured.all() for residual in residuals):
         return Criteria(0, free, *(np.nan,) * 5)
     model = Autoregressive(noise.sigma, noise.phi)
     parts = [model.innovations(residual.on_grid(residual.values)) for residual in residuals]

@@ -13,6 +13,7 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial
 from mjfish.data.importers.smoothing import beat_frequency
+from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 from mjfish.model import Model
 from mjfish.parameter import Parameter
@@ -70,7 +71,7 @@ def beat(trial: Trial) -> float | None:
 
     It is that of the measured yaw rate, where this swings clearly.
     """
-    if trial.wave is None or not trial.wave.free:
+    if trial.wave is None or not trial.wave.free or not trial.measured[CHANNELS.index("yaw_rate")]:
         return None
     frequency, periodic = beat_frequency(trial.time, trial.velocity[:, CHANNELS.index("yaw_rate")])
     return frequency if periodic and abs(frequency / trial.wave.frequency - 1.0) > _OFF else None
@@ -92,8 +93,13 @@ def aligned(dataset: Dataset) -> Dataset:
 def _aligned(model: Model, trial: Trial) -> Trial:
     if trial.wave is None or not trial.wave.free:
         return trial
-    swinging = [CHANNELS.index("sway"), CHANNELS.index("yaw_rate")]
-    start = None if trial.starts_at_rest else trial.velocity[0]
+    swinging = [c for c in (CHANNELS.index("sway"), CHANNELS.index("yaw_rate")) if trial.measured[c]]
+    if not swinging:
+        raise InputError(
+            f"trial '{trial.name}': neither sway nor yaw rate, expected one of them where the clock of a wave is free, "
+            "for its phase shows in them; add it, or give the wave the clock of the recording (free = false)"
+        )
+    start = None if trial.starts_at_rest else np.nan_to_num(trial.velocity[0])
     measured = trial.velocity[:, swinging] - trial.velocity[:, swinging].mean(axis=0)
     faster = beat(trial)
     trial = trial if faster is None else trial.waved(faster - trial.wave.frequency, 0.0)

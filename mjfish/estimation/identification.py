@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray, robust_sigma
-from mjfish.data import Dataset, Trial, load_dataset
+from mjfish.data import Dataset, Sensor, Trial, load_dataset
+from mjfish.data.sensor import smallest_sigma
 from mjfish.errors import InputError
 from mjfish.estimation.agreement import Agreement, Criteria, agreement, criteria
 from mjfish.estimation.clocks import aligned
@@ -24,14 +25,14 @@ from mjfish.estimation.posterior import posterior
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual, fitted, held_out
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests
-from mjfish.estimation.settings import Settings
+from mjfish.estimation.settings import Loss, Settings
 from mjfish.estimation.stability import Stability, stability
 from mjfish.estimation.table_iv import Row, table_iv
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.model.posterior import Posterior
 from mjfish.noise import Noise
-from mjfish.noise.autoregressive import floor
+from mjfish.noise.autoregressive import FLOOR, floor
 from mjfish.result import Result
 from mjfish.serialise import plain, unsaved
 
@@ -91,11 +92,25 @@ def assess(problem: Problem, fit: Fit, residuals: tuple[Residual, ...]) -> Asses
 
 @dataclass(frozen=True)
 class TrialScore:
-    """nRMSE of one trial, (surge, sway, yaw_rate)."""
+    """nRMSE of one trial, (surge, sway, yaw_rate); NaN of what was not measured."""
 
     trial: str
     role: str
     nrmse: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class SensorScore:
+    """Agreement of one channel of one sensor of a trial: the RMSE in its unit, and over the range of the channel."""
+
+    trial: str
+    role: str
+    sensor: str
+    channel: str
+    unit: str
+    samples: int
+    rmse: float
+    nrmse: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,6 +127,7 @@ class Identification(Result):
         reached: share of them that reached the best optimum.
         problem: that was fitted, with its final weights.
         assessment: what the data say about the fit; None where it diverged.
+        sensor_scores: of every channel of every sensor, scored as the velocities are.
     """
 
     dataset: Dataset
@@ -123,6 +139,7 @@ class Identification(Result):
     reached: float = 1.0
     problem: Problem | None = None
     assessment: Assessment | None = None
+    sensor_scores: tuple[SensorScore, ...] = ()
 
     @cached_property
     def posterior(self) -> Posterior | None:
@@ -148,8 +165,12 @@ class Identification(Result):
         for role in ("fit", "held_out"):
             scores = [score.nrmse for score in self.scores if score.role == role]
             if scores:
-                mean = ", ".join(f"{value:.3f}" for value in np.mean(scores, axis=0))
+                absent = "nan" if self.fit.status == "diverged" else "not measured"
+                columns = [[v for v in column if np.isfinite(v)] for column in zip(*scores, strict=True)]
+                mean = ", ".join(f"{np.mean(column):.3f}" if column else absent for column in columns)
                 lines.append(f"  {role.replace('_', ' ')} ({len(scores)} trials): {mean}")
+        for name in dict.fromkeys(score.sensor for score in self.sensor_scores):
+            lines.append(f"  {name}: {_listed([score for score in self.sensor_scores if score.sensor == name])}")
         shared = [k for k, p in enumerate(fit.parameters) if ":" not in p.name]
         room = _SUMMARY_LINES - len(lines)
         shown = shared if len(shared) <= room else shared[: room - 1]
@@ -173,8 +194,8 @@ class Identification(Result):
             "cost": solution.sse,
             "starts": self.starts,
             "reached": self.reached,
-            "samples": len(solution.residual),
-            "noise": self.noise.tolist(),
+            "samples": len(solution.residual) if self.problem is None else self._rows(self.problem),
+            "noise": plain(self.noise),
             "parameters": {
                 p.name: {
                     "estimate": solution.values[p.name],
@@ -189,10 +210,25 @@ class Identification(Result):
             },
             "correlation": {"names": [p.name for p in solution.parameters], "matrix": solution.correlation.tolist()},
             "scores": plain(self.scores),
+            **({"sensor_scores": plain(self.sensor_scores)} if self.sensor_scores else {}),
             "remarks": list(self.remarks),
             "assessment": plain(self.assessment),
             "posterior": plain(self.posterior),
         }
+
+    def _rows(self, problem: Problem) -> int:
+        """Return how many numbers were fitted: measured ones, and what is known of parameters."""
+        return problem.numbers + len(self.fit.residual) - problem.measured
+
+
+def _listed(scores: Sequence[SensorScore]) -> str:
+    """Return the mean nRMSE of the channels of one sensor, held-out trials where there are any."""
+    role = "held_out" if any(score.role == "held_out" for score in scores) else "fit"
+    means = {
+        channel: np.mean([s.nrmse for s in scores if s.channel == channel and s.role == role])
+        for channel in dict.fromkeys(score.channel for score in scores)
+    }
+    return f"{role.replace('_', ' ')}: " + ", ".join(f"{channel} {mean:.3f}" for channel, mean in means.items())
 
 
 def pose(dataset: Dataset, settings: Settings | None = None, *, jobs: int | None = None) -> Problem:
@@ -206,11 +242,16 @@ def pose(dataset: Dataset, settings: Settings | None = None, *, jobs: int | None
     settings = settings or Settings()
     fitted, _ = dataset.split()
     noise = dataset.noise if dataset.noise is not None else first_sigma(fitted)
-    problem = nominal_problem(dataset, fitted, Noise.white(settings.sigma(noise)), jobs=jobs)
+    problem = nominal_problem(dataset, fitted, white(settings.sigma(noise)), jobs=jobs)
     fixed, declared = settings.choose(problem.parameters)
     problem = replace(problem, fixed=fixed, declared={**problem.declared, **declared})
     check_enough(problem, dataset.name)
     return problem
+
+
+def white(sigma: FloatArray) -> Noise:
+    """Return white noise of sigma (3,); residuals of a channel without one, which nobody measured, are zero."""
+    return Noise.white(np.where(np.isnan(sigma), 1.0, sigma))
 
 
 def check_enough(problem: Problem, name: str) -> None:
@@ -221,12 +262,12 @@ def check_enough(problem: Problem, name: str) -> None:
     """
     counted = [int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))]
     for trial, count in zip(problem.trials, counted, strict=True):
-        if count == 0:
+        if count == 0 and not trial.sensors:
             raise InputError(
                 f"{name}: no sample of trial '{trial.name}' counts: it ends within what is left out at the ends of a "
                 "recording and beside steps of the drive; record longer, or leave the trial out"
             )
-    samples, free = 3 * sum(counted), len(problem.parameters)
+    samples, free = problem.numbers, len(problem.parameters)
     if samples <= free:
         raise InputError(f"{name}: {samples} numbers for {free} free parameters; give more data, or fix parameters")
 
@@ -275,27 +316,78 @@ def identify(
     robust = {"loss": settings.loss, "loss_scale": settings.loss_scale}
     many = multistart(problem, settings.starts, seed=settings.seed, tell=tell, **robust)  # type: ignore[arg-type]
     solution = many.best
-    remarks = tuple(_remarks(trials))
-    for _ in range(2 if stated is None and settings.weights == "noise" else 0):
+    remarks = (*_of_recordings(dataset.trials), *_remarks(trials))
+    weighed = stated is None and settings.weights == "noise"
+    unknown = [sensor for _, sensor in problem.sensors if sensor.sigma is None]
+    for _ in range(2 if weighed or unknown else 0):
         if solution.status == "diverged":
             break
-        residual = np.concatenate(problem.raw(solution.x))
-        problem = replace(problem, noise=Noise.white(np.maximum(_spread(residual, settings.loss), floor(trials))))
+        if weighed:
+            residual = _of_measured(problem, problem.raw(solution.x))
+            problem = replace(problem, noise=white(np.maximum(_spread(residual, settings.loss), floor(trials))))
+        problem = replace(problem, sensor_sigma=_sensor_spread(problem, solution.x, settings.loss))
         solution = fit(problem, solution.x, **robust)  # type: ignore[arg-type]
-    if stated is None and settings.weights == "noise":
+    if weighed and any(trial.measured.any() for trial in trials):
         remarks += ("noise: none stated; the weights are the RMS of the residual",)
+    for name in dict.fromkeys(sensor.name for sensor in unknown):
+        remarks += (f"{name}: no sigma stated; its weights are the RMS of the residual",)
     residuals = (*fitted(problem, solution.x), *held_out(problem, solution.values, held))
     return Identification(
-        dataset, solution, np.asarray(problem.noise.sigma), tuple(_score(residual) for residual in residuals), remarks,
+        dataset, solution, _measured_sigma(problem), tuple(_score(residual) for residual in residuals), remarks,
         settings.starts, many.reached, problem, assess(problem, solution, residuals),
+        tuple(score for residual in residuals for score in _sensor_scores(residual)),
     )  # fmt: skip
 
 
-def _spread(residual: FloatArray, loss: str) -> FloatArray:
-    """Return the sigma (3,) of residuals (n, 3): their RMS, or where outliers are expected 1.4826 of their median."""
+def _measured_sigma(problem: Problem) -> FloatArray:
+    """Return the sigma (3,) of the weights, NaN of velocities that no trial measured."""
+    measured = np.any([trial.measured for trial in problem.trials], axis=0)
+    return np.asarray(problem.noise.sigma) if measured.all() else np.where(measured, problem.noise.sigma, np.nan)
+
+
+def _of_measured(problem: Problem, residuals: list[FloatArray]) -> FloatArray:
+    """Return residuals (n, 3) of all trials, NaN of velocities that were not measured."""
+    if problem.complete:
+        return np.concatenate(residuals)
+    pairs = zip(problem.trials, residuals, strict=True)
+    return np.concatenate([np.where(trial.measured, block, np.nan) for trial, block in pairs])
+
+
+def _sensor_spread(problem: Problem, x: FloatArray, loss: Loss) -> dict[str, FloatArray]:
+    """Return the sigma of every sensor that states none: of its residuals in all trials, at least its floor."""
+    found: dict[str, list[FloatArray]] = {}
+    same: dict[str, list[Sensor]] = {}
+    for (i, sensor), predicted in zip(problem.sensors, problem.sensor_predictions(x), strict=True):
+        if sensor.sigma is None:
+            error = (sensor.values - predicted)[problem.sensor_mask(i, sensor)]
+            found.setdefault(sensor.name, []).append(error)
+            same.setdefault(sensor.name, []).append(sensor)
+    return {
+        name: np.maximum(_spread(np.concatenate(errors), loss), smallest_sigma(same[name], FLOOR))
+        for name, errors in found.items()
+    }
+
+
+def _spread(residual: FloatArray, loss: Loss) -> FloatArray:
+    """Return the sigma (c,) of residuals (n, c): their RMS, or where outliers are expected 1.4826 of their median.
+
+    Without those that are NaN, and NaN where all are.
+    """
+    if not np.all(np.isfinite(residual)):
+        kept = [column[np.isfinite(column)] for column in residual.T]
+        return np.array([float(_spread(own[:, None], loss)[0]) if len(own) else np.nan for own in kept])
     if loss == "linear":
         return np.asarray(np.sqrt(np.mean(residual**2, axis=0)))
     return robust_sigma(residual)
+
+
+def _of_recordings(trials: tuple[Trial, ...]) -> Iterator[str]:
+    """Yield which velocities were not measured, and what was left out of sensors."""
+    for trial in trials:
+        if not trial.measured.all():
+            absent = [name for name, there in zip(CHANNELS, trial.measured, strict=True) if not there]
+            yield f"{trial.name}: {', '.join(absent)} not measured"
+        yield from (f"{trial.name}: {remark}" for sensor in trial.sensors for remark in sensor.remarks)
 
 
 def _remarks(trials: tuple[Trial, ...]) -> Iterator[str]:
@@ -308,16 +400,40 @@ def _remarks(trials: tuple[Trial, ...]) -> Iterator[str]:
 def first_sigma(trials: tuple[Trial, ...]) -> FloatArray:
     """Return a first sigma (3,) where none is stated: of the third differences of the measurements.
 
-    For white noise their variance is 20 sigma^2; what is left of a smooth motion in them only makes sigma larger.
+    For white noise their variance is 20 sigma^2; what is left of a smooth motion in them only makes sigma larger. NaN
+    of a channel that no trial measured.
     """
     differences = np.concatenate([np.diff(trial.velocity, n=3, axis=0) for trial in trials])
-    return np.asarray(np.maximum(np.sqrt(np.mean(differences**2, axis=0) / 20.0), floor(trials)))
+    return np.asarray(np.maximum(np.sqrt(_mean_square(differences, trials) / 20.0), floor(trials)))
+
+
+def _mean_square(values: FloatArray, trials: tuple[Trial, ...]) -> FloatArray:
+    """Return the mean squares (3,) of channels (n, 3) over the trials that measured them; NaN where none did."""
+    having = np.array([trial.measured for trial in trials])
+    if having.all():
+        return np.asarray(np.mean(values**2, axis=0))
+    found = np.full(3, np.nan)
+    for channel in np.flatnonzero(having.any(axis=0)):
+        found[channel] = np.nanmean(values[:, channel] ** 2)
+    return found
 
 
 def _score(residual: Residual) -> TrialScore:
     error = residual.values[residual.scored]
     nrmse = np.sqrt(np.mean(error**2, axis=0)) / np.maximum(np.ptp(residual.trial.velocity, axis=0), 1e-12)
     return TrialScore(residual.trial.name, residual.role, (float(nrmse[0]), float(nrmse[1]), float(nrmse[2])))
+
+
+def _sensor_scores(residual: Residual) -> Iterator[SensorScore]:
+    for own in residual.sensors:
+        sensor, error = own.sensor, (own.sensor.values - own.predicted)[own.scored]
+        rmse = np.sqrt(np.mean(error**2, axis=0)) if len(error) else np.full(len(sensor.channels), np.nan)
+        reach = np.maximum(np.ptp(sensor.values, axis=0), 1e-12)
+        for k, (channel, unit) in enumerate(zip(sensor.channels, sensor.units, strict=True)):
+            yield SensorScore(
+                residual.trial.name, residual.role, sensor.name, channel, unit, len(error), float(rmse[k]),
+                float(rmse[k] / reach[k]),
+            )  # fmt: skip
 
 
 def identified_fish(fish: Fish, fit: Fit, fixed: Mapping[str, float] | None = None) -> Fish:

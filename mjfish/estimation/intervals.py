@@ -29,7 +29,7 @@ from mjfish.arrays import BoolArray, FloatArray
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation.fit import Fit, fit
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.serial_correlation import Block, Serial, blocks_of, by_trial, serial, stacked
+from mjfish.estimation.serial_correlation import Block, Serial, blocks_of, by_trial, sensor_blocks, serial, stacked
 from mjfish.parameter import bounds
 
 
@@ -107,8 +107,8 @@ def intervals(problem: Problem, fit: Fit, *, level: float = 0.95) -> Intervals:
         fit: of it.
         level: of the intervals.
     """
-    blocks = blocks_of(problem, fit)
-    found, known = serial(blocks, ~fit.at_bound), fit.jacobian[problem.samples :]
+    blocks = (*blocks_of(problem, fit), *sensor_blocks(problem, fit))
+    found, known = serial(blocks, ~fit.at_bound), fit.jacobian[problem.measured :]
     own, degrees_of_freedom = _sandwich(found, blocks, known, ~fit.at_bound)
     sigma, plain = np.sqrt(np.diag(own)), np.sqrt(np.diag(fit.covariance))
     if np.any(fit.at_bound):

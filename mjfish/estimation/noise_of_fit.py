@@ -148,7 +148,7 @@ class JointErrors:
 
 def joint_errors(problem: Problem, fit: Fit) -> JointErrors | None:
     """Return how errors of joint angles reach the velocities of a fit; None where none were measured, or none show."""
-    if all(trial.joint_angle is None for trial in problem.trials):
+    if not any(trial.joints_measured for trial in problem.trials):
         return None
     joints = JointErrors(problem, fit.values)
     energy = [np.square(joints.loadings(trial)).sum(axis=2).mean(axis=0) for trial in problem.trials]
@@ -168,7 +168,7 @@ def unaccounted(trials: Sequence[Trial]) -> FloatArray | None:
 
 def _loadings(problem: Problem, trial: Trial, values: dict[str, float]) -> FloatArray:
     read = np.zeros((len(trial.time), len(CHANNELS), 1))
-    if trial.joint_angle is None or (trial.errors is None and len(trial.time) > _LONGEST):
+    if trial.joint_angle is None or trial.commanded or (trial.errors is None and len(trial.time) > _LONGEST):
         return read
     run = problem.model.prepare(trial, values)
     rollout = problem.prediction(trial, values).rollout

@@ -7,7 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
+from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
+from mjfish.data.sensor import first_sensor_sigma
 from mjfish.effects import catalogue
 from mjfish.effects.effect import Effect
 from mjfish.errors import UnknownNameError, located
@@ -15,6 +17,7 @@ from mjfish.estimation import clocks
 from mjfish.estimation.problem import Problem, nuisances
 from mjfish.model import Model
 from mjfish.noise import Noise
+from mjfish.noise.autoregressive import FLOOR
 from mjfish.parameter import Parameter
 
 
@@ -42,6 +45,7 @@ def nominal_problem(dataset: Dataset, trials: tuple[Trial, ...], noise: Noise, *
         free_clock=free_clock,
         smoothing=dataset.filter,
         nominal=nominal,
+        sensor_sigma=_first_sensor_sigma(dataset, trials),
         jobs=jobs or os.cpu_count() or 1,
     )
     if not dataset.known:
@@ -51,6 +55,16 @@ def nominal_problem(dataset: Dataset, trials: tuple[Trial, ...], noise: Noise, *
     scales = [clocks.SCALE, *(f"{trial.name}:{clocks.SCALE}" for trial in waves)] if waves else []
     with located(f"{dataset.source or dataset.name}: known"):
         return replace(problem, declared=_declared(dataset, [*model.parameters, *own, *map(clocks.scale, scales)]))
+
+
+def _first_sensor_sigma(dataset: Dataset, trials: tuple[Trial, ...]) -> dict[str, FloatArray]:
+    """Return the first sigma of every sensor that states none, of the trials that are fitted if they have it."""
+    unstated = [s.name for trial in dataset.trials for s in trial.sensors if s.sigma is None]
+    found = {}
+    for name in dict.fromkeys(unstated):
+        fitted, every = ([s for t in some for s in t.sensors if s.name == name] for some in (trials, dataset.trials))
+        found[name] = first_sensor_sigma(fitted or every, FLOOR)
+    return found
 
 
 def _known_effects(dataset: Dataset) -> Iterator[Effect]:

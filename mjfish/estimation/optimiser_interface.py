@@ -19,7 +19,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation.clocks import aligned
-from mjfish.estimation.identification import first_sigma
+from mjfish.estimation.identification import first_sigma, white
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.problem import Problem
 from mjfish.noise import Noise
@@ -77,7 +77,7 @@ def residual_function(
             raise UnknownNameError("coefficient", name, known)
         known[name].check(value)
     if noise is None:
-        noise = dataset.noise if dataset.noise is not None else first_sigma(trials)
+        noise = white(dataset.noise if dataset.noise is not None else first_sigma(trials)).sigma
     sigma = np.asarray(noise, dtype=np.float64)
     if sigma.shape != (3,) or not np.all((sigma > 0.0) & np.isfinite(sigma)):
         raise InputError(f"noise is {sigma.tolist()}, expected three numbers above 0: surge, sway, yaw rate")

@@ -24,7 +24,7 @@ import numpy as np
 from mjfish.arrays import BoolArray, orthonormal, project_out
 from mjfish.estimation.fit import Fit, covariance
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.serial_correlation import blocks_of, by_trial, serial, stacked
+from mjfish.estimation.serial_correlation import blocks_of, by_trial, sensor_blocks, serial, stacked
 from mjfish.fish import Fish
 from mjfish.model.posterior import Posterior
 from mjfish.parameter import bounds
@@ -45,9 +45,9 @@ def posterior(problem: Problem, fit: Fit, fish: Fish, scatter: Mapping[str, floa
     every = np.ones_like(fit.at_bound)
     errors = covariance(np.concatenate([fit.jacobian, prior]), _stood_in_for(problem, fit))
     if correlated:
-        blocks = blocks_of(problem, fit)
+        blocks = (*blocks_of(problem, fit), *sensor_blocks(problem, fit))
         moves = by_trial(stacked(blocks, every) @ errors, blocks)
-        known = np.concatenate([fit.jacobian[problem.samples :], prior]) @ errors
+        known = np.concatenate([fit.jacobian[problem.measured :], prior]) @ errors
         errors = serial(blocks, ~fit.at_bound).quadratic(moves) + known.T @ known
     own = {p.name for p in problem.model.parameters}
     shared = [k for k, p in enumerate(fit.parameters) if p.name in own]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of
-from mjfish.data import Trial
+from mjfish.data import Sensor, Trial, columns
+from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.model import MARGIN, Model, Prediction
-from mjfish.model.sensitivity import one_sided, sensitivities
+from mjfish.model.sensitivity import one_sided, with_sensors
 from mjfish.noise import Noise
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior
@@ -26,10 +27,47 @@ from mjfish.threads import threaded
 
 #: Residual of a sample that the rollout did not reach, in units of sigma: worse than any honest misfit.
 LOST = 1e3
-#: Scale and half-range of start velocities around the measured ones [m/s, m/s, rad/s], and of clock offsets [s].
+#: Scale and half-range of start velocities around the measured ones [m/s, m/s, rad/s], half-range around rest where
+#: they were not measured, and scale and half-range of clock offsets [s].
 _START_SCALE = (0.01, 0.01, 0.05)
 _START_RANGE = (0.1, 0.1, 0.5)
-_CLOCK_SCALE = 0.005
+_UNMEASURED_RANGE = (2.0, 1.0, 10.0)
+_CLOCK_SCALE, _CLOCK_RANGE = 0.005, 0.25
+#: Scale and half-range of the pose at the start around a first guess of it [m, m, rad].
+_POSE_SCALE = (0.01, 0.01, 0.02)
+_POSE_RANGE = (5.0, 5.0, 4.0)
+#: Share of a track that gives a first guess of the heading.
+_FIRST_PART = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of a prediction by some parameters.
+
+    Attributes:
+        velocity: (n_r, 3, k) a trial, of its counted samples, in physical units.
+        sensors: (m, k) rows of all sensors of all trials, whitened.
+    """
+
+    velocity: list[FloatArray]
+    sensors: FloatArray
+
+    def scaled(self, factors: FloatArray) -> Slopes:
+        """Return the derivatives times factors (k,)."""
+        return Slopes([block * factors for block in self.velocity], self.sensors * factors)
+
+
+@dataclass(frozen=True)
+class _Predicted:
+    """Velocities (n, 3) of one trial as its recording has them, and what its sensors read."""
+
+    velocity: FloatArray
+    sensors: tuple[FloatArray, ...]
+
+    @property
+    def lost(self) -> bool:
+        """Whether the rollout did not reach every sample."""
+        return not all(np.all(np.isfinite(block)) for block in (self.velocity, *self.sensors))
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +89,7 @@ class Problem:
         smoothing: filter that the recorded velocities went through, and predictions do, too; None: none.
         nominal: names of the effects that are a part of the nominal model; others are causes that extend it.
         prior_sds: of learned priors, by name; those of others, and where it has none, are the declared ones.
+        sensor_sigma: (c,) of every sensor whose sigma is not stated, by name.
         jobs: threads.
     """
 
@@ -66,6 +105,7 @@ class Problem:
     smoothing: Filter | None = None
     nominal: tuple[str, ...] = ()
     prior_sds: Mapping[str, float] = field(default_factory=dict)
+    sensor_sigma: Mapping[str, FloatArray] = field(default_factory=dict)
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
 
     @cached_property
@@ -86,7 +126,7 @@ class Problem:
     def known(self) -> tuple[int, ...]:
         """Places of the free parameters of which more than bounds is known.
 
-        Each is a row of data more, behind those of the trials: its `deviation`, which has mean 0 and variance 1.
+        Each is a row of data more, behind those of velocities and sensors: its `deviation`, of mean 0 and variance 1.
         """
         return tuple(i for i, p in enumerate(self.parameters) if p.sd is not None)
 
@@ -102,8 +142,35 @@ class Problem:
 
     @cached_property
     def samples(self) -> int:
-        """Number of rows that were measured: those in front of the known parameters'."""
+        """Number of rows of velocities, three a sample: those in front of the sensors'."""
         return sum(len(CHANNELS) * int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials)))
+
+    @cached_property
+    def measured(self) -> int:
+        """Number of rows of velocities and sensors: those in front of the known parameters'."""
+        return self.sensor_rows[-1].stop if self.sensor_rows else self.samples
+
+    @cached_property
+    def sensors(self) -> tuple[tuple[int, Sensor], ...]:
+        """Every sensor with the place of its trial, in the order of their rows."""
+        return tuple((i, sensor) for i, trial in enumerate(self.trials) for sensor in trial.sensors)
+
+    @cached_property
+    def sensor_rows(self) -> list[slice]:
+        """Where the rows of each of `sensors` stand in a whitened residual; in them a sample is a row of channels."""
+        counts = [np.count_nonzero(self.sensor_mask(i, s)) * len(s.channels) for i, s in self.sensors]
+        return blocks_of([self.samples, *map(int, counts)])[1:]
+
+    @cached_property
+    def numbers(self) -> int:
+        """Number of measured numbers: the rows of velocities that were measured, and those of sensors."""
+        own = (np.count_nonzero(self.mask(i)) * np.count_nonzero(t.measured) for i, t in enumerate(self.trials))
+        return int(sum(own)) + self.measured - self.samples
+
+    @property
+    def complete(self) -> bool:
+        """Whether all three velocities of every trial were measured."""
+        return all(bool(trial.measured.all()) for trial in self.trials)
 
     @cached_property
     def priors(self) -> tuple[Prior, ...]:
@@ -133,24 +200,41 @@ class Problem:
     def to_dict(self) -> dict[str, Any]:
         """Return how data and model are compared as plain data; model and trials are told elsewhere."""
         fields = {"noise": self.noise, "ends": self.ends, "slope_step": self.slope_step, "smoothing": self.smoothing}
+        if self.sensors:
+            fields["sensor_sigma"] = {sensor.name: self.sigma_of(sensor) for _, sensor in self.sensors}
         return {key: plain(value) for key, value in fields.items()}
 
     def residual(self, x: FloatArray) -> FloatArray:
-        """Return whitened residuals (measured - predicted), all trials and channels stacked; then `known_rows`."""
-        measured = self._stack(self._run([(trial, self.named(x)) for trial in self.trials]))
+        """Return whitened residuals (measured - predicted): velocities of all trials, sensors of all, `known_rows`.
+
+        Rows of velocities that were not measured are zero, here and in the derivatives.
+        """
+        measured = self._stack(self._run(x))
         return np.concatenate([measured, self.known_rows(x)[0]]) if self.known else measured
 
     def raw(self, x: FloatArray) -> list[FloatArray]:
-        """Return residuals (n_r, 3) of every trial's counted samples, in physical units."""
-        predicted = self._run([(trial, self.named(x)) for trial in self.trials])
+        """Return residuals (n_r, 3) of every trial's counted samples, in physical units; zero where not measured."""
         return [
-            (trial.velocity - velocity)[self.mask(i)]
-            for i, (trial, velocity) in enumerate(zip(self.trials, predicted, strict=True))
+            left(trial, predicted.velocity)[self.mask(i)]
+            for i, (trial, predicted) in enumerate(zip(self.trials, self._run(x), strict=True))
         ]
+
+    def raw_and_sensors(self, x: FloatArray) -> Slopes:
+        """Return the residuals as one column, (n_r, 3, 1) a trial, and those of the sensors (m, 1), whitened."""
+        predicted = self._run(x)
+        velocity = [
+            left(trial, own.velocity)[self.mask(i)][:, :, None]
+            for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True))
+        ]
+        return Slopes(velocity, self._sensors_left(predicted)[:, None])
 
     def predictions(self, x: FloatArray) -> list[FloatArray]:
         """Return predicted velocities (n_r, 3) of every trial, all samples."""
-        return self._run([(trial, self.named(x)) for trial in self.trials])
+        return [predicted.velocity for predicted in self._run(x)]
+
+    def sensor_predictions(self, x: FloatArray) -> list[FloatArray]:
+        """Return what each of `sensors` is predicted to read (m, c), all samples."""
+        return [block for predicted in self._run(x) for block in predicted.sensors]
 
     def divergence(self, x: FloatArray) -> str:
         """Return which trial diverges, when and with which parameters; empty where none does."""
@@ -160,21 +244,28 @@ class Problem:
 
     def jacobian(self, x: FloatArray) -> FloatArray:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `known_rows`."""
-        rows = self.whiten(self.sensitivities(x))
+        rows = self.rows(self.slopes(x))
         if self.known:
-            rows[self.samples :] = self.known_rows(x)[1]
+            rows[self.measured :] = self.known_rows(x)[1]
+        return rows
+
+    def rows(self, slopes: Slopes) -> FloatArray:
+        """Return derivatives as rows (n, k) of the whitened residual: zeros in those of known parameters."""
+        rows = self.whiten(slopes.velocity)
+        rows[self.samples : self.measured] = slopes.sensors
         return rows
 
     def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
-        """Whiten blocks (n_r, 3, k), one a trial, and stack them to (n, k): zeros in the rows of known parameters."""
+        """Whiten blocks (n_r, 3, k), one a trial, and stack them to (n, k): zeros in all rows but the velocities'."""
         if blocks[0].shape[2] == 0:  # filters refuse columns that are none
             return self.whiten([np.zeros((len(block), len(CHANNELS), 1)) for block in blocks])[:, :0]
         whitened = [self.whitened(i, block).reshape(-1, block.shape[2]) for i, block in enumerate(blocks)]
         return self.padded(np.concatenate(whitened))
 
     def padded(self, rows: FloatArray) -> FloatArray:
-        """Return columns (n, k) of what was measured with zeros in the rows of known parameters."""
-        return np.concatenate([rows, np.zeros((len(self.known), rows.shape[1]))]) if self.known else rows
+        """Return columns (n, k) of the velocities with zeros in the rows of sensors and known parameters."""
+        more = self.measured - self.samples + len(self.known)
+        return np.concatenate([rows, np.zeros((more, rows.shape[1]))]) if more else rows
 
     def whitened(self, index: int, block: FloatArray) -> FloatArray:
         """Whiten columns (n_r, 3, ...) of the counted samples of one trial."""
@@ -184,36 +275,57 @@ class Problem:
         """Return, per trial, the derivative (n_r, 3, k) of the prediction by the free parameters or those in `only`.
 
         Exact (`mjfish.model.sensitivity`); at a bound where the model changes its form, such as a servo without lag, a
-        one-sided difference of second order over a tenth of the parameter's scale.
+        one-sided difference of second order over a tenth of the parameter's scale. Zero where not measured.
         """
+        return self.slopes(x, only).velocity
+
+    def slopes(self, x: FloatArray, only: Sequence[str] | None = None) -> Slopes:
+        """Return the derivatives of velocities and sensors by the free parameters or those in `only`."""
         parameters = self.parameters
         chosen = [parameters[i] for i in range(len(parameters)) if only is None or parameters[i].name in only]
         here = self.named(x)
-        slopes = self._map(lambda trial: self._slopes(trial, here, chosen), self.trials)
-        return [np.nan_to_num(slope)[self.mask(i)] for i, slope in enumerate(slopes)]
+        found = list(threaded(lambda trial: self._slopes(trial, here, chosen), self.trials, self.jobs))
+        velocity = [
+            np.nan_to_num(own.velocity if trial.measured.all() else own.velocity * trial.measured[:, None])[
+                self.mask(i)
+            ]
+            for i, (trial, own) in enumerate(zip(self.trials, found, strict=True))
+        ]
+        every = [block for own in found for block in own.sensors]
+        sensors = [
+            (np.nan_to_num(block)[self.sensor_mask(i, sensor)] / self.sigma_of(sensor)[:, None]).reshape(
+                -1, len(chosen)
+            )
+            for (i, sensor), block in zip(self.sensors, every, strict=True)
+        ]
+        return Slopes(velocity, np.concatenate([np.zeros((0, len(chosen))), *sensors]))
 
-    def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> FloatArray:
-        """Return the derivative (n_r, 3, k) of one trial's prediction by the chosen parameters."""
+    def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:
+        """Return the derivatives (n, 3, k), (m, c, k) of one trial's prediction by the chosen parameters."""
         result = np.zeros((len(trial.time), len(CHANNELS), len(chosen)))
+        beside = tuple(np.zeros((*sensor.values.shape, len(chosen))) for sensor in trial.sensors)
         own = {k: p.name.removeprefix(f"{trial.name}:") for k, p in enumerate(chosen) if not elsewhere(p, trial)}
         model = self._sloping
         rough = [k for k, name in own.items() if one_sided(model, name, here[chosen[k].name])]
         exact = [k for k in own if k not in rough]
-        velocity, offset = self._start(trial, here)
-        slopes = sensitivities(
-            model, clocks.clocked(trial, here), here, [own[k] for k in exact], velocity=velocity, offset=offset
-        )
+        names = [own[k] for k in exact]
+        slopes, read = with_sensors(model, clocks.clocked(trial, here), here, names, **self._own(trial, here))
         for column, k in enumerate(exact):
             if own[k] == clocks.SCALE:  # derived relative to the scale that the wave has
-                slopes[:, :, column] /= here[chosen[k].name]
+                for block in (slopes, *read):
+                    block[:, :, column] /= here[chosen[k].name]
         result[:, :, exact] = self._smoothed(trial, slopes)
+        for whole, block in zip(beside, read, strict=True):
+            whole[:, :, exact] = block
         if rough:
             base = self._predict((trial, dict(here)))
         for k in rough:
             name, h = chosen[k].name, 0.1 * chosen[k].scale
             near, far = (self._predict((trial, {**here, name: here[name] + by})) for by in (h, 2.0 * h))
-            result[:, :, k] = (2.0 * near - 1.5 * base - 0.5 * far) / h
-        return result
+            result[:, :, k] = (2.0 * near.velocity - 1.5 * base.velocity - 0.5 * far.velocity) / h
+            for whole, *three in zip(beside, near.sensors, base.sensors, far.sensors, strict=True):
+                whole[:, :, k] = (2.0 * three[0] - 1.5 * three[1] - 0.5 * three[2]) / h
+        return _Predicted(result, beside)
 
     @cached_property
     def _sloping(self) -> Model:
@@ -250,8 +362,28 @@ class Problem:
             keep &= (trial.time >= window[0]) & (trial.time <= window[1])
         return keep
 
+    def sensor_mask(self, index: int, sensor: Sensor) -> BoolArray:
+        """Return which samples (m,) of a sensor of a trial count: those within it, not beside a step of the drive.
+
+        Nor at the ends of measured joint angles, or outside of the window.
+        """
+        trial = self.trials[index]
+        keep = np.asarray((sensor.time >= trial.time[0] - 1e-9) & (sensor.time <= trial.time[-1] + 1e-9))
+        for segment in trial.drive[1:]:
+            keep &= np.abs(sensor.time - segment.start) > 1.5 * sensor.step
+        if trial.joint_angle is not None:
+            keep &= (sensor.time >= trial.time[0] + MARGIN) & (sensor.time <= trial.time[-1] - MARGIN)
+        window = self.windows[index] if self.windows is not None else None
+        if window is not None:
+            keep &= (sensor.time >= window[0]) & (sensor.time <= window[1])
+        return keep
+
+    def sigma_of(self, sensor: Sensor) -> FloatArray:
+        """Return the standard deviation (c,) of one sample of a sensor: the stated one, else the estimated."""
+        return self.sensor_sigma[sensor.name] if sensor.sigma is None else sensor.sigma
+
     def rows_by_trial(self) -> list[slice]:
-        """Return where the rows of each trial stand in a whitened residual."""
+        """Return where the rows of the velocities of each trial stand in a whitened residual."""
         counted = (int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials)))
         return blocks_of([len(CHANNELS) * samples for samples in counted])
 
@@ -263,24 +395,31 @@ class Problem:
         """Return free and fixed parameters by name."""
         return {**self.fixed, **{p.name: float(v) for p, v in zip(self.parameters, x, strict=True)}}
 
-    def _stack(self, predicted: list[FloatArray]) -> FloatArray:
+    def _stack(self, predicted: list[_Predicted]) -> FloatArray:
         parts = []
-        for i, (trial, velocity) in enumerate(zip(self.trials, predicted, strict=True)):
+        for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True)):
             keep = self.mask(i)
-            if np.all(np.isfinite(velocity)):
-                parts.append(self.whitened(i, (trial.velocity - velocity)[keep]).ravel())
-            else:
+            if own.lost:
                 parts.append(np.full(len(CHANNELS) * int(np.count_nonzero(keep)), LOST))
+            else:
+                parts.append(self.whitened(i, left(trial, own.velocity)[keep]).ravel())
+        return np.concatenate([*parts, self._sensors_left(predicted)])
+
+    def _sensors_left(self, predicted: list[_Predicted]) -> FloatArray:
+        """Return whitened residuals (m,) of all sensors."""
+        parts, every = [np.zeros(0)], [(own.lost, block) for own in predicted for block in own.sensors]
+        for (i, sensor), (lost, block) in zip(self.sensors, every, strict=True):
+            white = ((sensor.values - block) / self.sigma_of(sensor))[self.sensor_mask(i, sensor)].ravel()
+            parts.append(np.full_like(white, LOST) if lost else white)
         return np.concatenate(parts)
 
-    def _run(self, tasks: list[tuple[Trial, dict[str, float]]]) -> list[FloatArray]:
-        return self._map(self._predict, tasks)
+    def _run(self, x: FloatArray) -> list[_Predicted]:
+        values = self.named(x)
+        return list(threaded(self._predict, [(trial, values) for trial in self.trials], self.jobs))
 
-    def _map(self, function: Callable[[Any], FloatArray], tasks: Sequence[Any]) -> list[FloatArray]:
-        return list(threaded(function, tasks, self.jobs))
-
-    def _predict(self, task: tuple[Trial, dict[str, float]]) -> FloatArray:
-        return self._smoothed(task[0], self.prediction(*task).velocity)
+    def _predict(self, task: tuple[Trial, dict[str, float]]) -> _Predicted:
+        prediction = self.prediction(*task)
+        return _Predicted(self._smoothed(task[0], prediction.velocity), prediction.sensors)
 
     def _smoothed(self, trial: Trial, block: FloatArray) -> FloatArray:
         """Return predicted columns (n_r, 3, ...) as the recording of the trial would have them."""
@@ -289,30 +428,49 @@ class Problem:
         return self.smoothing.of_trial(trial, block)
 
     def prediction(self, trial: Trial, values: Mapping[str, float]) -> Prediction:
-        """Predict one trial, its start velocity and clock from `values` where they are free."""
-        velocity, offset = self._start(trial, values)
-        return self.model.predict(clocks.clocked(trial, values), values, velocity=velocity, offset=offset)
+        """Predict one trial, its start and its clocks from `values` where they are free."""
+        return self.model.predict(clocks.clocked(trial, values), values, **self._own(trial, values))
 
     @staticmethod
-    def _start(trial: Trial, values: Mapping[str, float]) -> tuple[FloatArray | None, float]:
-        """Return velocity (3,) at the start, None at rest, and the clock offset [s] of a trial."""
-        velocity = None
+    def _own(trial: Trial, values: Mapping[str, float]) -> dict[str, Any]:
+        """Return what `Model.predict` takes of a trial alone: velocity and pose at the start, clock offsets."""
+        velocity, pose = None, None
         if not trial.starts_at_rest:
             velocity = np.array([values[f"{trial.name}:start.{channel}"] for channel in CHANNELS])
-        return velocity, values.get(f"{trial.name}:clock.offset", 0.0)
+        if any(sensor.kind in _SEES_POSE for sensor in trial.sensors):
+            measured = np.zeros(3) if trial.pose is None else np.nan_to_num(trial.pose[0])
+            pose = np.array(
+                [values.get(f"{trial.name}:start.{name}", float(v)) for name, v in zip(POSE, measured, strict=True)]
+            )
+        offsets = {s.name: values.get(f"{trial.name}:{s.clock}", 0.0) for s in trial.sensors}
+        offset = values.get(f"{trial.name}:clock.offset", 0.0)
+        return {"velocity": velocity, "offset": offset, "pose": pose, "sensor_offsets": offsets}
+
+
+#: Sensors that see where the run began, and its heading there.
+_SEES_POSE = {"position": POSE, "heading": POSE[2:]}
+
+
+def left(trial: Trial, predicted: FloatArray) -> FloatArray:
+    """Return measured less predicted velocities (n, 3), zero of those that were not measured."""
+    if trial.measured.all():
+        return np.asarray(trial.velocity - predicted)
+    return np.where(trial.measured, trial.velocity - predicted, 0.0)
 
 
 def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:
     """Return what must be fitted in this trial alone.
 
-    Start velocity unless at rest, clock offset where it is free, frequency and phase of a wave with a clock of its own.
+    Start velocity unless at rest, clock offsets where they are free, frequency and phase of a wave with a clock of its
+    own, and what sensors see of the pose at the start.
     """
     declared = []
     if not trial.starts_at_rest:
-        for channel, scale, reach, measured in zip(
-            CHANNELS, _START_SCALE, _START_RANGE, trial.velocity[0], strict=True
+        for channel, scale, reach, wide, measured in zip(
+            CHANNELS, _START_SCALE, _START_RANGE, _UNMEASURED_RANGE, trial.velocity[0], strict=True
         ):
-            centre = float(measured)
+            centre = float(np.nan_to_num(measured))
+            reach = wide if np.isnan(measured) else reach
             declared.append(
                 Parameter(
                     f"{trial.name}:start.{channel}",
@@ -329,7 +487,41 @@ def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:
         declared.append(
             Parameter(f"{trial.name}:clock.offset", "s", 0.0, -0.25, 0.25, 0.0, _CLOCK_SCALE, about="clock offset")
         )
-    return (*declared, *clocks.parameters(trial))
+    return (*declared, *clocks.parameters(trial), *_of_sensors(trial))
+
+
+def _of_sensors(trial: Trial) -> Iterator[Parameter]:
+    """Yield the pose at the start, as far as sensors see it, and the offsets of their clocks."""
+    seen = {name for sensor in trial.sensors for name in _SEES_POSE.get(sensor.kind, ())}
+    guess = _first_pose(trial)
+    for name, centre, scale, reach in zip(POSE, guess, _POSE_SCALE, _POSE_RANGE, strict=True):
+        if name in seen:
+            low, high = centre - reach, centre + reach
+            unit = columns.UNITS[name]
+            yield Parameter(f"{trial.name}:start.{name}", unit, centre, low, high, centre, scale, about="at the start")
+    for sensor in trial.sensors:
+        if sensor.free_clock:
+            about = f"clock offset of {sensor.name}"
+            yield Parameter(
+                f"{trial.name}:{sensor.clock}", "s", 0.0, -_CLOCK_RANGE, _CLOCK_RANGE, 0.0, _CLOCK_SCALE, about=about
+            )
+
+
+def _first_pose(trial: Trial) -> tuple[float, float, float]:
+    """Return a first guess of x, y [m], yaw [rad] at the start: as measured, else by the first part of a track."""
+    found = np.full(3, np.nan) if trial.pose is None else trial.pose[0].copy()
+    for sensor in trial.sensors:
+        first = sensor.values[0]
+        if sensor.kind == "heading" and np.isnan(found[2]):
+            found[2] = first[0]
+        if sensor.kind == "position" and np.isnan(found[0]):
+            found[:2] = first
+    for sensor in trial.sensors:
+        if sensor.kind == "position" and np.isnan(found[2]):
+            moved = sensor.values[int(_FIRST_PART * len(sensor.time))] - sensor.values[0]
+            found[2] = np.arctan2(moved[1], moved[0])
+    x, y, yaw = np.nan_to_num(found)
+    return float(x), float(y), float(yaw)
 
 
 def elsewhere(parameter: Parameter, trial: Trial) -> bool:

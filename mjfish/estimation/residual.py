@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.data import Role, Trial
+from mjfish.data import Role, Sensor, Trial
 from mjfish.estimation.fit import Fit, fit
 from mjfish.estimation.problem import Problem, nuisances
 
@@ -29,11 +29,13 @@ class Score:
         residuals: (n_r, 3) per trial, scored samples only, physical units.
         predictions: (n_r, 3) per trial, all samples.
         whitened: the scored residuals in the metric of the noise, (3 n_r,) per trial.
+        sensors: per trial, those of its sensors.
     """
 
     residuals: tuple[FloatArray, ...]
     predictions: tuple[FloatArray, ...]
     whitened: tuple[FloatArray, ...]
+    sensors: tuple[tuple[SensorResidual, ...], ...] = ()
 
     @property
     def whitened_sse(self) -> tuple[float, ...]:
@@ -43,12 +45,13 @@ class Score:
 
 def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
     """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""
-    residuals, predictions, whitened = [], [], []
+    residuals, predictions, whitened, sensors = [], [], [], []
     for alone, x in _alone(fitted, values, trials):
         residuals.append(alone.raw(x)[0])
         predictions.append(alone.predictions(x)[0])
         whitened.append(alone.residual(x)[: alone.samples])
-    return Score(tuple(residuals), tuple(predictions), tuple(whitened))
+        sensors.append(of_sensors(alone, x, 0))
+    return Score(tuple(residuals), tuple(predictions), tuple(whitened), tuple(sensors))
 
 
 def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, ...]) -> FloatArray:
@@ -87,6 +90,21 @@ def _alone(
 
 
 @dataclass(frozen=True, eq=False)
+class SensorResidual:
+    """What a sensor of a trial measured and what it is predicted to read.
+
+    Attributes:
+        sensor: of the trial.
+        predicted: (m, c) at all its samples; NaN after a divergence.
+        scored: (m,) samples that are scored.
+    """
+
+    sensor: Sensor
+    predicted: FloatArray
+    scored: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
 class Residual:
     """Measured minus predicted velocities of one trial.
 
@@ -97,6 +115,7 @@ class Residual:
         counted: (n,) samples that the fit looks at; a predictor may feed them back.
         scored: (n,) those of them that are scored; of a held-out trial, without the part that its own nuisance
             parameters were fitted on.
+        sensors: the same of its sensors.
     """
 
     trial: Trial
@@ -104,6 +123,7 @@ class Residual:
     predicted: FloatArray
     counted: BoolArray
     scored: BoolArray
+    sensors: tuple[SensorResidual, ...] = ()
 
     @property
     def diverged(self) -> bool:
@@ -130,8 +150,20 @@ class Residual:
 def fitted(problem: Problem, x: FloatArray) -> tuple[Residual, ...]:
     """Return the residuals of the trials of a problem at `x`; all counted samples are scored."""
     return tuple(
-        Residual(trial, "fit", predicted, problem.mask(i), problem.mask(i))
+        Residual(trial, "fit", predicted, problem.mask(i), problem.mask(i), of_sensors(problem, x, i))
         for i, (trial, predicted) in enumerate(zip(problem.trials, problem.predictions(x), strict=True))
+    )
+
+
+def of_sensors(problem: Problem, x: FloatArray, index: int) -> tuple[SensorResidual, ...]:
+    """Return what the sensors of a trial measured, and what they are predicted to read at `x`."""
+    if not problem.trials[index].sensors:
+        return ()
+    pairs = zip(problem.sensors, problem.sensor_predictions(x), strict=True)
+    return tuple(
+        SensorResidual(sensor, predicted, problem.sensor_mask(i, sensor))
+        for (i, sensor), predicted in pairs
+        if i == index
     )
 
 
@@ -143,9 +175,9 @@ def held_out(problem: Problem, values: Mapping[str, float], trials: tuple[Trial,
     """
     score = predict_held_out(problem, values, trials)
     result = []
-    for trial, left, predicted in zip(trials, score.residuals, score.predictions, strict=True):
+    for trial, left, predicted, sensors in zip(trials, score.residuals, score.predictions, score.sensors, strict=True):
         counted = replace(problem, trials=(trial,), windows=None).mask(0)
         scored = np.zeros_like(counted)
         scored[np.flatnonzero(counted)[-len(left) :]] = True
-        result.append(Residual(trial, "held_out", predicted, counted, scored))
+        result.append(Residual(trial, "held_out", predicted, counted, scored, sensors))
     return tuple(result)

@@ -512,7 +512,7 @@ class ResidualTests:
         skipped: trials whose rollout diverged.
         status: ``passed``; ``coloured`` (independent of the input, not white: intervals that assume white noise are too
             narrow, the model may be right), ``dependent`` (the model misses something that the drive does) or
-            ``untested`` (every rollout diverged).
+            ``untested`` (every rollout diverged, or a trial has not all velocities).
     """
 
     whiteness: tuple[Autocorrelation, ...]
@@ -527,6 +527,9 @@ def residual_tests(
     problem: Problem, fit: Fit, residuals: Sequence[Residual] | None = None, *, lags: int = LAGS
 ) -> ResidualTests:
     """Test the residuals of a fit, which are made here where they are not given."""
+    incomplete = tuple(trial.name for trial in problem.trials if not trial.measured.all())
+    if incomplete:
+        return ResidualTests((), (), np.nan, np.nan, incomplete, "untested")
     taken = None if fit.status == "diverged" else absorbed(problem, fit)
     return examine(residuals or fitted(problem, fit.x), problem.noise, problem.model.fish.cpg, taken, lags=lags)
 

@@ -9,7 +9,7 @@ need e to be stationary, but is much the noisier of the two.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +39,7 @@ class Block:
         jacobian: (n, 3, p) of the prediction.
         counted: (n,) whether a sample is there.
         step: of the grid [s].
+        series: what they are residuals of: the velocities, or a sensor by its name. Only those of one series are alike.
     """
 
     trial: str
@@ -46,6 +47,7 @@ class Block:
     jacobian: FloatArray
     counted: BoolArray
     step: float
+    series: str = ""
 
 
 def blocks_of(problem: Problem, fit: Fit) -> tuple[Block, ...]:
@@ -64,6 +66,22 @@ def blocks_of(problem: Problem, fit: Fit) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
+def sensor_blocks(problem: Problem, fit: Fit) -> tuple[Block, ...]:
+    """Return residual and Jacobian of a fit sensor by sensor; channels that a sensor has not are zero."""
+    blocks = []
+    for (i, sensor), rows in zip(problem.sensors, problem.sensor_rows, strict=True):
+        time, wide = sensor.time[problem.sensor_mask(i, sensor)], len(sensor.channels)
+        if not len(time):
+            continue
+        cell = rows_of(time)
+        residual, jacobian = np.zeros((cell[-1] + 1, 3)), np.zeros((cell[-1] + 1, 3, fit.jacobian.shape[1]))
+        residual[cell, :wide] = fit.residual[rows].reshape(-1, wide)
+        jacobian[cell, :wide] = fit.jacobian[rows].reshape(len(time), wide, -1)
+        counted = np.isin(np.arange(len(residual)), cell)
+        blocks.append(Block(problem.trials[i].name, residual, jacobian, counted, sensor.step, sensor.name))
+    return tuple(blocks)
+
+
 @dataclass(frozen=True, eq=False)
 class Serial:
     """Covariance of the residuals in time, by trial.
@@ -72,7 +90,7 @@ class Serial:
         spectra: one (f, 3, 3) a trial, Hermitian and not negative: Omega on a circle of `lengths` samples.
         tapers: one (l, 3, 3) a trial: weight of a product at each lag on the circle.
         lengths: of the circles.
-        windows: (3,) longest lag [s] that counts, by channel, in any trial.
+        windows: (3,) longest lag [s] that counts in the velocities, by channel, in any trial.
     """
 
     spectra: tuple[RecordArray, ...]
@@ -131,8 +149,9 @@ def serial(blocks: Sequence[Block], free: BoolArray, *, apart: bool = False) -> 
         free: (p,) which parameters were free and off their bounds.
         apart: whether they were fitted to each trial alone.
     """
-    longest = int(_LONGEST * min(len(block.residual) for block in blocks))
-    lengths = tuple(fft.next_fast_len(len(block.residual) + longest + 1, real=True) for block in blocks)
+    every = {block.series for block in blocks}
+    longest = {s: int(_LONGEST * min(len(b.residual) for b in blocks if b.series == s)) for s in every}
+    lengths = tuple(fft.next_fast_len(len(b.residual) + longest[b.series] + 1, real=True) for b in blocks)
     pairs = list(zip(blocks, lengths, strict=True))
     sums = [_lag_sums(block.residual[:, :, None], block.residual[:, :, None], n) for block, n in pairs]
     counts = [_lag_sums(block.counted[:, None, None], block.counted[:, None, None], n)[:, 0, 0] for block, n in pairs]
@@ -155,15 +174,15 @@ def _smoothed(
     sums: Sequence[FloatArray],
     counts: Sequence[FloatArray],
     lengths: tuple[int, ...],
-    longest: int,
+    longest: Mapping[str, int],
 ) -> Serial:
     """Return the spectra of lag sums under the window that they choose."""
     reach = _windows(blocks, sums, counts, longest)
     tapers = tuple(
-        _taper(reach[block.step], length) / np.maximum(count, 0.5)[:, None, None]
+        _taper(reach[block.series, block.step], length) / np.maximum(count, 0.5)[:, None, None]
         for block, length, count in zip(blocks, lengths, counts, strict=True)
     )
-    windows = np.max([np.diag(reach[block.step]) * block.step for block in blocks], axis=0)
+    windows = np.max([np.diag(reach["", block.step]) * block.step for block in blocks if not block.series], axis=0)
     return Serial(tuple(_spectrum(s * w) for s, w in zip(sums, tapers, strict=True)), tapers, lengths, windows)
 
 
@@ -191,28 +210,29 @@ def _lag_sums(x: FloatArray | BoolArray, y: FloatArray | BoolArray, length: int)
 
 
 def _windows(
-    blocks: Sequence[Block], sums: Sequence[FloatArray], counts: Sequence[FloatArray], longest: int
-) -> dict[float, FloatArray]:
-    """Return the longest lag (3, 3) of each pair of channels, by step of the grid; -1: not even the lag 0 counts.
+    blocks: Sequence[Block], sums: Sequence[FloatArray], counts: Sequence[FloatArray], longest_of: Mapping[str, int]
+) -> dict[tuple[str, float], FloatArray]:
+    """Return the longest lag (3, 3) of each pair of channels, by series and step; -1: not even the lag 0 counts.
 
     Twice the smallest m from which on `_RUN` correlations in a row, pooled over trials, are below
     `_CRITICAL` sqrt(log10(n) / n).
     """
     result = {}
-    for step in {block.step for block in blocks}:
-        mine = [r for r, block in enumerate(blocks) if block.step == step]
+    for series, step in {(block.series, block.step) for block in blocks}:
+        mine = [r for r, block in enumerate(blocks) if (block.series, block.step) == (series, step)]
+        longest = longest_of[series]
         at = np.arange(-longest, longest + 1)
         pooled = (
             np.sum([sums[r][at] for r in mine], axis=0) / np.sum([counts[r][at] for r in mine], axis=0)[:, None, None]
         )
-        spread = np.sqrt(np.einsum("cc->c", pooled[longest]))
+        spread = np.sqrt(np.maximum(np.einsum("cc->c", pooled[longest]), 0.0))
         correlation = np.abs(pooled) / np.maximum(np.outer(spread, spread), 1e-300)
         seen = np.maximum(correlation[longest:], correlation[longest::-1])
         n = np.sum([counts[r][0] for r in mine])
         small = seen < _CRITICAL * np.sqrt(np.log10(n) / n)
         runs = np.lib.stride_tricks.sliding_window_view(small, min(_RUN, len(small)), axis=0).all(axis=-1)
         m = np.where(runs.any(axis=0), runs.argmax(axis=0) - 1, longest)
-        result[step] = np.where(m < 0, m, np.minimum(2 * np.maximum(m, 0), longest)).astype(np.float64)
+        result[series, step] = np.where(m < 0, m, np.minimum(2 * np.maximum(m, 0), longest)).astype(np.float64)
     return result
 
 

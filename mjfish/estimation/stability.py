@@ -91,8 +91,9 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
     """
     free = ~fit.at_bound
     shared = [k for k, p in enumerate(fit.parameters) if ":" not in p.name and free[k]]
-    if len(problem.trials) < 2 or not shared:
+    if len(problem.trials) < 2 or not shared or not problem.complete:
         nothing = "one trial" if len(problem.trials) < 2 else "no free coefficient"
+        nothing = nothing if problem.complete else "not every trial has surge, sway and yaw rate"
         return Stability(0.0, (0.0, 0.0), 1.0, (), 1.0, 1.0, None, alpha, f"{nothing}: there is nothing to compare")
     small = reduced(blocks_of(problem, fit), free)
     places = {k: int(np.count_nonzero(free[:k])) for k in shared}

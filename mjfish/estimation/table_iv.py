@@ -76,7 +76,10 @@ def table_iv(residuals: Sequence[Residual]) -> tuple[Row, ...]:
         residuals: of simulations, of fitted and held-out trials in the order of the rows.
     """
     found = agreement(residuals, horizons=())
-    rows = [_of(residual.trial, [a for a in found if a.trial == residual.trial.name]) for residual in residuals]
+    rows = [
+        _of(residual.trial, residual.role, [a for a in found if a.trial == residual.trial.name])
+        for residual in residuals
+    ]
     means = [_mean(f"mean of {group}", [row for row in rows if row.group == group]) for group in ("forward", "turning")]
     return (*rows, *(row for row in (*means, _mean("mean of all", rows)) if row is not None and row.trials > 1))
 
@@ -101,7 +104,7 @@ def group_of(trial: Trial) -> Group:
     return "turning" if any(any(segment.bias) for segment in trial.drive) else "forward"
 
 
-def _of(trial: Trial, found: Iterable[Agreement]) -> Row:
+def _of(trial: Trial, role: str, found: Iterable[Agreement]) -> Row:
     by_channel = {a.channel: a for a in found if a.part == "whole"}
     mode = mode_of(trial)
     paper = PAPER.get(mode, (None, None))
@@ -109,10 +112,10 @@ def _of(trial: Trial, found: Iterable[Agreement]) -> Row:
         name=trial.name,
         mode=mode,
         group=group_of(trial),
-        role=by_channel[CHANNELS[0]].role,
+        role=role,
         trials=1,
-        rmse=_triple([by_channel[channel].rmse for channel in CHANNELS]),
-        nrmse=_triple([by_channel[channel].nrmse for channel in CHANNELS]),
+        rmse=_triple([by_channel[c].rmse if c in by_channel else np.nan for c in CHANNELS]),
+        nrmse=_triple([by_channel[c].nrmse if c in by_channel else np.nan for c in CHANNELS]),
         paper_rmse=paper[0],
         paper_nrmse=paper[1],
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,8 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     """Test a dataset before anything is fitted to it: signs, units, labels, clocks, copies, missing runs.
 
     Velocities are in m/s and rad/s, times in s, as `mjfish.load_dataset` reads them. Nothing is raised for bad data:
-    each fault is a `Finding` with a code, a place, what was expected, and a remedy.
+    each fault is a `Finding` with a code, a place, what was expected, and a remedy. Trials without all three velocities
+    are not tested.
 
     Args:
         dataset: the trials, or the folder of ``dataset.toml``.
@@ -48,6 +49,10 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     """
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
+    complete = tuple(trial for trial in dataset.trials if trial.measured.all())
+    if not complete:
+        return Inspection.of([], catalogue() if effects is None else effects)
+    dataset = replace(dataset, trials=complete)
     frequencies, dataset = list(wave_frequencies(dataset.trials)), aligned(dataset)
     held = [trial.name for trial in dataset.split()[1]]
     found = [finding for trial in dataset.trials for finding in stuck(trial)]

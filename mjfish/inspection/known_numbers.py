@@ -33,7 +33,7 @@ def contradicted(problem: Problem, fit: Fit) -> Iterator[Finding]:
         problem: that was fitted.
         fit: of it.
     """
-    rows, deviations = fit.jacobian[problem.samples :], -fit.residual[problem.samples :]
+    rows, deviations = fit.jacobian[problem.measured :], -fit.residual[problem.measured :]
     left = 1.0 - np.einsum("ki,ij,kj->k", rows, fit.covariance, rows)
     asked = left > 1.0 - _UNSEEN
     for i, deviation, share, seen in zip(problem.known, deviations, left, asked, strict=True):

@@ -205,7 +205,7 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
         everywhere = len(strange) == len(sizes)
         yield Finding(
             "signs-unit",
-            "blocks",
+            "blocks" if near else "suspect",  # far from any unit: a fish that hardly follows its drive is so, too
             f"{'all trials' if everywhere else 'trial ' + ', '.join(strange)}, {name}",
             f"it is {size:.3g} times as large as simulated",
             "a size within a factor of a few",

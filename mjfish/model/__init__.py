@@ -12,7 +12,7 @@ from mjfish.model.model import (
     numbered,
     pose_of,
 )
-from mjfish.model.sensitivity import sensitivities
+from mjfish.model.sensitivity import sensitivities, with_sensors
 
 __all__ = [
     "LEAD",
@@ -26,4 +26,5 @@ __all__ = [
     "numbered",
     "pose_of",
     "sensitivities",
+    "with_sensors",
 ]

@@ -21,6 +21,7 @@ from mjfish.fish import Cpg, Fish, Link
 from mjfish.hydro.link import Same
 from mjfish.hydro.load import Load
 from mjfish.hydro.outline import outlines
+from mjfish.model.sensing import moments, read
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
 from mjfish.parameter import Parameter
 
@@ -52,6 +53,7 @@ class Prediction:
         message: why, where it is not ok.
         rollout: the rollout behind it.
         pose: (n, 3) predicted x, y [m], yaw [rad] at the trial's times; it begins as measured, or at 0.
+        sensors: (m, c) what each sensor of the trial reads; NaN after a divergence.
     """
 
     velocity: FloatArray
@@ -59,6 +61,7 @@ class Prediction:
     message: str
     rollout: Rollout
     pose: FloatArray
+    sensors: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -116,18 +119,23 @@ class Model:
         *,
         velocity: FloatArray | None = None,
         offset: float = 0.0,
+        pose: FloatArray | None = None,
+        sensor_offsets: Mapping[str, float] | None = None,
     ) -> Prediction:
-        """Predict the measured velocities of `trial`.
+        """Predict the measured velocities of `trial`, and what its sensors read.
 
         Args:
             trial: gives the drive and the times.
             values: every parameter of the model by name (bounds are not checked: a fit steps over them).
             velocity: (3,) velocity at the start, in the forward frame; None: at rest.
             offset: clock offset of this trial, a nuisance [s].
+            pose: (3,) x, y [m], yaw [rad] at the start; None: as measured, or at 0.
+            sensor_offsets: clock offsets of its sensors by name [s]; none without.
         """
         run = self.prepare(trial, values, velocity=velocity, offset=offset)
         rollout = ode.simulate(
-            run.fish, run.motion, values=run.coefficients, velocity=run.velocity, pose=pose_of(trial),
+            run.fish, run.motion, values=run.coefficients, velocity=run.velocity,
+            pose=pose_of(trial) if pose is None else pose,
             coriolis=self.coriolis, loads=run.loads,
         )  # fmt: skip
         state = headed(rollout.at(np.minimum(run.time, run.motion.time[-1])), trial)
@@ -136,7 +144,12 @@ class Model:
         message = rollout.message
         if message and run.active:
             message += f" (with {', '.join(f'{e.name}.{k} = {v:g}' for e, own in run.active for k, v in own.items())})"
-        return Prediction(state[:, :3], rollout.status, message, rollout, state[:, 3:6])
+        late = sensor_offsets or {}
+        sensors = tuple(
+            read(sensor, moments(run.fish, rollout, run.motion, sensor.time + late.get(sensor.name, 0.0)))
+            for sensor in trial.sensors
+        )
+        return Prediction(state[:, :3], rollout.status, message, rollout, state[:, 3:6], sensors)
 
     def prepare(
         self,
@@ -240,7 +253,8 @@ def headed(state: FloatArray, trial: Trial) -> FloatArray:
 def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
     """Return the joint motion a trial asks for: the spline of its measured angles, or the CPG's."""
     if trial.joint_angle is not None:
-        return measured.joint_motion(trial.time, trial.joint_angle, step)
+        held = 0.5 * trial.step if trial.commanded else 0.0  # a staircase is late by half a step, on average
+        return measured.joint_motion(trial.time, trial.joint_angle, step, late=held)
     if trial.wave is not None:
         end = float(trial.time[-1]) + LEAD
         return wave.joint_motion(trial.wave, 0.0 if trial.starts_at_rest else float(trial.time[0]), end, step)
@@ -259,7 +273,7 @@ def joint_motion(
     Measured joint angles are what the joints got; nothing comes in between.
     """
     motion = asked_motion(cpg, trial, step)
-    if trial.joint_angle is None:
+    if not trial.joints_measured:
         for effect, values in servos:
             motion = effect.drive(motion, dict(values))
     return motion

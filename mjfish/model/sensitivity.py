@@ -9,20 +9,23 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
-from mjfish.data import Trial
+from mjfish.data import Sensor, Trial
+from mjfish.data.columns import POSE
+from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect
 from mjfish.fish import Cpg, Fish
 from mjfish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
 from mjfish.model import Model, Prepared, asked_motion, headed, numbered, pose_of
-from mjfish.ode.equation import TAIL, tail_of
-from mjfish.ode.rollout import Conditions
+from mjfish.model.sensing import Moments, moments, read
+from mjfish.ode.equation import STATES, TAIL, tail_of
+from mjfish.ode.rollout import Conditions, Rollout
 from mjfish.ode.tangents import Direction, simulate_tangents
 from mjfish.parameter import Parameter
 
@@ -44,18 +47,33 @@ def sensitivities(
     velocity: FloatArray | None = None,
     offset: float = 0.0,
 ) -> FloatArray:
-    """Return the derivative of the predicted velocities by parameters.
+    """Return the derivative (n, 3, k) of the predicted velocities by parameters; see `with_sensors`."""
+    return with_sensors(model, replace(trial, sensors=()), values, names, velocity=velocity, offset=offset)[0]
+
+
+def with_sensors(
+    model: Model,
+    trial: Trial,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    *,
+    velocity: FloatArray | None = None,
+    offset: float = 0.0,
+    pose: FloatArray | None = None,
+    sensor_offsets: Mapping[str, float] | None = None,
+) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+    """Return the derivatives of the predicted velocities, and of what each sensor reads, by parameters.
 
     Args:
-        model, trial, values, velocity, offset: as in `mjfish.model.Model.predict`.
-        names: parameters of the model; ``start.surge``, ``start.sway``, ``start.yaw_rate`` of the velocity at the start
-            ``clock.offset`` of the clock; ``wave.frequency``, ``wave.phase`` (mid-record) and ``wave.scale`` of a wave,
-            the last relative to the scale that it has. An effect may
-            be at its null value, but where its hooks of drive or body act on one side of it only (`one_sided`) it has
-            no derivative there.
+        model, trial, values, velocity, offset, pose, sensor_offsets: as in `mjfish.model.Model.predict`.
+        names: parameters of the model; ``start.surge``, ``start.sway``, ``start.yaw_rate`` of the velocity at the
+            start, ``start.x``, ``start.y``, ``start.yaw`` of the pose there; ``clock.offset`` of the clock, and that of
+            a sensor (`mjfish.data.Sensor.clock`); ``wave.frequency``, ``wave.phase`` (mid-record) and ``wave.scale`` of
+            a wave, the last relative to the scale that it has. An effect may be at its null value, but where its hooks
+            of drive or body act on one side of it only (`one_sided`) it has no derivative there.
 
     Returns:
-        (n, 3, k) at the trial's times; NaN after a divergence.
+        (n, 3, k) at the trial's times, and (m, c, k) at those of each sensor; NaN after a divergence.
     """
     run = model.prepare(trial, values, velocity=velocity, offset=offset)
     acting = {effect.name for effect, _ in run.active}
@@ -68,9 +86,13 @@ def sensitivities(
     ]
     at = _At(model, trial, values, velocity, offset, run, loaded)
     directions = [_direction(at, name) for name in names]
-    times = np.minimum(run.time, run.motion.time[-1])
+    late = sensor_offsets or {}
+    clocks = [run.time, *(sensor.time + late.get(sensor.name, 0.0) for sensor in trial.sensors)]
+    times = np.minimum(np.concatenate(clocks), run.motion.time[-1])
     moving = [k for k, (direction, _) in enumerate(directions) if direction is not None]
-    conditions = Conditions(run.coefficients, run.velocity, pose_of(trial), model.coriolis, run.loads)
+    conditions = Conditions(
+        run.coefficients, run.velocity, pose_of(trial) if pose is None else pose, model.coriolis, run.loads
+    )
     rollout, tangents = simulate_tangents(
         run.fish, run.motion, [direction for direction, _ in directions if direction is not None], times,
         conditions=conditions,
@@ -79,16 +101,59 @@ def sensitivities(
             for effect in inactive
             if effect.load is not None
         ],
+        with_rates=bool(trial.sensors),
     )  # fmt: skip
-    along = np.zeros((len(times), tangents.shape[1], len(names)))
-    along[:, :, moving] = tangents
+    every = np.zeros((len(times), tangents.shape[1], len(names)))
+    every[:, :, moving] = tangents
+    along, *beside = np.split(every, np.cumsum([len(clock) for clock in clocks])[:-1])
+    along, times = along[:, :STATES], times[: len(along)]
     ahead = rollout.rate_at(times) * (run.time < run.motion.time[-1])[:, None]
     for k, (_, rate) in enumerate(directions):
         if rate is not None:
             along[:, :, k] += ahead * rate[:, None]
     if trial.pose is not None:  # the heading at the first sample is the measured one, whatever moves
         along[:, 5] -= along[0, 5]
-    return _read(at, headed(rollout.at(times), trial), along, names)
+    seen = [
+        _sensed(at, sensor, rollout, clock, block, [direction for direction, _ in directions], names)
+        for sensor, clock, block in zip(trial.sensors, clocks[1:], beside, strict=True)
+    ]
+    return _read(at, headed(rollout.at(times), trial), along, names), tuple(seen)
+
+
+def _sensed(
+    at: _At,
+    sensor: Sensor,
+    rollout: Rollout,
+    clock: FloatArray,
+    along: FloatArray,
+    directions: Sequence[Direction | None],
+    names: Sequence[str],
+) -> FloatArray:
+    """Return the derivatives (m, c, k) of what a sensor reads at the times of its `clock` (m,).
+
+    `along` (m, 16, k) has those of the state and of its rates.
+    """
+    fish, motion = at.run.fish, at.run.motion
+    here, time = moments(fish, rollout, motion, clock), np.minimum(clock, motion.time[-1])
+    found = np.zeros((len(time), len(sensor.channels), len(names)))
+    for k, (name, direction) in enumerate(zip(names, directions, strict=True)):
+        p = _declared(at.model, name)
+        if name == sensor.clock:
+            found[:, :, k] = difference(lambda by: read(sensor, moments(fish, rollout, motion, clock + by)), p, 0.0)
+        elif direction is not None:
+            links, moves = direction.links, direction.motion
+            moved = Moments(
+                along[:, :STATES, k],
+                along[:, STATES:, k],
+                np.zeros_like(here.angle) if moves is None else JointMotion(motion.time, *moves).angle_at(time),
+                np.zeros_like(here.length) if links is None else links[:, column("length")],
+            )
+            found[:, :, k] = difference(functools.partial(_read_moved, sensor, here, moved), p, 0.0)
+    return found
+
+
+def _read_moved(sensor: Sensor, here: Moments, along: Moments, by: float) -> FloatArray:
+    return read(sensor, here.moved(by, along))
 
 
 def one_sided(model: Model, name: str, value: float) -> bool:
@@ -132,10 +197,14 @@ def _owner(model: Model, name: str) -> Effect | None:
 def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]:
     """Return what the rollout is derived by and the rates (n,) of the times of reading; None where nothing moves."""
     kind, _, short = name.partition(".")
+    if kind == "start" and short in POSE:
+        return Direction(pose=np.eye(len(POSE))[POSE.index(short)]), None
     if kind == "start":
         return Direction(velocity=np.eye(len(CHANNELS))[CHANNELS.index(short)]), None
     if name == "clock.offset":
         return None, np.ones(len(at.trial.time))
+    if any(name == sensor.clock for sensor in at.trial.sensors):
+        return None, None
     if kind == "wave":
         return Direction(motion=_of_wave(Same(at.model.fish.cpg), at.trial, at.servos, short, at.run.step)), None
     effect = _owner(at.model, name)
@@ -156,7 +225,7 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         hooked = tuple(active for active in at.kept(effect) if active[0].overrides("body"))
         rows = _of_body(Same(numbered(at.model.fish, at.values)), hooked, p, at.values[name])
         links, tail = rows[:, :-TAIL], rows[0, -TAIL:]
-    if effect.overrides("drive") and at.trial.joint_angle is None:
+    if effect.overrides("drive") and not at.trial.joints_measured:
         servos = tuple(active for active in at.kept(effect) if active[0].domain == "drive")
         motion = _of_drive(Same(at.model.fish.cpg), at.trial, servos, p, at.values[name], at.run.step)
     if effect.load is not None:
@@ -291,7 +360,7 @@ def _declared(model: Model, name: str) -> Parameter:
     for p in model.parameters:
         if p.name == name:
             return p
-    scale = 0.005 if name == "clock.offset" else 0.01
+    scale = 0.005 if name.endswith(("clock.offset", ".clock_offset")) else 0.01
     return Parameter(name, "-", 0.0, -1.0, 1.0, 0.0, scale)
 
 

@@ -28,7 +28,8 @@ from mjfish.serialise import fields_of
 MAX_ORDER = 20
 #: Share of the variance that is treated as white whatever the data say: keeps zeros of the spectrum from ruling.
 WHITE_FLOOR = 2e-3
-_FLOOR = 5e-4
+#: Smallest sigma that is believed, as a share of the range of a channel.
+FLOOR = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,9 +177,16 @@ def _filter(phi: bytes, sigma: float, seen: bytes) -> Gains:
 def floor(trials: Sequence[Trial]) -> FloatArray:
     """Return the smallest sigma (3,) that is believed of data that state none: 5e-4 of each channel's range.
 
-    No camera is better, and data without any noise would else be judged by the rounding of the integrator.
+    No camera is better, and data without any noise would else be judged by the rounding of the integrator. NaN of a
+    channel that no trial measured.
     """
-    return np.asarray(_FLOOR * np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0) + 1e-9)
+    every = np.concatenate([trial.velocity for trial in trials])
+    having = [trial.measured for trial in trials]
+    reach = np.full(3, np.nan)
+    for channel in np.flatnonzero(np.any(having, axis=0)):
+        values = every[:, channel]
+        reach[channel] = np.ptp(values if np.all(having) else values[np.isfinite(values)])
+    return np.asarray(FLOOR * reach + 1e-9)
 
 
 def estimate(

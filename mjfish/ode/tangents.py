@@ -58,6 +58,7 @@ class Direction:
         links: (links, numbers of `LINK`) of the link records.
         tail: (TAIL,) of the flexible tail, see `mjfish.ode.equation.System`.
         velocity: (3,) of the velocity at the start, in the forward frame.
+        pose: (3,) of the pose at the start.
         motion: (3, n, 3, joints) of angle, rate and acceleration of the joints.
         loads: (k, PARAMETERS) of the parameters of the loads, those of the conditions and then the inactive ones.
     """
@@ -65,6 +66,7 @@ class Direction:
     links: FloatArray | None = None
     tail: FloatArray | None = None
     velocity: FloatArray | None = None
+    pose: FloatArray | None = None
     motion: FloatArray | None = None
     loads: FloatArray | None = None
 
@@ -77,6 +79,7 @@ def simulate_tangents(
     *,
     conditions: Conditions | None = None,
     inactive: Sequence[tuple[Load, Sequence[float]]] = (),
+    with_rates: bool = False,
 ) -> tuple[Rollout, FloatArray]:
     """Simulate like `mjfish.ode.simulate`, and along with it the derivatives in all directions.
 
@@ -86,9 +89,11 @@ def simulate_tangents(
         time: (m,) at which derivatives are asked for [s].
         conditions: of the rollout; None: from rest, with the fish's own coefficients.
         inactive: loads with parameters at which they exert nothing, but would along a direction.
+        with_rates: whether the derivatives of the state's rates, as `Rollout.rate_at` has them, are asked for, too.
 
     Returns:
-        The rollout, that of `simulate` to the last bit, and the derivatives of its state (m, 8, k); NaN after the end.
+        The rollout, that of `simulate` to the last bit, and the derivatives of its state (m, 8, k), with those of its
+        rates behind them (m, 16, k) where asked for; NaN after the end.
     """
     given = conditions or Conditions()
     motion_first = sorted(range(len(directions)), key=lambda k: directions[k].motion is None)
@@ -104,8 +109,8 @@ def simulate_tangents(
     system = system_of(fish, given.values, given.coriolis, LoadTable(table.addresses[:acting], table.rows))
     tangents, tail, length = np.zeros((len(start), width)), np.zeros((TAIL, width)), np.zeros((links, width))
     for k, direction in enumerate(ordered):
-        if direction.velocity is not None:
-            tangents[:STATES, k] = start_of(direction.velocity)
+        if direction.velocity is not None or direction.pose is not None:
+            tangents[:STATES, k] = start_of(direction.velocity, direction.pose)
         if direction.tail is not None:
             tail[:, k] = direction.tail
         if direction.links is not None:
@@ -117,7 +122,8 @@ def simulate_tangents(
     states, rates = np.zeros((2, len(motion.time) - 1, 2, len(start)))
     index, place = place_in(motion.time, time)
     order = np.argsort(index, kind="stable")
-    samples = Samples(index[order], place[order], np.full((len(time), STATES, width), np.nan))
+    rows = 2 * STATES if with_rates else STATES
+    samples = Samples(index[order], place[order], np.full((len(time), rows, width), np.nan))
     stateful = any(load.stateful for load, _ in given.loads)
     workspace = TangentWorkspace(
         state=Workspace.of(len(start), motion.joints),
@@ -135,12 +141,13 @@ def simulate_tangents(
     done = integrate_tangents(
         system, joints_of(motion), motion.time, jumps, start, changed, samples, workspace, states, rates
     )
-    found = np.empty((len(time), STATES, len(ordered)))
+    found = np.empty((len(time), rows, len(ordered)))
     found[order[:, None], :, np.array(motion_first, dtype=np.int64)] = np.moveaxis(samples.values, 1, 2)[
         :, : len(ordered)
     ]
     found[time > motion.time[-1] + 1e-9] = np.nan
-    found *= TO_FORWARD[:, None]
+    found *= np.tile(TO_FORWARD, rows // STATES)[:, None]
+    found[time < motion.time[0], STATES:] = 0.0  # the fish waits for its start
     return Rollout.of(motion, states, rates, done), found
 
 
@@ -257,7 +264,7 @@ class Samples(NamedTuple):
     Attributes:
         step: (m,) in which step, not decreasing.
         place: (m,) where in the step, 0 to 1.
-        values: (m, STATES, k), written as far as the rollout goes.
+        values: (m, STATES, k), written as far as the rollout goes; of 2 STATES rows, those of the rates by time, too.
     """
 
     step: Any
@@ -391,7 +398,7 @@ def _jump_tangents(motion_before: FloatArray, work: TangentWorkspace) -> None:
 
 @merged
 def _read(step: int, sample: int, h: float, samples: Samples, work: TangentWorkspace) -> int:
-    """Read the tangents at the samples within a step, as `Rollout.at` does; return the first sample after it."""
+    """Read the tangents at the samples within a step, as `Rollout.at` and `rate_at` do; return the first after it."""
     while sample < samples.step.shape[0] and samples.step[sample] == step:
         s = samples.place[sample]
         a = (1.0 + 2.0 * s) * (1.0 - s) ** 2
@@ -403,5 +410,13 @@ def _read(step: int, sample: int, h: float, samples: Samples, work: TangentWorks
                 out[k] = a * work.left[row, k] + b * work.left_rates[row, k]
             for k in range(out.shape[0]):
                 out[k] += (1.0 - a) * work.tangents[row, k] + c * work.rates[row, k]
+        for row in range(STATES, samples.values.shape[1]):
+            rise = 6.0 * s * (1.0 - s) / h
+            before, after = (1.0 - s) * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)
+            out = samples.values[sample, row]
+            of = row - STATES
+            for k in range(out.shape[0]):
+                out[k] = rise * (work.tangents[of, k] - work.left[of, k])
+                out[k] += before * work.left_rates[of, k] + after * work.rates[of, k]
         sample += 1
     return sample

@@ -9,7 +9,8 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
-from mjfish.data import Dataset, Role, Tank, Trial
+from mjfish.data import Dataset, Role, Sensor, Tank, Trial
+from mjfish.data.sensor import within
 from mjfish.drive import modes as table_iv
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError, UnknownNameError
@@ -30,6 +31,7 @@ class Recording(TypedDict, total=False):
         name: of the dataset; ``synthetic``.
         tank: the fish swims in; its poses are then written, without noise.
         places: x, y [m], yaw [rad] where each trial starts; none: the origin. Poses are written where given.
+        sensors: that every trial has, too, at the times that they have within it and with white noise of their sigma.
     """
 
     rate: float
@@ -37,6 +39,7 @@ class Recording(TypedDict, total=False):
     name: str
     tank: Tank | None
     places: Sequence[Sequence[float]]
+    sensors: Sequence[Sensor]
 
 
 def generate(
@@ -61,7 +64,7 @@ def generate(
         noise: (3,) sigma of surge, sway [m/s], yaw rate [rad/s]; None or zeros: none, and the dataset states none.
         seed: of the noise.
         held_out: names of trials that are not to be fitted.
-        **recording: rate, duration, name, tank and places, see `Recording`.
+        **recording: rate, duration, name, tank, places and sensors, see `Recording`.
 
     Returns:
         The dataset: trials with time (n,) and velocity (n, 3) of the nose in the forward frame.
@@ -95,7 +98,9 @@ def generate(
         role: Role | None = ("held_out" if trial_name in held_out else "fit") if held_out else None
         begin = None if start is None else readonly(np.broadcast_to(start, (len(time), 3)))
         still = readonly(np.zeros((len(time), 3)))
-        blank = Trial(trial_name, role, readonly(time), still, table_iv.drive(mode, fish.joints), pose=begin, tank=tank)
+        drive = table_iv.drive(mode, fish.joints)
+        sensors = tuple(within(s, 0.0, float(time[-1]), s.name) for s in recording.get("sensors", ()))
+        blank = Trial(trial_name, role, readonly(time), still, drive, pose=begin, tank=tank, sensors=sensors)
         check_can_act(model.effects, blank)
         predicted = model.predict(blank, truth)
         if predicted.status != "ok":
@@ -104,9 +109,16 @@ def generate(
         swum = None if begin is None else readonly(predicted.pose)
         if tank is not None and swum is not None and np.min(tank.distance(swum)) < 0.0:
             raise InputError(f"{trial_name}: the simulated fish swims through a wall of the tank; start it elsewhere")
-        trials.append(replace(blank, velocity=readonly(measured), pose=swum))
+        seen = tuple(map(_measured, sensors, predicted.sensors, [rng] * len(sensors)))
+        trials.append(replace(blank, velocity=readonly(measured), pose=swum, sensors=seen))
     stated = readonly(sigma) if np.any(sigma > 0.0) else None
     return Dataset(recording.get("name", "synthetic"), fish, tuple(trials), noise=stated)
+
+
+def _measured(sensor: Sensor, read: FloatArray, rng: np.random.Generator) -> Sensor:
+    """Return a sensor with what it reads and white noise of its sigma."""
+    sigma = np.zeros(read.shape[1]) if sensor.sigma is None else sensor.sigma
+    return replace(sensor, values=read + rng.standard_normal(read.shape) * sigma)
 
 
 def with_named(effects: Sequence[Effect], values: Mapping[str, float]) -> tuple[Effect, ...]:

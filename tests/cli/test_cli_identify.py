@@ -120,7 +120,7 @@ def test_a_fit_that_diverges_exits_with_1_and_says_when_and_with_what(run: Run, 
 
 BROKEN = {
     "wrong unit": ("v1.csv", "surge [m/s]", "surge [cm/s]", "unit [cm/s], expected [m/s]; convert the values"),
-    "missing column": ("v1.csv", "sway [m/s]", "roll [rad]", "column 'sway [m/s]' is missing"),
+    "missing column": ("v1.csv", "time [s]", "roll [rad]", "column 'time [s]' is missing"),
     "text": ("v1.csv", "\n0.02,", "\nsoon,", "row 2 (line 3)"),
     "repeated time": ("v1.csv", "\n0.04,", "\n0.02,", "row 3 (line 4), column 'time [s]': 0.02 s repeats"),
     "gap": ("v1.csv", "\n0.04,", "\n0.0200001,", "row 4 (line 5): a gap of"),

@@ -32,7 +32,7 @@ def degrees(text: str) -> str:
 
 #: what is broken, the edit of cpg.csv, what the message must say: place, finding, remedy.
 CPG_FILE: dict[str, tuple[Edit, tuple[str, ...]]] = {
-    "missing column": (without_column(2), ("column 'sway [m/s]' is missing", "found time [s], surge", "add it")),
+    "missing column": (without_column(0), ("column 'time [s]' is missing", "found surge [m/s], sway", "add it")),
     "degrees per second": (
         swap("yaw_rate [rad/s]", "yaw_rate [deg/s]"),
         ("column 4 'yaw_rate [deg/s]'", "expected [rad/s]", "multiply by pi/180"),

@@ -180,8 +180,14 @@ def test_nothing_is_half_written_when_interrupted(
 
 BROKEN: dict[str, tuple[Callable[[Dataset], Dataset], str]] = {
     "NaN": (
+        lambda d: only(
+            replace(d.trials[0], velocity=np.where(np.arange(51)[:, None] == 3, np.nan, 0.1 * np.ones(3))), d
+        ),
+        "cpg.csv: row 4 (line 5), column 'surge [m/s]': nan, expected a finite number",
+    ),
+    "nothing measured": (
         lambda d: only(replace(d.trials[0], velocity=np.full((51, 3), np.nan)), d),
-        "cpg.csv: row 1 (line 2), column 'surge [m/s]': nan, expected a finite number",
+        "cpg.csv: no velocity; found time [s]; expected one of surge [m/s]",
     ),
     "shape": (
         lambda d: only(replace(d.trials[0], velocity=np.zeros((51, 2))), d),

@@ -18,6 +18,7 @@ from mjfish import sample
 from mjfish.arrays import readonly
 from mjfish.data import load_dataset, save
 from mjfish.diagnosis import Diagnosis, diagnose
+from mjfish.diagnosis import diagnosis as diagnosis_module
 from mjfish.diagnosis.diagnosis import remarks
 from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.where import FIFTHS, fifths
@@ -106,6 +107,26 @@ def test_an_effect_off_the_list_is_unexplained(pike: Fish) -> None:
     assert result.causes == ()
     assert result.best
     assert result.gain is not None
+
+
+@pytest.mark.parametrize("shown", [False, True])
+def test_the_closest_model_is_not_shown_where_it_misleads(
+    pike: Fish, monkeypatch: pytest.MonkeyPatch, shown: bool
+) -> None:
+    """A scale errs more on the held-out run than the nominal model does; errors by run are there all the same."""
+    if shown:
+        monkeypatch.setattr(diagnosis_module, "_misleads", lambda *_: False)
+    result = diagnose(_fading(pike), effects={"velocity_scale": find("velocity_scale")}, jobs=1)
+    assert result.verdict == "unexplained"
+    assert result.gain is not None
+    (run,) = result.gain.by_run
+    if shown:
+        assert result.best == ("velocity_scale",)
+        assert result.gain.extended["pooled"] > result.gain.nominal["pooled"]
+    else:
+        assert result.best == ()
+        assert run.extended == run.nominal
+        assert "errs more than the nominal model" in result.message
 
 
 def test_the_same_effect_on_the_list_is_named(pike: Fish) -> None:

@@ -234,3 +234,24 @@ def test_a_held_out_file_changes_no_stated_noise(tmp_path: Path) -> None:
     assert both.noise is not None
     np.testing.assert_array_equal(beside.noise, alone.noise)
     assert np.all(both.noise > 3.0 * alone.noise)
+
+
+def test_every_file_has_the_wave_that_its_name_says(tmp_path: Path) -> None:
+    time, _, true = _swim()
+    files = [
+        _table(tmp_path / f"{name}.csv", "t,u,v,r", np.column_stack([time, true])) for name in ("slow_1", "fast_1")
+    ]
+    columns = 'time = "t"\nsurge = "u"\nsway = "v"\nyaw_rate = "r"\n'
+    waves = WAVE.replace("[wave]", '[waves."slow_*"]') + WAVE.replace("[wave]", '[waves."fast_*"]').replace(
+        "0.9", "1.8"
+    )
+    mapping = _map(tmp_path / "map.toml", columns + waves, "velocities")
+    dataset, _ = importers.import_files("velocities", files, mapping=mapping)
+    told = [run.wave.frequency for run in dataset.trials if run.wave is not None]
+    assert told == [0.9, 1.8]
+    other = _table(tmp_path / "odd.csv", "t,u,v,r", np.column_stack([time, true]))
+    with pytest.raises(InputError, match=r'waves: no pattern fits odd\.csv.*add \[waves\."odd\.csv"\]'):
+        importers.import_files("velocities", [other], mapping=mapping)
+    both = _map(tmp_path / "both.toml", columns + WAVE + WAVE.replace("[wave]", '[waves."*"]'), "velocities")
+    with pytest.raises(InputError, match="give one"):
+        importers.import_files("velocities", files, mapping=both)

@@ -6,6 +6,7 @@ One TOML for all files of an import. Common keys are in `MappingTable`; each imp
 from __future__ import annotations
 
 from collections.abc import Mapping
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -58,15 +59,22 @@ class MappingTable(Table):
 
 
 class Driven(MappingTable):
-    """A record whose joint angles are columns of the file, or given by a law."""
+    """A record whose joint angles are columns of the file, or given by a law: one of all files, or one a file.
+
+    `waves`: laws by patterns of file names, such as ``fast_*.csv``; the first that fits counts.
+    """
 
     joints: JointColumns | None = None
     wave: WaveTable | None = None
+    waves: Annotated[dict[str, WaveTable], Field(default_factory=dict)]
 
     @model_validator(mode="after")
     def _one_drive(self) -> Driven:
-        if (self.joints is None) == (self.wave is None):
-            raise ValueError("expected one of [joints] (columns of measured angles) and [wave] (a joint law); give one")
+        if [self.joints is not None, self.wave is not None, bool(self.waves)].count(True) != 1:
+            raise ValueError(
+                "expected one of [joints] (columns of measured angles), [wave] (a joint law) and [waves] (one a file); "
+                "give one"
+            )
         return self
 
 
@@ -193,10 +201,22 @@ def measured_angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish
     return readonly(factor * np.column_stack([numbers[name] for name in names]))
 
 
-def wave_drive(table: Driven, fish: Fish, mapping: Path) -> Wave | None:
-    """Return the law of the joints, None where their angles were measured."""
-    law = table.wave
-    return None if law is None else wave_of(law, fish, f"{mapping}: wave", ANGLES[law.unit])
+def wave_drive(table: Driven, fish: Fish, mapping: Path, recorded: Path) -> Wave | None:
+    """Return the law of the joints in a recorded file, None where their angles were measured.
+
+    Raises:
+        InputError: no pattern of ``waves`` fits the file, or a law has not one number of everything a joint.
+    """
+    key, law = "wave", table.wave
+    if table.waves:
+        found = next((name for name in table.waves if fnmatchcase(recorded.name, name)), None)
+        if found is None:
+            raise InputError(
+                f"{mapping}: waves: no pattern fits {recorded.name}, found {', '.join(table.waves)}; add "
+                f'[waves."{recorded.name}"]'
+            )
+        key, law = f"waves.{found}", table.waves[found]
+    return None if law is None else wave_of(law, fish, f"{mapping}: {key}", ANGLES[law.unit])
 
 
 def angle_columns(table: Driven) -> tuple[str, ...]:

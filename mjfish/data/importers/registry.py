@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Protocol
 
 from mjfish.data import Dataset
+from mjfish.data.importers.bags import import_mcap
 from mjfish.data.importers.deeplabcut import import_deeplabcut
 from mjfish.data.importers.markers import import_fishsim, import_markers
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import import_poses, import_velocities
 from mjfish.data.importers.tailfish import import_tailfish
+from mjfish.data.importers.unknown import describe
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 
 
@@ -40,10 +42,13 @@ IMPORTERS: Mapping[str, Importer] = {
     "deeplabcut": import_deeplabcut,
     "fishsim": import_fishsim,
     "markers": import_markers,
+    "mcap": import_mcap,
     "poses": import_poses,
     "tailfish": import_tailfish,
     "velocities": import_velocities,
 }
+#: Importers that need a mapping file.
+_MAPPED = (import_mcap, import_poses, import_velocities)
 #: What a file with an importer must define.
 FUNCTION = "import_files"
 
@@ -58,6 +63,8 @@ def find(importer: str | Path) -> Importer:
     if str(importer) in IMPORTERS:
         return IMPORTERS[str(importer)]
     path = Path(importer)
+    if path.suffix != ".py" and path.is_file():
+        raise InputError(f"{path}: is no importer, and {describe(path)}")
     if path.suffix != ".py":
         raise UnknownNameError("importer", str(importer), IMPORTERS, "or give a Python file")
     if not path.is_file():
@@ -108,4 +115,8 @@ def import_files(
         first = seen.setdefault(path.resolve(), path)
         if first is not path:
             raise InputError(f"{path}: given twice, expected every file once; remove one")
+    if mapping is None and function in _MAPPED and paths[0].is_file():
+        raise InputError(
+            f"importer '{importer}' needs a mapping file, give --map FILE; {paths[0]} {describe(paths[0])}"
+        )
     return function(paths, held_out, None if mapping is None else Path(mapping))

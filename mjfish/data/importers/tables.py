@@ -5,9 +5,10 @@ Poses (time, x, y and yaw of a point of the head) are smoothed as marker tracks 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -39,6 +40,26 @@ _SIGMA = 3e-3
 
 
 @dataclass(frozen=True, eq=False)
+class Columns:
+    """Columns (n,) of a recorded file by name, and what a reader should know of them."""
+
+    numbers: Mapping[str, FloatArray]
+    notes: tuple[str, ...] = ()
+
+
+class Read(Protocol):
+    """Reads columns of a file."""
+
+    def __call__(self, path: Path, time: str, names: Sequence[str]) -> Columns:
+        """Return the column of the time, and others, by name; cells may be missing (NaN) but those of the time."""
+
+
+def read_csv(path: Path, time: str, names: Sequence[str]) -> Columns:
+    """Return columns of a CSV file with a header."""
+    return Columns(read_columns(path, [time, *names], header=True, fewest=1, missing=True))
+
+
+@dataclass(frozen=True, eq=False)
 class _Imported:
     name: str
     recording: Recording
@@ -46,7 +67,12 @@ class _Imported:
 
 
 def import_poses(
-    files: Sequence[Path], held_out: Sequence[str] = (), mapping: Path | None = None
+    files: Sequence[Path],
+    held_out: Sequence[str] = (),
+    mapping: Path | None = None,
+    *,
+    importer: str = "poses",
+    read: Read = read_csv,
 ) -> tuple[Dataset, ImportReport]:
     """Turn pose tables into a dataset; joint angles are columns of the table, or a wave.
 
@@ -54,14 +80,16 @@ def import_poses(
         files: one a run; cells may be empty where nothing was tracked.
         held_out: names of trials or runs not to be fitted.
         mapping: the mapping file, of ``kind = "poses"``.
+        importer: for the report.
+        read: reads a file.
 
     Raises:
         MjfishError: the mapping or a file is not what it must be, or no stretch is long enough.
     """
-    table = read_mapping(mapping, PosesMap, "poses")
+    table = read_mapping(mapping, PosesMap, importer)
     assert mapping is not None  # noqa: S101 - read refuses None
     fish = fish_of(table, mapping)
-    imported = [_import_pose_table(path, table, fish, mapping) for path in files]
+    imported = [_import_pose_table(path, table, fish, mapping, read) for path in files]
     check_distinct([run.name for run in imported], files)
     pairs = [(run.name, trial) for run in imported for trial in run.recording.trials]
     dataset = Dataset(
@@ -70,12 +98,13 @@ def import_poses(
         trials=assign_roles(pairs, held_out),
     )
     dataset = with_noise(dataset, [run.recording for run in imported])
-    return dataset, ImportReport("poses", tuple(run.report for run in imported))
+    return dataset, ImportReport(importer, tuple(run.report for run in imported))
 
 
-def _import_pose_table(path: Path, table: PosesMap, fish: Fish, mapping: Path) -> _Imported:
-    names = [table.time, table.x, table.y, table.yaw, *angle_columns(table)]
-    numbers = read_columns(path, names, header=True, fewest=_FEWEST_POSES, missing=True)
+def _import_pose_table(path: Path, table: PosesMap, fish: Fish, mapping: Path, read: Read) -> _Imported:
+    columns = read(path, table.time, [table.x, table.y, table.yaw, *angle_columns(table)])
+    numbers = columns.numbers
+    _check_rows(numbers, table.time, path, _FEWEST_POSES)
     time = increasing(numbers[table.time] * TIMES[table.time_unit], path)
     pose = _at_nose(table, np.column_stack([numbers[name] for name in (table.x, table.y, table.yaw)]))
     joints = measured_angles(table, numbers, fish, mapping)
@@ -85,7 +114,7 @@ def _import_pose_table(path: Path, table: PosesMap, fish: Fish, mapping: Path) -
     seen: BoolArray = np.asarray(np.isfinite(measured).all(axis=1))
     name = path.stem.removeprefix(table.prefix)
     recording = record(fit, count, seen, {int(frame): "pose" for frame in np.flatnonzero(~seen)}, name, path)
-    law = wave_drive(table, fish, mapping)
+    law = wave_drive(table, fish, mapping, path)
     recording = recording.driven_by(law)
     report = FileReport(
         path=path,
@@ -99,9 +128,19 @@ def _import_pose_table(path: Path, table: PosesMap, fish: Fish, mapping: Path) -
         correlation_time=recording.correlation_time,
         joint_noise=recording.joint_noise,
         cuts=recording.cuts,
-        notes=(f"{recording.bridged} frames without a pose bridged",) if recording.bridged else (),
+        notes=(*columns.notes, *([f"{recording.bridged} frames without a pose bridged"] if recording.bridged else [])),
     )
     return _Imported(name, recording, report)
+
+
+def _check_rows(numbers: Mapping[str, FloatArray], time: str, path: Path, fewest: int) -> None:
+    """Refuse a file with few rows, or with a row without a time."""
+    rows = len(numbers[time])
+    if rows < fewest:
+        raise InputError(f"{path}: has {rows} rows, expected one a frame and {fewest} or more; give a longer track")
+    lost = np.flatnonzero(~np.isfinite(numbers[time]))
+    if lost.size:
+        raise InputError(f"{path}: row {int(lost[0]) + 2}, column '{time}': missing, expected a time; correct it")
 
 
 def increasing(time: FloatArray, path: Path, headers: int = 1) -> FloatArray:
@@ -146,10 +185,16 @@ class _Source:
     table: VelocitiesMap
     fish: Fish
     file: Path
+    read: Read
 
 
 def import_velocities(
-    files: Sequence[Path], held_out: Sequence[str] = (), mapping: Path | None = None
+    files: Sequence[Path],
+    held_out: Sequence[str] = (),
+    mapping: Path | None = None,
+    *,
+    importer: str = "velocities",
+    read: Read = read_csv,
 ) -> tuple[Dataset, ImportReport]:
     """Turn velocity tables into a dataset.
 
@@ -159,14 +204,17 @@ def import_velocities(
         files: one a run.
         held_out: names of trials not to be fitted.
         mapping: the mapping file, of ``kind = "velocities"``.
+        importer: for the report.
+        read: reads a file.
 
     Raises:
         MjfishError: the mapping or a file is not what it must be.
     """
-    table = read_mapping(mapping, VelocitiesMap, "velocities")
+    table = read_mapping(mapping, VelocitiesMap, importer)
     assert mapping is not None  # noqa: S101 - read refuses None
-    source = _Source(table, fish_of(table, mapping), mapping)
-    trials = [_velocity_trial(path, source) for path in files]
+    source = _Source(table, fish_of(table, mapping), mapping, read)
+    read_trials = [_velocity_trial(path, source) for path in files]
+    trials = [trial for trial, _ in read_trials]
     check_distinct([trial.name for trial in trials], files)
     dataset = Dataset(
         name=f"velocities {', '.join(trial.name for trial in trials)}",
@@ -174,14 +222,23 @@ def import_velocities(
         trials=assign_roles([(trial.name, trial) for trial in trials], held_out),
         noise=None if table.noise is None else readonly(table.noise),
     )
-    return dataset, ImportReport("velocities", tuple(velocity_report(trial, table.noise) for trial in trials))
+    reports = (velocity_report(trial, table.noise, notes=notes) for trial, notes in read_trials)
+    return dataset, ImportReport(importer, tuple(reports))
 
 
-def _velocity_trial(path: Path, source: _Source) -> Trial:
+def _velocity_trial(path: Path, source: _Source) -> tuple[Trial, tuple[str, ...]]:
     table = source.table
-    names = (table.time, table.surge, table.sway, table.yaw_rate)
-    joints = angle_columns(table)
-    numbers = read_columns(path, [*names, *joints], header=True, fewest=_FEWEST_VELOCITIES)
+    names = (table.surge, table.sway, table.yaw_rate, *angle_columns(table))
+    columns = source.read(path, table.time, names)
+    numbers = columns.numbers
+    _check_rows(numbers, table.time, path, _FEWEST_VELOCITIES)
+    for name in names:
+        lost = np.flatnonzero(~np.isfinite(numbers[name]))
+        if lost.size:
+            raise InputError(
+                f"{path}: row {int(lost[0]) + 2}, column '{name}': missing, expected a finite number; correct it or "
+                "cut the track there"
+            )
     length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
     surge = numbers[table.surge] * (length if table.surge_to == "front" else -length)
     sway = numbers[table.sway] * (length if table.sway_to == "port" else -length)
@@ -190,19 +247,23 @@ def _velocity_trial(path: Path, source: _Source) -> Trial:
     if not np.all(np.diff(time) > 0.0):
         row = int(np.flatnonzero(np.diff(time) <= 0.0)[0]) + 3
         raise InputError(f"{path}: row {row}, column '{table.time}': not after the row before; sort the rows by time")
-    return Trial(
+    trial = Trial(
         name=path.stem.removeprefix(table.prefix),
         role=None,
         time=readonly(time),
         velocity=readonly(np.column_stack([surge, sway + table.behind_nose * turn, turn])),
         joint_angle=measured_angles(table, numbers, source.fish, source.file),
-        wave=wave_drive(table, source.fish, source.file),
+        wave=wave_drive(table, source.fish, source.file, path),
         source=path,
     )
+    return trial, columns.notes
 
 
 def velocity_report(
-    trial: Trial, noise: tuple[float, float, float] | None = None, beat: float | None = None
+    trial: Trial,
+    noise: tuple[float, float, float] | None = None,
+    beat: float | None = None,
+    notes: tuple[str, ...] = (),
 ) -> FileReport:
     """Return the report of a file of velocities that were all taken as they are.
 
@@ -210,6 +271,7 @@ def velocity_report(
         trial: made of it.
         noise: sigma of the channels that is stated.
         beat: frequency that was read from it [Hz].
+        notes: what a reader should know besides.
     """
     assert trial.source is not None  # noqa: S101 - set in _trial
     samples = len(trial.time)
@@ -222,5 +284,5 @@ def velocity_report(
         beat=beat,
         speed=float(trial.velocity[:, 0].mean()),
         noise=noise,
-        notes=() if noise is not None else ("noise not stated: estimated from the fit",),
+        notes=notes if noise is not None else (*notes, "noise not stated: estimated from the fit"),
     )

@@ -22,9 +22,11 @@ from pathlib import Path
 
 import numpy as np
 
+from mjfish import tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
-from mjfish.data.filters import GaussianFilter
+from mjfish.data.dataset_toml import GaussianTable, filter_of
+from mjfish.data.importers.mapping import layout
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.smoothing import beat_frequency
 from mjfish.data.importers.tables import increasing, velocity_report
@@ -32,23 +34,22 @@ from mjfish.data.importers.trials import assign_roles, check_distinct
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import load_fish
-from mjfish.frames import CHANNELS
 from mjfish.known import Beforehand
+from mjfish.tomlfile import Table
 
 #: Amplitude and bias [deg] in the name of a file.
 _NAME = re.compile(r"Amp(?P<amplitude>\d+)Bias(?P<bias>-?\d+)")
 _COLUMNS = ("time", "velocity along", "velocity across", "yaw rate", "heading", "x", "y")
 _FEWEST = 20
-#: Sd of the Gaussian that the velocities were smoothed with [s].
-_SMOOTHED = 0.05
-#: What is known of all runs: the scale of the tail's angles, and its zero [rad].
-_SCALE, _ZERO = 0.2, 0.1
-#: How far the tracked point may lie from the centre of mass [m].
-_TRACKED = {"along": 0.02, "across": 0.003}
-#: How far the fish's velocity at the first sample may be from the recorded one, smoothed and noisy [m/s, m/s, rad/s].
-_START = (0.02, 0.05, 0.5)
 #: How well the average phase of a record is known at either end, as the average frequency tells it [rad].
 _TURN = 0.05
+
+
+class _Layout(Table):
+    """What is known of all runs beside what their files say."""
+
+    known: dict[str, Beforehand]
+    filter: GaussianTable
 
 
 def import_tailfish(
@@ -70,7 +71,7 @@ def import_tailfish(
     """
     if mapping is not None:
         raise InputError(f"{mapping}: importer 'tailfish' takes no mapping file, its layout is known; leave out --map")
-    fish = load_fish("one_joint")
+    fish, beforehand = load_fish("one_joint"), tomlfile.read(layout("tailfish"), _Layout)
     trials = [_trial(path, fish.links[0].com) for path in files]
     check_distinct([trial.name for trial in trials], files)
     reports = tuple(velocity_report(t, beat=None if t.wave is None else t.wave.frequency) for t in trials)
@@ -79,13 +80,10 @@ def import_tailfish(
         fish=fish,
         trials=assign_roles([(trial.name, trial) for trial in trials], held_out),
         known={
-            "wave.scale": Beforehand(sd=_SCALE),
-            "joint_zero_offset.joint_1": Beforehand(sd=_ZERO),
-            **{f"marker_offset.{axis}": Beforehand(sd=sd) for axis, sd in _TRACKED.items()},
-            **{f"*:start.{channel}": Beforehand(sd=sd) for channel, sd in zip(CHANNELS, _START, strict=True)},
+            **beforehand.known,
             **{f"{trial.name}:wave.frequency": Beforehand(sd=_TURN / _length(trial)) for trial in trials},
         },
-        filter=GaussianFilter(_SMOOTHED),
+        filter=filter_of(beforehand.filter),
     )
     return dataset, ImportReport("tailfish", reports)
 

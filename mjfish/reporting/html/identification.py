@@ -79,8 +79,10 @@ def sections(
 def _simulated(name: str, residuals: Sequence[Residual]) -> Section:
     blocks: list[Block] = []
     for residual in residuals:
-        fits = [score.fit for score in agreement([residual], horizons=()) if score.part == "whole"]
-        listed = ", ".join(f"{CHANNEL_NAMES[c]} {fit:.1f} %" for c, fit in zip(CHANNELS, fits, strict=True))
+        fits = {score.channel: score.fit for score in agreement([residual], horizons=()) if score.part == "whole"}
+        listed = ", ".join(
+            f"{CHANNEL_NAMES[c]} {fits[c]:.1f} %" if c in fits else f"{CHANNEL_NAMES[c]} not measured" for c in CHANNELS
+        )
         remark = "the rollout diverged" if residual.diverged else f"fit: {listed}"
         held_out = " (held out)" if residual.role == "held_out" else ""
         blocks.append(Block(residual.trial.name + held_out, remark, residual_figure(residual), len(blocks) < 3))

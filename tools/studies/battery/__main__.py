@@ -33,6 +33,7 @@ from mjfish.fish import load_fish  # noqa: E402
 from mjfish.simulation import generate  # noqa: E402
 from studies.battery import baselines, figures, foreign_figures  # noqa: E402
 from studies.battery.answers import Task, judged, run, sealed_answers  # noqa: E402
+from studies.battery.generator.draft import PIKE  # noqa: E402
 from studies.battery.generator.foreign import FOREIGN, WEAK  # noqa: E402
 
 OUT = Path("out/battery")
@@ -48,7 +49,7 @@ def every_form(first: int, split: str, forms: Sequence[str] = ()) -> list[Task]:
     ]
 
 
-def tasks(cases: str, split: str, first: int, disturbance: str) -> list[Task]:
+def tasks(cases: str, split: str, first: int, disturbance: str, joints: int = PIKE) -> list[Task]:
     """Return the tasks of e.g. ``none:40,two:20@100``, two effects of strength 100 at least.
 
     Kinds take turns, so that a stopped battery has some of each.
@@ -58,7 +59,10 @@ def tasks(cases: str, split: str, first: int, disturbance: str) -> list[Task]:
         count, _, least = rest.partition("@")
         strengths = {"least": float(least)} if least else {}
         made += [
-            (number / int(count), Task(kind, first + number, split, disturbance=disturbance, **strengths))
+            (
+                number / int(count),
+                Task(kind, first + number, split, disturbance=disturbance, joints=joints, **strengths),
+            )
             for number in range(int(count))
         ]
     return [task for _, task in sorted(made, key=lambda one: one[0])]
@@ -73,12 +77,13 @@ def run_(
     first: Annotated[int, typer.Option(help="First seed.")] = 0,
     disturbance: Annotated[str, typer.Option(help="Force noise on top: none, forces or drift.")] = "none",
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
+    joints: Annotated[int, typer.Option(help="Of the fish; 4 is the pike.")] = PIKE,
     out: Annotated[Path | None, typer.Option(help="Folder of truths and answers.")] = None,
     forms: Annotated[str, typer.Option(help="Foreign forms instead, medium and weak: names, or all.")] = "",
 ) -> None:
     """Draw, seal and diagnose cases."""
     folder = out or OUT / (split if disturbance == "none" else disturbance)
-    drawn = tasks(cases, split, first, disturbance)
+    drawn = tasks(cases, split, first, disturbance, joints)
     if forms:
         drawn = every_form(first, split, [] if forms == "all" else forms.split(","))
     for answer in run(drawn, folder, jobs):

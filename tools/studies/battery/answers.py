@@ -16,6 +16,7 @@ import numpy as np
 from mjfish.diagnosis import Diagnosis, diagnose
 from studies.battery.generator.case import STRENGTHS, Case, make_case
 from studies.battery.generator.classes import MECHANISMS
+from studies.battery.generator.draft import PIKE
 from studies.battery.generator.truth import Truth, open_truth, seal
 from studies.battery.sparse_regression import sparsest
 
@@ -32,6 +33,7 @@ class Task:
     noise: str | None = None
     disturbance: str = "none"
     cause: str | None = None
+    joints: int = PIKE
 
     @property
     def name(self) -> str:
@@ -42,6 +44,7 @@ class Task:
             self.cause or "",
             self.noise or "",
             "" if self.disturbance == "none" else self.disturbance,
+            "" if self.joints == PIKE else f"{self.joints}joints",
         ]
         return "-".join(part for part in parts if part)
 
@@ -83,7 +86,8 @@ def floor(case: Case) -> float | None:
 def _draw(task: Task) -> Case:
     return make_case(
         task.seed, task.kind, split=task.split, cause=task.cause, strength=task.strength, least=task.least,
-        noise_kind=task.noise, disturbance=task.disturbance, rivals=task.kind == "one",
+        noise_kind=task.noise, disturbance=task.disturbance,
+        rivals=task.kind == "one" and task.joints == PIKE, joints=task.joints,
     )  # fmt: skip
 
 

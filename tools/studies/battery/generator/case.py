@@ -21,7 +21,7 @@ from mjfish.errors import InputError
 from studies.battery.generator import camera, classes, forcing, foreign, rolling, size
 from studies.battery.generator import noise as noises
 from studies.battery.generator.classes import CAUSES, LISTED, OFF_LIST, Cause
-from studies.battery.generator.draft import Draft, draft, measured_by_path
+from studies.battery.generator.draft import PIKE, Draft, draft, measured_by_path
 from studies.battery.generator.noise import Noise
 from studies.battery.generator.truth import Truth
 from studies.battery.generator.world import FINE, Disturbance
@@ -63,6 +63,7 @@ def make_case(
     noise_kind: noises.Kind | None = None,
     disturbance: forcing.Kind | None = "none",
     rivals: bool = False,
+    joints: int = PIKE,
 ) -> Case:
     """Draw a case of a kind: its causes and strengths too, where they are not given.
 
@@ -77,6 +78,7 @@ def make_case(
         noise_kind: None: drawn.
         disturbance: force noise: ``none``, ``forces``, ``drift``; None: drawn.
         rivals: whether to compute the correlations with all other causes (about a second).
+        joints: of the fish (`studies.battery.generator.draft.swimmer`).
     """
     if kind not in get_args(Kind):
         raise InputError(f"kind is '{kind}', expected one of {', '.join(get_args(Kind))}")
@@ -97,7 +99,9 @@ def make_case(
         others = [c.name for c in LISTED if own[c.name] != own[form]]
         names = [form, str(rng.choice(others))]
         drawn = [foreign.draw_pair_strength(rng) if strength is None else strength for _ in names]
-    return scaled_case(seed, names, drawn, noise_kind, split=split, kind=kind, disturbance=disturbance, rivals=rivals)
+    return scaled_case(
+        seed, names, drawn, noise_kind, split=split, kind=kind, disturbance=disturbance, rivals=rivals, joints=joints
+    )
 
 
 def scaled_case(
@@ -116,11 +120,12 @@ def scaled_case(
     runs: int | None = None,
     stated: bool | None = None,
     rivals: bool = False,
+    joints: int = PIKE,
 ) -> Case:
     """Make a case whose causes have the strengths asked for.
 
     Args:
-        seed, split, noise_kind, disturbance, rivals: as in `make_case`.
+        seed, split, noise_kind, disturbance, rivals, joints: as in `make_case`.
         cause: one name, or several; none at all is a case without effect.
         strength: lambda after refit over the fitted runs, one for each cause; of several, each given the others.
         kind: of the truth; None: from the causes.
@@ -145,6 +150,7 @@ def scaled_case(
         roll=roll,
         runs=runs,
         bound="coefficient_at_bound" in names,
+        joints=joints,
     )
     found, measure = _sized(made, chosen, wanted)
     say = bool(made.rng.random() < 0.5) if stated is None else stated
@@ -191,6 +197,11 @@ def _sized(made: Draft, chosen: list[Cause], wanted: list[float]) -> tuple[size.
             direction["bad_run.number"] = float(made.plan.runs[int(made.rng.choice(fitted))].number)
         if one.name == "wall_effect":
             direction |= _walls(made)
+        if one.name == "sticking_joint":
+            direction["sticking_joint.joint"] = min(direction["sticking_joint.joint"], made.fish.joints - 1.0)
+        for name in [name for name in direction if name.startswith("joint_zero_offset.joint_")]:
+            if int(name.rpartition("_")[2]) > made.fish.joints:
+                del direction[name]
     measure = size.ruler(made, fitted)
     if chosen[0] in classes.FOREIGN and len(chosen) == 1:
         return size.sized_beyond_rivals(measure, chosen[0], directions[0], wanted[0], made.seed), measure

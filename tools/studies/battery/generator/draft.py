@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mjfish import new_fish
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.fish import Fish, load_fish
@@ -15,6 +16,9 @@ from studies.battery.generator.world import COARSE, Accuracy, Disturbance
 
 #: Seeds of the splits: what tunes a threshold never sees a seed of the test.
 SPLITS = {"open": 0, "calibration": 1_000_000, "test": 2_000_000}
+
+#: Joints of the pike.
+PIKE = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +80,13 @@ class Draft:
         return camera.velocity(moved, run, psi, time)[self.kept[number]]
 
 
+def swimmer(joints: int) -> Fish:
+    """Return the pike, or a fish of another number of joints, made from its measurements as a user would."""
+    if joints == PIKE:
+        return load_fish("pike")
+    return new_fish(f"{joints} joints", length=0.5, mass=1.2, joints=joints, height=0.08)
+
+
 def measured_by_path(how: noise.Noise, path: FloatArray) -> FloatArray:
     """Return the velocities (n, 3) of a path of all frames (m, 3): differentiated, turned by the smoothed heading."""
     samples = (len(path) - 1) // camera.FINER + 1
@@ -95,12 +106,13 @@ def draft(
     roll: bool | None = None,
     runs: int | None = None,
     bound: bool = False,
+    joints: int = PIKE,
 ) -> Draft:
-    """Draw a case without its effect; see `studies.battery.generator.case.make_case` for the arguments."""
+    """Draw a case without its effect; see `studies.battery.generator.case.scaled_case` for the arguments."""
     if not 0 <= seed < 1_000_000:
         raise InputError(f"seed is {seed}, expected 0 to 999999: the splits are a million apart")
     rng = np.random.default_rng(SPLITS[split] + seed)
-    fish = load_fish("pike")
+    fish = swimmer(joints)
     theta = {}
     for parameter in fish.parameters:
         low, high = 1.02 * parameter.low, 0.98 * parameter.high
@@ -108,7 +120,7 @@ def draft(
     if bound:
         parameter = fish.parameters[int(rng.integers(len(fish.parameters)))]
         theta[parameter.name] = parameter.high if rng.random() < 0.5 else parameter.low
-    plan = plans.draw(rng, pose=pose, roll=roll, runs=runs)
+    plan = plans.draw(rng, pose=pose, roll=roll, runs=runs, joints=joints)
     how = noise.draw(rng, noise_kind, level)
     kept = tuple(noise.kept(how, round(run.duration * noise.RATE) + 1, rng) for run in plan.runs)
     return Draft(seed, split, rng, fish, theta, plan, how, kept)

@@ -48,9 +48,17 @@ class Plan:
 
 
 def draw(
-    rng: np.random.Generator, *, pose: bool | None = None, roll: bool | None = None, runs: int | None = None
+    rng: np.random.Generator,
+    *,
+    pose: bool | None = None,
+    roll: bool | None = None,
+    runs: int | None = None,
+    joints: int = len(_TURN),
 ) -> Plan:
-    """Draw a plan: 5 to 10 runs of 5 to 11 s, two or three of them held out at another frequency or turn."""
+    """Draw a plan for a fish of so many joints.
+
+    5 to 10 runs of 5 to 11 s, two or three of them held out at another frequency or turn.
+    """
     count = int(rng.integers(5, 11)) if runs is None else runs
     seen = bool(rng.random() < 0.8) if pose is None else pose
     rolling = bool(rng.random() < 0.25) if roll is None else roll
@@ -67,7 +75,7 @@ def draw(
         drawn.append(
             Run(
                 name=f"run{number + 1:02d}",
-                drive=_drive(rng, str(kind), float(omega), duration),
+                drive=_drive(rng, str(kind), float(omega), duration, joints),
                 duration=duration,
                 start=(float(start[0]), float(start[1]), float(start[2])),
                 held_out=number >= count - out,
@@ -89,10 +97,13 @@ def draw(
     )
 
 
-def _drive(rng: np.random.Generator, kind: str, omega: float, duration: float) -> tuple[DriveSegment, ...]:
+def _drive(rng: np.random.Generator, kind: str, omega: float, duration: float, joints: int) -> tuple[DriveSegment, ...]:
     """Return the segments of one run; frequencies and biases change as steps, in between two samples."""
-    none = np.zeros(4)
-    bend = rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.3) * _TURN
+    none, turn = np.zeros(joints), _TURN
+    if joints != len(_TURN):  # the bend of the whole body is that of the pike
+        turn = np.interp(np.linspace(0.0, 1.0, joints), np.linspace(0.0, 1.0, len(_TURN)), _TURN)
+        turn = turn * (_TURN.sum() / max(turn.sum(), _TURN[-1]))
+    bend = rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.3) * turn
     when = _between(rng, rng.uniform(0.35, 0.6) * duration)
     if kind == "straight":
         return (_segment(0.0, omega, none),)

@@ -1,0 +1,66 @@
+"""The study of the one-joint fish: divisions, the wander of a phase, the page; the data where they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mjfish.errors import InputError
+from studies.tail_fish import runs
+from studies.tail_fish.page import page
+
+RUN = {
+    "trial": "Amp25Bias0",
+    "nominal": {"surge": 0.1, "sway": 0.2, "yaw_rate": 0.3, "pooled": 0.2},
+    "extended": {"surge": 0.05, "sway": 0.1, "yaw_rate": 0.2, "pooled": 0.12},
+    "mean_speed_error": {"nominal": 0.006, "extended": 0.004, "unit": "m/s"},
+}
+ANSWER = {
+    "verdict": "cannot_tell",
+    "message": "These data cannot tell.",
+    "mechanisms": [],
+    "domain": None,
+    "remarks": [],
+    "coefficients": {
+        "nominal": {
+            "c_d.head": {"estimate": 1.5, "unit": "-", "known": {"mean": 2.0, "sd": 2.0, "deviation": -0.4}},
+            "free": {"estimate": 0.25, "unit": "m", "known": None},
+        }
+    },
+    "by_run": [RUN, RUN],
+    "findings": ["mass.head: the data alone put it at 2 kg, expected 0.7 with an sd of 0.3 (4.0 sd away); measure it"],
+    "wander": [0.2, 0.3],
+}
+
+
+def test_runs_are_divided_by_amplitude_and_by_place() -> None:
+    recorded = [Path(f"Amp{a}Bias{b}.txt") for a in (15, 20, 25) for b in (-20, 0, 20)]
+    assert runs.held_out(recorded, "amplitude") == ["Amp25Bias-20", "Amp25Bias0", "Amp25Bias20"]
+    assert runs.held_out(recorded, "third") == ["Amp15Bias0", "Amp20Bias0", "Amp25Bias0"]
+
+
+def test_the_wander_of_a_phase_is_measured() -> None:
+    time = np.arange(0.0, 8.0, 1.0 / 30.0)
+    beat = 2.0 * np.pi * 2.0 * time
+    slow = 0.3 * np.sin(2.0 * np.pi * time / 8.0)
+    assert runs.wander(time, np.sin(beat + slow), np.sin(beat), 2.0) == pytest.approx(0.3 / np.sqrt(2.0), rel=0.1)
+    assert runs.wander(time, np.sin(beat + 0.7), np.sin(beat), 2.0) < 0.02
+
+
+def test_the_page_has_errors_coefficients_and_findings() -> None:
+    text = page({"amplitude": ANSWER, "third": ANSWER})
+    assert "| the runs of 25 degrees | extended | 0.050 | 0.100 | 0.200 | 0.0040 |" in text
+    assert "| c_d.head | 1.5 | - | 2 ± 2 | -0.4 |" in text
+    assert "4.0 sd away" in text
+    assert "0.25 rad" in text
+
+
+def test_where_the_files_are_must_be_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delenv(runs.VARIABLE, raising=False)
+    with pytest.raises(InputError, match="MJFISH_TAILFISH must name the folder"):
+        runs.files()
+    monkeypatch.setenv(runs.VARIABLE, str(tmp_path))
+    with pytest.raises(InputError, match="MJFISH_TAILFISH must name the folder"):
+        runs.files()

@@ -1,0 +1,86 @@
+"""The runs, how they are divided, what of a diagnosis the page tells."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.data import Dataset
+from mjfish.data.importers import import_files
+from mjfish.diagnosis import Diagnosis
+from mjfish.errors import InputError
+from mjfish.frames import CHANNELS
+
+VARIABLE = "MJFISH_TAILFISH"
+#: Divisions of the runs by name, and which are held out.
+DIVISIONS = {"amplitude": "the runs of 25 degrees", "third": "every third run"}
+
+
+def files() -> list[Path]:
+    """Return the files of the runs, sorted.
+
+    Raises:
+        InputError: nobody says where they are; how they are got is said.
+    """
+    named = os.environ.get(VARIABLE)
+    found = sorted(Path(named).glob("Amp*Bias*.txt")) if named else []
+    if len(found) < len(CHANNELS):
+        raise InputError(
+            f"{VARIABLE} must name the folder of the measured files, which are public: Koopman_RoboticFish/AllData.zip "
+            "of https://github.com/giorgosmamakoukas/DerivativeBasedKoopman, each named after its folder, such as "
+            "Amp20Bias-30.txt"
+        )
+    return found
+
+
+def held_out(recorded: Sequence[Path], division: str) -> list[str]:
+    """Return the names of the runs that a division holds out."""
+    if division == "amplitude":
+        return [path.stem for path in recorded if path.stem.startswith("Amp25")]
+    return [path.stem for place, path in enumerate(recorded) if place % 3 == 1]
+
+
+def divided(recorded: Sequence[Path], division: str) -> Dataset:
+    """Return the dataset of a division."""
+    dataset, _ = import_files("tailfish", recorded, held_out(recorded, division))
+    return dataset
+
+
+def wander(time: FloatArray, measured: FloatArray, predicted: FloatArray, frequency: float) -> float:
+    """Return the standard deviation [rad] of the phase of a signal (n,) beat by beat against a prediction of it."""
+    phases = []
+    for begin in np.arange(time[0], time[-1] - 1.0 / frequency, 1.0 / frequency):
+        beat = (time >= begin) & (time < begin + 1.0 / frequency)
+        turning = np.exp(-2j * np.pi * frequency * time[beat])
+        phases.append(np.angle(np.sum(measured[beat] * turning) / np.sum(predicted[beat] * turning)))
+    return float(np.std(phases))
+
+
+def told(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return what the page tells of a diagnosis, as plain data."""
+    plain = diagnosis.to_dict()
+    yaw = CHANNELS.index("yaw_rate")
+    spreads = []
+    for overlay in diagnosis.overlays:
+        wave = overlay.trial.wave
+        if wave is not None and np.all(np.isfinite(overlay.nominal)):
+            rates = overlay.trial.velocity[:, yaw], overlay.nominal[:, yaw]
+            spreads.append(wander(overlay.trial.time, *rates, wave.frequency))
+    kept = ("verdict", "message", "mechanisms", "domain", "remarks", "coefficients")
+    return {
+        **{key: plain[key] for key in kept},
+        "by_run": plain["gain"]["by_run"] if plain["gain"] else [],
+        "findings": [finding["message"] for finding in plain["checks"]["findings"]],
+        "wander": spreads,
+    }
+
+
+def means(by_run: Sequence[Mapping[str, Any]], model: str) -> tuple[float, ...]:
+    """Return the mean over runs of nRMSE of surge, sway, yaw rate, and of the error of the mean speed [m/s]."""
+    errors = [[*(run[model][channel] for channel in CHANNELS), run["mean_speed_error"][model]] for run in by_run]
+    return tuple(float(value) for value in np.mean(errors, axis=0))
