@@ -314,7 +314,7 @@ def test_trials_at_two_steps_have_a_noise_each(pike: Fish) -> None:
     thin = replace(thin, time=readonly(thin.time[::2]), velocity=readonly(thin.velocity[::2]))
     problem = Problem(Model(dataset.fish), (whole, thin), Noise.white(SIGMA), jobs=1)
     one = fitted(problem, tolerance=1e-4)
-    known = signatures(problem, one.values, [find("linear_drag")])
+    known = signatures(problem, one.values, [find("linear_drag")]).velocity
     noise, told = noise_of(problem, one, known, None)
     assert isinstance(noise, NoiseByRate)
     assert set(noise.models) == {0.02, 0.04}
@@ -338,7 +338,7 @@ def test_a_noise_free_channel_does_not_reduce_the_noise_of_the_others(swum: tupl
         series = np.stack([signal.lfilter([1.0], [1.0, *-slow.phi[c]], white[:, c])[200:] for c in range(3)], axis=1)
         trials.append(replace(trial, velocity=readonly(trial.velocity + series * [0.0, 1.0, 1.0])))
     noisy = replace(problem, trials=tuple(trials))
-    noise, _ = noise_of(noisy, one, signatures(noisy, one.values, [find("linear_drag")]), None)
+    noise, _ = noise_of(noisy, one, signatures(noisy, one.values, [find("linear_drag")]).velocity, None)
     left = np.concatenate(noisy.raw(one.x))
     assert noise.sigma[1] == pytest.approx(left[:, 1].std(), rel=0.25)
 
