@@ -35,10 +35,9 @@ ANSWER = {
 }
 
 
-def test_runs_are_divided_by_amplitude_and_by_place() -> None:
+def test_the_runs_of_one_amplitude_are_held_out() -> None:
     recorded = [Path(f"Amp{a}Bias{b}.txt") for a in (15, 20, 25) for b in (-20, 0, 20)]
     assert runs.held_out(recorded, "amplitude") == ["Amp25Bias-20", "Amp25Bias0", "Amp25Bias20"]
-    assert runs.held_out(recorded, "third") == ["Amp15Bias0", "Amp20Bias0", "Amp25Bias0"]
 
 
 def test_the_wander_of_a_phase_is_measured() -> None:
@@ -50,7 +49,7 @@ def test_the_wander_of_a_phase_is_measured() -> None:
 
 
 def test_the_page_has_errors_coefficients_and_findings() -> None:
-    text = page({"amplitude": ANSWER, "third": ANSWER})
+    text = page({"amplitude": ANSWER})
     assert "| the runs of 25 degrees | extended | 0.050 | 0.100 | 0.200 | 0.0040 |" in text
     assert "| c_d.head | 1.5 | - | 2 ± 2 | -0.4 |" in text
     assert "4.0 sd away" in text

@@ -17,8 +17,9 @@ from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 
 VARIABLE = "MJFISH_TAILFISH"
-#: Divisions of the runs by name, and which are held out.
-DIVISIONS = {"amplitude": "the runs of 25 degrees", "third": "every third run"}
+#: Divisions of the runs by name: which are held out, and how their names begin.
+DIVISIONS = {"amplitude": "the runs of 25 degrees"}
+_BEGIN = {"amplitude": "Amp25"}
 
 
 def files() -> list[Path]:
@@ -40,9 +41,7 @@ def files() -> list[Path]:
 
 def held_out(recorded: Sequence[Path], division: str) -> list[str]:
     """Return the names of the runs that a division holds out."""
-    if division == "amplitude":
-        return [path.stem for path in recorded if path.stem.startswith("Amp25")]
-    return [path.stem for place, path in enumerate(recorded) if place % 3 == 1]
+    return [path.stem for path in recorded if path.stem.startswith(_BEGIN[division])]
 
 
 def divided(recorded: Sequence[Path], division: str) -> Dataset:
