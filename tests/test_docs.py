@@ -293,7 +293,7 @@ def test_the_measured_fish_is_imported_and_diagnosed(fishsim: Path, tmp_path: Pa
     """The import page's commands, on the measured files; f1_25 is held out."""
     for file in fishsim.glob("markers_*.csv"):
         (tmp_path / file.name).symlink_to(file)
-    imported, diagnosed = commands(ROOT / "docs" / "import-fishsim.md")
+    *_, imported, diagnosed = commands(ROOT / "docs" / "import-fishsim.md")
     run_command(imported, tmp_path)
     roles = tomllib.loads((tmp_path / "swimming" / "dataset.toml").read_text())["trials"]
     assert {trial["name"]: trial["role"] for trial in roles} == {"f0_50": "fit", "f1_00": "fit", "f1_25": "held_out"}

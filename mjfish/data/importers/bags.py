@@ -2,8 +2,8 @@
 
 A mapping file of kind ``poses`` or ``velocities`` names columns by topic and field:
 ``/fish/odom.pose.pose.position.x``. Two fields are not in a message as they stand: ``yaw`` of a quaternion
-(``/fish/odom.pose.pose.orientation.yaw``), and one entry of a list that has names beside it, as those of
-``sensor_msgs/JointState`` (``/joint_states.position.tail``).
+(``/fish/odom.pose.pose.orientation.yaw``), and one entry of a list, by the name beside it as in
+``sensor_msgs/JointState`` (``/joint_states.position.tail``) or by its number (``/commands.data.0``).
 
 Every topic has a clock of its own. The rows are the messages of the first topic that is named; the others are
 interpolated to their times between neighbours, where these are near.
@@ -11,28 +11,29 @@ interpolated to their times between neighbours, where these are near.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
+from scipy.interpolate import Akima1DInterpolator
 
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
+from mjfish.data.importers.bag_messages import Messages, read_messages, topics
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import Columns, import_poses, import_velocities
-from mjfish.errors import InputError, UnknownNameError
+from mjfish.data.importers.unknown import bag_example
+from mjfish.data.validation import GAP
+from mjfish.errors import InputError
 
 _KINDS = {"poses": import_poses, "velocities": import_velocities}
 #: Neighbours farther apart than so many median steps of their topic have nothing in between.
-_GAP = 5.0
-_YAW = "yaw"
+_NEAR = 5.0
+#: Headers of two topics that lag the recorder by amounts that differ by more than this have different clocks [s].
+_ONE_CLOCK = 1.0
 
 
 def import_mcap(
@@ -50,42 +51,33 @@ def import_mcap(
             no message of it.
     """
     if mapping is None:
-        raise InputError("importer 'mcap' needs a mapping file that names topics; give --map FILE")
-    kind = tomlfile.table(mapping).get("kind")
+        raise InputError(
+            "importer 'mcap' needs a mapping file that names topics, give --map FILE; "
+            f"{files[0]} {bag_example(topics(files[0]))}"
+        )
+    table = tomlfile.table(mapping)
+    kind = table.get("kind")
     if kind not in _KINDS:
         raise InputError(f"{mapping}: kind is {kind!r}, expected 'poses' or 'velocities'; correct it")
-    return _KINDS[kind](files, held_out, mapping, importer="mcap", read=read_bag)
+    if table.get("time_unit", "s") != "s":
+        raise InputError(f"{mapping}: time_unit: the times of a bag are in seconds; remove it")
+    read = partial(read_bag, smoothed=kind == "poses")
+    return _KINDS[kind](files, held_out, mapping, importer="mcap", read=read)
 
 
-@dataclass(frozen=True, eq=False)
-class _Topic:
-    """The messages of one topic: times (n,) [s], their fields (n, k) by name, and what was found odd."""
-
-    name: str
-    time: FloatArray
-    fields: dict[str, FloatArray]
-    notes: tuple[str, ...]
-
-    def at(self, time: FloatArray, field: str) -> FloatArray:
-        """Return a field at other times [s]; NaN where no message is near."""
-        values = self.fields[field]
-        if len(self.time) < 2:
-            return np.full_like(time, np.nan)
-        right = np.clip(np.searchsorted(self.time, time), 1, len(self.time) - 1)
-        apart = self.time[right] - self.time[right - 1]
-        near = (time >= self.time[0]) & (time <= self.time[-1]) & (apart <= _GAP * np.median(np.diff(self.time)))
-        return np.asarray(np.where(near, np.interp(time, self.time, values), np.nan))
-
-
-def read_bag(path: Path, time: str, names: Sequence[str]) -> Columns:
-    """Return columns of a bag by name, with that of the time [s] from the first message on.
+def read_bag(path: Path, time: str, names: Sequence[str], *, smoothed: bool) -> Columns:
+    """Return columns of a bag by name, with that of the time [s] from the first row on.
 
     Args:
         path: of the bag.
         time: name of the column of the time.
         names: of the others, ``TOPIC.FIELD``.
+        smoothed: the rows will be: what they lack is left to that, not interpolated.
+
+    Raises:
+        MjfishError: as of `import_mcap`.
     """
-    wanted: dict[str, list[str]] = {}
+    fields: dict[str, list[str]] = {}
     for name in names:
         topic, dot, field = name.partition(".")
         if not (topic.startswith("/") and dot and field):
@@ -93,93 +85,114 @@ def read_bag(path: Path, time: str, names: Sequence[str]) -> Columns:
                 f"{path}: column '{name}' names no field of a topic, expected e.g. /fish/odom.pose.pose.position.x; "
                 "correct the mapping file"
             )
-        wanted.setdefault(topic, []).append(field)
-    topics = _topics(path, wanted)
-    rows = topics[next(iter(wanted))]
-    columns = {time: readonly(rows.time - rows.time[0])}
+        fields.setdefault(topic, []).append(field)
+    read = read_messages(path, fields)
+    headers, notes = _clock(read)
+    clocked = {topic: _Topic.of(topic, messages, headers) for topic, messages in read.items()}
+    notes += [note for topic in clocked.values() for note in topic.notes]
+    rows = next(iter(clocked.values()))
+    grid, own, lost = _rows(rows, clocked, path)
+    columns, filled = {time: readonly(1e-9 * (grid - grid[0]))}, np.zeros(len(grid), dtype=np.bool_)
     for name in names:
         topic, _, field = name.partition(".")
-        own = topics[topic]
-        columns[name] = readonly(own.fields[field] if own is rows else own.at(rows.time, field))
-    notes = [f"rows are the messages of {rows.name}", *(note for topic in topics.values() for note in topic.notes)]
-    notes += [f"{topic.name} interpolated to them" for topic in topics.values() if topic is not rows]
-    return Columns(columns, tuple(notes))
+        values = clocked[topic].at(grid, field)
+        if clocked[topic] is rows:
+            told = np.where(own >= 0, rows.fields[field][own], np.nan)
+            values = told if smoothed else np.where(np.isfinite(told), told, values)
+            filled |= np.isnan(told) & np.isfinite(values)
+        columns[name] = readonly(values)
+    if filled.any():
+        lost.append(f"{rows.name}: {int(filled.sum())} rows interpolated")
+    return Columns(columns, (f"rows are the messages of {rows.name}", *notes, *lost), lossy=True)
 
 
-def _topics(path: Path, wanted: dict[str, list[str]]) -> dict[str, _Topic]:
-    """Read the wanted fields of every topic."""
-    found: dict[str, list[tuple[float, float, list[float]]]] = {topic: [] for topic in wanted}
-    known: dict[str, str] = {}
-    try:
-        with path.open("rb") as stream:
-            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-            summary = reader.get_summary()
-            if summary is not None:
-                known = {c.topic: summary.schemas[c.schema_id].name for c in summary.channels.values() if c.schema_id}
-            for schema, channel, message, decoded in reader.iter_decoded_messages(topics=list(wanted)):
-                known[channel.topic] = schema.name if schema else ""
-                place = f"{path}: topic {channel.topic} ({known[channel.topic]})"
-                values = [_value(decoded, field, place) for field in wanted[channel.topic]]
-                found[channel.topic].append((_stamp(decoded), 1e-9 * message.log_time, values))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; correct its name") from None
-    except (McapError, OSError) as error:
-        raise InputError(
-            f"{path}: cannot be read as MCAP: {error or type(error).__name__}; where the recording broke off, mend it "
-            "by 'mcap recover'"
-        ) from None
-    for topic, messages in found.items():
-        if topic not in known:
-            raise UnknownNameError(f"topic in {path}", topic, [f"{name} ({kind})" for name, kind in known.items()])
-        if not messages:
-            raise InputError(f"{path}: topic {topic} has no message, expected one a frame; record it, or name another")
-    return {topic: _in_order(topic, wanted[topic], messages) for topic, messages in found.items()}
+def _clock(read: Mapping[str, Messages]) -> tuple[bool, list[str]]:
+    """Return whether the headers' times count, and why not: all topics need times of one clock."""
+    bare = [topic for topic, messages in read.items() if np.count_nonzero(messages.stamps) < 0.5 * len(messages.stamps)]
+    if bare:
+        return False, [f"times of the recorder: {', '.join(bare)} without times in the headers"]
+    late = {topic: 1e-9 * float(np.median((m.logged - m.stamps)[m.stamps > 0])) for topic, m in read.items()}
+    apart = max(late.values()) - min(late.values())
+    if apart > _ONE_CLOCK:
+        first, last = min(late, key=lambda topic: late[topic]), max(late, key=lambda topic: late[topic])
+        return False, [f"times of the recorder: the headers of {first} and {last} are {apart:.3g} s apart"]
+    return True, ["times of the headers"]
 
 
-def _in_order(topic: str, fields: list[str], messages: list[tuple[float, float, list[float]]]) -> _Topic:
-    """Return the messages of a topic by time, each time once."""
-    stamped = all(stamp > 0.0 for stamp, _, _ in messages)
-    time = np.array([stamp if stamped else logged for stamp, logged, _ in messages])
-    values = np.array([row for _, _, row in messages])
-    notes = [f"{topic}: times of {'its headers' if stamped else 'the recorder'}"]
-    if np.any(np.diff(time) < 0.0):
-        notes.append(f"{topic}: messages out of order, sorted")
-    time, first = np.unique(time, return_index=True)
-    if lost := len(messages) - len(time):
-        notes.append(f"{topic}: {lost} repeated messages left out")
-    values = values[first]
-    columns = {field: _unwrapped(values[:, k], field) for k, field in enumerate(fields)}
-    return _Topic(topic, time, columns, tuple(notes))
+@dataclass(frozen=True, eq=False)
+class _Topic:
+    """The messages of one topic by time: times (n,) [ns], their fields (n,) by name, and what was found odd."""
+
+    name: str
+    time: np.ndarray[tuple[int], np.dtype[np.int64]]
+    fields: dict[str, FloatArray]
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, name: str, messages: Messages, headers: bool) -> _Topic:
+        """Return the messages in order, each time once."""
+        notes = []
+        timed = messages.stamps > 0 if headers else np.ones(len(messages.logged), dtype=np.bool_)
+        if bare := int((~timed).sum()):
+            notes.append(f"{name}: {bare} messages without a time left out")
+        time = (messages.stamps if headers else messages.logged)[timed]
+        if np.any(np.diff(time) < 0):
+            notes.append(f"{name}: messages out of order, sorted")
+        unique, first = np.unique(time, return_index=True)
+        if repeated := len(time) - len(unique):
+            notes.append(f"{name}: {repeated} repeated messages left out")
+        fields = {field: _unwrapped(values[timed][first], field) for field, values in messages.fields.items()}
+        return cls(name, unique, fields, tuple(notes))
+
+    @property
+    def step(self) -> float:
+        """Median step [ns]; 0 with one message."""
+        return float(np.median(np.diff(self.time))) if len(self.time) > 1 else 0.0
+
+    def at(self, time: np.ndarray[tuple[int], np.dtype[np.int64]], field: str) -> FloatArray:
+        """Return a field at other times [ns]; NaN where no message is near."""
+        known = np.isfinite(self.fields[field])
+        own, values = self.time[known], self.fields[field][known]
+        if len(own) < 2:
+            return np.full(len(time), np.nan)
+        right = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
+        near = (time >= own[0]) & (time <= own[-1]) & (own[right] - own[right - 1] <= _NEAR * self.step)
+        # Akima's curve is local: what lies beyond a gap, or a jump of a command, does not bend it elsewhere.
+        curve = Akima1DInterpolator(1e-9 * (own - own[0]), values, method="makima")
+        return np.asarray(np.where(near, curve(1e-9 * (time - own[0])), np.nan))
+
+
+def _rows(
+    rows: _Topic, all_: Mapping[str, _Topic], path: Path
+) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray[tuple[int], np.dtype[np.intp]], list[str]]:
+    """Return the times of the rows [ns], lost ones too, the message of each (-1: lost), and what was done."""
+    start, end = max(topic.time[0] for topic in all_.values()), min(topic.time[-1] for topic in all_.values())
+    inside = np.flatnonzero((rows.time >= start) & (rows.time <= end))
+    if len(inside) < 2:
+        spans = ", ".join(
+            f"{t.name} {1e-9 * (t.time[0] - rows.time[0]):.3f} to {1e-9 * (t.time[-1] - rows.time[0]):.3f} s"
+            for t in all_.values()
+        )
+        raise InputError(f"{path}: no messages of all topics at one time ({spans}); record them together")
+    time, notes = rows.time[inside], []
+    if cut := len(rows.time) - len(inside):
+        notes.append(f"{rows.name}: {cut} messages at the ends left out, where another topic has none")
+    missed = np.where(np.diff(time) > GAP * rows.step, np.rint(np.diff(time) / rows.step).astype(np.int64) - 1, 0)
+    missed = np.maximum(missed, np.diff(time) > GAP * rows.step)
+    if missed.any():
+        longest = 1e-9 * float(np.diff(time).max())
+        notes.append(f"{rows.name}: {int(missed.sum())} messages lost, longest gap {longest:.3f} s")
+    number = np.concatenate([[0], np.cumsum(missed + 1)])
+    own = np.full(int(number[-1]) + 1, -1)
+    own[number] = inside
+    grid = np.rint(np.interp(np.arange(len(own)), number, time - time[0])).astype(np.int64) + time[0]
+    return grid, own, [*notes, *(f"{t.name} interpolated to the rows" for t in all_.values() if t is not rows)]
 
 
 def _unwrapped(values: FloatArray, field: str) -> FloatArray:
-    return np.unwrap(values) if field.endswith(f".{_YAW}") else values
-
-
-def _stamp(message: Any) -> float:
-    """Return the time of a message's header [s]; 0 where it has none."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return 0.0 if stamp is None else stamp.sec + 1e-9 * stamp.nanosec
-
-
-def _value(message: Any, field: str, place: str) -> float:
-    """Return a number of a message by its path of fields."""
-    path = field.split(".")
-    value = reduce(lambda owner, key: _part(owner, key, message, place), path, message)
-    if not isinstance(value, int | float):
-        raise InputError(f"{place}: '{field}' is no number; name a field below it in the mapping file")
-    return float(value)
-
-
-def _part(owner: Any, key: str, message: Any, place: str) -> Any:
-    """Return a field of a message, the yaw of a quaternion, or the entry of a list by its name."""
-    if key == _YAW and all(hasattr(owner, axis) for axis in "xyzw"):
-        return float(np.arctan2(2.0 * (owner.w * owner.z + owner.x * owner.y), 1.0 - 2.0 * (owner.y**2 + owner.z**2)))
-    if hasattr(owner, key):
-        return getattr(owner, key)
-    names = list(getattr(message, "name", []))
-    listed = hasattr(owner, "__getitem__") and not isinstance(owner, str)
-    if listed and key in names and names.index(key) < len(owner):
-        return owner[names.index(key)]
-    fields = names if listed else [name for name in dir(owner) if not name.startswith("_")]
-    raise UnknownNameError(f"field in {place}:", key, [str(name) for name in fields])
+    """Return angles without jumps where the field is one; missing ones stay so."""
+    if field.rpartition(".")[2] != "yaw":
+        return values
+    turned, known = values.copy(), np.isfinite(values)
+    turned[known] = np.unwrap(values[known])
+    return turned

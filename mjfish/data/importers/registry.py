@@ -15,7 +15,7 @@ from mjfish.data.importers.markers import import_fishsim, import_markers
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import import_poses, import_velocities
 from mjfish.data.importers.tailfish import import_tailfish
-from mjfish.data.importers.unknown import describe
+from mjfish.data.importers.unknown import describe, foreign
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 
 
@@ -47,8 +47,8 @@ IMPORTERS: Mapping[str, Importer] = {
     "tailfish": import_tailfish,
     "velocities": import_velocities,
 }
-#: Importers that need a mapping file.
-_MAPPED = (import_mcap, import_poses, import_velocities)
+#: Importers of tables, which need a mapping file.
+_MAPPED = (import_poses, import_velocities)
 #: What a file with an importer must define.
 FUNCTION = "import_files"
 
@@ -63,7 +63,7 @@ def find(importer: str | Path) -> Importer:
     if str(importer) in IMPORTERS:
         return IMPORTERS[str(importer)]
     path = Path(importer)
-    if path.suffix != ".py" and path.is_file():
+    if path.suffix != ".py" and path.exists():
         raise InputError(f"{path}: is no importer, and {describe(path)}")
     if path.suffix != ".py":
         raise UnknownNameError("importer", str(importer), IMPORTERS, "or give a Python file")
@@ -115,7 +115,10 @@ def import_files(
         first = seen.setdefault(path.resolve(), path)
         if first is not path:
             raise InputError(f"{path}: given twice, expected every file once; remove one")
-    if mapping is None and function in _MAPPED and paths[0].is_file():
+    for path in paths if function in _MAPPED else ():
+        if (found := foreign(path)) is not None:
+            raise InputError(f"{path}: {found}")
+    if mapping is None and function in _MAPPED and paths[0].exists():
         raise InputError(
             f"importer '{importer}' needs a mapping file, give --map FILE; {paths[0]} {describe(paths[0])}"
         )

@@ -6,7 +6,7 @@ Poses (time, x, y and yaw of a point of the head) are smoothed as marker tracks 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -27,9 +27,20 @@ from mjfish.data.importers.mapping import (
     wave_drive,
 )
 from mjfish.data.importers.markers import HARMONICS
-from mjfish.data.importers.report import FileReport, ImportReport
+from mjfish.data.importers.report import Cut, FileReport, ImportReport
 from mjfish.data.importers.smoothing import Basis, Fit, MeasuredCoordinates, beat_frequency, smooth
-from mjfish.data.importers.trials import Recording, assign_roles, check_distinct, record, with_noise
+from mjfish.data.importers.trials import (
+    BEATS,
+    SECONDS,
+    Recording,
+    assign_roles,
+    check_distinct,
+    longest,
+    record,
+    runs,
+    stretch_names,
+    with_noise,
+)
 from mjfish.data.tables import read_columns
 from mjfish.errors import InputError
 from mjfish.fish import Fish
@@ -41,10 +52,14 @@ _SIGMA = 3e-3
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Columns (n,) of a recorded file by name, and what a reader should know of them."""
+    """Columns (n,) of a recorded file by name, and what a reader should know of them.
+
+    `lossy`: the recorder may lose rows; velocities are cut there, not refused.
+    """
 
     numbers: Mapping[str, FloatArray]
     notes: tuple[str, ...] = ()
+    lossy: bool = False
 
 
 class Read(Protocol):
@@ -213,20 +228,91 @@ def import_velocities(
     table = read_mapping(mapping, VelocitiesMap, importer)
     assert mapping is not None  # noqa: S101 - read refuses None
     source = _Source(table, fish_of(table, mapping), mapping, read)
-    read_trials = [_velocity_trial(path, source) for path in files]
-    trials = [trial for trial, _ in read_trials]
-    check_distinct([trial.name for trial in trials], files)
+    runs_ = [_velocity_run(path, source) for path in files]
+    check_distinct([run.name for run in runs_], files)
     dataset = Dataset(
-        name=f"velocities {', '.join(trial.name for trial in trials)}",
+        name=f"velocities {', '.join(run.name for run in runs_)}",
         fish=source.fish,
-        trials=assign_roles([(trial.name, trial) for trial in trials], held_out),
+        trials=assign_roles([(run.name, trial) for run in runs_ for trial in run.trials], held_out),
         noise=None if table.noise is None else readonly(table.noise),
     )
-    reports = (velocity_report(trial, table.noise, notes=notes) for trial, notes in read_trials)
-    return dataset, ImportReport(importer, tuple(reports))
+    return dataset, ImportReport(importer, tuple(run.report for run in runs_))
 
 
-def _velocity_trial(path: Path, source: _Source) -> tuple[Trial, tuple[str, ...]]:
+@dataclass(frozen=True, eq=False)
+class _VelocityRun:
+    name: str
+    trials: tuple[Trial, ...]
+    report: FileReport
+
+
+def _velocity_run(path: Path, source: _Source) -> _VelocityRun:
+    whole, columns = _velocity_trial(path, source)
+    names = [name for name in columns.numbers if name != source.table.time]
+    numbers = np.column_stack([columns.numbers[name] for name in names])
+    complete: BoolArray = np.asarray(np.isfinite(numbers).all(axis=1))
+    if complete.all():
+        report = velocity_report(whole, source.table.noise, notes=columns.notes)
+        return _VelocityRun(whole.name, (whole,), report)
+    kept = _stretches(whole, complete, path)
+    trials = tuple(
+        _part(whole, slice(a, b), label)
+        for label, (a, b) in zip(stretch_names(whole.name, len(kept)), kept, strict=True)
+    )
+    inside = np.zeros(len(complete), dtype=np.bool_)
+    for a, b in kept:
+        inside[a:b] = True
+    last = len(inside) - 1
+    cuts = tuple(
+        Cut(float(whole.time[a]), float(whole.time[min(b, last)]), _why(complete[a:b], names, columns.numbers, a))
+        for a, b in runs(~inside)
+    )
+    parts = replace(whole, time=readonly(whole.time[inside]), velocity=readonly(whole.velocity[inside]))
+    report = velocity_report(parts, source.table.noise, notes=columns.notes)
+    report = replace(
+        report,
+        trials=tuple(trial.name for trial in trials),
+        frames=len(inside),
+        usable=int(complete.sum()),
+        cuts=cuts,
+    )
+    return _VelocityRun(whole.name, trials, report)
+
+
+def _stretches(trial: Trial, complete: BoolArray, path: Path) -> list[tuple[int, int]]:
+    """Return the stretches of complete rows that are long enough for a trial."""
+    beat, periodic = beat_frequency(trial.time[complete], trial.velocity[complete, 2])
+    seconds = BEATS / beat if periodic else SECONDS
+    fewest = max(int(np.ceil(seconds / float(np.median(np.diff(trial.time))))), _FEWEST_VELOCITIES)
+    kept = [(a, b) for a, b in runs(complete) if b - a >= fewest]
+    if not kept:
+        raise InputError(
+            f"{path}: the longest stretch without a gap has {longest(runs(complete))} rows, expected {fewest} or more "
+            f"({seconds:.3g} s); record longer, or leave this file out"
+        )
+    return kept
+
+
+def _part(trial: Trial, rows: slice, name: str) -> Trial:
+    """Return some rows of a trial as one of its own; a joint law keeps the clock of the file."""
+    begin = 0.0 if trial.wave is not None else trial.time[rows.start]
+    angle = trial.joint_angle
+    return replace(
+        trial,
+        name=name,
+        time=readonly(trial.time[rows] - begin),
+        velocity=readonly(trial.velocity[rows]),
+        joint_angle=None if angle is None else readonly(angle[rows]),
+    )
+
+
+def _why(complete: BoolArray, names: Sequence[str], numbers: Mapping[str, FloatArray], start: int) -> str:
+    rows = slice(start, start + len(complete))
+    lost = [name for name in names if not np.isfinite(numbers[name][rows]).all()]
+    return f"{', '.join(lost)} lost" if not complete.any() else f"{', '.join(lost)} lost, or too short a stretch"
+
+
+def _velocity_trial(path: Path, source: _Source) -> tuple[Trial, Columns]:
     table = source.table
     names = (table.surge, table.sway, table.yaw_rate, *angle_columns(table))
     columns = source.read(path, table.time, names)
@@ -234,7 +320,7 @@ def _velocity_trial(path: Path, source: _Source) -> tuple[Trial, tuple[str, ...]
     _check_rows(numbers, table.time, path, _FEWEST_VELOCITIES)
     for name in names:
         lost = np.flatnonzero(~np.isfinite(numbers[name]))
-        if lost.size:
+        if lost.size and not columns.lossy:
             raise InputError(
                 f"{path}: row {int(lost[0]) + 2}, column '{name}': missing, expected a finite number; correct it or "
                 "cut the track there"
@@ -256,7 +342,7 @@ def _velocity_trial(path: Path, source: _Source) -> tuple[Trial, tuple[str, ...]
         wave=wave_drive(table, source.fish, source.file, path),
         source=path,
     )
-    return trial, columns.notes
+    return trial, columns
 
 
 def velocity_report(

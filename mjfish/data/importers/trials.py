@@ -205,10 +205,9 @@ def record(
         )
     every = _every(moved.apart, joints, fit.beat, step)
     place = fit.coordinates()
-    names = [name] if len(kept) == 1 else [f"{name}-{letter}" for letter in _letters(len(kept))]
     trials = [
         _trial(label, fit, place, moved.value, slice(a, b, every), joints, source, roll)
-        for label, (a, b) in zip(names, kept, strict=True)
+        for label, (a, b) in zip(stretch_names(name, len(kept)), kept, strict=True)
     ]
     inside = np.zeros(len(seen), dtype=np.bool_)
     for a, b in kept:
@@ -290,9 +289,12 @@ def _lost(reasons: dict[int, str]) -> str:
     return "".join(f"; {reason} lost in {count} frames" for reason, count in sorted(counts.items()))
 
 
-def _letters(count: int) -> list[str]:
-    """Return suffixes a, b, ... for several trials of a file; numbers where letters run out."""
-    return list(ascii_lowercase[:count]) if count <= len(ascii_lowercase) else [str(i + 1) for i in range(count)]
+def stretch_names(name: str, count: int) -> list[str]:
+    """Return names of the trials of one run: its own, or with suffixes a, b, ...; numbers where letters run out."""
+    if count == 1:
+        return [name]
+    suffixes = ascii_lowercase[:count] if count <= len(ascii_lowercase) else map(str, range(1, count + 1))
+    return [f"{name}-{suffix}" for suffix in suffixes]
 
 
 def assign_roles(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+_BAG = b"\x89MCAP0\r\n"
 #: First bytes of formats: what they are, and what to do.
 _FORMATS: tuple[tuple[bytes, str, str], ...] = (
-    (b"\x89MCAP0\r\n", "a bag in the MCAP format", "import it as 'mcap' with a mapping file that names its topics"),
+    (_BAG, "a bag in the MCAP format", "import it as 'mcap' with a mapping file that names its topics"),
     (b"SQLite format 3", "a rosbag2 database", "convert it by 'ros2 bag convert' to MCAP and import it as 'mcap'"),
     (b"#ROSBAG", "a bag of ROS 1", "convert it by 'mcap convert' to MCAP and import it as 'mcap'"),
     (b"MATLAB 5.0", "a MATLAB file", "write its arrays by writetable to CSV and import that"),
@@ -17,8 +19,18 @@ _FORMATS: tuple[tuple[bytes, str, str], ...] = (
     (b"\x93NUMPY", "a NumPy array", "write it by numpy.savetxt with a header line and import that"),
     (b"PK\x03\x04", "a zip archive, such as .npz or .xlsx", "write what is in it to CSV and import that"),
     (b"\x1f\x8b", "a gzip archive", "unpack it"),
+    (b"\x28\xb5\x2f\xfd", "a Zstandard archive, such as .mcap.zstd", "unpack it by 'zstd -d'"),
 )
-_BEGINNING = 512
+#: Bytes that are read of a file: a header line is not longer.
+_BEGINNING = 65536
+#: Types of messages that have a pose, and the field that it is in.
+_POSES = {
+    "geometry_msgs/msg/PoseStamped": "pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose",
+    "nav_msgs/msg/Odometry": "pose.pose",
+}
+_HEAD = ("schema = 1", 'fish = "my_fish.toml"')
+_WAVE = ("[wave]", "frequency = 1.0", "amplitude = [0.3]", "phase = [0.0]", "free = true")
 #: Words that columns go by, in the order in which a mapping file has them.
 _WORDS = {
     "time": ("time", "t", "timestamp", "time_s", "sec", "seconds"),
@@ -31,51 +43,114 @@ _WORDS = {
 }
 
 
+def is_bag(path: Path) -> bool:
+    """Return whether a file begins as a bag in the MCAP format does."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        return stream.read(len(_BAG)) == _BAG
+
+
 def describe(path: Path) -> str:
-    """Return what a file looks like and how to import it, in one sentence; or that it does not exist."""
+    """Return what a file or folder looks like and how to import it, in one sentence; or that it does not exist."""
+    if (found := foreign(path)) is not None:
+        return found
     if not path.is_file():
         return "no such file; correct its name"
     with path.open("rb") as stream:
         beginning = stream.read(_BEGINNING)
-    for magic, what, remedy in _FORMATS:
-        if beginning.startswith(magic):
-            return f"looks like {what}; {remedy}"
+    if not beginning:
+        return "is empty; record it again"
     header = columns(beginning)
     if header is None:
         return "looks like no table of numbers; write the recording to a CSV file with a header line and import that"
+    if all(map(_is_number, header)):
+        return (
+            f"looks like a CSV file of {len(header)} columns without a header line; put a line with their names above "
+            "the numbers, or import it as 'markers'"
+        )
     return f"looks like a CSV file with the columns {', '.join(header)}; {_how(header)}"
+
+
+def foreign(path: Path) -> str | None:
+    """Return what a file looks like that is there and no text, or a folder; None for others."""
+    if path.is_dir():
+        return _folder(path)
+    if not path.is_file():
+        return None
+    with path.open("rb") as stream:
+        return _format(stream.read(_BEGINNING))
+
+
+def _format(beginning: bytes) -> str | None:
+    found = ((what, remedy) for magic, what, remedy in _FORMATS if beginning.startswith(magic))
+    return next((f"looks like {what}; {remedy}" for what, remedy in found), None)
+
+
+def _folder(path: Path) -> str:
+    bags = sorted(file.name for file in path.glob("*.mcap"))
+    if bags:
+        return f"is a folder with a bag; import what is in it: {', '.join(bags)}"
+    if any(path.glob("*.db3")):
+        return "looks like a rosbag2 folder of SQLite; convert it by 'ros2 bag convert' to MCAP and import it as 'mcap'"
+    return "is a folder, expected a file; name the files in it"
 
 
 def columns(beginning: bytes) -> list[str] | None:
     """Return the columns of a CSV file by its first bytes; None where they are no text with commas."""
     try:
-        line = beginning.decode("utf-8", errors="strict" if len(beginning) < _BEGINNING else "ignore").splitlines()[0]
+        line = beginning.splitlines()[0].decode("utf-8-sig")
     except (UnicodeDecodeError, IndexError):
         return None
     row = [cell.strip() for cell in next(csv.reader([line]), [])]
-    return row if len(row) > 1 and line.isprintable() else None
+    return row if len(row) > 1 and line.replace("\t", " ").isprintable() else None
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell or "nan")
+    except ValueError:
+        return False
+    return True
+
+
+def bag_example(kinds: Mapping[str, str]) -> str:
+    """Return what topics of these types, by name, a bag has, and a mapping file for one with a pose."""
+    listed = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(kinds.items())) or "none"
+    found = next((f"{topic}.{_POSES[kind]}" for topic, kind in sorted(kinds.items()) if kind in _POSES), None)
+    if found is None:
+        return f"has the topics {listed}"
+    places = {"x": "position.x", "y": "position.y", "yaw": "orientation.yaw"}
+    lines = [*_HEAD, 'kind = "poses"', *(f"{key} = {json.dumps(f'{found}.{field}')}" for key, field in places.items())]
+    joints = next((topic for topic, kind in sorted(kinds.items()) if kind == "sensor_msgs/msg/JointState"), None)
+    lines += ["[joints]", f'columns = ["{joints}.position.NAME"]'] if joints else _WAVE
+    return f"has the topics {listed}; a mapping file such as\n{_indented(lines)}\n(units, axes and signs: docs)"
 
 
 def example(header: Sequence[str], kind: str) -> str:
     """Return a mapping file for columns of these names, to be completed."""
     keys = ("time", "surge", "sway", "yaw_rate") if kind == "velocities" else ("time", "x", "y", "yaw")
     found = {key: next((name for name in header if _plain(name) in _WORDS[key]), "?") for key in keys}
-    lines = ["schema = 1", f'kind = "{kind}"', 'fish = "my_fish.toml"', *(f'{k} = "{v}"' for k, v in found.items())]
+    lines = [*_HEAD, f'kind = "{kind}"', *(f"{key} = {json.dumps(name)}" for key, name in found.items())]
     joints = [
         name for name in header if name not in found.values() and _plain(name).startswith(("j", "servo", "angle"))
     ]
     if joints:
-        lines += ["[joints]", "columns = [" + ", ".join(f'"{name}"' for name in joints) + "]"]
+        lines += ["[joints]", "columns = [" + ", ".join(map(json.dumps, joints)) + "]"]
     else:
-        lines += ["[wave]", "frequency = 1.0", "amplitude = [0.3]", "phase = [0.0]", "free = true"]
+        lines += _WAVE
     return "\n".join(lines)
 
 
 def _how(header: Sequence[str]) -> str:
     known = {key for name in header for key, words in _WORDS.items() if _plain(name) in words}
     kind = "poses" if {"x", "y"} <= known and not {"surge", "sway"} <= known else "velocities"
-    text = "\n".join(f"    {line}" for line in example(header, kind).splitlines())
+    text = _indented(example(header, kind).splitlines())
     return f"import it as '{kind}' with --map FILE, a mapping file such as\n{text}\n(units, axes and signs: docs)"
+
+
+def _indented(lines: Sequence[str]) -> str:
+    return "\n".join(f"    {line}" for line in lines)
 
 
 def _plain(name: str) -> str:
