@@ -60,6 +60,11 @@ def program() -> str:
     return str(called.relative_to(Path.cwd())) if called.is_relative_to(Path.cwd()) else str(called)
 
 
+def is_asking() -> bool:
+    """Return whether somebody sits at a terminal and can answer questions."""
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
     """Show a progress bar on stderr while the block runs, where that is no terminal a line at times."""
