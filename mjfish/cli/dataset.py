@@ -119,7 +119,7 @@ def new(
     files_named = shlex.join(str(path) for path in paths)
     comments = [f"Made by mjfish dataset new of {files_named}, whose columns are:", *(f"  {line}" for line in taken)]
     path = save(_named(dataset, folder), folder, comments=[*comments, *_CHANGES])
-    console.say(f"wrote {path} with {len(dataset.trials)} trials", *(f"  {line}" for line in taken))
+    console.say(f"wrote {folder / path.name} with {len(dataset.trials)} trials", *(f"  {line}" for line in taken))
     console.say(*_cut(report), f"next: {console.program()} inspect {folder}")
 
 
