@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from doc_blocks import ROOT, blocks, commands, run_command, run_python
+from own_recordings import write_recordings
 
 import mjfish
 from mjfish.cli import console
@@ -87,6 +88,33 @@ def test_the_fish_that_is_described_is_made_and_shown(tmp_path: Path) -> None:
     made = mjfish.load_fish(tmp_path / "out" / "trout" / "trout.toml")
     (expression,) = re.findall(r"`mjfish\.(new_fish\(.*?\))`", page.read_text())
     assert eval(expression, {"new_fish": mjfish.new_fish}) == made  # noqa: S307 - our own page
+
+
+def test_a_newcomer_comes_from_own_csv_files_to_a_verdict(tmp_path: Path) -> None:
+    """An empty folder, recordings in mm/s and deg with headers of their own, the commands of the page as they stand.
+
+    The camera followed a point 3 cm behind the nose.
+    """
+    page = ROOT / "docs" / "own-data.md"
+    new_fish, *others = commands(page)
+    assert len(others) < 6
+    run_command(new_fish, tmp_path)
+    (shown,) = re.findall(r"^```\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    header, row = shown.split()
+    files = write_recordings(tmp_path, tmp_path / "trout.toml", "marker_offset", {"marker_offset.along": 0.03})
+    first = files[0].read_text(encoding="utf-8").splitlines()
+    assert first[0] == header
+    np.testing.assert_allclose(*(np.array(line.split(","), dtype=float) for line in (first[1], row)), atol=0.05)
+    made, inspected, diagnosed = (run_command(line, tmp_path) for line in others)
+    assert "surge     u_mm_s in mm/s, guessed from its header" in made
+    assert "nothing blocks a diagnosis" in inspected
+    assert "run1" in (tmp_path / "pictures" / "inspection.html").read_text(encoding="utf-8")
+    assert "The cause is marker_offset" in diagnosed
+    found = json.loads((tmp_path / "found" / "diagnosis.json").read_text(encoding="utf-8"))
+    offset = found["causes"][0]["parameters"]["along"]
+    assert offset["low"] < 0.03 < offset["high"]
+    assert found["gain"]["relative_reduction"]["low"] > 0.2
+    assert (tmp_path / "found" / "report.html").stat().st_size > 0
 
 
 def test_the_dataset_that_is_described_can_be_read(tmp_path: Path) -> None:

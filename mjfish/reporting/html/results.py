@@ -16,7 +16,8 @@ from mjfish.diagnosis import Diagnosis, Splits
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.inspection import Inspection
+from mjfish.inspection import DataReport, Inspection
+from mjfish.reporting.html.data_report import write_data_report
 from mjfish.reporting.html.diagnosis import write_diagnosis
 from mjfish.reporting.html.figures import COLOURS, Panel, overlay_figure, panels, residual_figure
 from mjfish.reporting.html.identification import sections
@@ -122,12 +123,14 @@ def _(result: Plan) -> go.Figure:
 @figure.register
 def _(result: Inspection) -> go.Figure:
     """List the findings, worst first."""
-    rows = [(str(f.severity), f.place, f.found, f.remedy) for f in result.findings]
-    rows = rows or [("", "", "nothing was found", "")]
+    rows = [(str(f.severity), f.code, f.place, f.found, f.remedy) for f in result.findings]
+    rows = rows or [("", "", "", "nothing was found", "")]
     cells = [[html.escape(text) for text in column] for column in zip(*rows, strict=True)]
-    headings = ["severity", "place", "found", "remedy"]
+    headings = ["severity", "code", "place", "found", "remedy"]
     table = go.Table(
-        header={"values": headings, "align": "left"}, cells={"values": cells, "align": "left"}, columnwidth=[1, 2, 4, 4]
+        header={"values": headings, "align": "left"},
+        cells={"values": cells, "align": "left"},
+        columnwidth=[1, 2, 2, 4, 4],
     )
     return go.Figure(table).update_layout(template="mjfish")
 
@@ -159,6 +162,11 @@ def write_report(result: Any, path: Path) -> None:
 @write_report.register
 def _(result: Diagnosis, path: Path) -> None:
     write_diagnosis(result, path)
+
+
+@write_report.register
+def _(result: DataReport, path: Path) -> None:
+    write_data_report(result, figure(result.inspection), path)
 
 
 @write_report.register
