@@ -41,7 +41,9 @@ addEventListener("load", () => setTimeout(() => {
 #: The page stands in a frame: a window of its own is never narrower than 500 pixels.
 _FRAME = """<!DOCTYPE html><body style="margin: 0">
 <pre id="probe"></pre><iframe src="page.html" style="border: 0; width: WIDTHpx; height: 1600px"></iframe>
-<script>addEventListener("message", (event) => { document.getElementById("probe").textContent = event.data; });</script>"""
+<script>addEventListener("message", (event) => {
+  document.getElementById("probe").textContent = event.data;
+});</script>"""
 
 
 @dataclass(frozen=True)

@@ -23,15 +23,16 @@ from mjfish.reporting.words import estimate, interval, number, p_value, percent,
 REFERENCES = {
     "Yu2016": "J. Yu, J. Yuan, Z. Wu, M. Tan, Data-Driven Dynamic Modeling for a Swimming Robotic Fish (2016).",
     "Cox1961": "D. R. Cox, Tests of separate families of hypotheses, Proc. 4th Berkeley Symposium (1961).",
-    "Hemerik2020": "J. Hemerik, J. Goeman, L. Finos, Robust testing in generalized linear models by sign flipping score "
-    "contributions, J. R. Statist. Soc. B 82 (2020).",
+    "Hemerik2020": "J. Hemerik, J. Goeman, L. Finos, Robust testing in generalized linear models by sign flipping "
+    "score contributions, J. R. Statist. Soc. B 82 (2020).",
     "Eriksson2013": "D. Eriksson, E. Frisk, M. Krysander, A method for quantitative fault diagnosability analysis of "
     "stochastic linear descriptor models, Automatica 49 (2013).",
-    "Rauch1965": "H. Rauch, F. Tung, C. Striebel, Maximum likelihood estimates of linear dynamic systems, AIAA Journal 3 "
-    "(1965).",
+    "Rauch1965": "H. Rauch, F. Tung, C. Striebel, Maximum likelihood estimates of linear dynamic systems, AIAA "
+    "Journal 3 (1965).",
     "Wood2017": "S. Wood, Generalized Additive Models, 2nd ed. (2017), ch. 6.",
 }
-_NOISE = {
+#: How the kinds of noise read; autoregressive noise by its order.
+NOISE_WORDS: dict[type[Noise], str] = {
     DifferentiationNoise: "noise of differentiated positions",
     ErrorsInVariables: "noise with errors of the measured joint angles",
     GaussMarkov: "Gauss-Markov noise on top of white noise",
@@ -63,14 +64,15 @@ def noise_words(noise: Noise) -> str:
     """Return the kind of a noise model in words."""
     if isinstance(noise, Autoregressive):
         return f"autoregressive noise of order {noise.order}" if noise.order else "white noise"
-    return _NOISE.get(type(noise), "correlated noise")
+    return NOISE_WORDS[type(noise)]
 
 
 def _data(diagnosis: Diagnosis) -> Iterable[str]:
     fish, fitted = diagnosis.dataset.fish, [o for o in diagnosis.overlays if not o.held_out]
     samples = sum(len(overlay.trial.time) for overlay in diagnosis.overlays)
     held = [overlay.trial.name for overlay in diagnosis.overlays if overlay.held_out]
-    kept = f"{len(fitted)} were fitted and {len(held)} ({', '.join(held)}) held out" if held else "all were fitted"
+    fits = f"{len(fitted)} {'was' if len(fitted) == 1 else 'were'} fitted"
+    kept = f"{fits}, and held out: {', '.join(held)}" if held else "all were fitted"
     yield (
         f"The dataset {diagnosis.dataset.name} has {len(diagnosis.overlays)} trials of the fish {fish.name} with "
         f"{samples} samples; {kept}."
@@ -96,8 +98,8 @@ def _tests(diagnosis: Diagnosis) -> Iterable[str]:
     )
     if refitted:
         yield (
-            f"{refitted} candidates were refitted together with the coefficients. One stays in the confidence set where, "
-            f"were it true, the best would lead by as much with a probability of {KEEP:g} or more [Cox1961]; it "
+            f"{refitted} candidates were refitted together with the coefficients. One stays in the confidence set "
+            f"where, were it true, the best would lead by as much with a probability of {KEEP:g} or more [Cox1961]; it "
             f"suffices where what it leaves has p above {GOODNESS:g}, misfits that outliers leave by chance excepted "
             "[Hemerik2020]."
         )

@@ -18,13 +18,13 @@ class Reading:
 STRETCH = Reading(
     "A few beats of the trial and the channel in which the nominal model errs most for its range: as measured, and as "
     "the models predict them. No held-out trial took part in the fits.",
-    "The extended model lies on the measured curve where the nominal one does not.",
-    "The extended model is as far off as the nominal one, or further.",
+    "The simulated curve lies on the measured one: with the cause where one is shown, and not without it.",
+    "With the cause it is as far off as without it, or further.",
     "Look at the same trial below, in all channels, and at the residual over beat and speed.",
 )
 CURVE = Reading(
-    "A quantity of the model as the data have it (solid), its 95 % band, and the nominal model (dashed). Dotted and grey: "
-    "no run has been there.",
+    "A quantity of the model as the data have it (solid), its 95 % band, and the nominal model (dashed). Dotted and "
+    "grey: no run has been there.",
     "A narrow band that leaves the nominal line where the curve is solid.",
     "A band as wide as the panel, or a short solid piece: the runs say little of the form.",
     "Use the curve where it is solid only. Record runs that reach the dotted range before you simulate there.",
@@ -32,21 +32,21 @@ CURVE = Reading(
 TRIAL = Reading(
     "Left: velocities as measured and as simulated. Right: what is left, measured less simulated. Dotted lines: the "
     "drive changes. A gap in a simulated curve: no score is taken there, or the simulation diverged.",
-    "What is left of the extended model looks like noise about zero, in held-out trials as in fitted ones.",
+    "What is left looks like noise about zero, in held-out trials as in fitted ones.",
     "It swings with the beat, drifts, or jumps where the drive changes.",
     "A swing or a jump is physics that the model lacks; one trial alone that is off may be a fault of its recording.",
 )
 BEAT = Reading(
-    "The mean of measured less simulated by the phase of the last joint's beat, with two standard errors of independent "
-    "samples, over the held-out trials, or over all where none is held out.",
+    "The mean of measured less simulated by the phase of the last joint's beat, with two standard errors of "
+    "independent samples, over the held-out trials, or over all where none is held out.",
     "A flat curve whose band holds zero.",
     "A wave: what is missing repeats with every beat, which noise does not.",
-    "One wave a beat in surge or two in sway and yaw rate break the left-right symmetry: look for an offset of a joint, "
-    "a marker or the camera. Others point to drive, body or water.",
+    "One wave a beat in surge or two in sway and yaw rate break the left-right symmetry: look for an offset of a "
+    "joint, a marker or the camera. Others point to drive, body or water.",
 )
 SPEED = Reading(
-    "The mean of measured less simulated by the surge that the nominal model has, in bins of equally many samples, with "
-    "two standard errors of independent samples; of the same trials as over the beat.",
+    "The mean of measured less simulated by the surge that the nominal model has, in bins of equally many samples, "
+    "with two standard errors of independent samples; of the same trials as over the beat.",
     "A flat curve whose band holds zero.",
     "A slope or a bend: the error depends on the speed. Slow noise makes the bands too narrow, not the curve bend.",
     "Suspect drag or lift first; where only the lowest bins are off, the start of the runs.",
@@ -62,12 +62,12 @@ AUTOCORRELATION = Reading(
     "The autocorrelation of the residual over all trials (thick) and of each (thin). The band holds 99 % of the values "
     "over all trials where the residual is white.",
     "Thick curves inside the band at all lags above zero.",
-    "Curves outside the band: intervals that take the residual for white are too narrow; the model need not be at fault.",
+    "Curves outside the band: intervals that take the residual for white are too narrow. The model may still be right.",
     "Take the intervals for correlated residuals, and diagnose the dataset to learn whether the model is at fault.",
 )
 CROSS_CORRELATION = Reading(
-    "The cross-correlation of the residual with the command of the last joint, and with its square. The band holds 99 % "
-    "of the values where they are independent.",
+    "The cross-correlation of the residual with the command of the last joint, and with its square. The band holds "
+    "99 % of the values where they are independent.",
     "Curves inside the band.",
     "Curves outside it: the model misses something that the drive does.",
     "Diagnose the dataset: mjfish diagnose names what is missing.",

@@ -30,8 +30,7 @@ def beat_figure(diagnosis: Diagnosis) -> go.Figure:
     """
     cpg = diagnosis.nominal_model.fish.cpg
     phase = np.concatenate([beat_phase(cpg, overlay.trial) for overlay in _shown(diagnosis)]) / (2.0 * np.pi)
-    index = np.floor(np.mod(phase, 1.0) * BINS).astype(int) % BINS
-    figure = _mean_figure(diagnosis, index, (np.arange(BINS) + 0.5) / BINS)
+    figure = _mean_figure(diagnosis, by_phase(phase), (np.arange(BINS) + 0.5) / BINS)
     return figure.update_xaxes(title_text="phase [beats]", range=[0, 1])
 
 
@@ -43,6 +42,11 @@ def speed_figure(diagnosis: Diagnosis) -> go.Figure:
     surge = np.concatenate([overlay.nominal[:, 0] for overlay in _shown(diagnosis)])
     index, centre = by_quantiles(surge, SPEEDS)
     return _mean_figure(diagnosis, index, centre).update_xaxes(title_text="surge of the nominal model [m/s]")
+
+
+def by_phase(phase: FloatArray) -> NDArray[np.int_]:
+    """Return the bin of each phase (n,) in beats."""
+    return np.asarray(np.floor(np.mod(phase, 1.0) * BINS).astype(int) % BINS)
 
 
 def by_quantiles(values: FloatArray, bins: int) -> tuple[NDArray[np.int_], FloatArray]:

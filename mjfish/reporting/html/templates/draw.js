@@ -3,7 +3,7 @@
 document.documentElement.classList.add("scripted");
 const NARROW = matchMedia("(max-width: 640px)");
 // Pixels of a panel, and between panels, where they stand below each other.
-const PANEL = 150, BETWEEN = 46;
+const PANEL = 150, BETWEEN = 62;
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 const specification = (figure) => JSON.parse(figure.querySelector("script").textContent, (_key, value) =>
@@ -15,12 +15,12 @@ function stack(layout) {
     .map((key) => ({ x: layout[key], y: layout[key.replace("x", "y")] }));
   if (new Set(panels.map(({ x }) => x.domain[0])).size < 2) return;
   panels.sort((a, b) => a.x.domain[0] - b.x.domain[0] || b.y.domain[0] - a.y.domain[0]);
-  const each = PANEL + BETWEEN, height = panels.length * each;
+  const each = PANEL + BETWEEN, height = panels.length * each - BETWEEN;
   panels.forEach(({ x, y }, k) => {
     x.domain = [0, 1];
     y.domain = [1 - (k * each + PANEL) / height, 1 - (k * each) / height];
   });
-  layout.height = height + layout.template.layout.margin.t + layout.template.layout.margin.b - BETWEEN;
+  layout.height = height + layout.template.layout.margin.t + layout.template.layout.margin.b;
 }
 
 function drawFigure(figure) {
