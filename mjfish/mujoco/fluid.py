@@ -19,6 +19,7 @@ from mjfish.errors import InputError, UnknownNameError
 from mjfish.hydro.load import PARAMETERS, Load, memory_of
 from mjfish.mujoco import callback, custom_numerics, strip_link
 from mjfish.mujoco.block import MAGIC, Block, numbers_of, pack, view
+from mjfish.mujoco.checked import Checked
 from mjfish.mujoco.coupling_choice import Coupling, choose
 from mjfish.mujoco.layout import data_at, floats, model_at, verify
 from mjfish.mujoco.link_force import (
@@ -153,12 +154,20 @@ class StripFluid:
         servos = room.control if room.states else model.nu
         if commanded and model.nuserdata != 1 + 3 * servos:
             raise InputError(f"userdata has {model.nuserdata} numbers, expected {1 + 3 * servos} for the commands")
-        self.coupling: Coupling = choose(model, _bodies(model, self.links), coupling)
+        bodies = _bodies(model, self.links)
+        chosen: Coupling = choose(model, bodies, coupling)
+        self.coupling = chosen
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         inertia = self.coupling == "inertia"
         numbers = pack(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
         self._block: Block = Block(numbers, [load for load, _ in loads])
         self._block.tag(model)
+
+        def check() -> None:
+            choose(model, bodies, chosen)
+            room_in(model, room.states)
+
+        self._checked: Checked = Checked(model, check)
 
     @classmethod
     def from_toml(cls, model: mujoco.MjModel, path: str | Path, *, coupling: Coupling | None = None) -> StripFluid:
@@ -186,8 +195,7 @@ class StripFluid:
             InputError: the model was changed so that the force would now be wrong, or given other water.
         """
         self._still_there()
-        choose(self.model, _bodies(self.model, self.links), self.coupling)
-        room_in(self.model, self._states)
+        self._checked.again()
         with callback.installed():
             yield
 
