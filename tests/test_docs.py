@@ -237,10 +237,9 @@ def _assert_same_text(printed: str, written: str) -> None:
 def test_plug_in_page_does_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its scripts print what the page shows; the three ways to describe a plate describe the same one."""
     page = ROOT / "docs" / "mujoco-plugin.md"
-    _, swimmer, plate = _printed_by_blocks(page, tmp_path, monkeypatch)
-    shown = blocks(page, "text")
-    _assert_same_text(swimmer, shown[0])
-    _assert_same_text(plate, shown[1])
+    _, *printed = _printed_by_blocks(page, tmp_path, monkeypatch)
+    for there, shown in zip(printed, blocks(page, "text"), strict=True):
+        _assert_same_text(there, shown)
 
 
 def test_fitter_page_recovers_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -155,17 +155,27 @@ def records(links: Sequence[StripLink], density: float) -> RecordArray:
         for field in SPATIAL.names or ():
             if hasattr(integrals, field):
                 record[field] = getattr(integrals, field)
-        for field in ("length", "c_m", "c_f", "roll_damping", "origin"):
-            record[field] = getattr(link, field)
-        record["c_d"] = link.drag_coefficient
-        record["munk"] = link.munk_moment
+        record["length"] = link.length
+        record["origin"] = link.origin
         record["density"] = density
         record["turn"] = link.frame.ravel()
         if link.volume is not None:
             record["volume"] = link.volume
         middle = np.array(link.origin) + integrals.centroid * link.frame[0]
         record["center"] = middle if link.buoyancy_center is None else link.buoyancy_center
+    _fill_coefficients(filled, links)
     return filled
+
+
+def _fill_coefficients(filled: RecordArray, links: Sequence[StripLink]) -> None:
+    """Fill the coefficients of links into their `SPATIAL` or `LINK` records."""
+    for record, link in zip(filled, links, strict=True):
+        record["c_m"] = link.c_m
+        record["c_d"] = link.drag_coefficient
+        record["c_f"] = link.c_f
+        record["munk"] = link.munk_moment
+        if "roll_damping" in (filled.dtype.names or ()):
+            record["roll_damping"] = link.roll_damping
 
 
 def plane_records(model: mujoco.MjModel, links: Sequence[StripLink], density: float) -> RecordArray:
@@ -214,6 +224,14 @@ def unpack(numbers: FloatArray) -> RecordArray:
     n, c, t = (int(count) for count in numbers[:3])
     start = HEADER + CARRIER * c + TREE * t
     return numbers[start : start + n * _SPATIAL_SIZE // 8].view(SPATIAL)
+
+
+def replace_coefficients(numbers: FloatArray, links: Sequence[StripLink]) -> None:
+    """Write the coefficients of `links` into the numbers of a model's water; all else of them must be as it was."""
+    _fill_coefficients(unpack(numbers), links)
+    seen = loads_in(numbers)[1]
+    if len(seen):
+        _fill_coefficients(seen, links)
 
 
 def loads_in(numbers: FloatArray) -> tuple[LoadTable, RecordArray]:

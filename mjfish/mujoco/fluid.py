@@ -12,13 +12,14 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 from numba import carray
+from numpy.typing import ArrayLike
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.compiled import compiled
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.hydro.load import PARAMETERS, Load, memory_of
 from mjfish.mujoco import callback, custom_numerics, strip_link
-from mjfish.mujoco.block import MAGIC, Block, numbers_of, pack, view
+from mjfish.mujoco.block import MAGIC, Block, numbers_of, pack, replace_coefficients, view
 from mjfish.mujoco.checked import Checked
 from mjfish.mujoco.coupling_choice import Coupling, choose
 from mjfish.mujoco.layout import data_at, floats, model_at, verify
@@ -80,7 +81,7 @@ class StripFluid:
 
     Attributes:
         model: the model.
-        links: `StripLink` by link, in the order of every array about links.
+        links: `StripLink` by link, in the order of every array about links; `set` changes their coefficients.
         density: of the water [kg/m3].
         coupling: ``inertia`` or ``xfrc``, see `mjfish.mujoco.coupling`.
 
@@ -206,6 +207,35 @@ class StripFluid:
             raise InputError(
                 "another StripFluid has taken the place of this one on its model; use that one, with the links of both"
             )
+
+    def set(self, **coefficients: ArrayLike) -> None:
+        """Set coefficients of the links, in this model and in its copies; the next step has them, inside a block too.
+
+        The water is then, to the last bit, that of a new `StripFluid` with these coefficients, and `links` has them.
+        Call it while no other thread steps the model. Other coefficients for a copy need a `StripFluid` of its own.
+
+        Args:
+            coefficients: ``c_m``, ``c_d``, ``c_f``, ``munk_moment``, ``roll_damping``: a number for all links, or one
+                a link, in the order of `links`; what is not given stays.
+
+        Raises:
+            UnknownNameError: no such coefficient.
+            InputError: a value is no number or outside its bounds, there are not as many as links, or another
+                StripFluid has taken the place of this one. Nothing is set then.
+
+        Example:
+            >>> import mujoco
+            >>> model = mujoco.MjModel.from_xml_string('<mujoco><worldbody><body name="plate">'
+            ...     '<joint type="slide"/><geom size=".1"/></body></worldbody></mujoco>')
+            >>> fluid = mjfish.StripFluid(model, [{"body": "plate", "length": 0.3, "height": 0.2, "width": 0.004}])
+            >>> fluid.set(c_d=1.9, c_m=[0.8])
+            >>> fluid.links[0].c_d, fluid.links[0].c_m
+            (1.9, 0.8)
+        """
+        self._still_there()
+        links = strip_link.with_coefficients(self.links, coefficients)
+        replace_coefficients(self._block.numbers, links)
+        self.links = links
 
     def wrenches(self, data: mujoco.MjData) -> dict[str, FloatArray]:
         """Return the force of the water on each link by part, at the state and acceleration that `data` is in.

@@ -6,17 +6,19 @@ Given in Python or TOML; in an MJCF: `mjfish.mujoco.custom_numerics`.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray
-from mjfish.errors import InputError
+from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import NotNegative, Section
 from mjfish.hydro.force import KC_0
 from mjfish.parameter import Parameter
@@ -178,12 +180,16 @@ class StripLink(Table):
         self.frame  # noqa: B018 - raises where axis and up are parallel
         if self.kc is None and "kc_power" in self.model_fields_set:
             raise ValueError("'kc_power' is a power of 'kc', which is missing; add it, or take out the power")
+        self.check_drag()
+        return self
+
+    def check_drag(self) -> None:
+        """Raise ValueError where `kc` makes the drag larger than any."""
         if not self.drag_coefficient <= COEFFICIENTS["c_d"].high:
             raise ValueError(
                 f"kc {self.kc:g} makes c_d {self.drag_coefficient:g}, expected {COEFFICIENTS['c_d'].high:g} at most; "
                 "correct kc, kc_power or c_d"
             )
-        return self
 
     @property
     def drag_coefficient(self) -> float:
@@ -235,6 +241,50 @@ class StripLink(Table):
             raise ValueError(f"up {self.up} is along axis {self.axis}; give another direction")
         x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
         return np.array([x, np.cross(z, x), z])
+
+
+def with_coefficients(links: Sequence[StripLink], values: Mapping[str, ArrayLike]) -> tuple[StripLink, ...]:
+    """Return links with other coefficients.
+
+    Args:
+        links: n links.
+        values: by coefficient, a number for all links or one a link (n,).
+
+    Raises:
+        UnknownNameError: no such coefficient.
+        InputError: a value is no number, outside its bounds, or there are not as many as links.
+    """
+    columns = {}
+    for name, value in values.items():
+        if name not in COEFFICIENTS:
+            raise UnknownNameError("coefficient", name, COEFFICIENTS)
+        declared = COEFFICIENTS[name]
+        try:
+            numbers = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(f"{name}: found {value!r}, expected a number or one a link; correct it") from None
+        if numbers.shape not in ((), (len(links),)):
+            raise InputError(
+                f"{name}: found an array of shape {numbers.shape}, expected a number, or {len(links)}, one a link; "
+                "correct it"
+            )
+        column = columns[name] = np.broadcast_to(numbers, len(links)).tolist()
+        for link, number in zip(links, column, strict=True):
+            if not declared.low <= number <= declared.high:
+                raise InputError(
+                    f"link '{link.body}': {name}: {number:g} is outside its bounds "
+                    f"[{declared.low:g}, {declared.high:g}]; choose one inside"
+                )
+    changed = tuple(
+        link.model_copy(update={name: column[index] for name, column in columns.items()})
+        for index, link in enumerate(links)
+    )
+    for link in changed:
+        try:
+            link.check_drag()
+        except ValueError as error:
+            raise InputError(f"link '{link.body}': {error}") from None
+    return changed
 
 
 class Water(Table):
