@@ -262,13 +262,12 @@ def _assert_same_text(printed: str, written: str) -> None:
     np.testing.assert_allclose(*pairs, rtol=5e-3, atol=1e-12)
 
 
-def test_plug_in_page_does_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its scripts print what the page shows; the three ways to describe a plate describe the same one."""
-    page = ROOT / "docs" / "mujoco-plugin.md"
-    _, swimmer, plate = _printed_by_blocks(page, tmp_path, monkeypatch)
-    shown = blocks(page, "text")
-    _assert_same_text(swimmer, shown[0])
-    _assert_same_text(plate, shown[1])
+@pytest.mark.parametrize("name", ["mujoco-plugin", "gymnasium", "mujoco-rollout"])
+def test_page_of_mujoco_prints_what_it_says(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = ROOT / "docs" / f"{name}.md"
+    printed = _printed_by_blocks(page, tmp_path, monkeypatch)
+    for there, shown in zip(filter(None, printed), blocks(page, "text"), strict=True):
+        _assert_same_text(there, shown)
 
 
 def test_fitter_page_recovers_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -77,7 +77,7 @@ def _act(model_pointer: Any, data_pointer: Any) -> None:
         _spoil(model, data)
         return
     address = np.int64(carray(data_pointer, 1).ctypes.data)
-    note = note_of(_notes(), address, water)
+    note = note_of(_notes(), address, data, water)
     couple(model, data, water, model_pointer, data_pointer)
     copy_written(note, data, water)
 
@@ -142,14 +142,11 @@ def installed() -> Iterator[None]:
     global _users, _before
     with _lock:
         if _users == 0:
-            _before = mujoco.get_mjcb_control()
-            mujoco.set_mjcb_control(None)  # MuJoCo compiles no model, which `verify` needs, under one in Python
-            try:
-                mujoco.set_mjcb_control(_with(_before))
-                written_forces.start()
-            except BaseException:
-                mujoco.set_mjcb_control(_before)
-                raise
+            before = mujoco.get_mjcb_control()
+            ours = _with(before)
+            written_forces.start()
+            mujoco.set_mjcb_control(ours)
+            _before = before
         _users += 1
     try:
         yield

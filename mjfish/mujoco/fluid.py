@@ -12,13 +12,16 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 from numba import carray
+from numpy.typing import ArrayLike
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.compiled import compiled
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.hydro.load import PARAMETERS, Load, memory_of
-from mjfish.mujoco import callback, custom_numerics, strip_link
-from mjfish.mujoco.block import MAGIC, Block, numbers_of, pack, view
+from mjfish.mujoco import callback, custom_numerics
+from mjfish.mujoco.block import MAGIC, Block, numbers_of, pack, replace_coefficients, view
+from mjfish.mujoco.blunt_link import BluntLink
+from mjfish.mujoco.checked import Checked
 from mjfish.mujoco.coupling_choice import Coupling, choose
 from mjfish.mujoco.layout import data_at, floats, model_at, verify
 from mjfish.mujoco.link_force import (
@@ -32,8 +35,9 @@ from mjfish.mujoco.link_force import (
     take_inertial,
     to_world,
 )
+from mjfish.mujoco.links import Link, link_of, read, with_coefficients
 from mjfish.mujoco.memory import room_in
-from mjfish.mujoco.strip_link import StripLink
+from mjfish.mujoco.strip_link import DENSEST, StripLink
 
 #: Parts of the force on a link, in the order of the arrays.
 PARTS = ("drag", "added_mass", "munk", "buoyancy", "loads")
@@ -79,7 +83,8 @@ class StripFluid:
 
     Attributes:
         model: the model.
-        links: `StripLink` by link, in the order of every array about links.
+        links: `StripLink` or `BluntLink` by link, in the order of every array about links; `set` changes their
+            coefficients.
         density: of the water [kg/m3].
         coupling: ``inertia`` or ``xfrc``, see `mjfish.mujoco.coupling`.
 
@@ -107,7 +112,7 @@ class StripFluid:
     def __init__(
         self,
         model: mujoco.MjModel,
-        links: Sequence[StripLink | Mapping[str, Any]] | None = None,
+        links: Sequence[Link | Mapping[str, Any]] | None = None,
         *,
         density: float | None = None,
         coupling: Coupling | None = None,
@@ -139,26 +144,33 @@ class StripFluid:
             water = custom_numerics.read(model)
             links, density = water.links, water.density if density is None else density
         self.model = model
-        self.links = _strip_links(links)
+        self.links = _links(links)
         density = 1000.0 if density is None else density
-        if isinstance(density, bool) or not isinstance(density, Real) or not 0.0 < density <= strip_link.DENSEST:
+        if isinstance(density, bool) or not isinstance(density, Real) or not 0.0 < density <= DENSEST:
             raise InputError(
-                f"density: found {density!r}, expected a number above 0 and at most {strip_link.DENSEST:g} kg/m3; "
-                "correct it"
+                f"density: found {density!r}, expected a number above 0 and at most {DENSEST:g} kg/m3; correct it"
             )
         self.density = float(density)
-        _check_loads(loads)
+        _check_loads(loads, self.links)
         room = room_in(model, memory_of(loads, len(self.links)))
         self._states: int = room.states
         servos = room.control if room.states else model.nu
         if commanded and model.nuserdata != 1 + 3 * servos:
             raise InputError(f"userdata has {model.nuserdata} numbers, expected {1 + 3 * servos} for the commands")
-        self.coupling: Coupling = choose(model, _bodies(model, self.links), coupling)
+        bodies = _bodies(model, self.links)
+        chosen: Coupling = choose(model, bodies, coupling)
+        self.coupling = chosen
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         inertia = self.coupling == "inertia"
         numbers = pack(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
         self._block: Block = Block(numbers, [load for load, _ in loads])
         self._block.tag(model)
+
+        def check() -> None:
+            choose(model, bodies, chosen)
+            room_in(model, room.states)
+
+        self._checked: Checked = Checked(model, check)
 
     @classmethod
     def from_toml(cls, model: mujoco.MjModel, path: str | Path, *, coupling: Coupling | None = None) -> StripFluid:
@@ -168,7 +180,7 @@ class StripFluid:
             InputError, UnknownNameError: as above, and where the file is none.
         """
         _check_compiled(model)
-        water = strip_link.read(path)
+        water = read(path)
         _bodies(model, water.links, f"body in {path}")
         return cls(model, water.links, density=water.density, coupling=coupling)
 
@@ -186,8 +198,7 @@ class StripFluid:
             InputError: the model was changed so that the force would now be wrong, or given other water.
         """
         self._still_there()
-        choose(self.model, _bodies(self.model, self.links), self.coupling)
-        room_in(self.model, self._states)
+        self._checked.again()
         with callback.installed():
             yield
 
@@ -198,6 +209,36 @@ class StripFluid:
             raise InputError(
                 "another StripFluid has taken the place of this one on its model; use that one, with the links of both"
             )
+
+    def set(self, **coefficients: ArrayLike) -> None:
+        """Set coefficients of the links, in this model and in its copies; the next step has them, inside a block too.
+
+        The water is then, to the last bit, that of a new `StripFluid` with these coefficients, and `links` has them.
+        Call it while no other thread steps the model. Other coefficients for a copy need a `StripFluid` of its own.
+
+        Args:
+            coefficients: ``c_m``, ``c_d``, ``c_f``, ``munk_moment``, ``roll_damping``: a number for all links, or one
+                a link, in the order of `links`; what is not given stays. A `BluntLink` has the first two and the Munk
+                moment; it passes others over.
+
+        Raises:
+            UnknownNameError: no such coefficient.
+            InputError: a value is no number or outside its bounds, there are not as many as links, or another
+                StripFluid has taken the place of this one. Nothing is set then.
+
+        Example:
+            >>> import mujoco
+            >>> model = mujoco.MjModel.from_xml_string('<mujoco><worldbody><body name="plate">'
+            ...     '<joint type="slide"/><geom size=".1"/></body></worldbody></mujoco>')
+            >>> fluid = mjfish.StripFluid(model, [{"body": "plate", "length": 0.3, "height": 0.2, "width": 0.004}])
+            >>> fluid.set(c_d=1.9, c_m=[0.8])
+            >>> fluid.links[0].c_d, fluid.links[0].c_m
+            (1.9, 0.8)
+        """
+        self._still_there()
+        links = with_coefficients(self.links, coefficients)
+        replace_coefficients(self._block.numbers, links)
+        self.links = links
 
     def wrenches(self, data: mujoco.MjData) -> dict[str, FloatArray]:
         """Return the force of the water on each link by part, at the state and acceleration that `data` is in.
@@ -263,7 +304,12 @@ def _fill_parts(model_address: int, data_address: int, block_address: int, parts
             add_wrench(model, data, int(link.body), spatial, parts[part, i])
 
 
-def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]]) -> None:
+def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]], links: Iterable[Link]) -> None:
+    blunt = [link.body for link in links if isinstance(link, BluntLink)]
+    if loads and blunt:
+        raise InputError(
+            f"loads act on strips, which '{blunt[0]}' has none of; drop the loads, or describe it by strips"
+        )
     for number, (load, parameters) in enumerate(loads, start=1):
         if not isinstance(load, Load):
             raise InputError(
@@ -283,7 +329,7 @@ def _check_compiled(model: object) -> None:
         raise InputError(f"expected a compiled mujoco.MjModel, found {type(model).__name__}; compile it first")
 
 
-def _bodies(model: mujoco.MjModel, links: Iterable[StripLink], kind: str = "body") -> list[int]:
+def _bodies(model: mujoco.MjModel, links: Iterable[Link], kind: str = "body") -> list[int]:
     """Return the ids of the bodies; `kind` says of an unknown one what it is."""
     ids = {model.body(index).name: index for index in range(1, model.nbody)}
     for link in links:
@@ -292,13 +338,13 @@ def _bodies(model: mujoco.MjModel, links: Iterable[StripLink], kind: str = "body
     return [ids[link.body] for link in links]
 
 
-def _strip_links(links: Sequence[StripLink | Mapping[str, Any]]) -> tuple[StripLink, ...]:
-    if isinstance(links, (str, Mapping, StripLink)) or not isinstance(links, Iterable):
+def _links(links: Sequence[Link | Mapping[str, Any]]) -> tuple[Link, ...]:
+    if isinstance(links, (str, Mapping, StripLink, BluntLink)) or not isinstance(links, Iterable):
         raise InputError(f"links: expected a list of StripLink or of tables, found a {type(links).__name__}")
     links = tuple(links)
     if not links:
         raise InputError("no links; name at least one body that the water acts on")
     for number, link in enumerate(links, start=1):
-        if not isinstance(link, (StripLink, Mapping)):
+        if not isinstance(link, (StripLink, BluntLink, Mapping)):
             raise InputError(f"links.{number}: expected a StripLink or a table of its keys, found {link!r}; correct it")
-    return tuple(link if isinstance(link, StripLink) else StripLink(**link) for link in links)
+    return tuple(link_of(link) if isinstance(link, Mapping) else link for link in links)
