@@ -197,6 +197,8 @@ class StripFluid:
         before, and the rates of hidden states in `ctrl` are zero. `mujoco.batch` copies these fields into arrays of its
         own: set ``batch.xfrc_applied[:] = 0`` there, and the rates.
 
+        Warns, once, of steps that an mjData took since the block before: they were without water.
+
         Raises:
             InputError: the model was changed so that the force would now be wrong, or given other water.
         """
