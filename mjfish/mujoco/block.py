@@ -99,12 +99,17 @@ def numbers_of(model: mujoco.MjModel) -> FloatArray:
     """Return the numbers of the water that a model is tagged with.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or none any more.
     """
     magic, token, row, count, _ = model.opt.o_solimp
-    block = _living.get(int(row)) if magic == MAGIC and token == TOKEN else None
+    if magic != MAGIC:
+        raise InputError("this model has no water; put it there by StripFluid(model, links)")
+    block = _living.get(int(row)) if token == TOKEN else None
     if block is None or TABLE[int(row), 1] != count:
-        raise InputError("no water acts on this model; put it there by StripFluid(model, links)")
+        raise InputError(
+            "the StripFluid of this model is gone; keep it as long as copies of its model run, or call "
+            "StripFluid(model, links) on this one"
+        )
     return block.numbers
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -123,6 +124,7 @@ def _with(before: Any) -> Any:
 
 _lock = threading.Lock()
 _users = 0
+_told = False  # of steps without water, once
 _before: Any = None
 
 
@@ -136,10 +138,13 @@ def installed() -> Iterator[None]:
 
     Then the force of the water is taken out of `xfrc_applied` of every mjData that it acted on.
 
+    Warns, once, of an mjData that took steps since the block before.
+
     Raises:
         MjfishError: this MuJoCo is not understood.
     """
-    global _users, _before
+    global _users, _before, _told
+    dry = 0
     with _lock:
         if _users == 0:
             before = mujoco.get_mjcb_control()
@@ -156,4 +161,10 @@ def installed() -> Iterator[None]:
             if _users == 0:
                 mujoco.set_mjcb_control(_before)
                 _before = None
-                written_forces.take_out()
+                dry = written_forces.take_out()
+    if dry and not _told:
+        _told = True
+        warnings.warn(
+            f"MjData took {dry} steps outside installed(), where there is no water; put all steps into the block",
+            stacklevel=5,
+        )

@@ -156,7 +156,10 @@ class StripFluid:
         self._states: int = room.states
         servos = room.control if room.states else model.nu
         if commanded and model.nuserdata != 1 + 3 * servos:
-            raise InputError(f"userdata has {model.nuserdata} numbers, expected {1 + 3 * servos} for the commands")
+            raise InputError(
+                f"userdata: found {model.nuserdata} numbers, expected {1 + 3 * servos} for the commands; set "
+                f'<size nuserdata="{1 + 3 * servos}"/>'
+            )
         bodies = _bodies(model, self.links)
         chosen: Coupling = choose(model, bodies, coupling)
         self.coupling = chosen
@@ -194,6 +197,8 @@ class StripFluid:
         before, and the rates of hidden states in `ctrl` are zero. `mujoco.batch` copies these fields into arrays of its
         own: set ``batch.xfrc_applied[:] = 0`` there, and the rates.
 
+        Warns, once, of steps that an mjData took since the block before: they were without water.
+
         Raises:
             InputError: the model was changed so that the force would now be wrong, or given other water.
         """
@@ -204,10 +209,13 @@ class StripFluid:
 
     def _still_there(self) -> None:
         if self.model.opt.o_solimp[0] != MAGIC:
-            raise InputError("opt.o_solimp of the model was overwritten, where its water is noted; leave it alone")
+            raise InputError(
+                "opt.o_solimp: found another value than the tag of the water; put a new StripFluid on the model, and "
+                "leave it alone"
+            )
         if numbers_of(self.model) is not self._block.numbers:
             raise InputError(
-                "another StripFluid has taken the place of this one on its model; use that one, with the links of both"
+                "another StripFluid has taken the place of this one on the model; use that one, with the links of both"
             )
 
     def set(self, **coefficients: ArrayLike) -> None:
@@ -268,12 +276,12 @@ class StripFluid:
         warned = any(data.warning[kind].number for kind in bad)
         if not warned and all(np.all(np.isfinite(part)) for part in (data.qpos, data.qvel, data.qacc)):
             return State("ok", "")
-        return State(
-            "diverged",
-            f"the state is no longer one of numbers at {data.time:.4f} s; take a shorter step, softer actuators, or "
-            "check the coefficients; if it never was, the StripFluid of a copied model is gone (keep it, or make a new "
-            'one), or coupling "xfrc" met a constraint or an implicit integrator (use coupling="inertia")',
-        )
+        found = f"the state is no longer one of numbers at {data.time:.4f} s"
+        try:
+            _check_water(data.model)
+        except InputError as error:
+            return State("diverged", f"{found}: {error}")
+        return State("diverged", f"{found}; take a shorter step, softer actuators, or check the coefficients")
 
 
 @compiled
@@ -304,6 +312,15 @@ def _fill_parts(model_address: int, data_address: int, block_address: int, parts
             add_wrench(model, data, int(link.body), spatial, parts[part, i])
 
 
+def _check_water(model: mujoco.MjModel) -> None:
+    """Raise InputError where a model has no water, or not its own, or its force is wrong in it."""
+    numbers = numbers_of(model)
+    water = view(numbers.ctypes.data)
+    if (water.bodies, water.dofs, water.actuators, water.activations) != (model.nbody, model.nv, model.nu, model.na):
+        raise InputError("opt.o_solimp is that of another model; call StripFluid(model, links) on this one")
+    choose(model, water.links["body"].astype(int).tolist(), "inertia" if water.inertia else "xfrc")
+
+
 def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]], links: Iterable[Link]) -> None:
     blunt = [link.body for link in links if isinstance(link, BluntLink)]
     if loads and blunt:
@@ -326,7 +343,7 @@ def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]], links: Iterable[
 
 def _check_compiled(model: object) -> None:
     if not isinstance(model, mujoco.MjModel):
-        raise InputError(f"expected a compiled mujoco.MjModel, found {type(model).__name__}; compile it first")
+        raise InputError(f"model: found a {type(model).__name__}, expected a compiled mujoco.MjModel; compile it")
 
 
 def _bodies(model: mujoco.MjModel, links: Iterable[Link], kind: str = "body") -> list[int]:
@@ -340,11 +357,11 @@ def _bodies(model: mujoco.MjModel, links: Iterable[Link], kind: str = "body") ->
 
 def _links(links: Sequence[Link | Mapping[str, Any]]) -> tuple[Link, ...]:
     if isinstance(links, (str, Mapping, StripLink, BluntLink)) or not isinstance(links, Iterable):
-        raise InputError(f"links: expected a list of StripLink or of tables, found a {type(links).__name__}")
+        raise InputError(f"links: found a {type(links).__name__}, expected a list of links; put it into brackets")
     links = tuple(links)
     if not links:
-        raise InputError("no links; name at least one body that the water acts on")
+        raise InputError("links: found none, expected one at least; name a body that the water acts on")
     for number, link in enumerate(links, start=1):
         if not isinstance(link, (StripLink, BluntLink, Mapping)):
-            raise InputError(f"links.{number}: expected a StripLink or a table of its keys, found {link!r}; correct it")
+            raise InputError(f"links.{number}: found {link!r}, expected a link or a table of its keys; correct it")
     return tuple(link_of(link) if isinstance(link, Mapping) else link for link in links)

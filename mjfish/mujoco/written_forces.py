@@ -14,12 +14,13 @@ import sys
 from typing import Any
 
 import llvmlite.binding
+import mujoco
 import numpy as np
 from numba import carray, types
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
-from mjfish.mujoco.layout import LIBRARY, addresses, data_at, floats
+from mjfish.mujoco.layout import LIBRARY, addresses, data_at, floats, structure
 
 #: Of a note, for each body: whether the water wrote on it, the six numbers that it wrote last, and those before it.
 _NOTE = 13
@@ -29,6 +30,10 @@ _FREED = 1
 TABLE = np.zeros((_SLOTS, 2), dtype=np.int64)
 #: By address of the mjData: its note, and index of the first rate of a hidden state in `ctrl` and their number.
 _notes: dict[int, tuple[FloatArray, int, int]] = {}
+#: By address of an mjData that the water acted on in a block before: how many steps it had taken when that ended.
+_left: dict[int, int] = {}
+#: How many steps an mjData took between two blocks, at most.
+_dry = 0
 #: The rows that are not 0: the whole table takes longer to clear than a step takes.
 _rows: list[int] = []
 
@@ -88,6 +93,11 @@ def copy_written(note: int, data: Any, water: Any) -> None:
 
 def _note(address: int, bodies: int, control: int, states: int) -> None:
     """Note an mjData that the water has not met before and is about to write to."""
+    global _dry
+    steps = _steps(address)
+    left = _left.pop(address, steps)
+    if steps > left and steps not in _left.values():  # else it was copied from another that has just been left
+        _dry = max(_dry, steps - left)
     for probe in range(_SLOTS):
         row = ((address >> 6) * 40503 + probe) & (_SLOTS - 1)
         if TABLE[row, 0] <= _FREED:
@@ -98,12 +108,24 @@ def _note(address: int, bodies: int, control: int, states: int) -> None:
             return
 
 
+_TIMER = structure("mjTimerStat")
+#: Of MuJoCo's count of the steps of an mjData, which no state holds: only a step changes it, a reset and a copy.
+_STEPS: int = (
+    structure("mjData").timer.offset + int(mujoco.mjtTimer.mjTIMER_STEP) * ctypes.sizeof(_TIMER) + _TIMER.number.offset
+)
+
+
+def _steps(address: int) -> int:
+    return ctypes.c_int.from_address(address + _STEPS).value
+
+
 _note_callback = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4)(_note)
 llvmlite.binding.add_symbol(_NOTE_SYMBOL, ctypes.cast(_note_callback, ctypes.c_void_p).value)
 
 
 def _free(address: int) -> None:
     """Free memory as MuJoCo would; an mjData that lay there is struck off."""
+    _left.pop(address, None)
     if _notes.pop(address, None) is not None:
         TABLE[_row(TABLE, address), 0] = _FREED
     if _hook_before:
@@ -125,18 +147,27 @@ def start() -> None:
     _hook.value = _FREE_ADDRESS
 
 
-def take_out() -> None:
+def take_out() -> int:
     """Take what the water wrote out of every living mjData it met: on its bodies is again what was there before it.
 
     A body on which somebody else has written since then is left alone. Hidden states of loads stand still from now on.
+
+    Returns:
+        How many steps an mjData took between the block before and this one, without water.
     """
+    global _dry
     _hook.value = _hook_before
+    if len(_left) > _SLOTS:
+        _left.clear()
     for address, (written, control, states) in _notes.items():
         _take_out(address, written, control, states)
+        _left[address] = _steps(address)
     _notes.clear()
     for row in _rows:
         TABLE[row] = 0
     _rows.clear()
+    dry, _dry = _dry, 0
+    return dry
 
 
 @compiled
