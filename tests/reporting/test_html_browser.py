@@ -52,6 +52,14 @@ def test_one_trial_is_shown_and_another_one_when_it_is_picked() -> None:
     assert look(_page("named"), 1280, pick, shown).result == [[True, True], [False, True]]
 
 
+def test_on_paper_every_trial_is_shown_and_on_the_screen_one_again() -> None:
+    hidden = "[...document.querySelectorAll('.choice')].map((choice) => choice.hidden)"
+    on_paper = look(_page("named"), 1280, "dispatchEvent(new Event('beforeprint'));", hidden)
+    assert (on_paper.result, on_paper.complaints) == ([False] * 4, [])
+    again = "dispatchEvent(new Event('beforeprint')); dispatchEvent(new Event('afterprint'));"
+    assert look(_page("named"), 1280, again, hidden).result == [False, True, False, True]
+
+
 def test_panels_stand_below_each_other_where_there_is_no_room_beside() -> None:
     panels = "[aria-label='mean residual over the phase of the beat'] .subplot .gridlayer"
     tops = f"""[...document.querySelectorAll("{panels}")].map((grid) => grid.getBoundingClientRect().top)"""
