@@ -8,6 +8,7 @@ In reading order:
 * `memory`: hidden states of loads.
 * `block`, `layout`, `callback`, `written_forces`: how compiled code finds the water, MuJoCo's memory and its way back.
 * `mjcf`: the fish as a MuJoCo model; `rollout`: runs with servos; `prescribed`: with given joint angles; `export`.
+* `offscreen`: pictures without a window.
 """
 
 from mjfish.mujoco.fluid import StripFluid
