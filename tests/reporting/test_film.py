@@ -106,16 +106,20 @@ def test_a_still_shows_the_three_fish_at_several_instants(runs: dict[str, Drawin
     assert np.count_nonzero(np.diff(columns) > 5) >= 1  # water between one instant and the next
 
 
-def test_the_worst_beats_begin_together_and_the_nominal_fish_swims_off(runs: dict[str, Drawing]) -> None:
-    stretch = film.worst(runs["fast"])
-    assert stretch.anchored
-    noses = {f.swimmer: f.at(np.array([stretch.start, stretch.end])) for f in stretch.drawing.figures}
-    measured = noses["measured"]
-    for figure in noses.values():
-        np.testing.assert_allclose(figure.path[0], measured.path[0], atol=1e-9)
-        assert figure.heading()[0] == pytest.approx(measured.heading()[0], abs=1e-9)
-    off = {who: float(np.linalg.norm(figure.path[1] - measured.path[1])) for who, figure in noses.items()}
-    assert off["nominal"] > 2.0 * off["extended"]
+def test_shown_beats_begin_together_and_the_nominal_fish_swims_off(runs: dict[str, Drawing]) -> None:
+    for stretch in (film.steady(runs["fast"], 3), film.worst(runs["fast"])):
+        assert stretch.anchored
+        ends = {f.swimmer: f.at(np.array([stretch.start, stretch.end])) for f in stretch.drawing.figures}
+        measured = ends["measured"]
+        for figure in ends.values():
+            np.testing.assert_allclose(figure.path[0], measured.path[0], atol=1e-9)
+            assert figure.heading()[0] == pytest.approx(measured.heading()[0], abs=1e-9)
+        off = {who: float(np.linalg.norm(figure.path[1] - measured.path[1])) for who, figure in ends.items()}
+        assert off["nominal"] > 2.0 * off["extended"]
+    late = film.steady(runs["fast"], 3)
+    assert late.start > 0.5
+    before = {f.swimmer: f.at(np.array([late.start])).path[0] for f in runs["fast"].figures}
+    assert np.linalg.norm(before["nominal"] - before["measured"]) > 0.01  # they were apart
 
 
 def test_a_moved_fish_keeps_its_shape_and_its_arrows(runs: dict[str, Drawing]) -> None:
