@@ -15,12 +15,15 @@ import numpy as np
 import pytest
 from doc_blocks import ROOT, blocks, commands, run_command, run_python
 from own_recordings import write_recordings
+from gl import skip_without_gl
 
 import mjfish
 from mjfish.cli import console
 from mjfish.data import Dataset, load_dataset
 from mjfish.diagnosis import Diagnosis
 from mjfish.hydro.load import load
+from mjfish.reporting.film import files as film_files
+from mjfish.reporting.film.shot import Size
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
@@ -172,6 +175,22 @@ def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
         assert (tmp_path / "out" / name).stat().st_size > 0, name
     (script,) = blocks(page, "python")
     assert "'c_m.tail': np.float64(0.061)" in run_python(script, tmp_path)
+
+
+@pytest.mark.usefixtures("diagnosed_once")
+def test_the_page_of_films_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its commands write the files that it names; small and short films do for that."""
+    skip_without_gl()
+    for suffix in film_files.SUFFIXES:
+        monkeypatch.setitem(film_files._SIZES, suffix, Size(320, 180))
+    for suffix in (".mp4", ".gif"):
+        monkeypatch.setitem(film_files._RATES, suffix, 2.0)
+    page = ROOT / "docs" / "render.md"
+    (tmp_path / "out").mkdir()
+    for command in commands(page):
+        run_command(command, tmp_path)
+        if " render " in command:
+            assert (tmp_path / command.rpartition("--out ")[2].split()[0]).stat().st_size > 1000
 
 
 @pytest.mark.usefixtures("diagnosed_once")
