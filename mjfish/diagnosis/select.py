@@ -27,7 +27,7 @@ from mjfish.diagnosis.constancy import sizes_by_run
 from mjfish.diagnosis.evidence import gather, tail
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import Refit
-from mjfish.diagnosis.sign_flips import flipped_p
+from mjfish.diagnosis.sign_flips import flipped_p, flipped_tail
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import without_form
 
@@ -43,8 +43,8 @@ GOODNESS = 1e-4
 LEFT = 0.1
 #: This share where all mechanisms are numbers without a form: there is no other one that could leave it.
 _EXACT = 0.03
-#: The tests of common waves and of sizes by run see the slightest error of form. Below this share of the gain, what
-#: they see does not count.
+#: The tests of common waves, of sizes by run and of weighed waves see the slightest error of form. Below this share of
+#: the gain, what they see does not count.
 _SLIGHT = 0.01
 #: And up to this share, it is like the truth, if nothing else is.
 RESEMBLES = 1.0 / 3.0
@@ -65,6 +65,7 @@ class Standing:
         left: the same as a share of all there was to explain.
         common_p: of the few waves of the omnibus basis that are the same in all runs.
         constancy_p: of the sizes of the causes being the same in all runs.
+        weighed_p: of the omnibus basis, each wave weighed by how well it is seen.
         tolerance: share that may be left.
     """
 
@@ -76,6 +77,7 @@ class Standing:
     left: float = 1.0
     common_p: float = 1.0
     constancy_p: float = 1.0
+    weighed_p: float = 1.0
     tolerance: float = LEFT
 
     @property
@@ -86,7 +88,7 @@ class Standing:
     @property
     def fit_p(self) -> float:
         """The least p value of the tests of what it leaves."""
-        return min(self.saturated_p, self.omnibus_p, self.common_p, self.constancy_p)
+        return min(self.saturated_p, self.omnibus_p, self.common_p, self.constancy_p, self.weighed_p)
 
     @property
     def clean(self) -> bool:
@@ -160,10 +162,15 @@ class Goodness:
             beyond = [statistic - rank for statistic, rank in (common, sizes)]
             excess = max(after.saturated_excess(), after.omnibus_excess(), *beyond, 0.0)
             saturated_p, omnibus_p = after.saturated_p(), after.omnibus_p()
+            weighed_p, seen = after.weighed()
             if saturated_p < GOODNESS:  # outliers of the noise may be what is left
                 saturated_p = max(saturated_p, flipped_p(after.signatures, after.cleared))
             if omnibus_p < GOODNESS:
                 omnibus_p = max(omnibus_p, flipped_p(after.omnibus_signatures(), after.cleared))
+            if weighed_p < GOODNESS:
+                weighed_p = max(
+                    weighed_p, flipped_tail(after.omnibus_signatures() @ after.weighing()[0], after.cleared)
+                )
             self.known[refit] = {
                 "saturated_p": saturated_p,
                 "omnibus_p": omnibus_p,
@@ -171,6 +178,7 @@ class Goodness:
                 "left": excess / max(refit.gain + excess, 1e-9),
                 "common_p": sharp_p(common, refit.gain),
                 "constancy_p": sharp_p(sizes, refit.gain),
+                "weighed_p": 1.0 if seen < _SLIGHT * refit.gain else weighed_p,
                 "tolerance": tolerated(refit.mechanisms),
             }
         return self.known[refit]
