@@ -6,8 +6,6 @@ With whitened residuals e, baseline sensitivities J and effect sensitivities S.
 
 All statistics are computed after the baseline's sensitivities are projected out: a refit of the coefficients hides most
 of an effect, and only what survives it can name one. Amplitudes that cannot be negative count only where they are not.
-
-[Lin1997] X. Lin, Variance component testing in generalised linear models with random effects, Biometrika 84.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ import numpy as np
 from scipy import special, stats
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out
-from mjfish.diagnosis.weighted_sum import weighted_tail
+from mjfish.diagnosis.weighted_sum import DrawnSizes, drawn_sizes
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.omnibus import HATS, omnibus
@@ -86,8 +84,6 @@ def log_tail(statistic: FloatArray | float, degrees_of_freedom: int) -> FloatArr
 
 #: Noncentrality that a family of some twenty causes at 5 % needs for 90 % power: (2.99 + 1.28)^2.
 DETECTED = 18.0
-#: Sum of squares that the omnibus waves of random sizes explain on average.
-_DRAWN = 100.0
 #: Draws of the simulated null distributions.
 DRAWS = 4000
 #: Share of a signature's energy, after the projection, below which an effect is unidentifiable. Rounding and quadrature
@@ -253,32 +249,17 @@ class Evidence:
         information = half.reshape(len(score), *waves[:3], -1).sum(axis=(1, 3)).reshape(len(score), -1)
         return _quadratic(score, information)
 
-    def weighed(self) -> tuple[float, float]:
-        """Return the p value of the omnibus waves, each weighed by how well it is seen, and a sum of squares behind it.
+    def weighed(self) -> DrawnSizes:
+        """Return the test of random sizes of the omnibus waves, alike in m/s or rad/s for all waves of a channel.
 
-        The test of sizes that are drawn from N(0, a^2) against none, all waves of a channel alike in m/s or rad/s
-        [Lin1997]. With D, a number for each channel, and the axes V and values w of D I D,
-
-            T = sum_i a^2 (V' D u)_i^2 / (1 + a^2 w_i),   u ~ N(0, I),   sum_i a^2 w_i = _DRAWN
-
-        is a sum of chi2(1) with weights a^2 w / (1 + a^2 w). Under white noise it is the omnibus test. Where the noise
-        is far smaller at some frequencies, it asks there; chi2 counts all waves alike, and these drown in the others. The
-        sum of squares that the waves explain beyond chance is at least (T - E T) over the largest weight.
+        Under white noise it is the omnibus test. Where the noise is far smaller at some frequencies, it asks there.
         """
-        axes, weights = self.weighing()
-        statistic = float(np.sum((axes.T @ self.omnibus_score) ** 2))
-        beyond = (statistic - weights.sum()) / max(float(weights.max(initial=0.0)), 1e-300)
-        return weighted_tail(statistic, weights, self.problem.noise.doubt), beyond
-
-    def weighing(self) -> tuple[FloatArray, FloatArray]:
-        """Return A (columns, k), with which T = |A' u|^2 in `weighed`, and the weights (k,)."""
         information = np.diag(self.omnibus_information).reshape(len(self.problem.trials), len(CHANNELS), -1)
         seen = np.maximum(information.mean(axis=(0, 2)), 1e-300)
         size = np.broadcast_to(1.0 / np.sqrt(seen)[:, None], information.shape).ravel()
-        values, axes = np.linalg.eigh(self.omnibus_information * np.outer(size, size))
-        worth = _DRAWN * np.maximum(values, 0.0) / max(float(values.sum()), 1e-300)
-        scale = np.sqrt(_DRAWN / max(float(values.sum()), 1e-300) / (1.0 + worth))
-        return size[:, None] * axes * scale, worth / (1.0 + worth)
+        scaled = self.omnibus_information * np.outer(size, size)
+        found = drawn_sizes(size * self.omnibus_score, scaled, self.problem.noise.doubt)
+        return replace(found, axes=size[:, None] * found.axes)
 
     def saturated_excess(self) -> float:
         """Return what all candidates jointly explain beyond chance: their statistic less its rank."""

@@ -1,15 +1,30 @@
-"""Tail of a weighted sum of squares of Gaussian noise, by the saddlepoint [Lugannani1980].
+"""The test of sizes that are drawn at random, and the tail of its weighted sum of squares.
 
-    T = sum_i w_i x_i^2,   K(s) = -1/2 sum_i ln(1 - 2 w_i s),   K'(s) = t
+Columns S with scores u = S' z and information I = S' S are tested for sizes that are all drawn from N(0, a^2), against
+none [Lin1997]. With the axes V and values v of I,
+
+    T = sum_i a^2 (V' u)_i^2 / (1 + a^2 v_i),   sum_i a^2 v_i = 100
+
+is under noise alone a sum of chi2(1) with weights w = a^2 v / (1 + a^2 v). Where all columns are seen alike it is the
+chi2 test of them all. Where some are seen far better, it asks these; chi2 counts all axes alike, and they drown in the
+others. 100 is the sum of squares that such sizes explain on average. What is explained beyond chance is at least
+(T - sum w) / max w.
+
+The tail is that of the saddlepoint [Lugannani1980]:
+
+    K(s) = -1/2 sum_i ln(1 - 2 w_i s),   K'(s) = t
     P(T > t) = 1 - Phi(a + ln(b / a) / a),   a = sign(s) sqrt(2 (s t - K(s))),   b = s sqrt(K''(s))
 
 Right to a few per cent, however far out; a chi2 of the same mean and variance is not where weights differ. Where the
 noise is known but for a factor e^h, h ~ N(0, doubt^2), P is the mean over h of P(T > t / e^h).
 
+[Lin1997] X. Lin, Variance component testing in generalised linear models with random effects, Biometrika 84.
 [Lugannani1980] R. Lugannani and S. Rice, Advances in Applied Probability 12.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize, stats
@@ -22,6 +37,41 @@ _ROUNDING = 1e-10
 _MIDDLE = 1e-3
 #: Nodes of the mean over h.
 _NODES = 21
+#: Sum of squares that the sizes explain on average.
+_DRAWN = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnSizes:
+    """The outcome of the test.
+
+    Attributes:
+        p: its p value.
+        beyond: a sum of squares that the columns explain beyond chance, at least.
+        axes: (columns, k) A, with which T = |A' u|^2.
+    """
+
+    p: float
+    beyond: float
+    axes: FloatArray
+
+
+def drawn_sizes(score: FloatArray, information: FloatArray, doubt: float = 0.0) -> DrawnSizes:
+    """Return the outcome of the test.
+
+    Args:
+        score: (columns,) u.
+        information: (columns, columns) I.
+        doubt: as of `weighted_tail`.
+    """
+    values, vectors = np.linalg.eigh(information)
+    values = np.maximum(values, 0.0)
+    variance = _DRAWN / max(float(values.sum()), 1e-300)
+    weights = variance * values / (1.0 + variance * values)
+    axes = vectors * np.sqrt(variance / (1.0 + variance * values))
+    statistic = float(np.sum((axes.T @ score) ** 2))
+    beyond = (statistic - float(weights.sum())) / max(float(weights.max(initial=0.0)), 1e-300)
+    return DrawnSizes(weighted_tail(statistic, weights, doubt), beyond, axes)
 
 
 def weighted_tail(statistic: float, weights: FloatArray, doubt: float = 0.0) -> float:

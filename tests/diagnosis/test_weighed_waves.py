@@ -57,13 +57,13 @@ def test_they_are_the_omnibus_test_under_white_noise(pike: Fish) -> None:
     white = Noise.white(SIGMA)
     for slow in (0.0, 0.5):
         evidence = _evidence(pike, white, slow, 0)
-        p, beyond = evidence.weighed()
-        assert abs(stats.norm.isf(p) - stats.norm.isf(evidence.omnibus_p())) < 1.0
-        assert beyond < evidence.omnibus_excess() + 25.0
+        test = evidence.weighed()
+        assert abs(stats.norm.isf(test.p) - stats.norm.isf(evidence.omnibus_p())) < 1.0
+        assert test.beyond < evidence.omnibus_excess() + 25.0
 
 
 def test_their_p_value_is_none_of_a_misfit_under_noise(pike: Fish) -> None:
-    found = [_evidence(pike, ROUGH, 0.0, seed).weighed()[0] for seed in range(8)]
+    found = [_evidence(pike, ROUGH, 0.0, seed).weighed().p for seed in range(8)]
     assert min(found) > 0.005
     assert max(found) > 0.3
 
@@ -73,10 +73,10 @@ def test_they_see_a_slow_misfit_that_drowns_in_all_waves(pike: Fish) -> None:
     drowned, seen = [], []
     for seed in (3, 4, 5):
         evidence = _evidence(pike, ROUGH, 0.026, seed)
-        p, beyond = evidence.weighed()
+        test = evidence.weighed()
         drowned.append(stats.norm.isf(evidence.omnibus_p()))
-        seen.append(stats.norm.isf(p))
-        assert 0.0 < beyond < evidence.omnibus_excess() + 30.0
+        seen.append(stats.norm.isf(test.p))
+        assert 0.0 < test.beyond < evidence.omnibus_excess() + 30.0
     assert np.mean(seen) > np.mean(drowned) + 0.7
 
 
@@ -87,4 +87,7 @@ def test_a_cause_that_leaves_a_slow_misfit_is_not_clean(pike: Fish, slow: float,
     refit = refined(refit_with(gather(problem, fit(problem), [LAG]), LAG), np.inf)
     standing = Goodness([find("time_offset")]).of(refit, Standing(1.0, 0.0))
     assert standing.clean is clean
-    assert min(standing.saturated_p, standing.omnibus_p, standing.common_p, standing.constancy_p) >= GOODNESS
+    assert (
+        min(standing.saturated_p, standing.omnibus_p, standing.common_p, standing.constancy_p, standing.steady_p)
+        >= GOODNESS
+    )
