@@ -44,8 +44,8 @@ def _turbid(pike: Fish, factors: list[float], seed: int = 6) -> tuple[Trial, ...
     found = []
     for i, factor in enumerate(factors):
         pool = generate(
-            pike, MODES, values={**values, "c_d.tail": factor * drag}, effects=[find("joint_zero_offset")], noise=NOISE, duration=6.0,
-            seed=seed,
+            pike, MODES, values={**values, "c_d.tail": factor * drag}, effects=[find("joint_zero_offset")], noise=NOISE,
+            duration=6.0, seed=seed,
         )  # fmt: skip
         found.append(pool.trials[i])
     return tuple(found)
