@@ -10,8 +10,8 @@ tell. Of the size psi of each cause, d = J psi, and z' D (D'D)^+ D' z is chi-squ
 than there are runs. The coefficients are many, and some hardly seen: theirs is the test of relative changes that are
 drawn alike (`mjfish.diagnosis.weighted_sum`).
 
-Held-out runs take part, linearised at the fit: what they say of coefficients and sizes is taken out with M. A held-out
-run that no values of its own explain is left out.
+The velocities of held-out runs take part, linearised at the fit: what they say of coefficients and sizes is taken out
+with M. A held-out run that no values of its own explain is left out.
 """
 
 from __future__ import annotations
@@ -77,7 +77,8 @@ class Linearised:
     def _cut(self, columns: FloatArray, explaining: FloatArray) -> FloatArray:
         """Return the columns (n, k) cut to each run: held-out ones only if `explaining` (n, m) explains them alone."""
         found = []
-        for i, run in enumerate(self.problem.rows_by_trial()):
+        for i in range(len(self.problem.trials)):
+            run = self.problem.rows_of({i})
             left = project_out(orthonormal(explaining[run]), self.cleared[run, None])
             if i < len(self.refit.problem.trials) or np.mean(left**2) < _PREDICTED:
                 found.append(np.zeros_like(columns))
@@ -87,7 +88,8 @@ class Linearised:
 
 def linearised(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Linearised:
     """Return a refit linearised over its runs and held-out ones."""
-    every = replace(refit.problem, trials=(*refit.problem.trials, *held_out), windows=None)
+    others = (replace(trial, sensors=()) for trial in held_out)
+    every = replace(refit.problem, trials=(*refit.problem.trials, *others), windows=None)
     x = every.start(refit.fit.values)
     slopes = every.jacobian(x)
     resting = {p.name for p, at_bound in zip(refit.fit.parameters, refit.fit.at_bound, strict=True) if at_bound}

@@ -85,7 +85,7 @@ def screen(
     slopes = signatures(problem, baseline.values, candidates)
     ends = noisy_ends(saturated(problem, baseline, slopes.velocity).residuals)
     if ends:
-        noise, _ = noise_of(problem, baseline, slopes, stated, patterns=False)
+        noise, _ = noise_of(problem, baseline, slopes.velocity, stated, patterns=False)
         if isinstance(noise, DifferentiationNoise):  # its filter lacks positions there, however little noisier it is
             ends = max(ends, noise.window // 2)
         problem = replace(problem, ends=ends)

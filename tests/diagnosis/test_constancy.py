@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from mjfish.arrays import orthonormal, project_out
-from mjfish.data import Trial
+from mjfish.data import Sensor, Trial
 from mjfish.diagnosis.constancy import linearised
 from mjfish.diagnosis.evidence import gather, whitened_omnibus
 from mjfish.diagnosis.refit import Refit, refined, refit_with
@@ -25,14 +25,15 @@ NOISE = np.array([0.004, 0.004, 0.03])
 MODES = ["v1", "v5", "v7", "v3-t1"]
 
 
-def _runs(pike: Fish, offsets: list[float], seed: int = 6) -> tuple[Trial, ...]:
+def _runs(pike: Fish, offsets: list[float], seed: int = 6, sensors: tuple[Sensor, ...] = ()) -> tuple[Trial, ...]:
     """Return runs whose second joint is off, by an angle [rad] of each run."""
     found = []
     for i, offset in enumerate(offsets):
         values = {"joint_zero_offset.joint_2": offset}
         pool = generate(
-            pike, MODES, values=values, effects=[find("joint_zero_offset")], noise=NOISE, duration=6.0, seed=seed
-        )
+            pike, MODES, values=values, effects=[find("joint_zero_offset")], noise=NOISE, duration=6.0, seed=seed,
+            sensors=sensors,
+        )  # fmt: skip
         found.append(pool.trials[i])
     return tuple(found)
 
@@ -79,6 +80,18 @@ def test_a_held_out_run_of_another_size_is_seen(pike: Fish) -> None:
     refit = _refit(pike, trials[:3])
     assert stats.chi2.sf(*linearised(refit).sizes()) > 1e-3
     assert stats.chi2.sf(*linearised(refit, trials[3:]).sizes()) < 1e-6
+
+
+def test_what_sensors_see_of_a_size_by_run_counts(pike: Fish) -> None:
+    """Those of a fitted run; of a held-out one the velocities alone do."""
+    time = np.arange(0.0, 6.0, 0.02)
+    gyro = Sensor("gyro", "gyro", time, np.zeros((len(time), 1)), sigma=np.array([0.006]))
+    trials = _runs(pike, [0.03, 0.03, 0.0308, 0.03], sensors=(gyro,))
+    blind = tuple(replace(trial, sensors=()) for trial in trials)
+    assert stats.chi2.sf(*linearised(_refit(pike, blind)).sizes()) > 1e-2
+    assert stats.chi2.sf(*linearised(_refit(pike, trials)).sizes()) < 1e-6
+    refit = _refit(pike, trials[:3])
+    assert linearised(refit, trials[3:]).sizes() == linearised(refit, blind[3:]).sizes()
 
 
 def test_a_run_that_no_model_predicts_does_not_count(pike: Fish) -> None:
