@@ -38,8 +38,9 @@ Key = TypeVar("Key", bound=Hashable)
 KEEP = 0.05
 #: Or within this fall of the sum of squares, 2 ln 10, of the best.
 CLOSE = 2.0 * float(np.log(10.0))
-#: A cause that fits worse than this in either of two tests is no explanation. A true one is lost by chance twice in ten
-#: thousand; more often because its form differs a little from the catalogue's, which should not make it a riddle.
+#: A cause that fits worse than this in any of six tests is no explanation. A true one is lost by chance in six of ten
+#: thousand cases at most; more often because its form differs a little from the catalogue's, which should not make it a
+#: riddle.
 GOODNESS = 1e-4
 #: What is left may be this share of all there was to explain: a cause's form is a model, too.
 LEFT = 0.1
