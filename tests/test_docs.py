@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 from doc_blocks import ROOT, blocks, commands, run_command, run_python
-from own_recordings import write_recordings
 from gl import skip_without_gl
+from own_recordings import write_recordings
 
 import mjfish
 from mjfish.cli import console
