@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -22,7 +22,9 @@ from rich.text import Text
 
 from mjfish.errors import InputError
 from mjfish.files import check_file, json_text
-from mjfish.result import Result
+
+if TYPE_CHECKING:
+    from mjfish.result import Result
 
 #: Exit codes.
 NOT_GOOD = 1

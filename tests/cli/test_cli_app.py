@@ -24,6 +24,8 @@ COMMANDS = (
     "generate",
     "import",
     "compare",
+    "inspect",
+    "render",
     "identify",
     "diagnose",
     "sample",

@@ -49,7 +49,7 @@ SPEED = Reading(
     "with two standard errors of independent samples; of the same trials as over the beat.",
     "A flat curve whose band holds zero.",
     "A slope or a bend: the error depends on the speed. Slow noise makes the bands too narrow, not the curve bend.",
-    "Suspect drag or lift first; where only the lowest bins are off, the start of the runs.",
+    "Suspect the forces of the water first; where only the lowest bins are off, the start of the runs.",
 )
 FORCE = Reading(
     "The force and the moment at the nose that would have moved the fitted nominal model as the fish moved, smoothed, "

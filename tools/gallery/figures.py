@@ -9,8 +9,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from gallery.swims import Swim
 from mjfish.diagnosis.curves import MeasuredCurve
-from studies.gallery.swims import Swim
 
 #: Beats at the end of a run that are drawn.
 _BEATS = 2.0

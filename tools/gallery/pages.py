@@ -8,11 +8,11 @@ from pathlib import Path
 
 import jinja2
 
+from gallery import figures
+from gallery.swims import curves, swim
 from mjfish.effects import Effect, catalogue
 from mjfish.effects.mechanism import MECHANISMS, Mechanism
 from mjfish.files import make_folder, write_text
-from studies.gallery import figures
-from studies.gallery.swims import curves, swim
 
 _DOMAINS = {
     "data": "The data",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from studies.gallery.pages import write
+from gallery.pages import write
 
 
 def setup(app: Any) -> dict[str, bool]:

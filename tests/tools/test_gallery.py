@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gallery import pages, swims
 from mjfish.effects import catalogue, find
 from mjfish.effects.mechanism import MECHANISMS
-from studies.gallery import pages, swims
 
 ROOT = Path(__file__).parents[2]
 
