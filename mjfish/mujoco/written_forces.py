@@ -96,7 +96,7 @@ def _note(address: int, bodies: int, control: int, states: int) -> None:
     global _dry
     steps = _steps(address)
     left = _left.pop(address, steps)
-    if steps > left and steps not in _left.values():  # else it was copied from another that has just been left
+    if steps > left and not _may_be_copied(steps):
         _dry = max(_dry, steps - left)
     for probe in range(_SLOTS):
         row = ((address >> 6) * 40503 + probe) & (_SLOTS - 1)
@@ -106,6 +106,14 @@ def _note(address: int, bodies: int, control: int, states: int) -> None:
             _rows.append(row)
             TABLE[row] = address, written.ctypes.data
             return
+
+
+def _may_be_copied(steps: int) -> bool:
+    """Return whether an mjData with so many steps may be a copy: of one that was left so, or of one in this block.
+
+    It then lies where another one was freed between two blocks, of which nobody is told.
+    """
+    return steps in _left.values() or any(steps <= _steps(other) for other in _notes)
 
 
 _TIMER = structure("mjTimerStat")

@@ -99,6 +99,18 @@ def test_what_is_no_step_is_not_told_of(between: Callable[[StripFluid, mujoco.Mj
     _steps_in_a_block(fluid, data)
 
 
+def test_a_copy_within_the_block_where_another_was_freed_is_not_told_of() -> None:
+    """It lies at an address that is known from the block before."""
+    fluid = tree()
+    data, freed = stirred(fluid.model), stirred(fluid.model)
+    _steps_in_a_block(fluid, freed)
+    with fluid.installed():
+        mujoco.mj_step(fluid.model, data, nstep=20)
+        mujoco.mj_copyData(freed, fluid.model, data)  # as memory that is used again
+        mujoco.mj_step(fluid.model, data, nstep=5)
+        mujoco.mj_step(fluid.model, freed)
+
+
 def test_steps_before_the_first_block_are_the_users() -> None:
     """To let a scene come to rest, say."""
     fluid = tree()
