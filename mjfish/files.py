@@ -63,7 +63,12 @@ def write_json(path: Path, content: Any) -> None:
     Raises:
         InputError: see `write_text`.
     """
-    write_text(path, json.dumps(_finite(content), indent=2, allow_nan=False) + "\n")
+    write_text(path, json_text(content))
+
+
+def json_text(content: Any) -> str:
+    """Return plain data as `write_json` writes it."""
+    return json.dumps(_finite(content), indent=2, allow_nan=False) + "\n"
 
 
 def _finite(content: Any) -> Any:

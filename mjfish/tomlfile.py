@@ -126,5 +126,10 @@ def _complaint(place: str, item: object) -> str:
     found = item["input"]
     if item["type"] == "float_type" and isinstance(found, tuple):
         text = f"expected one number, found {len(found)}; correct it"
+    name = ".".join(part for part in item["loc"] if isinstance(part, str))
+    if item["type"] == "tuple_type" and isinstance(found, Mapping):
+        text = f"one table, expected a list of them; write [[{name}]] in place of [{name}]"
+    if item["type"] in ("model_type", "dict_type") and isinstance(found, tuple):
+        text = f"a list of tables, expected one; write [{name}] in place of [[{name}]]"
     shown = f" (found {found!r})" if isinstance(found, (int, float, str, bool)) else ""
     return ": ".join(part for part in (place, key, text + shown) if part)

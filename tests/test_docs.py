@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from doc_blocks import ROOT, blocks, commands, run_command, run_python
 from gl import skip_without_gl
+from own_recordings import write_recordings
 
 import mjfish
 from mjfish.cli import console
@@ -90,6 +91,33 @@ def test_the_fish_that_is_described_is_made_and_shown(tmp_path: Path) -> None:
     made = mjfish.load_fish(tmp_path / "out" / "trout" / "trout.toml")
     (expression,) = re.findall(r"`mjfish\.(new_fish\(.*?\))`", page.read_text())
     assert eval(expression, {"new_fish": mjfish.new_fish}) == made  # noqa: S307 - our own page
+
+
+def test_a_newcomer_comes_from_own_csv_files_to_a_verdict(tmp_path: Path) -> None:
+    """An empty folder, recordings in mm/s and deg with headers of their own, the commands of the page as they stand.
+
+    The camera followed a point 3 cm behind the nose.
+    """
+    page = ROOT / "docs" / "own-data.md"
+    new_fish, *others = commands(page)
+    assert len(others) < 6
+    run_command(new_fish, tmp_path)
+    (shown,) = re.findall(r"^```\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    header, row = shown.split()
+    files = write_recordings(tmp_path, tmp_path / "trout.toml", "marker_offset", {"marker_offset.along": 0.03})
+    first = files[0].read_text(encoding="utf-8").splitlines()
+    assert first[0] == header
+    np.testing.assert_allclose(*(np.array(line.split(","), dtype=float) for line in (first[1], row)), atol=0.05)
+    made, inspected, diagnosed = (run_command(line, tmp_path) for line in others)
+    assert "surge     u_mm_s in mm/s, guessed from its header" in made
+    assert "nothing blocks a diagnosis" in inspected
+    assert "run1" in (tmp_path / "pictures" / "inspection.html").read_text(encoding="utf-8")
+    assert "The cause is marker_offset" in diagnosed
+    found = json.loads((tmp_path / "found" / "diagnosis.json").read_text(encoding="utf-8"))
+    offset = found["causes"][0]["parameters"]["along"]
+    assert offset["low"] < 0.03 < offset["high"]
+    assert found["gain"]["relative_reduction"]["low"] > 0.2
+    assert (tmp_path / "found" / "report.html").stat().st_size > 0
 
 
 def test_the_dataset_that_is_described_can_be_read(tmp_path: Path) -> None:
@@ -253,13 +281,12 @@ def _assert_same_text(printed: str, written: str) -> None:
     np.testing.assert_allclose(*pairs, rtol=5e-3, atol=1e-12)
 
 
-def test_plug_in_page_does_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its scripts print what the page shows; the three ways to describe a plate describe the same one."""
-    page = ROOT / "docs" / "mujoco-plugin.md"
-    _, swimmer, plate = _printed_by_blocks(page, tmp_path, monkeypatch)
-    shown = blocks(page, "text")
-    _assert_same_text(swimmer, shown[0])
-    _assert_same_text(plate, shown[1])
+@pytest.mark.parametrize("name", ["mujoco-plugin", "gymnasium", "mujoco-rollout"])
+def test_page_of_mujoco_prints_what_it_says(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = ROOT / "docs" / f"{name}.md"
+    printed = _printed_by_blocks(page, tmp_path, monkeypatch)
+    for there, shown in zip(filter(None, printed), blocks(page, "text"), strict=True):
+        _assert_same_text(there, shown)
 
 
 def test_fitter_page_recovers_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

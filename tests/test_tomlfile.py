@@ -68,7 +68,11 @@ BROKEN = {
     "number for a list": ("rays = [1, 2.5]", "rays = 1", "fins.1.rays: expected a list in brackets (found 1)"),
     "text in a list": ("[1, 2.5]", '[1, "a"]', "fins.1.rays.2: expected a number; write it without quotes (found 'a')"),
     "long list": ("[1, 2.5]", "[1, 2, 3, 4]", "fins.1.rays: expected at most 3 entries, found 4"),
-    "table for a list": ("[[fins]]", "[fins]", "fins: expected a list in brackets"),
+    "table for a list": (
+        "[[fins]]",
+        "[fins]",
+        "fins: one table, expected a list of them; write [[fins]] in place of [fins]",
+    ),
     "number for a table": (GOOD[GOOD.index("[[") :], "fins = [3]", "fins.1: expected a table (found 3)"),
 }
 

@@ -13,7 +13,20 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from mjfish.cli import compare, console, data, diagnose, fish, identify, plan, render, sample, simulate
+from mjfish.cli import (
+    compare,
+    console,
+    data,
+    dataset,
+    diagnose,
+    fish,
+    identify,
+    inspect,
+    plan,
+    render,
+    sample,
+    simulate,
+)
 from mjfish.errors import MjfishError
 
 _ABOUT = "Shows what a swimming-fish simulation gets wrong, names the cause, and measures what knowing it gains."
@@ -87,6 +100,7 @@ def application() -> typer.Typer:
         "import": data.import_files,
         "compare": compare.compare,
         "identify": identify.identify,
+        "inspect": inspect.inspect,
         "diagnose": diagnose.diagnose,
         "effects": diagnose.effects,
         "demo": diagnose.demo,
@@ -101,6 +115,9 @@ def application() -> typer.Typer:
     own.command("new", cls=_Command)(fish.new)
     own.command("show", cls=_Command)(fish.show)
     app.add_typer(own, name="fish")
+    measured = typer.Typer(cls=_Group, help="Make a dataset of your own recordings.", no_args_is_help=True)
+    measured.command("new", cls=_Command)(dataset.new)
+    app.add_typer(measured, name="dataset")
     return app
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import shutil
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,11 +21,18 @@ from rich.table import Table
 from rich.text import Text
 
 from mjfish.errors import InputError
+from mjfish.files import check_file, json_text
+from mjfish.result import Result
 
 #: Exit codes.
 NOT_GOOD = 1
 MISUSE = 2
 
+#: Stands for standard output in the place of a file.
+STDOUT = Path("-")
+
+#: Characters that a text has beside a word, however narrow the terminal.
+_NARROWEST = 40
 #: Seconds between lines of progress.
 _EVERY = 20.0
 
@@ -37,6 +45,28 @@ def say(*lines: str | tuple[str, str]) -> None:
     for line in lines:
         text, style = line if isinstance(line, tuple) else (line, "")
         out.print(Text(text, style=style), soft_wrap=True)
+
+
+def item(word: str, text: str, style: str = "") -> None:
+    """Print a word and, beside it, a text that is broken into lines between words."""
+    lines = textwrap.wrap(text, max(out.width - len(word) - 2, _NARROWEST), break_on_hyphens=False)
+    for number, line in enumerate(lines):
+        out.print(Text.assemble((word, style) if number == 0 else " " * len(word), "  ", line), soft_wrap=True)
+
+
+def check_json(path: Path | None) -> None:
+    """Refuse a JSON file that cannot be written; ``-`` is standard output."""
+    if path is not None and path != STDOUT:
+        check_file(path)
+
+
+def write_json(result: Result, path: Path | None) -> bool:
+    """Write a result as JSON, where a path is given; return whether that is standard output, for nothing else then."""
+    if path == STDOUT:
+        sys.stdout.write(json_text(result.to_dict()))
+    elif path is not None:
+        result.save(path)
+    return path == STDOUT
 
 
 def complain(what: str, message: str) -> None:
@@ -58,6 +88,11 @@ def program() -> str:
         return "mjfish"
     called = Path(sys.argv[0])
     return str(called.relative_to(Path.cwd())) if called.is_relative_to(Path.cwd()) else str(called)
+
+
+def is_asking() -> bool:
+    """Return whether somebody sits at a terminal and can answer questions."""
+    return sys.stdin.isatty() and sys.stdout.isatty()
 
 
 @contextmanager

@@ -10,6 +10,9 @@ import typer
 import mjfish
 from mjfish.cli import console
 from mjfish.drive.modes import DURATION, MODES
+from mjfish.errors import InputError
+
+Force = Annotated[bool, typer.Option("--force", help="Replace a dataset that mjfish wrote to the folder.")]
 
 
 def generate(
@@ -26,11 +29,12 @@ def generate(
     set_: Annotated[list[str] | None, typer.Option("--set", help="Coefficient, e.g. c_d.head=2.0; repeatable.")] = None,
     held_out: Annotated[list[str] | None, typer.Option(help="Trial not to be fitted; repeatable.")] = None,
     seed: Annotated[int, typer.Option(help="Of the noise.", min=0)] = 0,
+    force: Force = False,
 ) -> None:
     """Generate a dataset: simulated swimming with known coefficients, noise, and effects hidden in it."""
     import numpy as np
 
-    from mjfish.data import check_folder, save
+    from mjfish.data import save
     from mjfish.effects import catalogue, find, of_fish
 
     settings = console.effect_settings(effect or [])
@@ -38,7 +42,7 @@ def generate(
     known = of_fish(catalogue(tuple(effects or ())), body)
     hidden = {name: find(name, known) for name in settings}
     values = {hidden[name].declaration(short).name: v for name, own in settings.items() for short, v in own.items()}
-    check_folder(out)
+    _check_out(out, force=force)
     dataset = mjfish.generate(
         body,
         list(console.names(modes)),
@@ -68,11 +72,12 @@ def import_files(
         Path | None, typer.Option("--map", help="TOML that says what columns, units and axes mean.")
     ] = None,
     held_out: Annotated[list[str] | None, typer.Option(help="Trial or file not to be fitted; repeatable.")] = None,
+    force: Force = False,
 ) -> None:
     """Turn the files of a laboratory into a dataset."""
-    from mjfish.data import check_folder, importers, save
+    from mjfish.data import importers, save
 
-    check_folder(out)
+    _check_out(out, force=force)
     dataset, report = importers.import_files(importer, files, held_out or (), map_)
     path = save(dataset, out)
     rows = report.rows()
@@ -83,3 +88,12 @@ def import_files(
         table.add_row(heading, *cells, end_section=True)
     console.out.print(table)
     console.say(f"wrote {path} with {len(dataset.trials)} trials")
+
+
+def _check_out(out: Path, *, force: bool) -> None:
+    """Refuse a folder that cannot be written, or that holds a dataset which nobody said to replace."""
+    from mjfish.data import check_folder
+
+    check_folder(out)
+    if not force and out.exists() and any(out.iterdir()):
+        raise InputError(f"{out}: holds a dataset; choose another folder, or --force to replace it")

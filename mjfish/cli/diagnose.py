@@ -165,8 +165,7 @@ def _write(
     if extended is not None:
         from mjfish.model.extended import write
 
-        values = {name: value.estimate for name, value in result.extended.items()}
-        write(extended, result.extended_model, values, _origin(result))
+        write(extended, result.fish.model, result.fish.values, _origin(result))
 
 
 def _origin(result: Diagnosis) -> list[str]:

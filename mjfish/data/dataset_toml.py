@@ -173,9 +173,30 @@ class TrialTable(Table):
     @classmethod
     def _one_table_is_a_wave(cls, raw: object) -> object:
         """``[[trials.drive]]`` is a list of CPG segments, ``[trials.drive]`` one table with a kind."""
-        if isinstance(raw, Mapping) and isinstance(raw.get("drive"), Mapping):
-            return {**{key: value for key, value in raw.items() if key != "drive"}, "wave": raw["drive"]}
-        return raw
+        if not isinstance(raw, Mapping):
+            return raw
+        if "wave" in raw:
+            raise ValueError('[trials.wave] is no table, expected [trials.drive] with kind = "wave"; rename it')
+        drive = raw.get("drive")
+        if isinstance(drive, tuple) and any(isinstance(part, Mapping) and _is_wave(part) for part in drive):
+            raise ValueError(
+                "a wave in [[trials.drive]], expected one table of it; write [trials.drive] in place of "
+                "[[trials.drive]]"
+            )
+        if not isinstance(drive, Mapping):
+            return raw
+        if "kind" not in drive and not _is_wave(drive):
+            raise ValueError(
+                "a segment of the CPG in [trials.drive], expected a list of them; write [[trials.drive]] in place of "
+                "[trials.drive]"
+            )
+        if "kind" not in drive:
+            raise ValueError('[trials.drive] has no kind, expected kind = "wave"; add it')
+        return {**{key: value for key, value in raw.items() if key != "drive"}, "wave": drive}
+
+
+def _is_wave(table: Mapping[str, object]) -> bool:
+    return not {"kind", "frequency", "amplitude", "phase", "ramp", "free"}.isdisjoint(table)
 
 
 def _walls(walls: tuple[float, float]) -> tuple[float, float]:
@@ -261,6 +282,25 @@ class DatasetTable(Table):
     known: Annotated[dict[str, Beforehand], Field(default_factory=dict)]
     filter: GaussianTable | DifferentiatedTable | None = Field(default=None, discriminator="kind")
     trials: Annotated[tuple[TrialTable, ...], Field(min_length=1)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _trials_are_a_list(cls, raw: object) -> object:
+        """Say the one slip behind many complaints: a table of a trial that stands where it does not belong."""
+        if not isinstance(raw, Mapping):
+            return raw
+        if "trial" in raw and "trials" not in raw:
+            raise ValueError("[[trial]] is no table of a dataset, expected [[trials]], one a run; rename it")
+        for name in ("drive", "sensors"):
+            if name in raw:
+                raise ValueError(
+                    f"'{name}' belongs to a trial, expected [[trials.{name}]] below its [[trials]]; rename it"
+                )
+        trials = raw.get("trials")
+        if isinstance(trials, Mapping) and trials and all(isinstance(entry, Mapping) for entry in trials.values()):
+            name = next(iter(trials))
+            raise ValueError(f'[trials.{name}], expected [[trials]] with name = "{name}" below it; correct it')
+        return raw
 
 
 def check(table: DatasetTable, file: Path) -> None:

@@ -14,7 +14,7 @@ from mjfish.data import columns, dataset_toml, error_modes, validation
 from mjfish.data.dataset_toml import DatasetTable, Law, Noise, TrialTable
 from mjfish.data.read_sensor import read_sensor
 from mjfish.data.sensor import Sensor, within
-from mjfish.data.tables import read_table
+from mjfish.data.tables import SUFFIXES, read_table
 from mjfish.data.trial import Dataset, Tank, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
@@ -47,9 +47,19 @@ def load_dataset(path: str | Path) -> Dataset:
     if file.is_dir():
         file = file / dataset_toml.FILE
         if not file.is_file():
+            tables = any(own.suffix.lower() == ".csv" for own in Path(path).iterdir())
+            remedy = f"make one of its CSV files by 'mjfish dataset new DIR {path}/*.csv', or " if tables else ""
             raise InputError(
-                f"{path}: has no {dataset_toml.FILE}, expected the folder of a dataset; give another folder"
+                f"{path}: has no {dataset_toml.FILE}, expected the folder of a dataset; {remedy}give another folder"
             )
+    if file.suffix.lower() in SUFFIXES:
+        remedy = "name the folder that it is in, if that has one"
+        if file.suffix.lower() == ".csv":
+            remedy = f"make one of it by 'mjfish dataset new DIR {path}'"
+        raise InputError(
+            f"{path}: is a {file.suffix[1:].upper()} file, expected the folder of a dataset, with its "
+            f"{dataset_toml.FILE}; {remedy}"
+        )
     table = tomlfile.read(file, DatasetTable)
     dataset_toml.check(table, file)
     fish = dataset_toml.with_start(_fish(table.fish, file), table.start, file)

@@ -116,13 +116,17 @@ class Trial:
         sampling = f"{len(self.time)} samples"
         if len(self.time) > 1:
             sampling += f" in {float(self.time[-1] - self.time[0]):.4g} s ({1.0 / self.step:.4g} Hz)"
-        drive = "a wave" if self.wave is not None else "the CPG" if self.drive else self._angles
         role = self.role or "not assigned"
         beside = f", with {', '.join(sensor.name for sensor in self.sensors)}" if self.sensors else ""
-        return f"<Trial '{self.name}', role {role}: {sampling}{beside}, driven by {drive}>"
+        return f"<Trial '{self.name}', role {role}: {sampling}{beside}, driven by {self.driven_by}>"
 
     @property
-    def _angles(self) -> str:
+    def driven_by(self) -> str:
+        """What moves the joints, in words."""
+        if self.wave is not None:
+            return "a wave"
+        if self.drive:
+            return "the CPG"
         return "recorded commands" if self.commanded else "measured joint angles"
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import uuid
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -28,7 +29,13 @@ MARK = "# Written by mjfish. SI units and radians; velocities are those of the n
 _FISH_FILE = "fish.toml"
 
 
-def save(dataset: Dataset, folder: str | Path, *, suffix: Literal[".csv", ".parquet"] = ".csv") -> Path:
+def save(
+    dataset: Dataset,
+    folder: str | Path,
+    *,
+    suffix: Literal[".csv", ".parquet"] = ".csv",
+    comments: Sequence[str] = (),
+) -> Path:
     """Write dataset.toml and one table a trial, so that `load` gives every number back to the last bit.
 
     A fish that is not a shipped one goes along as fish.toml. Files of an older dataset in the folder are replaced,
@@ -38,6 +45,7 @@ def save(dataset: Dataset, folder: str | Path, *, suffix: Literal[".csv", ".parq
         dataset: validated as in `load` before anything is written.
         folder: absent, empty, or holding a dataset written by this function.
         suffix: of the tables.
+        comments: lines for the top of dataset.toml.
 
     Returns:
         The path of the dataset.toml.
@@ -48,6 +56,8 @@ def save(dataset: Dataset, folder: str | Path, *, suffix: Literal[".csv", ".parq
     folder = Path(folder).resolve()
     raw = _raw(dataset, suffix)
     tables = _validated(dataset, raw)
+    printable = ("".join(c if c.isprintable() else " " for c in line) for line in comments)
+    head = "\n".join([MARK, *(f"# {line}" for line in printable)])
     stale = _replaceable(folder)
     partial = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}.partial")
     try:
@@ -56,7 +66,7 @@ def save(dataset: Dataset, folder: str | Path, *, suffix: Literal[".csv", ".parq
             write_table(partial / file, {columns.header(name): values for name, values in table.items()})
         if raw["fish"] == _FISH_FILE:
             (partial / _FISH_FILE).write_text(fish_toml.text(dataset.fish), encoding="utf-8")
-        (partial / dataset_toml.FILE).write_text(f"{MARK}\n{tomlfile.text(raw)}", encoding="utf-8")
+        (partial / dataset_toml.FILE).write_text(f"{head}\n{tomlfile.text(raw)}", encoding="utf-8")
         _publish(partial, folder, stale)
     except (OSError, UnicodeEncodeError) as error:
         raise InputError(f"{folder}: the dataset cannot be written: {error}; choose another place") from None

@@ -6,6 +6,7 @@ cannot show. Nothing here raises for bad data that `mjfish.load_dataset` accepts
 
 from mjfish.inspection.after_fit import inspect_fit
 from mjfish.inspection.before_fit import inspect
+from mjfish.inspection.data_report import DataReport, report_on
 from mjfish.inspection.finding import EVERYTHING, Finding, Severity
 from mjfish.inspection.kinematics import Compatibility, compatibility
 from mjfish.inspection.repeats import Repeats, noise_from_repeats
@@ -14,6 +15,7 @@ from mjfish.inspection.result import Inspection
 __all__ = [
     "EVERYTHING",
     "Compatibility",
+    "DataReport",
     "Finding",
     "Inspection",
     "Repeats",
@@ -22,4 +24,5 @@ __all__ = [
     "inspect",
     "inspect_fit",
     "noise_from_repeats",
+    "report_on",
 ]

@@ -71,9 +71,13 @@ def test_held_out_trials_are_marked(run: Run, tmp_path: Path) -> None:
     assert [trial.role for trial in load_dataset(tmp_path / "a").trials] == ["fit", "held_out"]
 
 
-def test_an_older_synthetic_dataset_is_replaced(run: Run, tmp_path: Path) -> None:
+def test_an_older_synthetic_dataset_is_replaced_by_force_only(
+    run: Run, refuse: Callable[[str], str], tmp_path: Path
+) -> None:
     run(f"{SHORT} --out a")
-    run("generate --modes v5 --duration 1 --out a")
+    assert "a: holds a dataset; choose another folder, or --force to replace it" in refuse(f"{SHORT} --out a")
+    assert "or --force to replace it" in refuse("import fishsim f1.csv --out a")
+    run("generate --modes v5 --duration 1 --out a --force")
     assert [trial.name for trial in load_dataset(tmp_path / "a").trials] == ["v5"]
     assert sorted(file.name for file in (tmp_path / "a").iterdir()) == ["dataset.toml", "v5.csv"]
 

@@ -70,7 +70,7 @@ def test_a_cross_check_shows_differences_that_fall_with_the_step() -> None:
 
 
 def test_findings_are_listed_and_none_are_said_to_be_none() -> None:
-    assert "nothing was found" in reporting.figure(Inspection()).data[0].cells["values"][2]
+    assert "nothing was found" in reporting.figure(Inspection()).data[0].cells["values"][3]
 
 
 def test_a_notebook_shows_the_summary_as_text_and_the_figure() -> None:

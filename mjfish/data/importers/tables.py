@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -45,6 +45,8 @@ from mjfish.data.tables import read_columns
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 
+M = TypeVar("M", PosesMap, VelocitiesMap)
+
 _FEWEST_POSES = 20
 #: Noise to begin with, of lengths [m] and angles [rad].
 _SIGMA = 3e-3
@@ -72,6 +74,16 @@ class Read(Protocol):
 def read_csv(path: Path, time: str, names: Sequence[str]) -> Columns:
     """Return columns of a CSV file with a header."""
     return Columns(read_columns(path, [time, *names], header=True, fewest=1, missing=True))
+
+
+@dataclass(frozen=True, eq=False)
+class _Source(Generic[M]):
+    """What columns mean, the fish that swam, the mapping file (for messages), and how a file is read."""
+
+    table: M
+    fish: Fish
+    file: Path
+    read: Read = read_csv
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,34 +115,39 @@ def import_poses(
     """
     table = read_mapping(mapping, PosesMap, importer)
     assert mapping is not None  # noqa: S101 - read refuses None
-    fish = fish_of(table, mapping)
-    imported = [_import_pose_table(path, table, fish, mapping, read) for path in files]
+    return _import_poses(files, held_out, _Source(table, fish_of(table, mapping), mapping, read), importer)
+
+
+def _import_poses(
+    files: Sequence[Path], held_out: Sequence[str], source: _Source[PosesMap], importer: str
+) -> tuple[Dataset, ImportReport]:
+    imported = [_import_pose_table(path, source) for path in files]
     check_distinct([run.name for run in imported], files)
     pairs = [(run.name, trial) for run in imported for trial in run.recording.trials]
     dataset = Dataset(
         name=f"poses {', '.join(run.name for run in imported)}",
-        fish=fish,
+        fish=source.fish,
         trials=assign_roles(pairs, held_out),
     )
     dataset = with_noise(dataset, [run.recording for run in imported])
     return dataset, ImportReport(importer, tuple(run.report for run in imported))
 
 
-def _import_pose_table(path: Path, table: PosesMap, fish: Fish, mapping: Path, read: Read) -> _Imported:
-    columns = read(path, table.time, [table.x, table.y, table.yaw, *angle_columns(table)])
+def _import_pose_table(path: Path, source: _Source[PosesMap]) -> _Imported:
+    table = source.table
+    columns = source.read(path, table.time, [table.x, table.y, table.yaw, *angle_columns(table)])
     numbers = columns.numbers
     _check_rows(numbers, table.time, path, _FEWEST_POSES)
     time = increasing(numbers[table.time] * TIMES[table.time_unit], path)
     pose = _at_nose(table, np.column_stack([numbers[name] for name in (table.x, table.y, table.yaw)]))
-    joints = measured_angles(table, numbers, fish, mapping)
+    joints = measured_angles(table, numbers, source.fish, source.file)
     measured = pose if joints is None else np.column_stack([pose, joints])
     count = 0 if joints is None else joints.shape[1]
     fit = _fit(time, measured)
     seen: BoolArray = np.asarray(np.isfinite(measured).all(axis=1))
     name = path.stem.removeprefix(table.prefix)
     recording = record(fit, count, seen, {int(frame): "pose" for frame in np.flatnonzero(~seen)}, name, path)
-    law = wave_drive(table, fish, mapping, path)
-    recording = recording.driven_by(law)
+    recording = recording.driven_by(wave_drive(table, source.fish, source.file, path))
     report = FileReport(
         path=path,
         trials=tuple(trial.name for trial in recording.trials),
@@ -190,17 +207,27 @@ def _fit(time: FloatArray, measured: FloatArray) -> Fit:
     return smooth(MeasuredCoordinates(measured[:, :, None]), Basis.of(time, first, HARMONICS), first, start, _SIGMA)
 
 
+def import_mapped(
+    files: Sequence[Path], held_out: Sequence[str], table: PosesMap | VelocitiesMap, fish: Fish, place: Path
+) -> tuple[Dataset, ImportReport]:
+    """Turn CSV tables into a dataset, as `import_poses` and `import_velocities` do, by a mapping that is in no file.
+
+    Args:
+        files: one a run.
+        held_out: names of trials or runs not to be fitted.
+        table: what columns and units mean; its `fish` is not read.
+        fish: that swam.
+        place: of the mapping, for messages.
+
+    Raises:
+        MjfishError: as of these importers.
+    """
+    if isinstance(table, PosesMap):
+        return _import_poses(files, held_out, _Source(table, fish, place), table.kind)
+    return _import_velocities(files, held_out, _Source(table, fish, place), table.kind)
+
+
 _FEWEST_VELOCITIES = 7
-
-
-@dataclass(frozen=True, eq=False)
-class _Source:
-    """The mapping, the fish that it names, and its file."""
-
-    table: VelocitiesMap
-    fish: Fish
-    file: Path
-    read: Read
 
 
 def import_velocities(
@@ -227,7 +254,13 @@ def import_velocities(
     """
     table = read_mapping(mapping, VelocitiesMap, importer)
     assert mapping is not None  # noqa: S101 - read refuses None
-    source = _Source(table, fish_of(table, mapping), mapping, read)
+    return _import_velocities(files, held_out, _Source(table, fish_of(table, mapping), mapping, read), importer)
+
+
+def _import_velocities(
+    files: Sequence[Path], held_out: Sequence[str], source: _Source[VelocitiesMap], importer: str
+) -> tuple[Dataset, ImportReport]:
+    table = source.table
     runs_ = [_velocity_run(path, source) for path in files]
     check_distinct([run.name for run in runs_], files)
     dataset = Dataset(
@@ -246,7 +279,7 @@ class _VelocityRun:
     report: FileReport
 
 
-def _velocity_run(path: Path, source: _Source) -> _VelocityRun:
+def _velocity_run(path: Path, source: _Source[VelocitiesMap]) -> _VelocityRun:
     whole, columns = _velocity_trial(path, source)
     names = [name for name in columns.numbers if name != source.table.time]
     numbers = np.column_stack([columns.numbers[name] for name in names])
@@ -312,7 +345,7 @@ def _why(complete: BoolArray, names: Sequence[str], numbers: Mapping[str, FloatA
     return f"{', '.join(lost)} lost" if not complete.any() else f"{', '.join(lost)} lost, or too short a stretch"
 
 
-def _velocity_trial(path: Path, source: _Source) -> tuple[Trial, Columns]:
+def _velocity_trial(path: Path, source: _Source[VelocitiesMap]) -> tuple[Trial, Columns]:
     table = source.table
     names = (table.surge, table.sway, table.yaw_rate, *angle_columns(table))
     columns = source.read(path, table.time, names)

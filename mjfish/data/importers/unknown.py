@@ -7,6 +7,8 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from mjfish.data.importers.headers import KEYS, Kind, guess, units
+
 _BAG = b"\x89MCAP0\r\n"
 #: First bytes of formats: what they are, and what to do.
 _FORMATS: tuple[tuple[bytes, str, str], ...] = (
@@ -31,16 +33,6 @@ _POSES = {
 }
 _HEAD = ("schema = 1", 'fish = "my_fish.toml"')
 _WAVE = ("[wave]", "frequency = 1.0", "amplitude = [0.3]", "phase = [0.0]", "free = true")
-#: Words that columns go by, in the order in which a mapping file has them.
-_WORDS = {
-    "time": ("time", "t", "timestamp", "time_s", "sec", "seconds"),
-    "surge": ("surge", "u", "vx", "v_x", "forward"),
-    "sway": ("sway", "v", "vy", "v_y", "lateral"),
-    "yaw_rate": ("yaw_rate", "yawrate", "r", "omega", "wz", "psi_dot", "gyro_z"),
-    "x": ("x", "px", "pos_x", "x_m"),
-    "y": ("y", "py", "pos_y", "y_m"),
-    "yaw": ("yaw", "psi", "heading", "theta", "angle"),
-}
 
 
 def is_bag(path: Path) -> bool:
@@ -64,7 +56,7 @@ def describe(path: Path) -> str:
     header = columns(beginning)
     if header is None:
         return "looks like no table of numbers; write the recording to a CSV file with a header line and import that"
-    if all(map(_is_number, header)):
+    if all(map(is_number, header)):
         return (
             f"looks like a CSV file of {len(header)} columns without a header line; put a line with their names above "
             "the numbers, or import it as 'markers'"
@@ -106,7 +98,8 @@ def columns(beginning: bytes) -> list[str] | None:
     return row if len(row) > 1 and line.replace("\t", " ").isprintable() else None
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number, or empty."""
     try:
         float(cell or "nan")
     except ValueError:
@@ -127,32 +120,28 @@ def bag_example(kinds: Mapping[str, str]) -> str:
     return f"has the topics {listed}; a mapping file such as\n{_indented(lines)}\n(units, axes and signs: docs)"
 
 
-def example(header: Sequence[str], kind: str) -> str:
+def example(header: Sequence[str], kind: Kind) -> str:
     """Return a mapping file for columns of these names, to be completed."""
-    keys = ("time", "surge", "sway", "yaw_rate") if kind == "velocities" else ("time", "x", "y", "yaw")
-    found = {key: next((name for name in header if _plain(name) in _WORDS[key]), "?") for key in keys}
-    lines = [*_HEAD, f'kind = "{kind}"', *(f"{key} = {json.dumps(name)}" for key, name in found.items())]
-    joints = [
-        name for name in header if name not in found.values() and _plain(name).startswith(("j", "servo", "angle"))
-    ]
-    if joints:
-        lines += ["[joints]", "columns = [" + ", ".join(map(json.dumps, joints)) + "]"]
+    found = guess(header)
+    lines = [*_HEAD, f'kind = "{kind}"']
+    lines += [f"{key} = {json.dumps(found.columns.get(key, '?'))}" for key in KEYS[kind]]
+    named = units({key: name for key, name in found.columns.items() if key in KEYS[kind]}, found.joints)
+    alone = {of: next(iter(own)) for of, own in named.items() if len(own) == 1}
+    lines += [f'{of}_unit = "{alone[of]}"' for of in ("time", "length", "angle") if of in alone]
+    if found.joints:
+        lines += ["[joints]", "columns = [" + ", ".join(map(json.dumps, found.joints)) + "]"]
+        lines += [f'unit = "{alone["joint"]}"'] if "joint" in alone else []
     else:
         lines += _WAVE
     return "\n".join(lines)
 
 
 def _how(header: Sequence[str]) -> str:
-    known = {key for name in header for key, words in _WORDS.items() if _plain(name) in words}
-    kind = "poses" if {"x", "y"} <= known and not {"surge", "sway"} <= known else "velocities"
+    known = set(guess(header).columns)
+    kind: Kind = "poses" if {"x", "y"} <= known and not {"surge", "sway"} <= known else "velocities"
     text = _indented(example(header, kind).splitlines())
     return f"import it as '{kind}' with --map FILE, a mapping file such as\n{text}\n(units, axes and signs: docs)"
 
 
 def _indented(lines: Sequence[str]) -> str:
     return "\n".join(f"    {line}" for line in lines)
-
-
-def _plain(name: str) -> str:
-    """Return the name of a column without its unit."""
-    return name.split("[")[0].split("(")[0].strip().lower().replace(" ", "_")

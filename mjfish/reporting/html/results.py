@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import html
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,8 @@ from mjfish.diagnosis import Diagnosis, Splits
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.inspection import Inspection
+from mjfish.inspection import DataReport, Inspection
+from mjfish.reporting.html.data_report import write_data_report
 from mjfish.reporting.html.diagnosis import write_diagnosis
 from mjfish.reporting.html.figures import COLOURS, Panel, overlay_figure, panels, residual_figure
 from mjfish.reporting.html.identification import sections
@@ -79,7 +81,7 @@ def _(result: Simulation) -> go.Figure:
         panel = Panel(drawn, k + 1)
         if (others := result.band) is not None:
             low, _, high = others.velocity[:, :, k]
-            panel.band(others.time, low, high, "extended-soft")
+            panel.band(others.time, low, high, "extended-soft", "simulated")
         panel.curve(result.time, result.velocity[:, k], "extended", "simulated")
         panel.heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
     return drawn.update_xaxes(title_text="time [s]", row=len(CHANNELS))
@@ -122,12 +124,14 @@ def _(result: Plan) -> go.Figure:
 @figure.register
 def _(result: Inspection) -> go.Figure:
     """List the findings, worst first."""
-    rows = [(str(f.severity), f.place, f.found, f.remedy) for f in result.findings]
-    rows = rows or [("", "", "nothing was found", "")]
+    rows = [(str(f.severity), f.code, f.place, f.found, f.remedy) for f in result.findings]
+    rows = rows or [("", "", "", "nothing was found", "")]
     cells = [[html.escape(text) for text in column] for column in zip(*rows, strict=True)]
-    headings = ["severity", "place", "found", "remedy"]
+    headings = ["severity", "code", "place", "found", "remedy"]
     table = go.Table(
-        header={"values": headings, "align": "left"}, cells={"values": cells, "align": "left"}, columnwidth=[1, 2, 4, 4]
+        header={"values": headings, "align": "left"},
+        cells={"values": cells, "align": "left"},
+        columnwidth=[1, 2, 2, 4, 4],
     )
     return go.Figure(table).update_layout(template="mjfish")
 
@@ -162,6 +166,11 @@ def _(result: Diagnosis, path: Path) -> None:
 
 
 @write_report.register
+def _(result: DataReport, path: Path) -> None:
+    write_data_report(result, figure(result.inspection), path)
+
+
+@write_report.register
 def _(result: Splits, path: Path) -> None:
     write_diagnosis(result.diagnosis, path, result)
 
@@ -172,4 +181,6 @@ def _(result: Identification, path: Path) -> None:
     if assessment is None:
         raise InputError(f"{result.dataset.name}: the fit {result.fit.status} and has no page; {result.fit.message}")
     found = sections(result.dataset.name, assessment.residuals, assessment.residual_tests)
-    write_figures(path, *found.values())
+    name = result.dataset.name
+    own = [replace(section, title=section.title.removeprefix(f"{name}: ").capitalize()) for section in found.values()]
+    write_figures(path, *own, title=f"Identification of {name}", lead=result.summary())

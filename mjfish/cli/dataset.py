@@ -1,0 +1,438 @@
+"""``mjfish dataset new``: CSV files of a laboratory become a dataset; what they do not say is asked for, or given."""
+
+from __future__ import annotations
+
+import glob
+import shlex
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, cast
+
+import typer
+
+from mjfish.cli import console
+from mjfish.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from mjfish.data import Dataset
+    from mjfish.data.importers import ImportReport
+    from mjfish.data.importers.headers import Kind
+    from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
+
+#: Where the mapping of the columns stands, for messages.
+_PLACE = Path("mjfish dataset new")
+_UNITS = {"time": ("s", "ms"), "length": ("m", "cm", "mm"), "angle": ("rad", "deg"), "joint": ("rad", "deg")}
+_FLAGS = {
+    "time": "--time", "surge": "--surge", "sway": "--sway", "yaw_rate": "--yaw-rate", "x": "--x", "y": "--y",
+    "yaw": "--heading",
+}  # fmt: skip
+_CHANGES = (
+    "What may be changed or added here (docs/datasets.md has all keys):",
+    '  role = "held_out" or "fit" in [[trials]]',
+    '  joints = "commanded" in [[trials]], if its joint angles are those that the servos were told',
+    "  [noise] with surge, sway [m/s], yaw_rate [rad/s]: standard deviation of one sample, if known",
+    '  [filter] kind = "gaussian", sd = 0.02: what the velocities were smoothed by [s], if known',
+)
+
+#: Text of an option that may be given once for all files, or once a file.
+_PER_FILE = "once for all files, or once a file, in their order"
+
+
+def new(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="New folder of the dataset.")],
+    files: Annotated[list[Path] | None, typer.Argument(help="CSV files, one a run; left out: asked for.")] = None,
+    fish: Annotated[str | None, typer.Option(help="A fish TOML, or a shipped fish.")] = None,
+    held_out: Annotated[
+        list[str] | None,
+        typer.Option(help="Run not to be fitted, by its file's name without .csv; repeatable. Default every third."),
+    ] = None,
+    time: Annotated[str | None, typer.Option(help="Column of the time.")] = None,
+    surge: Annotated[str | None, typer.Option(help="Column of the velocity forward.")] = None,
+    sway: Annotated[str | None, typer.Option(help="Column of the velocity to port.")] = None,
+    yaw_rate: Annotated[str | None, typer.Option(help="Column of the yaw rate, positive to port.")] = None,
+    x: Annotated[str | None, typer.Option(help="Column of x in the tank, in place of velocities.")] = None,
+    y: Annotated[str | None, typer.Option(help="Column of y.")] = None,
+    heading: Annotated[str | None, typer.Option(help="Column of the heading.")] = None,
+    joints: Annotated[str | None, typer.Option(help="Columns of the joint angles, head first, with commas.")] = None,
+    frequency: Annotated[
+        list[str] | None, typer.Option(help=f"Of the drive [Hz], in place of joint angles; {_PER_FILE}.")
+    ] = None,
+    amplitude: Annotated[list[str] | None, typer.Option(help=f"Of the joints, with commas; {_PER_FILE}.")] = None,
+    phase: Annotated[list[str] | None, typer.Option(help=f"Of the joints, with commas; {_PER_FILE}.")] = None,
+    synchronised: Annotated[
+        bool,
+        typer.Option("--synchronised", help="Drive and record have one clock; else frequency and phase are fitted."),
+    ] = False,
+    time_unit: Annotated[str | None, typer.Option(help="s or ms.", show_default="named in the header, or s")] = None,
+    length_unit: Annotated[
+        str | None, typer.Option(help="m, cm or mm, also per second.", show_default="named in the headers")
+    ] = None,
+    angle_unit: Annotated[
+        str | None, typer.Option(help="rad or deg, also per second.", show_default="named in the headers")
+    ] = None,
+    joint_unit: Annotated[
+        str | None,
+        typer.Option(help="Of joints, amplitude and phase.", show_default="named in the headers, or the angle unit"),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="Another key of a mapping file (docs/import-fishsim.md): sway_to=starboard, behind_nose=0.05, "
+            "joints.sign=-1, wave.ramp=0.5; repeatable.",
+        ),
+    ] = None,
+) -> None:
+    """Make a dataset of CSV files. In a terminal, what is neither given nor clear from the headers is asked for."""
+    from mjfish.data import save
+    from mjfish.data.importers.headers import units as unit_names
+    from mjfish.data.importers.tables import import_mapped
+    from mjfish.files import check_new_folder
+    from mjfish.fish import load_fish
+
+    check_new_folder(folder)
+    questions = _Questions(asking=console.is_asking(), everything=not files)
+    paths = list(files or ())
+    if not paths and questions.asking:
+        paths = _files(_prompt("CSV files, one a run", "*.csv" if any(Path().glob("*.csv")) else None))
+    headers = _headers(paths)
+    named = questions.ask(fish, None, "Fish: a TOML, or a shipped one", "--fish")
+    given = {
+        "time": time, "surge": surge, "sway": sway, "yaw_rate": yaw_rate, "x": x, "y": y, "yaw": heading,
+    }  # fmt: skip
+    columns = _columns(headers, given, questions, paths[0])
+    drive = _drive(headers, joints, {"frequency": frequency, "amplitude": amplitude, "phase": phase}, questions)
+    _check_columns([*columns.of.values(), *drive.joints], headers, paths[0])
+    stated = {"time": time_unit, "length": length_unit, "angle": angle_unit, "joint": joint_unit}
+    units = _units(columns.of, drive, stated, questions)
+    if held_out is None and questions.everything and questions.asking:
+        runs = ", ".join(path.stem for path in paths)
+        held_out = list(console.names(_prompt(f"Runs held out, of {runs} (none: every third)", "")))
+    questions.check(headers)
+    table = _mapping(columns, units, drive, paths, synchronised=synchronised, other=set_ or ())
+    dataset, report = import_mapped(paths, held_out or (), table, load_fish(named), _PLACE)
+    assumed = time_unit is None and not unit_names({"time": columns.of["time"]})
+    taken = [*_taken(columns, drive, units, assumed=assumed), _signs(table), _held_out(dataset, held_out)]
+    taken.append(f"fish      {named}")
+    files_named = shlex.join(str(path) for path in paths)
+    comments = [f"Made by mjfish dataset new of {files_named}, whose columns are:", *(f"  {line}" for line in taken)]
+    path = save(_named(dataset, folder), folder, comments=[*comments, *_CHANGES])
+    console.say(f"wrote {folder / path.name} with {len(dataset.trials)} trials", *(f"  {line}" for line in taken))
+    console.say(*_cut(report), f"next: {console.program()} inspect {folder}")
+
+
+@dataclass
+class _Questions:
+    """What is neither given nor clear: it is asked for in a terminal, else said in one message.
+
+    Attributes:
+        asking: whether somebody is there to answer.
+        everything: whether to ask for what is clear, too.
+        lacking: what nobody said.
+        guessed: answers that were taken from headers.
+    """
+
+    asking: bool
+    everything: bool
+    lacking: list[str] = field(default_factory=list)
+    guessed: set[str] = field(default_factory=set)
+
+    def ask(self, given: str | None, guessed: str | None, question: str, flag: str, choices: Sequence[str] = ()) -> str:
+        """Return what was given, else what is clear, else the answer; empty where there is none."""
+        if given is not None:
+            if choices and given not in choices:
+                raise InputError(f"{flag}: found '{given}', expected {' or '.join(choices)}; correct it")
+            return given
+        if guessed is not None and not (self.asking and self.everything):
+            self.guessed.add(guessed)
+            return guessed
+        if not self.asking:
+            self.lacking.append(f"{question} ({flag}{' ' + '|'.join(choices) if choices else ''})")
+            return ""
+        answer = _prompt(question, guessed, choices)
+        if answer == guessed:
+            self.guessed.add(answer)
+        return answer
+
+    def check(self, headers: Sequence[str]) -> None:
+        """Refuse to go on where something is lacking."""
+        if self.lacking:
+            raise InputError(
+                f"not given and not clear from the headers {', '.join(headers)}:\n"
+                + "\n".join(f"    {what}" for what in self.lacking)
+                + "\ngive these options, or run the command in a terminal without files to be asked"
+            )
+
+
+def _prompt(question: str, default: str | None = None, choices: Sequence[str] = ()) -> str:
+    """Ask until the answer is one of `choices`, where there are some."""
+
+    def checked(answer: str) -> str:
+        if choices and answer not in choices:
+            raise typer.BadParameter(f"expected {' or '.join(choices)}")
+        return answer
+
+    shown = f"{question} ({', '.join(choices)})" if choices else question
+    return str(typer.prompt(shown, default=default, value_proc=checked))
+
+
+def _files(answer: str) -> list[Path]:
+    """Return the files of an answer, in which patterns are expanded."""
+    parts = shlex.split(answer)
+    return [Path(path) for part in parts for path in sorted(glob.glob(part)) or [part]]  # noqa: PTH207 - may be absolute
+
+
+def _headers(paths: Sequence[Path]) -> list[str]:
+    """Return the headers of the first file."""
+    from mjfish.data.importers import unknown
+
+    if not paths:
+        raise InputError(
+            "no files, expected one CSV file a run; name them behind the folder, or run this in a terminal"
+        )
+    for path in paths:
+        if paths.count(path) > 1:
+            raise InputError(f"{path}: given twice, expected every file once; remove one")
+        if not path.is_file() or unknown.foreign(path) is not None:
+            raise InputError(f"{path}: {unknown.describe(path)}")
+    with paths[0].open("rb") as stream:
+        headers = unknown.columns(stream.read(65536))
+    if headers is None:
+        raise InputError(f"{paths[0]}: {unknown.describe(paths[0])}")
+    if all(map(unknown.is_number, headers)):
+        raise InputError(f"{paths[0]}: line 1 names no columns; put a line with their names above the numbers")
+    return headers
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Which importer reads the columns, and their headers by key; `guessed` by their headers."""
+
+    kind: Kind
+    of: Mapping[str, str]
+    guessed: frozenset[str]
+
+
+def _columns(headers: list[str], given: Mapping[str, str | None], questions: _Questions, path: Path) -> _Columns:
+    from mjfish.data.importers.headers import KEYS, guess
+
+    found = guess(headers)
+    said = {key for key, name in given.items() if name is not None}
+    as_velocities, as_poses = (said & set(KEYS[kind]) - {"time"} for kind in ("velocities", "poses"))
+    if as_velocities and as_poses:
+        raise InputError(
+            f"{', '.join(_FLAGS[key] for key in sorted(as_velocities))} beside "
+            f"{', '.join(_FLAGS[key] for key in sorted(as_poses))}, expected velocities or places; leave out one kind"
+        )
+    kind: Kind
+    if as_velocities or as_poses:
+        kind = "velocities" if as_velocities else "poses"
+    elif found.kind is not None and not (questions.asking and questions.everything):
+        kind = found.kind
+    elif questions.asking:
+        console.say(f"{path} has the columns {', '.join(headers)}.")
+        kind = cast("Kind", _prompt("What was measured", found.kind, ("velocities", "poses")))
+    else:
+        kind = "poses" if {"x", "y"} <= set(found.columns) else "velocities"
+    of, guessed = {}, set()
+    for key in KEYS[kind]:
+        known = found.columns.get(key)
+        of[key] = questions.ask(given[key], known, f"Column of {key.replace('_', ' ')}", _FLAGS[key])
+        if given[key] is None and of[key] == known:
+            guessed.add(key)
+    return _Columns(kind, of, frozenset(guessed))
+
+
+def _check_columns(names: Sequence[str], headers: Sequence[str], path: Path) -> None:
+    for name in names:
+        if name and name not in headers:
+            raise UnknownNameError(f"column in {path}", name, headers)
+
+
+@dataclass(frozen=True)
+class _Drive:
+    """How the joints move: columns of their angles, or frequency, amplitudes and phases, once or once a file."""
+
+    joints: tuple[str, ...] = ()
+    frequency: tuple[float, ...] = ()
+    amplitude: tuple[tuple[float, ...], ...] = ()
+    phase: tuple[tuple[float, ...], ...] = ()
+    guessed: bool = False
+
+
+def _drive(
+    headers: Sequence[str], joints: str | None, wave: Mapping[str, list[str] | None], questions: _Questions
+) -> _Drive:
+    from mjfish.data.importers.headers import guess
+
+    if joints is not None and any(wave.values()):
+        raise InputError("--joints beside a drive, expected joint angles or the drive; leave out one of them")
+    if not any(wave.values()):
+        known = ",".join(guess(headers).joints) or None
+        if known is None and questions.asking and joints is None:
+            joints = _prompt("Columns of the joint angles, head first (none: a drive)", "")
+        elif known is None and joints is None:
+            questions.lacking.append("Joints (--joints COLUMNS, or --frequency, --amplitude and --phase of the drive)")
+            return _Drive()
+        answer = questions.ask(joints, known, "Columns of the joint angles, head first", "--joints")
+        if answer:
+            return _Drive(joints=console.names(answer), guessed=joints is None and answer == known)
+    asked = {
+        "frequency": "Frequency of the drive [Hz]",
+        "amplitude": "Amplitudes of the joints, head first, with commas",
+        "phase": "Phases of the joints, with commas",
+    }
+    told = {name: wave[name] or [questions.ask(None, None, text, f"--{name}")] for name, text in asked.items()}
+    if questions.lacking:
+        return _Drive()
+    return _Drive(
+        frequency=tuple(console.numbers(text, 1, "--frequency")[0] for text in told["frequency"]),
+        amplitude=tuple(tuple(_row(text, "--amplitude")) for text in told["amplitude"]),
+        phase=tuple(tuple(_row(text, "--phase")) for text in told["phase"]),
+    )
+
+
+def _row(text: str, flag: str) -> list[float]:
+    return console.numbers(text, text.count(",") + 1, flag)
+
+
+def _units(
+    columns: Mapping[str, str], drive: _Drive, stated: Mapping[str, str | None], questions: _Questions
+) -> dict[str, str]:
+    """Return the unit of every kind: as stated, else as headers name it; seconds and the unit of angles by default."""
+    from mjfish.data.importers import headers
+
+    named = headers.units(columns, drive.joints)
+    units: dict[str, str] = {}
+    defaults = {"time": "s", "joint": stated["angle"]}
+    for kind, choices in _UNITS.items():
+        own = sorted(named.get(kind, ()))
+        if len(own) > 1 and stated[kind] is None:
+            raise InputError(
+                f"headers name the units {' and '.join(own)} of one kind, expected one; convert a column, or give "
+                f"--{kind}-unit"
+            )
+        if kind == "joint" and not units["angle"] and stated["joint"] is None and not own:
+            units["joint"] = ""  # that of the other angles is lacking, and said to be
+            continue
+        known = own[0] if own else defaults.get(kind) or (units.get("angle") if kind == "joint" else None)
+        units[kind] = questions.ask(stated[kind], known or None, f"Unit of {kind}s", f"--{kind}-unit", choices)
+    return units
+
+
+def _mapping(
+    columns: _Columns,
+    units: Mapping[str, str],
+    drive: _Drive,
+    paths: Sequence[Path],
+    *,
+    synchronised: bool,
+    other: Sequence[str],
+) -> PosesMap | VelocitiesMap:
+    """Return the mapping of the columns, with other keys ``KEY=VALUE`` as a mapping file has them."""
+    from mjfish import tomlfile
+    from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
+
+    raw: dict[str, Any] = {"schema": 1, "kind": columns.kind, "fish": "-", **columns.of}
+    raw |= {f"{kind}_unit": units[kind] for kind in ("time", "length", "angle")}
+    more = _other(other)
+    joints, wave = more.pop("joints", {}), more.pop("wave", {})
+    if drive.joints:
+        raw["joints"] = {"columns": drive.joints, "unit": units["joint"], **joints}
+    else:
+        common = {"unit": units["joint"], "free": not synchronised, **wave}
+        rows = zip(
+            *(_per_file(getattr(drive, name), name, paths) for name in ("frequency", "amplitude", "phase")), strict=True
+        )
+        raw["waves"] = {
+            glob.escape(path.name): {"frequency": hertz, "amplitude": size, "phase": phase, **common}
+            for path, (hertz, size, phase) in zip(paths, rows, strict=True)
+        }
+    raw |= more
+    if columns.kind == "poses":
+        return tomlfile.parse(raw, PosesMap, str(_PLACE))
+    return tomlfile.parse(raw, VelocitiesMap, str(_PLACE))
+
+
+def _per_file(values: Sequence[Any], name: str, paths: Sequence[Path]) -> Sequence[Any]:
+    if len(values) not in (1, len(paths)):
+        raise InputError(
+            f"--{name}: given {len(values)} times for {len(paths)} files, expected once, or once a file; correct it"
+        )
+    return values if len(values) == len(paths) else [values[0]] * len(paths)
+
+
+def _other(texts: Sequence[str]) -> dict[str, Any]:
+    """Return keys of a mapping file, as TOML has them; text may stand without its quotes."""
+    result: dict[str, Any] = {}
+    for text in texts:
+        key, equals, value = (part.strip() for part in text.partition("="))
+        if not equals:
+            raise InputError(f"--set: found '{text}', expected KEY=VALUE, e.g. sway_to=starboard")
+        for written in (value, f'"{value}"'):
+            try:
+                parsed = tomllib.loads(f"{key} = {written}")
+                break
+            except tomllib.TOMLDecodeError:
+                continue
+        else:
+            raise InputError(f"--set: '{text}' is no KEY=VALUE of a mapping file, e.g. sway_to=starboard; correct it")
+        for name, own in parsed.items():
+            merged = isinstance(own, dict) and isinstance(result.get(name), dict)
+            result[name] = {**result[name], **own} if merged else own
+    return result
+
+
+def _taken(columns: _Columns, drive: _Drive, units: Mapping[str, str], *, assumed: bool) -> list[str]:
+    """Return what each column was taken for, a line each, and whether that was guessed."""
+    from mjfish.data.importers.headers import UNIT_OF
+
+    lines = []
+    for key, header in columns.of.items():
+        rate = "/s" if key in ("surge", "sway", "yaw_rate") else ""
+        how = "guessed from its header" if key in columns.guessed else "as given"
+        how += "; its unit is assumed" if key == "time" and assumed else ""
+        lines.append(f"{key:9} {header} in {units[UNIT_OF[key]]}{rate}, {how}")
+    if drive.joints:
+        how = "guessed from their headers" if drive.guessed else "as given"
+        lines.append(f"joints    {', '.join(drive.joints)} in {units['joint']}, {how}")
+    else:
+        hertz = ", ".join(f"{value:g}" for value in dict.fromkeys(drive.frequency))
+        lines.append(f"drive     a wave of {hertz} Hz, amplitude and phase in {units['joint']}, as given")
+    return lines
+
+
+def _signs(table: PosesMap | VelocitiesMap) -> str:
+    """Return what is positive, and which point was tracked: what no header says."""
+    from mjfish.data.importers.mapping import VelocitiesMap
+
+    if isinstance(table, VelocitiesMap):
+        told = f"surge to the {table.surge_to}, sway to {table.sway_to}, yaw rate to {table.turn_to}"
+    else:
+        up = "anticlockwise" if table.axes == "y_up" else "clockwise"
+        told = f"{table.axes}, heading {up} from {table.yaw_zero:g} along x"
+    return f"positive  {told}; tracked {table.behind_nose:g} m behind the nose"
+
+
+def _held_out(dataset: Dataset, stated: Sequence[str] | None) -> str:
+    names = ", ".join(trial.name for trial in dataset.split()[1])
+    if not names:
+        return "held out  nothing, for there is one run"
+    return f"held out  {names}{'' if stated else ' (every third run)'}"
+
+
+def _named(dataset: Dataset, folder: Path) -> Dataset:
+    from dataclasses import replace
+
+    return replace(dataset, name=folder.resolve().name)
+
+
+def _cut(report: ImportReport) -> list[str]:
+    """Return what was left out of files, a line each."""
+    return [
+        f"  {file.path.name}: {file.kept} of {file.frames} samples kept; {'; '.join(map(str, file.cuts))}"
+        for file in report.files
+        if file.cuts
+    ]

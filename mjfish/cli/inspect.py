@@ -1,0 +1,86 @@
+"""``mjfish inspect``: what is in a dataset, what is wrong with it, and what it cannot show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import mjfish
+from mjfish.cli import console
+from mjfish.files import check_folder, make_folder
+from mjfish.reporting.words import number
+
+if TYPE_CHECKING:
+    from mjfish.inspection import DataReport
+
+_COLOURS = {"blocks": "bold red", "suspect": "yellow", "remark": ""}
+
+
+def inspect(
+    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for inspection.html, a page with all channels, and inspection.json.")
+    ] = None,
+    json_: Annotated[
+        Path | None, typer.Option("--json", help="Write the findings as JSON; - for standard output.")
+    ] = None,
+    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
+) -> None:
+    """Show what is in a dataset, what blocks a diagnosis, and which causes the runs cannot show. Nothing is fitted."""
+    from mjfish.effects import catalogue
+    from mjfish.inspection import report_on
+
+    if out is not None:
+        check_folder(out)
+    console.check_json(json_)
+    measured = mjfish.load_dataset(dataset)
+    with console.progress_bar() as tell:
+        tell("testing the data", 0.0)
+        report = report_on(measured, catalogue(tuple(effects or ())))
+    if out is not None:
+        make_folder(out)
+        report.report(out / "inspection.html")
+        report.save(out / "inspection.json")
+    if not console.write_json(report, json_):
+        _show(report)
+        if out is not None:
+            console.say(f"wrote {out / 'inspection.html'} (open it in a browser) and inspection.json")
+        console.say(_next(report, dataset))
+    if report.inspection.blocks:
+        raise typer.Exit(console.NOT_GOOD)
+
+
+def _show(report: DataReport) -> None:
+    """Print the runs, then what they cannot show, then the findings, worst first."""
+    first = report.summary().partition("\n")[0]
+    console.say((first, "bold"))
+    headings = ("run", "role", "s", "Hz", "surge", "sway", "yaw rate", "driven by")
+    table = console.table("", headings, left=("run", "role", "driven by"), box=None, padding=(0, 1, 0, 0))
+    table.add_row("", "", "", "", "mean m/s", "rms m/s", "rms rad/s", "", style="dim")
+    for run in report.to_dict()["trials"]:
+        sizes = (run["mean"]["surge"], run["rms"]["sway"], run["rms"]["yaw_rate"])
+        role = "held out" if run["held_out"] else "fit"
+        table.add_row(
+            run["name"], role, f"{run['duration']:.4g}", f"{run['rate']:.4g}", *map(number, sizes), run["driven_by"]
+        )
+    console.out.print(table)
+    reasons: dict[str, list[str]] = {}
+    for name, reason in report.undetectable.items():
+        reasons.setdefault(reason, []).append(name)
+    for reason, names in reasons.items():
+        console.item("cannot show", f"{', '.join(names)}: {reason}")
+    for code, unclear in report.unclear.items():
+        whole = len(unclear) + len(report.undetectable) == len(report.causes)
+        told = "any cause" if whole else ", ".join(unclear)
+        console.item("cannot tell", f"{told}: {code}, see below")
+    for finding in report.inspection.findings:
+        console.item(finding.severity, f"{finding.code}: {finding.message}", _COLOURS[finding.severity])
+
+
+def _next(report: DataReport, dataset: Path) -> str:
+    blocks = len(report.inspection.blocks)
+    if blocks:
+        return f"{blocks} of the findings {'blocks' if blocks == 1 else 'block'} a diagnosis; mend that first"
+    return f"nothing blocks a diagnosis; next: {console.program()} diagnose {dataset}"

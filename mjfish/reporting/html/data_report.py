@@ -1,0 +1,72 @@
+"""The page of a dataset before a diagnosis: findings, causes that it cannot show, and its channels run by run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import plotly.graph_objects as go
+
+from mjfish.data import Trial
+from mjfish.frames import CHANNELS, UNITS
+from mjfish.inspection import DataReport
+from mjfish.reporting.html.figures import Panel, panels
+from mjfish.reporting.html.pages import Block, Section, write_figures
+from mjfish.reporting.words import CHANNEL_NAMES
+
+#: Runs whose figure is open at first.
+_OPEN = 4
+
+
+def write_data_report(report: DataReport, findings: go.Figure, path: Path) -> None:
+    """Write the page, whole or not at all.
+
+    Args:
+        report: what to show.
+        findings: the figure that lists its findings.
+        path: of the page.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    first, _, rest = report.summary().partition("\n")
+    cannot = [f"{name}: {reason}." for name, reason in report.undetectable.items()]
+    cannot += [f"{', '.join(names)}: not told with the finding {code}." for code, names in report.unclear.items()]
+    held_out = {trial.name for trial in report.dataset.split()[1]}
+    blocks = tuple(
+        Block(trial.name, _remark(trial, held_out=trial.name in held_out), _channels(trial), shown=number < _OPEN)
+        for number, trial in enumerate(report.dataset.trials)
+    )
+    write_figures(
+        path,
+        Section(first, rest.partition("\n")[0], {}, (Block("Findings", "", findings),)),
+        Section("What the runs cannot show", " ".join(cannot) or "Every cause may show.", {}, ()),
+        Section("Channels", "As measured, run by run.", {}, blocks),
+    )
+
+
+def _remark(trial: Trial, *, held_out: bool) -> str:
+    role = "held out" if held_out else "fitted"
+    return f"{role}, {len(trial.time)} samples at {1.0 / trial.step:.4g} Hz, driven by {trial.driven_by}"
+
+
+def _channels(trial: Trial) -> go.Figure:
+    """Draw the velocities that were measured, and the joint angles."""
+    shown = [k for k in range(len(CHANNELS)) if trial.measured[k]]
+    rows = len(shown) + (trial.joint_angle is not None)
+    figure = panels(max(rows, 1), height=60 + 120 * max(rows, 1), shared_xaxes=True, vertical_spacing=0.09)
+    for row, k in enumerate(shown, start=1):
+        panel = Panel(figure, row)
+        panel.curve(trial.time, trial.velocity[:, k], "nominal")
+        panel.heading(f"{CHANNEL_NAMES[CHANNELS[k]]} [{UNITS[CHANNELS[k]]}]")
+    if trial.joint_angle is not None:
+        panel = Panel(figure, rows)
+        for angle, colour in zip(trial.joint_angle.T, _colours(trial.joint_angle.shape[1]), strict=True):
+            panel.curve(trial.time, angle, colour)
+        panel.heading("joint angles [rad], head to tail from dark to light")
+    return figure.update_xaxes(title_text="time [s]", row=max(rows, 1))
+
+
+def _colours(joints: int) -> list[str]:
+    """Return a colour a joint: the first in ink, the last in the lightest."""
+    scale = ("ink", "extended", "muted", "measured")
+    return [scale[min(joint * len(scale) // max(joints, 1), len(scale) - 1)] for joint in range(joints)]

@@ -1,0 +1,183 @@
+"""``mjfish dataset new``: columns, units and drives that are clear, given, asked for, or refused."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import Run
+from typer.testing import CliRunner
+
+from mjfish.cli import application, console
+from mjfish.data import load_dataset
+
+TIME = np.arange(0.0, 3.0, 0.01)
+#: surge, sway [m/s], yaw rate [rad/s], two joints [rad].
+TRUE = np.column_stack(
+    [
+        0.2 + 0.01 * np.sin(14 * TIME),
+        0.05 * np.sin(7 * TIME),
+        np.cos(7 * TIME),
+        0.3 * np.sin(7 * TIME),
+        np.sin(7 * TIME),
+    ]
+)
+#: The same in ms, mm/s, deg/s, deg.
+FOREIGN = np.column_stack([1e3 * TIME, 1e3 * TRUE[:, :2], np.degrees(TRUE[:, 2:])])
+
+
+def _table(path: Path, header: str, values: np.ndarray) -> None:
+    np.savetxt(path, values, delimiter=",", header=header, comments="", encoding="utf-8")
+
+
+@pytest.fixture
+def laboratory(run: Run, tmp_path: Path) -> Run:
+    """A fish of two joints, and recordings with clear and with unclear headers."""
+    run("fish new trout --length 0.4 --mass 0.6 --joints 2 --height 0.07")
+    for name in ("slow", "fast"):
+        _table(tmp_path / f"{name}.csv", "t [ms],u (mm/s),v (mm/s),Yaw rate (deg/s),servo1_deg,servo2_deg", FOREIGN)
+    _table(tmp_path / "odd.csv", "a,b,c,d,e,f", FOREIGN)
+    return run
+
+
+def _same(folder: Path, columns: int = 5) -> None:
+    """The first run has the true numbers, in SI."""
+    trial = load_dataset(folder).trials[0]
+    np.testing.assert_allclose(trial.time, TIME, atol=1e-12)
+    np.testing.assert_allclose(trial.velocity, TRUE[:, :3], atol=1e-12)
+    if columns > 3:
+        assert trial.joint_angle is not None
+        np.testing.assert_allclose(trial.joint_angle, TRUE[:, 3:], atol=1e-12)
+
+
+def test_clear_headers_need_no_flags_and_what_was_guessed_is_said(laboratory: Run, tmp_path: Path) -> None:
+    shown = laboratory("dataset new tank slow.csv fast.csv --fish trout.toml --held-out fast").stdout
+    _same(tmp_path / "tank")
+    assert [trial.role for trial in load_dataset(tmp_path / "tank").trials] == ["fit", "held_out"]
+    written = (tmp_path / "tank" / "dataset.toml").read_text(encoding="utf-8")
+    for text in (
+        "surge     u (mm/s) in mm/s, guessed from its header",
+        "time      t [ms] in ms, guessed from its header",
+        "joints    servo1_deg, servo2_deg in deg, guessed from their headers",
+        "sway to port, yaw rate to port",
+        "held out  fast",
+    ):
+        assert text in shown
+        assert text in written
+    assert shown.rstrip().endswith(" inspect tank")
+
+
+def test_every_column_and_unit_may_be_given(laboratory: Run, tmp_path: Path) -> None:
+    shown = laboratory(
+        "dataset new tank odd.csv --fish trout.toml --time a --surge b --sway c --yaw-rate d --joints e,f "
+        "--time-unit ms --length-unit mm --angle-unit deg"
+    ).stdout
+    _same(tmp_path / "tank")
+    assert "guessed" not in shown
+
+
+def test_a_drive_is_given_once_for_all_files_or_once_a_file(laboratory: Run, tmp_path: Path) -> None:
+    for name in ("slow", "fast"):
+        _table(tmp_path / f"{name}.csv", "t_ms,u_mm_s,v_mm_s,r_dps", FOREIGN[:, :4])
+    line = "dataset new {} slow.csv fast.csv --fish trout.toml --frequency 1.2 --frequency 2 --amplitude 10,20"
+    laboratory(f"{line} --phase=0,-60".format("tank"))
+    _same(tmp_path / "tank", columns=3)
+    waves = [trial.wave for trial in load_dataset(tmp_path / "tank").trials]
+    assert [wave.frequency for wave in waves if wave] == [1.2, 2.0]
+    assert waves[0] is not None
+    assert waves[0].free
+    np.testing.assert_allclose([waves[0].amplitude, waves[0].phase], np.radians([[10.0, 20.0], [0.0, -60.0]]))
+    laboratory(f"{line} --phase=0,-60 --synchronised --set wave.ramp=0.5 --set sway_to=starboard".format("second"))
+    second = load_dataset(tmp_path / "second").trials[0]
+    assert second.wave is not None
+    assert (second.wave.ramp, second.wave.free) == (0.5, False)
+    np.testing.assert_allclose(second.velocity[:, 1], -TRUE[:, 1], atol=1e-12)
+
+
+def test_places_are_differentiated_as_the_importer_of_poses_does(laboratory: Run, tmp_path: Path) -> None:
+    heading = 0.2 * np.sin(2 * np.pi * TIME)
+    poses = np.column_stack([TIME, 20.0 * TIME, 0.5 * np.sin(2 * np.pi * TIME + 1.0), np.degrees(heading)])
+    noise = np.random.default_rng(0).normal(0.0, [0.0, 0.02, 0.02, 0.1], poses.shape)
+    _table(tmp_path / "film.csv", "time,x_cm,y_cm,heading_deg,j1,j2", np.column_stack([poses + noise, TRUE[:, 3:]]))
+    shown = laboratory("dataset new tank film.csv --fish trout.toml --joint-unit rad").stdout
+    surge = load_dataset(tmp_path / "tank").trials[0].velocity[:, 0]
+    assert 0.15 < surge.mean() < 0.25
+    assert "its unit is assumed" in shown
+
+
+def _answered(answers: list[str], line: str, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr(console, "is_asking", lambda: True)
+    result = CliRunner().invoke(application(), line.split(), input="\n".join(answers) + "\n")
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+@pytest.mark.usefixtures("laboratory")
+def test_in_a_terminal_without_files_everything_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "odd.csv").unlink()
+    clear = ["", *[""] * 4]  # velocities, and four columns by their headers
+    shown = _answered(
+        ["", "trout.toml", *clear, "", *[""] * 4, "slow"], "dataset new tank", monkeypatch
+    )  # files; fish; columns; joints; units; held out
+    assert "CSV files, one a run [*.csv]" in shown
+    _same(tmp_path / "tank")
+    assert [trial.name for trial in load_dataset(tmp_path / "tank").split()[1]] == ["slow"]
+
+
+@pytest.mark.usefixtures("laboratory")
+def test_in_a_terminal_with_files_only_what_is_not_clear_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = ["velocities", "b", "c", "d", "e,f", "mm", "deg"]
+    _answered(answers, "dataset new tank odd.csv --fish trout.toml --time a --time-unit ms", monkeypatch)
+    _same(tmp_path / "tank")
+    shown = _answered([], "dataset new second slow.csv --fish trout.toml", monkeypatch)
+    assert "[mm]" not in shown
+
+
+REFUSED = {
+    "unclear": ("odd.csv --fish trout.toml", "not given and not clear from the headers a, b, c, d, e, f:"),
+    "no fish": ("slow.csv", "Fish: a TOML, or a shipped one (--fish)"),
+    "no files": ("", "no files, expected one CSV file a run"),
+    "absent": ("none.csv --fish trout.toml", "none.csv: no such file"),
+    "column": ("slow.csv --fish trout.toml --surge w", "unknown column in slow.csv 'w'; known: "),
+    "both kinds": ("slow.csv --fish trout.toml --surge a --x b", "--surge beside --x, expected velocities or places"),
+    "unit": ("slow.csv --fish trout.toml --length-unit ft", "--length-unit: found 'ft', expected m or cm or mm"),
+    "joints": ("slow.csv --fish pike", "joints.columns: 2 columns, expected 4"),
+    "both drives": ("slow.csv --fish trout.toml --joints a,b --frequency 1", "--joints beside a drive"),
+    "amplitudes": (
+        "slow.csv --fish trout.toml --frequency 1 --amplitude 1 --phase 0",
+        "amplitude: 1 numbers, expected 2, one for each joint",
+    ),
+    "twice": (
+        "slow.csv --fish trout.toml --frequency 1 --frequency 2 --amplitude 1,1 --phase 0,0",
+        "--frequency: given 2 times for 1 files, expected once, or once a file",
+    ),
+    "key": ("slow.csv --fish trout.toml --set sway=port_side=x", "'port_side=x'"),
+    "no key": ("slow.csv --fish trout.toml --set sway_to", "--set: found 'sway_to', expected KEY=VALUE"),
+    "held out": ("slow.csv fast.csv --fish trout.toml --held-out last", "unknown trial to hold out 'last'"),
+    "two units": ("mixed.csv --fish trout.toml", "headers name the units m and mm of one kind, expected one"),
+    "no header": ("bare.csv --fish trout.toml", "bare.csv: line 1 names no columns"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "complaint"), REFUSED.values(), ids=REFUSED)
+@pytest.mark.usefixtures("laboratory")
+def test_what_is_wrong_or_lacking_is_said_and_nothing_written(
+    refuse: Callable[[str], str], tmp_path: Path, options: str, complaint: str
+) -> None:
+    _table(tmp_path / "mixed.csv", "t_ms,u_mm_s,v_m_s,r_dps,j1_deg,j2_deg", FOREIGN)
+    _table(tmp_path / "bare.csv", ",".join("123456"), FOREIGN)
+    assert complaint in refuse(f"dataset new tank {options}")
+
+
+@pytest.mark.usefixtures("laboratory")
+def test_a_folder_with_anything_in_it_is_not_touched(refuse: Callable[[str], str], run: Run, tmp_path: Path) -> None:
+    line = "dataset new tank slow.csv --fish trout.toml"
+    run(line)
+    assert "tank: is not empty, expected a new folder; choose another" in refuse(line)
+    shutil.rmtree(tmp_path / "tank")
+    run(line)
