@@ -32,7 +32,8 @@ Own = Annotated[list[Path] | None, typer.Option(help="Python file with causes of
 
 def simulate(
     out: Annotated[
-        Path | None, typer.Option(help="Folder for rollout.csv and rollout.rrd.", show_default="needed but for --viewer")
+        Path | None,
+        typer.Option(help="Folder for rollout.csv and rollout.rrd.", show_default="needed but for --viewer"),
     ] = None,
     fish: FishOption = "pike",
     mode: Annotated[str, typer.Option(help=f"One of {', '.join(MODES)}.")] = "v1",
@@ -74,7 +75,9 @@ def simulate(
     if wave is not None and joints is not None:
         raise InputError("--wave: found with --joints, expected one drive; drop one")
     if viewer and (out is not None or draws is not None):
-        raise InputError(f"--viewer: found with {'--out' if draws is None else '--draws'}, but writes nothing; drop one")
+        raise InputError(
+            f"--viewer: found with {'--out' if draws is None else '--draws'}, but writes nothing; drop one"
+        )
     if out is not None:
         check_folder(out)
     known = causes.of_fish(causes.catalogue(tuple(effects or ())), read_fish(fish)[0])

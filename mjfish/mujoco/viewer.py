@@ -30,7 +30,7 @@ from mjfish.mujoco.memory import make_room
 from mjfish.mujoco.mjcf import Trim
 
 #: Time step [s], and pictures a second.
-_STEP, _RATE = 0.002, 60.0
+_STEP, _RATE = 0.002, 50.0
 #: Sliders of the drive: lowest, first and highest value.
 DRIVE = {"pace": (0.0, 1.0, 2.0), "swing": (0.0, 1.0, 2.0), "turn": (-0.4, 0.0, 0.4)}
 
@@ -52,7 +52,7 @@ class Player:
         end = float(self.motion.time[-1])
         if clock > end:
             clock = end - self.beat + (clock - end) % self.beat
-        return self.motion.angle_at(np.array([clock]))[0]
+        return np.asarray(self.motion.angle_at(np.array([clock]))[0])
 
 
 class Handle(Protocol):
@@ -103,7 +103,9 @@ class Tank:
         self.length = fish.length
         first = {**fish.values, **(values or {})}
         ranges = dict(DRIVE)
-        ranges |= {p.name: (min(p.low, first[p.name]), first[p.name], max(p.high, first[p.name])) for p in fish.parameters}
+        ranges |= {
+            p.name: (min(p.low, first[p.name]), first[p.name], max(p.high, first[p.name])) for p in fish.parameters
+        }
         spec = mjcf.prepared(fish, mjcf.spec(fish, free), _STEP, "RK4")
         spec.nuserdata = 0  # the servos read ctrl
         servos = len(spec.actuators)
