@@ -224,7 +224,7 @@ def _joints(figure: Figure) -> list[FloatArray]:
 
 
 def beat_paths(figure: Figure, measured: Figure, starts: FloatArray) -> list[FloatArray]:
-    """Return the path of a nose in pieces (k, 3) [m], each begun with the measured nose and heading at one of `starts`."""
+    """Return the path of a nose in pieces (k, 3) [m], each begun with the measured nose and heading at a start."""
     pieces = []
     for start, end in itertools.pairwise([*starts, np.inf]):
         own = figure.onto(measured, float(start))

@@ -1,4 +1,4 @@
-"""What happens in a run, in words and at its time: start, changes of the drive, gaps, joints off their command, ends."""
+"""What happens in a run, in words, at its time: start, changes of the drive, gaps, joints off their command, ends."""
 
 from __future__ import annotations
 

@@ -159,8 +159,8 @@ def write_runs(
 ) -> None:
     """Write runs to an .rrd file, with a blueprint that shows them one a tab, the first in front.
 
-    Per run: ``/RUN/world/SWIMMER/link_K`` the body with a transform over time, ``/RUN/world/SWIMMER/path``, in ``beats``
-    beside it the path begun anew on the measured one at every beat, ``/RUN/world/SWIMMER/force/drag`` and
+    Per run: ``/RUN/world/SWIMMER/link_K`` the body with a transform over time, ``/RUN/world/SWIMMER/path``,
+    ``.../beats`` the path begun anew on the measured one at every beat, ``/RUN/world/SWIMMER/force/drag`` and
     ``.../added_mass``, ``/RUN/velocity/CHANNEL/SWIMMER`` and ``/RUN/residual/CHANNEL/SWIMMER``, where ``with_cause``
     stands for the extended fish, ``/RUN/joints/joint_K/command`` and ``.../SWIMMER``, ``/RUN/joints/phase/beat`` from 0
     to 1, ``/RUN/events``, of a band of other fish ``/RUN/velocity/CHANNEL/draws_5`` and so on, of a fish in space
