@@ -31,7 +31,10 @@ Own = Annotated[list[Path] | None, typer.Option(help="Python file with causes of
 
 
 def simulate(
-    out: Annotated[Path, typer.Option(help="Folder for rollout.csv and rollout.rrd.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for rollout.csv and rollout.rrd.", show_default="needed but for --viewer"),
+    ] = None,
     fish: FishOption = "pike",
     mode: Annotated[str, typer.Option(help=f"One of {', '.join(MODES)}.")] = "v1",
     engine: Annotated[Literal["ode", "mujoco"], typer.Option(help="Head-frame ODE or MuJoCo.")] = "ode",
@@ -59,20 +62,39 @@ def simulate(
         Path | None,
         typer.Option(help="Folder of `mjfish sample`: simulate its fish too and write their band, band.csv."),
     ] = None,
+    viewer: Annotated[
+        bool,
+        typer.Option("--viewer", help="Write nothing: open MuJoCo's viewer, with sliders for drive and coefficients."),
+    ] = False,
 ) -> None:
-    """Simulate a fish with its effects and write rollout.csv and rollout.rrd."""
+    """Simulate a fish with its effects and write rollout.csv and rollout.rrd, or watch it in MuJoCo's viewer."""
     from mjfish import effects as causes
     from mjfish.fish import read as read_fish
     from mjfish.simulation import parse_wave
 
     if wave is not None and joints is not None:
         raise InputError("--wave: found with --joints, expected one drive; drop one")
-    check_folder(out)
+    if viewer and (out is not None or draws is not None):
+        raise InputError(
+            f"--viewer: found with {'--out' if draws is None else '--draws'}, but writes nothing; drop one"
+        )
+    if out is not None:
+        check_folder(out)
     known = causes.of_fish(causes.catalogue(tuple(effects or ())), read_fish(fish)[0])
     values = console.assignments(set_ or [], "--set")
     for name, settings in console.effect_settings(effect or []).items():
         values |= {causes.find(name, known).declaration(short).name: value for short, value in settings.items()}
     drive = joints if wave is None else parse_wave(wave)
+    if viewer:
+        from mjfish.mujoco.viewer import check_display, show
+        from mjfish.simulation.viewer import tank
+
+        check_display()
+        console.say("sliders: panel Control on the right; close the window to end")
+        show(tank(fish, mode, values=values, effects=known, drive=drive, free=free))
+        return
+    if out is None:
+        raise typer.BadParameter("give a folder, or --viewer", param_hint="'--out'")
     others = [] if draws is None else _fish_in(draws)
 
     def swim(fish: str | Path) -> Simulation:

@@ -9,7 +9,7 @@ In reading order:
 * `block`, `layout`, `callback`, `written_forces`: how compiled code finds the water, MuJoCo's memory and its way back;
   `checked`: what of a model must stay.
 * `mjcf`: the fish as a MuJoCo model; `rollout`: runs with servos; `prescribed`: with given joint angles; `export`.
-* `offscreen`: pictures without a window.
+* `offscreen`: pictures without a window; `viewer`: MuJoCo's own, with sliders.
 """
 
 from mjfish.mujoco.blunt_link import BluntLink

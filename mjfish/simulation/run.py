@@ -159,14 +159,12 @@ def simulate(
         pike, v1, ode: mean surge of the second half ... m/s
         with munk_moment: kappa = 1
     """
-    extended_fish = extended.load(fish, effects, values)
     if not 0.0 < duration < math.inf:
         raise InputError(f"duration: found {duration:g}, expected a finite number above 0 s; correct it")
     if free and engine != "mujoco":
         raise InputError("free: the ODE is planar; choose the engine mujoco")
-    trial = _trial(extended_fish.model.fish, mode, drive, duration)
-    check_can_act(extended_fish.model.effects, trial)
-    run = replace(extended_fish.model, step=STEP).prepare(trial, extended_fish.values)
+    extended_fish = extended.load(fish, effects, values)
+    run, trial = prepared(extended_fish, mode, drive=drive, duration=duration)
     swim = _in_mujoco if engine == "mujoco" else _in_ode
     simulated = swim(run, free)
     state = simulated.state
@@ -189,6 +187,22 @@ def simulate(
         motion=simulated.motion,
         states=simulated.states,
     )
+
+
+def prepared(
+    fish: Fish | extended.Extended | str | Path,
+    mode: str = "v1",
+    *,
+    values: Mapping[str, float] | None = None,
+    effects: Mapping[str, Effect] | None = None,
+    drive: Wave | str | Path | None = None,
+    duration: float = modes.DURATION,
+) -> tuple[Prepared, Trial]:
+    """Return what is simulated, and its drive as a trial; arguments and errors as of `simulate`."""
+    extended_fish = extended.load(fish, effects, values)
+    trial = _trial(extended_fish.model.fish, mode, drive, duration)
+    check_can_act(extended_fish.model.effects, trial)
+    return replace(extended_fish.model, step=STEP).prepare(trial, extended_fish.values), trial
 
 
 def check_can_act(effects: Iterable[Effect], trial: Trial) -> None:

@@ -16,6 +16,8 @@ from mjfish.drive import cpg, modes
 from mjfish.effects import find
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
+from mjfish.mujoco import viewer
+from mjfish.mujoco.viewer import Tank
 
 COLUMNS = ["time", "surge", "sway", "yaw_rate", "x", "y", "yaw", "joint_1", "joint_2", "joint_3", "joint_4"]
 
@@ -150,7 +152,7 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_is_simulate
 
 
 def test_out_must_be_given(refuse: Callable[[str], str]) -> None:
-    assert "Missing option '--out'" in refuse("simulate")
+    assert "Invalid value for '--out': give a folder, or --viewer" in refuse("simulate")
 
 
 @pytest.mark.parametrize("option", ["--set munk_moment.kappa=1", "--effect munk_moment:kappa=1"])
@@ -197,3 +199,23 @@ def test_joint_angles_of_another_fish_are_refused(refuse: Callable[[str], str], 
     assert "mine.csv: joint_4 [rad] missing; expected the time and 4 joints, those of pike" in refuse(
         "simulate --joints mine.csv --out a"
     )
+
+
+def test_the_viewer_needs_a_display_and_writes_nothing(
+    refuse: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+    assert "--viewer: there is no display to open a window on" in refuse("simulate --viewer")
+    assert "--viewer: found with --out, but writes nothing; drop one" in refuse("simulate --viewer --out a")
+
+
+def test_the_viewer_shows_the_fish_of_the_command_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[Tank] = []
+    monkeypatch.setattr(viewer, "check_display", lambda: None)
+    monkeypatch.setattr(viewer, "show", shown.append)
+    assert "panel Control" in run("simulate --viewer --mode v3 --set c_d.tail=1.7 --free").stdout
+    (tank,) = shown
+    assert tank.water.links[-1].c_d == 1.7
+    assert tank.model.nq == 7 + 4

@@ -37,7 +37,7 @@ def test_velocities_and_residuals_come_back_exactly_at_their_times(log: Path) ->
         time, measured = column(log, f"/fast/velocity/{channel}/measured", "Scalars:scalars")
         np.testing.assert_allclose(time, overlay.trial.time, atol=1e-9)
         np.testing.assert_array_equal(measured[:, 0], overlay.trial.velocity[:, k])
-        _, extended = column(log, f"/fast/velocity/{channel}/extended", "Scalars:scalars")
+        _, extended = column(log, f"/fast/velocity/{channel}/with_cause", "Scalars:scalars")
         np.testing.assert_array_equal(extended[:, 0], overlay.extended[:, k])
         _, residual = column(log, f"/fast/residual/{channel}/nominal", "Scalars:scalars")
         np.testing.assert_array_equal(residual[:, 0], (overlay.trial.velocity - overlay.nominal)[:, k])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.reporting.log.drawing import Drawing, Figure
+from mjfish.reporting.log.drawing import Drawing
 
 #: Beats of a stretch that is shown slowly, and of one whose instants stand beside each other.
 BEATS, BEATS_OF_STILL = 8, 14
@@ -85,18 +85,11 @@ def _anchored(drawing: Drawing, start: float, end: float, slowdown: int) -> Stre
     if measured is None or not measured.meshes:
         return Stretch(drawing, start, end, slowdown)
     figures = tuple(
-        figure if figure is measured or not figure.meshes else _onto(figure, measured, start)
+        figure if figure is measured or not figure.meshes else figure.onto(measured, start)
         for figure in drawing.figures
     )
     moved = Drawing(drawing.name, drawing.source, drawing.held_out, drawing.length, figures, drawing.scale)
     return Stretch(moved, start, end, slowdown, anchored=len(figures) > 1)
-
-
-def _onto(figure: Figure, other: Figure, time: float) -> Figure:
-    """Return a figure that has the nose and the heading of another at a time."""
-    own, there = (one.at(np.array([time])) for one in (figure, other))
-    turn = float(there.heading()[0] - own.heading()[0])
-    return figure.moved(turn, own.path[0], there.path[0])
 
 
 def _distance(stretch: Stretch) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -109,6 +110,12 @@ class Figure:
             quaternions.reshape(self.turn.shape), arrows, self.error,
         )  # fmt: skip
 
+    def onto(self, other: Figure, time: float) -> Figure:
+        """Return the figure with the nose and the heading of another at a time [s]."""
+        own, there = (figure.at(np.array([time])) for figure in (self, other))
+        turn = float(there.heading()[0] - own.heading()[0])
+        return self.moved(turn, own.path[0], there.path[0])
+
     def heading(self) -> FloatArray:
         """Return the heading of the head (n,) [rad], x towards y."""
         return np.unwrap(2.0 * np.arctan2(self.turn[:, 0, 2], self.turn[:, 0, 3]) - np.pi)
@@ -203,6 +210,28 @@ def camera_path(figures: Sequence[Figure], time: FloatArray) -> FloatArray:
         return np.asarray(middle)
     step = float(np.median(np.diff(time)))
     return np.asarray(gaussian_filter1d(middle, _SMOOTHING / step, axis=0, mode="nearest"))
+
+
+def reach(figures: Sequence[Figure], path: FloatArray, time: FloatArray) -> float:
+    """Return how far from the camera's point (n, 3) at times (n,) any nose or joint is, at most [m]."""
+    points = [figure.at(time) for figure in figures]
+    away = [np.linalg.norm(point - path, axis=1) for figure in points for point in (figure.path, *_joints(figure))]
+    return float(np.max(away))
+
+
+def _joints(figure: Figure) -> list[FloatArray]:
+    return [figure.place[:, k] for k in range(figure.place.shape[1])]
+
+
+def beat_paths(figure: Figure, measured: Figure, starts: FloatArray) -> list[FloatArray]:
+    """Return the path of a nose in pieces (k, 3) [m], each begun with the measured nose and heading at a start."""
+    pieces = []
+    for start, end in itertools.pairwise([*starts, np.inf]):
+        own = figure.onto(measured, float(start))
+        within = (figure.time >= start - 1e-9) & (figure.time <= end + 1e-9)
+        if np.count_nonzero(within) > 1:
+            pieces.append(own.path[within])
+    return pieces
 
 
 def floor_height(figures: Sequence[Figure], length: float) -> float:

@@ -28,9 +28,11 @@ from mjfish.reporting.log.drawing import (
     Drawing,
     Figure,
     arrow_scale,
+    beat_paths,
     camera_path,
     drawn,
     floor_height,
+    reach,
 )
 from mjfish.reporting.log.scene import Run
 
@@ -38,10 +40,13 @@ from mjfish.reporting.log.scene import Run
 ATTITUDE = {"roll": "rad", "pitch": "rad", "heave": "m"}
 
 
-def blueprint(runs: Sequence[Run], mechanisms: Sequence[NamedMechanism] = ()) -> rrb.Blueprint:
-    """Return the layout of a log of `runs`; curves of mechanisms have a tab behind them."""
+def blueprint(
+    runs: Sequence[Run], drawings: Sequence[Drawing], mechanisms: Sequence[NamedMechanism] = ()
+) -> rrb.Blueprint:
+    """Return the layout of a log of `runs` and how they are drawn; curves of mechanisms have a tab behind them."""
     forms = form_tab(mechanisms)
-    tabs = [*(_tab(run) for run in runs), *([] if forms is None else [forms])]
+    tabs = [_tab(run, drawing) for run, drawing in zip(runs, drawings, strict=True)]
+    tabs += [] if forms is None else [forms]
     return rrb.Blueprint(
         tabs[0] if len(tabs) == 1 else rrb.Tabs(*tabs, active_tab=0),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="playing", loop_mode="all"),
@@ -51,41 +56,76 @@ def blueprint(runs: Sequence[Run], mechanisms: Sequence[NamedMechanism] = ()) ->
     )
 
 
-def _tab(run: Run) -> rrb.Horizontal:
+def _tab(run: Run, drawing: Drawing) -> rrb.Horizontal:
     root = "/" + rr.escape_entity_path_part(run.name)
-    curves = [_curves(f"{root}/velocity", "")]
+    others = [_joints(root, run)]
     if run.residuals():
-        curves.append(_curves(f"{root}/residual", " residual"))
+        others.insert(0, _curves(f"{root}/residual", " residual", name="Residuals"))
     if any(swim.attitude is not None for swim in run.swims):
-        curves.append(_curves(f"{root}/attitude", "", ATTITUDE))
-    left = rrb.Vertical(_swimming(root, run), rrb.TextDocumentView(origin="/about", name="About"), row_shares=[4, 1])
+        others.insert(0, _curves(f"{root}/attitude", "", ATTITUDE, name="Attitude"))
+    said = [rrb.TextDocumentView(origin="/about", name="About")]
+    if run.events:
+        said.append(rrb.TextLogView(origin=f"{root}/events", name="Events"))
+    swimming = rrb.Tabs(_swimming(root, run, drawing), _from_above(root, run, drawing), active_tab=0)
     return rrb.Horizontal(
-        left,
-        *curves,
-        column_shares=[5, *([4] * len(curves))],
+        rrb.Vertical(swimming, rrb.Tabs(*said, active_tab=0), row_shares=[4, 1]),
+        _curves(f"{root}/velocity", ""),
+        rrb.Tabs(*others, active_tab=0),
+        column_shares=[5, 4, 4],
         name=f"{run.name}{' (held out)' if run.held_out else ''}",
     )
 
 
-def _swimming(root: str, run: Run) -> rrb.Spatial3DView:
-    """Look from aside and above at the camera's point, which swims along."""
-    length = run.fish.length
+def _swimming(root: str, run: Run, drawing: Drawing) -> rrb.Spatial3DView:
+    """Look from aside and above at the camera's point, from so far that every fish is in view at all times."""
+    far = _far(run, drawing)
+    return _view(root, "Swimming", (-0.35 * far, -1.15 * far, 1.15 * far), (0.0, 0.0, 1.0))
+
+
+def _from_above(root: str, run: Run, drawing: Drawing) -> rrb.Spatial3DView:
+    """Look straight down at the camera's point, x to the right."""
+    return _view(root, "From above", (0.0, 0.0, 1.9 * _far(run, drawing)), (0.0, 1.0, 0.0))
+
+
+def _far(run: Run, drawing: Drawing) -> float:
+    """Return a length of the fish, or more where the fish of a run part from each other [m]."""
+    time = run.followed().time
+    apart = reach(drawing.figures, camera_path(drawing.figures, time), time)
+    return max(drawing.length, _IN_VIEW * apart)
+
+
+def _view(
+    root: str, name: str, position: tuple[float, float, float], up: tuple[float, float, float]
+) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin=f"{root}/world/camera",
         contents=f"{root}/world/**",
-        name="Swimming",
+        name=name,
         background=rrb.Background(color=[22, 25, 30]),
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=(-0.35 * length, -1.15 * length, 1.15 * length),
-            look_target=(0.0, 0.05 * length, 0.0),
-            eye_up=(0.0, 0.0, 1.0),
+            kind=rrb.Eye3DKind.Orbital, position=position, look_target=(0.0, 0.0, 0.0), eye_up=up
         ),
     )
 
 
-def _curves(root: str, kind: str, units: Mapping[str, str] = UNITS) -> rrb.Vertical:
+def _joints(root: str, run: Run) -> rrb.Vertical:
+    """Return one plot a joint, commanded and realised angles, and the phase of the beat below."""
+    plots = {f"joint_{k + 1}": f"joint {k + 1} [rad]" for k in range(run.fish.joints)}
+    if run.phase is not None:
+        plots["phase"] = "phase of the beat [-]"
+    views = [
+        rrb.TimeSeriesView(
+            origin=f"{root}/joints/{entity}",
+            name=name,
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.RightBottom, visible=entity == "joint_1"),
+        )
+        for entity, name in plots.items()
+    ]
+    return rrb.Vertical(*views, name="Joints")
+
+
+def _curves(root: str, kind: str, units: Mapping[str, str] = UNITS, name: str | None = None) -> rrb.Vertical:
     """Return one plot a channel; the first has the legend."""
     return rrb.Vertical(
         *(
@@ -95,7 +135,8 @@ def _curves(root: str, kind: str, units: Mapping[str, str] = UNITS) -> rrb.Verti
                 plot_legend=rrb.PlotLegend(rrb.Corner2D.RightBottom, visible=channel == CHANNELS[0]),
             )
             for channel, unit in units.items()
-        )
+        ),
+        name=name,
     )
 
 
@@ -105,6 +146,10 @@ TIMELINE = "sim_time"
 #: Of the band of other fish in the same run.
 BAND = (130, 136, 145, 255)
 FLOOR = (70, 78, 90, 255)
+#: The camera is farther away than a length of the fish where the fish part: this share of how far.
+_IN_VIEW = 1.1
+#: The viewer draws the curves of a plot in the order of their entities: this one is the last, above the others.
+_CURVES = {"extended": "with_cause"}
 #: Spacing of the floor's lines and its margin, in lengths of the fish.
 _SPACING, _MARGIN = 0.5, 3.0
 
@@ -115,9 +160,11 @@ def write_runs(
     """Write runs to an .rrd file, with a blueprint that shows them one a tab, the first in front.
 
     Per run: ``/RUN/world/SWIMMER/link_K`` the body with a transform over time, ``/RUN/world/SWIMMER/path``,
-    ``/RUN/world/SWIMMER/force/drag`` and ``.../added_mass``, ``/RUN/velocity/CHANNEL/SWIMMER`` and
-    ``/RUN/residual/CHANNEL/SWIMMER``, of a band of other fish ``/RUN/velocity/CHANNEL/draws_5`` and so on, of a fish in
-    space ``/RUN/attitude/roll/SWIMMER`` and so on, all on the duration timeline ``sim_time``. Curves are
+    ``.../beats`` the path begun anew on the measured one at every beat, ``/RUN/world/SWIMMER/force/drag`` and
+    ``.../added_mass``, ``/RUN/velocity/CHANNEL/SWIMMER`` and ``/RUN/residual/CHANNEL/SWIMMER``, where ``with_cause``
+    stands for the extended fish, ``/RUN/joints/joint_K/command`` and ``.../SWIMMER``, ``/RUN/joints/phase/beat`` from 0
+    to 1, ``/RUN/events``, of a band of other fish ``/RUN/velocity/CHANNEL/draws_5`` and so on, of a fish in space
+    ``/RUN/attitude/roll/SWIMMER`` and so on, all on the duration timeline ``sim_time``. Curves are
     ``/curves/MECHANISM/QUANTITY-GROUP``, see `mjfish.reporting.log.curves`.
 
     Args:
@@ -140,13 +187,13 @@ def write_runs(
 def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: Sequence[NamedMechanism]) -> None:
     scale = arrow_scale(runs)
     recording = rr.RecordingStream(APPLICATION)
-    recording.save(path, default_blueprint=blueprint(runs, mechanisms))
+    drawings = [drawn(run, scale, name) for run in runs]
+    recording.save(path, default_blueprint=blueprint(runs, drawings, mechanisms))
     recording.send_recording_name(name)
     legend = f"\n\nArrows: 1 N is {scale:g} m." if _has_forces(runs) else ""
     recording.log("about", rr.TextDocument(about + legend, media_type=rr.MediaType.MARKDOWN), static=True)
-    for run in runs:
+    for run, drawing in zip(runs, drawings, strict=True):
         root = "/" + rr.escape_entity_path_part(run.name)
-        drawing = drawn(run, scale, name)
         _about(recording, root, drawing)
         _water(recording, f"{root}/world", run, drawing)
         for figure in drawing.figures:
@@ -155,6 +202,8 @@ def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: 
             _series(recording, f"{root}/velocity", swim.swimmer, swim.time, swim.velocity)
             if swim.attitude is not None:
                 _series(recording, f"{root}/attitude", swim.swimmer, swim.time, swim.attitude, tuple(ATTITUDE))
+        _drive(recording, root, run)
+        _beats(recording, f"{root}/world", run, drawing)
         if run.band is not None:
             for level, velocity in zip(run.band.levels, run.band.velocity, strict=True):
                 _series(recording, f"{root}/velocity", f"draws_{level:g}", run.band.time, velocity)
@@ -163,6 +212,39 @@ def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: 
     log_curves(recording, mechanisms)
     recording.flush()
     recording.disconnect()
+
+
+def _drive(recording: rr.RecordingStream, root: str, run: Run) -> None:
+    """Log angles of the joints, what they were told, the phase of the beat and the events."""
+    names = [f"joint_{k + 1}" for k in range(run.fish.joints)]
+    time = run.swims[0].time
+    if run.command is not None:
+        _series(recording, f"{root}/joints", "command", time, run.command, names)
+    for swim in run.swims:
+        if swim.joint_angle is not None and not swim.ghost:
+            _series(recording, f"{root}/joints", swim.swimmer, swim.time, swim.joint_angle, names)
+    if run.phase is not None:
+        turns = np.mod(run.phase / (2.0 * np.pi), 1.0)[:, None]
+        _series(recording, f"{root}/joints", "beat", time, turns, ["phase"])
+    if run.events:
+        times, words = zip(*run.events, strict=True)
+        said = rr.TextLog.columns(text=words, level=["INFO"] * len(words))
+        recording.send_columns(f"{root}/events", [rr.TimeColumn(TIMELINE, duration=np.array(times))], said)
+
+
+def _beats(recording: rr.RecordingStream, root: str, run: Run, drawing: Drawing) -> None:
+    """Log the paths of the simulated noses, begun anew on the measured one at every beat."""
+    measured = next((figure for figure in drawing.figures if figure.swimmer == "measured"), None)
+    if run.phase is None or measured is None or not measured.meshes:
+        return
+    turns = np.maximum.accumulate(np.floor(np.abs(run.phase - run.phase[0]) / (2.0 * np.pi)))
+    starts = run.swims[0].time[np.flatnonzero(np.diff(turns, prepend=-1.0) > 0.0)]
+    for figure in drawing.figures:
+        if figure is not measured and figure.meshes:
+            pieces = rr.LineStrips3D(
+                beat_paths(figure, measured, starts), colors=[COLOURS[figure.swimmer]], radii=rr.Radius.ui_points(0.6)
+            )
+            recording.log(f"{root}/{figure.swimmer}/beats", pieces, static=True)
 
 
 def _has_forces(runs: Sequence[Run]) -> bool:
@@ -226,7 +308,8 @@ def _series(
     """Log one curve a channel, of a swimmer or of another name."""
     style = rr.SeriesLines(names=name, colors=COLOURS.get(name, BAND), widths=1.6 if name in COLOURS else 0.8)
     for k, channel in enumerate(channels):
-        _columns(recording, f"{root}/{channel}/{name}", style, time, rr.Scalars.columns(scalars=values[:, k]))
+        entity = f"{root}/{channel}/{_CURVES.get(name, name)}"
+        _columns(recording, entity, style, time, rr.Scalars.columns(scalars=values[:, k]))
 
 
 def _columns(recording: rr.RecordingStream, entity: str, style: Any, time: FloatArray, columns: Any) -> None:

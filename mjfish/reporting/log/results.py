@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,14 +17,17 @@ from mjfish.diagnosis import Diagnosis, Overlay
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
+from mjfish.estimation.omnibus import beat_phase
+from mjfish.fish import Fish
 from mjfish.model import Model, asked_motion
 from mjfish.model.model import Prepared, pose_of
 from mjfish.ode.forces import LinkForces, link_forces
 from mjfish.ode.rollout import STEP
 from mjfish.reporting.log.drawing import Drawing, arrow_scale, drawn
+from mjfish.reporting.log.events import events_of
 from mjfish.reporting.log.recording import write_runs
 from mjfish.reporting.log.scene import Run, Swim, Swimmer, placed, travelled
-from mjfish.reporting.words import VERDICTS, percent
+from mjfish.reporting.words import VERDICTS, number, percent
 from mjfish.simulation import Simulation
 
 
@@ -53,6 +56,7 @@ def _(result: Diagnosis, path: Path) -> None:
         "Measured grey, nominal model orange, extended model teal. "
         "Forces of the water: drag red, added mass blue, what an effect adds yellow."
     )
+    lines.append(drift(runs))
     write_runs(path, runs, name=result.dataset.name, about="\n\n".join(lines), mechanisms=result.mechanisms)
 
 
@@ -67,9 +71,9 @@ def _(result: Identification, path: Path) -> None:
             _measured(residual.trial, model),
             simulated("nominal", model, values, residual.trial, residual.predicted),
         )
-        runs.append(Run(residual.trial.name, model.fish, swims, residual.role == "held_out"))
-    about = "Measured grey, fitted model orange. Forces of the water: drag red, added mass blue."
-    write_runs(path, runs, name=result.dataset.name, about=about)
+        runs.append(_compared(residual.trial, model.fish, swims, residual.role == "held_out"))
+    about = ["Measured grey, fitted model orange. Forces of the water: drag red, added mass blue.", drift(runs)]
+    write_runs(path, runs, name=result.dataset.name, about="\n\n".join(about))
 
 
 def _run(diagnosis: Diagnosis, overlay: Overlay) -> Run:
@@ -83,7 +87,30 @@ def _run(diagnosis: Diagnosis, overlay: Overlay) -> Run:
         extended = simulated("extended", diagnosis.extended_model, values, trial, overlay.extended)
         words = f"with {' and '.join(diagnosis.best)}"
         swims = (swims[0], replace(nominal, forces=None), replace(extended, words=words))
-    return Run(trial.name, diagnosis.nominal_model.fish, swims, overlay.held_out)
+    return _compared(trial, diagnosis.nominal_model.fish, swims, overlay.held_out)
+
+
+def _compared(trial: Trial, fish: Fish, swims: tuple[Swim, ...], held_out: bool) -> Run:
+    """Return a measured trial and who simulated it, with its command, the phase of its beat and its events."""
+    motion = asked_motion(fish.cpg, trial, STEP)
+    command = None if trial.joints_measured else motion.angle_at(np.minimum(trial.time, motion.time[-1]))
+    phase, events = beat_phase(fish.cpg, trial), events_of(trial, held_out, swims)
+    return Run(trial.name, fish, swims, held_out, command=command, phase=phase, events=events)
+
+
+def drift(runs: Sequence[Run]) -> str:
+    """Return in words how far apart the paths of each run end: they add up what the velocities err."""
+    lines = ["Paths add up the errors of the velocities; the thin ones begin anew on the measured path at every beat."]
+    for run in runs:
+        ends = {swim.swimmer: swim.pose[-1, :2] for swim in run.swims if swim.time[-1] == run.swims[0].time[-1]}
+        others = [
+            f"the {who} one {number(float(np.linalg.norm(end - ends['measured'])), 2)} m"
+            for who, end in ends.items()
+            if who != "measured"
+        ]
+        if others:
+            lines.append(f"- {run.name}: at the end {' and '.join(others)} from the measured nose.")
+    return "\n".join([lines[0], "", *lines[1:]])
 
 
 def _start(trial: Trial) -> FloatArray:
@@ -148,7 +175,12 @@ def _simulated_run(result: Simulation) -> Run:
         time = result.prepared.time[: len(result.time)]
         forces = _forces(result.prepared, result.motion, result.states, time, result.pose)
     swim = Swim("simulated", result.time, result.velocity, result.pose, result.joint_angle, forces, result.attitude)
-    return Run(result.drive, result.prepared.fish, (swim,), band=result.band)
+    motion = result.prepared.motion
+    command = motion.angle_at(np.minimum(result.time, motion.time[-1]))
+    events = [(float(result.time[0]), "start")]
+    if result.status != "ok":
+        events.append((float(result.time[-1]), f"{result.status}: {result.message}"))
+    return Run(result.drive, result.prepared.fish, (swim,), band=result.band, command=command, events=tuple(events))
 
 
 def _forces(run: Prepared, motion: JointMotion, states: FloatArray, time: FloatArray, pose: FloatArray) -> LinkForces:

@@ -61,6 +61,9 @@ class Run:
         swims: one a swimmer, those of one run on the same samples.
         held_out: whether nothing was fitted to it.
         band: of other fish in the same run, if any.
+        command: (n, joints) what the joints were told [rad], at the samples of the first swim; None: not known.
+        phase: (n,) of the beat at the same samples [rad]; None: not known.
+        events: what happens, time [s] and words.
     """
 
     name: str
@@ -68,6 +71,9 @@ class Run:
     swims: tuple[Swim, ...]
     held_out: bool = False
     band: Band | None = None
+    command: FloatArray | None = None
+    phase: FloatArray | None = None
+    events: tuple[tuple[float, str], ...] = ()
 
     def followed(self) -> Swim:
         """Return the swim that the camera follows: one with a body, the best simulated first."""
