@@ -175,7 +175,7 @@ def _check_servos(
             share = f"{level.worst / result.bound:.2g}"
             table.add_row(result.drive, f"{1e3 * level.step:g}", *ratios, share, _known(order, ".2f"))
         table.add_section()
-    console.out.print(table)
+    console.show(table)
     for result in results:
         console.out.print(Text.assemble(f"{result.drive}: ", _status(result), f", {result.message}"), soft_wrap=True)
     return results
@@ -203,7 +203,7 @@ def _check_engines(extended_fish: Extended, names: Sequence[str], reference: Pat
         engine = (row.mode, row.engine, row.coupling, row.integrator)
         last = following is not None and following.case != row.case
         table.add_row(*engine, f"{1e3 * row.step:.3g}", *differences, _status(row), end_section=last)
-    console.out.print(table)
+    console.show(table)
     if reference is None:
         console.say("no reference trajectories: name their folder by --reference or MJFISH_REFERENCE")
     return rows

@@ -25,6 +25,7 @@ COMMANDS = (
     "import",
     "compare",
     "identify",
+    "inspect",
     "diagnose",
     "sample",
     "plan",
