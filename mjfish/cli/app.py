@@ -41,6 +41,9 @@ class _Group(TyperGroup):
         except MjfishError as error:
             console.complain("error", str(error))
             raise typer.Exit(console.MISUSE) from None
+        except KeyboardInterrupt:
+            console.complain("stopped", "a file that was being written is whole or not there")
+            raise typer.Exit(console.STOPPED) from None
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         for command in self.commands.values():
@@ -88,7 +91,6 @@ def application() -> typer.Typer:
         name="mjfish",
         help=_ABOUT,
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
     )
     app.callback(help=_ABOUT)(_root)

@@ -69,7 +69,7 @@ def _show(result: Comparison) -> None:
         for row, cells in enumerate(_lines(trial)):
             shown.add_row(trial.trial if row == 0 else "", *cells)
         shown.add_section()
-    console.out.print(shown)
+    console.show(shown)
     remarks = (remark for trial in result.trials for remark in trial.remarks)
     console.say(*_LEGEND, *(remark for remark in remarks if remark not in result.failures))
     if result.unused:

@@ -13,8 +13,9 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
+import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -29,12 +30,15 @@ if TYPE_CHECKING:
 #: Exit codes.
 NOT_GOOD = 1
 MISUSE = 2
+STOPPED = 130
 
 #: Stands for standard output in the place of a file.
 STDOUT = Path("-")
 
 #: Characters that a text has beside a word, however narrow the terminal.
 _NARROWEST = 40
+#: Width at which every table fits.
+_ENDLESS = 10_000
 #: Seconds between lines of progress.
 _EVERY = 20.0
 
@@ -49,11 +53,53 @@ def say(*lines: str | tuple[str, str]) -> None:
         out.print(Text(text, style=style), soft_wrap=True)
 
 
+def width_beside(word: str) -> int:
+    """Return how many characters of a text stand beside a word."""
+    return max(out.width - len(word) - 2, _NARROWEST)
+
+
+def wrapped(word: str, text: str) -> list[str]:
+    """Return a text in lines that stand beside a word, broken between words."""
+    return textwrap.wrap(text, width_beside(word), break_on_hyphens=False, break_long_words=False)
+
+
 def item(word: str, text: str, style: str = "") -> None:
     """Print a word and, beside it, a text that is broken into lines between words."""
-    lines = textwrap.wrap(text, max(out.width - len(word) - 2, _NARROWEST), break_on_hyphens=False)
-    for number, line in enumerate(lines):
+    for number, line in enumerate(wrapped(word, text)):
         out.print(Text.assemble((word, style) if number == 0 else " " * len(word), "  ", line), soft_wrap=True)
+
+
+def show(shown: Table) -> None:
+    """Print a table with all of its letters: numbers are broken into lines, too, where there is no room else."""
+    narrowest = out.measure(shown, options=out.options.update(width=_ENDLESS)).minimum
+    if narrowest > out.width:
+        for column in shown.columns:
+            column.no_wrap = False
+    out.print(shown)
+
+
+def listed(paths: Sequence[Path]) -> str:
+    """Return paths as text, those of one folder together."""
+    folders: dict[Path, list[str]] = {}
+    for path in paths:
+        folders.setdefault(path.parent, []).append(path.name)
+    parts = (
+        str(folder / names[0]) if len(names) == 1 else f"{folder}: {', '.join(names)}"
+        for folder, names in folders.items()
+    )
+    return "; ".join(parts)
+
+
+@contextmanager
+def stoppable() -> Iterator[list[Path]]:
+    """Say on Ctrl-C what was kept, of a list to which the block adds each file once it is written."""
+    written: list[Path] = []
+    try:
+        yield written
+    except KeyboardInterrupt:
+        kept = f"kept: {listed(written)}" if written else "nothing was written"
+        complain("stopped", kept)
+        raise typer.Exit(STOPPED) from None
 
 
 def check_json(path: Path | None) -> None:
@@ -80,7 +126,8 @@ def table(title: str, headings: Iterable[str], left: Collection[str] = (), **sty
     """Return a table whose columns are flush right but for those named in `left`; `style` goes to rich's ``Table``."""
     shown = Table(title=title, **style)
     for heading in headings:
-        shown.add_column(heading, justify="left" if heading in left else "right", no_wrap=heading not in left)
+        justify: Literal["left", "right"] = "left" if heading in left else "right"
+        shown.add_column(heading, justify=justify, no_wrap=heading not in left, overflow="fold")
     return shown
 
 
@@ -98,28 +145,77 @@ def is_asking() -> bool:
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar on stderr while the block runs, where that is no terminal a line at times."""
-    if not err.is_terminal:
-        yield _progress_lines()
-        return
-    text = TextColumn("{task.description}", markup=False)
-    with Progress(SpinnerColumn(), text, BarColumn(), TimeElapsedColumn(), console=err, transient=True) as bar:
-        task = bar.add_task("starting", total=1.0)
-        yield lambda what, done: bar.update(task, description=what, completed=done)
+def progress_bar(first: str = "starting", *, quiet: bool = False) -> Iterator[Callable[[str, float], None]]:
+    """Show a progress bar on stderr while the block runs, where that is no terminal a line at times.
+
+    While numba compiles, the stage says so.
+
+    Args:
+        first: stage till another one is told.
+        quiet: show nothing.
+    """
+    if quiet:
+        yield lambda _what, _done: None
+    elif err.is_terminal:
+        text = TextColumn("{task.description}", markup=False)
+        with Progress(SpinnerColumn(), text, BarColumn(), TimeElapsedColumn(), console=err, transient=True) as bar:
+            task = bar.add_task(first, total=1.0)
+            stage = _Stage(first, lambda what, done: bar.update(task, description=what, completed=done))
+            with _watching(stage):
+                yield stage.tell
+    else:
+        stage = _Stage(first, _progress_lines())
+        with _watching(stage):
+            yield stage.tell
+
+
+class _Stage:
+    """What is being done, and whether it waits for the compiler; functions may be compiled in other threads."""
+
+    def __init__(self, what: str, show: Callable[[str, float], None]) -> None:
+        self._show, self._what, self._done, self._compiling = show, what, 0.0, 0
+
+    def tell(self, what: str, done: float) -> None:
+        self._what, self._done = what, done
+        self._shown()
+
+    def compile(self, more: int) -> None:
+        self._compiling += more
+        self._shown()
+
+    def _shown(self) -> None:
+        self._show(f"{self._what}: compiling, once" if self._compiling else self._what, self._done)
+
+
+@contextmanager
+def _watching(stage: _Stage) -> Iterator[None]:
+    """Tell the stage when numba begins to compile a function that is not on disk, and when it is done."""
+    from numba.core import event
+
+    class Listener(event.Listener):  # type: ignore[misc]  # numba has no types
+        def on_start(self, event: object) -> None:
+            del event
+            stage.compile(1)
+
+        def on_end(self, event: object) -> None:
+            del event
+            stage.compile(-1)
+
+    with event.install_listener("numba:compile", Listener()):
+        yield
 
 
 def _progress_lines() -> Callable[[str, float], None]:
-    """Return a function that prints a line: the first at once, others every `_EVERY` seconds at most."""
-    last = -math.inf
+    """Return a function that prints a line: the first at once, and of compiling, others every `_EVERY` seconds."""
+    last, compiled = -math.inf, False
 
     def tell(what: str, done: float) -> None:
-        nonlocal last
+        nonlocal last, compiled
+        compiling = what.endswith("compiling, once")
         now = time.monotonic()
-        if now - last >= _EVERY:
-            hint = "; a first run compiles for a minute or two" if math.isinf(last) else ""
-            err.print(f"{what} ({done:.0%}{hint})", soft_wrap=True)
-            last = now
+        if (compiling and not compiled) or now - last >= _EVERY:
+            err.print(f"{what} ({done:.0%})", soft_wrap=True)
+            last, compiled = now, compiled or compiling
 
     return tell
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,6 +11,9 @@ import mjfish
 from mjfish.cli import console
 from mjfish.drive.modes import DURATION, MODES
 from mjfish.errors import InputError
+
+if TYPE_CHECKING:
+    from mjfish.data.importers import ImportReport
 
 Force = Annotated[bool, typer.Option("--force", help="Replace a dataset that mjfish wrote to the folder.")]
 
@@ -80,13 +83,7 @@ def import_files(
     _check_out(out, force=force)
     dataset, report = importers.import_files(importer, files, held_out or (), map_)
     path = save(dataset, out)
-    rows = report.rows()
-    headings = ("", *(row[0] for row in rows))
-    table = console.table(f"{report.importer}: what was kept", headings, headings)
-    table.columns[0].style = "bold"
-    for heading, *cells in zip(importers.HEADERS[1:], *(row[1:] for row in rows), strict=True):
-        table.add_row(heading, *cells, end_section=True)
-    console.out.print(table)
+    show_report(report)
     console.say(f"wrote {path} with {len(dataset.trials)} trials")
 
 
@@ -97,3 +94,15 @@ def _check_out(out: Path, *, force: bool) -> None:
     check_folder(out)
     if not force and out.exists() and any(out.iterdir()):
         raise InputError(f"{out}: holds a dataset; choose another folder, or --force to replace it")
+
+
+def show_report(report: ImportReport) -> None:
+    """Print what an importer did to each file."""
+    from mjfish.data.importers import HEADERS
+
+    console.say((f"{report.importer}: what was kept", "bold"))
+    for row in report.rows():
+        cells = zip(HEADERS[1:-1], row[1:-1], strict=True)
+        console.item(row[0], ", ".join(f"{heading} {cell}" for heading, cell in cells if cell != "-"))
+        for remark in filter(None, row[-1].split("; ")):
+            console.item("  remark", remark)

@@ -66,5 +66,5 @@ def show(fish: Annotated[str, typer.Argument(help="A shipped fish or a fish TOML
     for link in found.links:
         numbers = (link.length, link.mass, link.displaced, link.com, link.inertia, link.added, link.added_inertia)
         table.add_row(link.name, link.group, *(f"{number:.3g}" for number in numbers))
-    console.out.print(table)
+    console.show(table)
     console.say("", *(found.odd or ("Nothing is odd about its numbers.",)))

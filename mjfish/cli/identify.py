@@ -153,12 +153,12 @@ def _write_fish(result: Identification, file: Path) -> None:
 
 def _show(result: Identification, profiles: Sequence[Profile]) -> None:
     """Print the coefficients with intervals and remarks, the agreement per trial, and what the data say in words."""
-    console.out.print(_coefficients(result))
+    console.show(_coefficients(result))
     if result.assessment is not None:
-        console.out.print(_agreement(result))
-        console.out.print(_fits(result.assessment))
+        console.show(_agreement(result))
+        console.show(_fits(result.assessment))
     if result.sensor_scores:
-        console.out.print(_sensors(result))
+        console.show(_sensors(result))
     console.say(*_words(result, profiles))
 
 

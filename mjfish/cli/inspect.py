@@ -35,8 +35,8 @@ def inspect(
     if out is not None:
         check_folder(out)
     console.check_json(json_)
-    measured = mjfish.load_dataset(dataset)
-    with console.progress_bar() as tell:
+    with console.progress_bar("reading the data") as tell:
+        measured = mjfish.load_dataset(dataset)
         tell("testing the data", 0.0)
         report = report_on(measured, catalogue(tuple(effects or ())))
     if out is not None:
@@ -44,7 +44,7 @@ def inspect(
         report.report(out / "inspection.html")
         report.save(out / "inspection.json")
     if not console.write_json(report, json_):
-        _show(report)
+        show(report)
         if out is not None:
             console.say(f"wrote {out / 'inspection.html'} (open it in a browser) and inspection.json")
         console.say(_next(report, dataset))
@@ -52,7 +52,7 @@ def inspect(
         raise typer.Exit(console.NOT_GOOD)
 
 
-def _show(report: DataReport) -> None:
+def show(report: DataReport) -> None:
     """Print the runs, then what they cannot show, then the findings, worst first."""
     first = report.summary().partition("\n")[0]
     console.say((first, "bold"))
@@ -65,7 +65,7 @@ def _show(report: DataReport) -> None:
         table.add_row(
             run["name"], role, f"{run['duration']:.4g}", f"{run['rate']:.4g}", *map(number, sizes), run["driven_by"]
         )
-    console.out.print(table)
+    console.show(table)
     reasons: dict[str, list[str]] = {}
     for name, reason in report.undetectable.items():
         reasons.setdefault(reason, []).append(name)

@@ -69,7 +69,7 @@ def plan(
 def _show(found: Plan) -> None:
     console.say((found.question.why, "bold"), found.message)
     if found.options:
-        console.out.print(_separation(found) if found.question.purpose == "separate" else _sizes(found))
+        console.show(_separation(found) if found.question.purpose == "separate" else _sizes(found))
     console.say(*(f"{option.name}: {option.about}." for option in found.calibrations))
     console.say(*(f"Remark: {remark}" for remark in found.remarks))
 

@@ -68,6 +68,8 @@ def simulate(
     ] = False,
 ) -> None:
     """Simulate a fish with its effects and write rollout.csv and rollout.rrd, or watch it in MuJoCo's viewer."""
+    if out is None and not viewer:
+        raise typer.BadParameter("give a folder, or --viewer", param_hint="'--out'")
     from mjfish import effects as causes
     from mjfish.fish import read as read_fish
     from mjfish.simulation import parse_wave
@@ -85,7 +87,7 @@ def simulate(
     for name, settings in console.effect_settings(effect or []).items():
         values |= {causes.find(name, known).declaration(short).name: value for short, value in settings.items()}
     drive = joints if wave is None else parse_wave(wave)
-    if viewer:
+    if out is None:
         from mjfish.mujoco.viewer import check_display, show
         from mjfish.simulation.viewer import tank
 
@@ -93,8 +95,6 @@ def simulate(
         console.say("sliders: panel Control on the right; close the window to end")
         show(tank(fish, mode, values=values, effects=known, drive=drive, free=free))
         return
-    if out is None:
-        raise typer.BadParameter("give a folder, or --viewer", param_hint="'--out'")
     others = [] if draws is None else _fish_in(draws)
 
     def swim(fish: str | Path) -> Simulation:
@@ -197,7 +197,7 @@ def _check_servos(
             share = f"{level.worst / result.bound:.2g}"
             table.add_row(result.drive, f"{1e3 * level.step:g}", *ratios, share, _known(order, ".2f"))
         table.add_section()
-    console.out.print(table)
+    console.show(table)
     for result in results:
         console.out.print(Text.assemble(f"{result.drive}: ", _status(result), f", {result.message}"), soft_wrap=True)
     return results
@@ -225,7 +225,7 @@ def _check_engines(extended_fish: Extended, names: Sequence[str], reference: Pat
         engine = (row.mode, row.engine, row.coupling, row.integrator)
         last = following is not None and following.case != row.case
         table.add_row(*engine, f"{1e3 * row.step:.3g}", *differences, _status(row), end_section=last)
-    console.out.print(table)
+    console.show(table)
     if reference is None:
         console.say("no reference trajectories: name their folder by --reference or MJFISH_REFERENCE")
     return rows

@@ -105,6 +105,7 @@ def _diagnosed(
     check_velocities(dataset, "a diagnosis")
     candidates = tuple(of_fish(catalogue() if effects is None else effects, dataset.fish).values())
     known = {effect.name: effect for effect in candidates}
+    progress("testing the data", 0.0)
     checks = inspect(dataset, known)
     dataset = aligned(dataset)
     fitted, held = dataset.split()

@@ -13,7 +13,7 @@ from diagnosed import VISITED, diagnosis, drag_law, learned_diagnosis
 
 import mjfish
 from mjfish.cli import console
-from mjfish.cli.diagnose import show
+from mjfish.cli.diagnosis_text import show
 from mjfish.diagnosis import Diagnosis
 from mjfish.effects import find
 
@@ -25,7 +25,7 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _printed(capsys: pytest.CaptureFixture[str], result: Diagnosis) -> str:
-    show(result)
+    show(result, "pool", verbose=True)
     return capsys.readouterr().out
 
 
@@ -41,8 +41,8 @@ def test_a_mechanism_is_told_with_its_forms_and_its_curves_at_the_ends_of_what_w
     shown = _printed(capsys, learned_diagnosis())
     told = "drag_law: named as a mechanism; the data do not settle its form: reynolds_drag or linear_drag\n"
     assert told in shown
-    assert f"  c_d of body: {_of_body(VISITED[0])}, {_of_body(VISITED[1])}\n" in shown
-    assert "  c_f of head: the runs say nothing of it\n" in shown
+    assert f"c_d of body: {_of_body(VISITED[0])}, {_of_body(VISITED[1])}\n" in shown
+    assert "c_f of head: the runs say nothing of it\n" in shown
     assert shown.index(told) < shown.index("drag_law.whole")
 
 

@@ -11,7 +11,7 @@ from diagnosed import CAUSE, diagnosis
 from rich.console import ColorSystem
 
 from mjfish.cli import console
-from mjfish.cli.diagnose import show
+from mjfish.cli.diagnosis_text import show
 from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.result import Verdict
 from mjfish.effects import catalogue
@@ -26,7 +26,7 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _printed(capsys: pytest.CaptureFixture[str], result: Diagnosis) -> str:
-    show(result)
+    show(result, "pool", verbose=True)
     return capsys.readouterr().out.replace("\N{NO-BREAK SPACE}", " ")
 
 
@@ -65,7 +65,7 @@ def test_a_fit_that_has_not_converged_is_said_so_in_red_with_what_to_do(
 ) -> None:
     monkeypatch.setattr(console.err, "_force_terminal", True)
     monkeypatch.setattr(console.err, "_color_system", ColorSystem.STANDARD)
-    show(replace(diagnosis("named"), status="fit_not_converged"))
+    show(replace(diagnosis("named"), status="fit_not_converged"), "pool")
     shown = capsys.readouterr().err
     assert "\x1b[1;31mfit_not_converged:" in shown
     assert "mjfish identify DATASET --starts 16" in shown

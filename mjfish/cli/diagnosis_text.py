@@ -1,0 +1,293 @@
+"""A diagnosis in the terminal: in fifteen lines, or all of it."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from mjfish.cli import console
+from mjfish.reporting.words import CHANNEL_NAMES, NONE, estimate, interval, named_as, number, p_value, percent, unit
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from mjfish.diagnosis import Diagnosis, Splits
+
+#: Lines of a diagnosis, where not everything is asked for.
+LINES = 15
+#: Standard errors by which a coefficient must move to be listed.
+_MOVED = 2.0
+_COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow", "unexplained": "red"}
+#: What to do about a status that is not ok.
+_REMEDIES = {
+    "fit_not_converged": "a fit stopped before its optimum, and the numbers may be off; look for a better optimum with "
+    "'mjfish identify DATASET --starts 16', and start from it (table [start] of dataset.toml)"
+}
+
+
+class _Item(NamedTuple):
+    """A text with the word that stands beside it, on lines no longer than the terminal's."""
+
+    word: str
+    text: str
+    style: str = ""
+
+    def lines(self) -> int:
+        """Return how many lines it takes."""
+        return len(console.wrapped(self.word, self.text))
+
+    def shortened(self) -> _Item:
+        """Return as much of it as one line takes."""
+        width = console.width_beside(self.word)
+        return self._replace(text=textwrap.shorten(self.text, width, placeholder=" ..."))
+
+
+def show(result: Diagnosis, dataset: str, written: Sequence[Path] = (), *, verbose: bool = False) -> None:
+    """Print a diagnosis: verdict, mechanisms with sizes or curves, gain, remarks, what to do next, what was written.
+
+    Args:
+        result: of `mjfish.diagnose`.
+        dataset: how the user calls its folder.
+        written: files and folders.
+        verbose: all of it and the tables; else `LINES` lines at most.
+    """
+    if result.status != "ok":
+        console.complain(result.status, _REMEDIES.get(result.status, "take the numbers with care"))
+    first = [_Item(result.verdict, result.message, f"bold {_COLOURS[result.verdict]}")]
+    last = [*_gain_item(result), _Item(_word("next"), _next(result, dataset))]
+    last.append(
+        _Item(_word("wrote"), console.listed(written))
+        if written
+        else _Item(_word("wrote"), "nothing; --out DIR writes report, numbers, curves, log and the extended fish")
+    )
+    sizes, remarks = list(_sizes(result)), list(_remarks(result))
+    if verbose:
+        _print([*first, *sizes, *last[:1], *remarks, *last[1:]])
+        _rest(result)
+        return
+    room = LINES - 1 - sum(item.lines() for item in (*first, *last))
+    kept = _fitting(sizes, max(room, 1))
+    shown = [item.shortened() for item in remarks][: max(room - sum(item.lines() for item in kept), 0)]
+    left = [f"{len(sizes) - len(kept)} more sizes"] if len(kept) < len(sizes) else []
+    left += [f"{len(remarks) - len(shown)} more remarks"] if len(shown) < len(remarks) else []
+    more = _Item(_word("more"), f"{', '.join([*left, 'candidates and tables'])}: --verbose", "dim")
+    gain = last[: len(last) - 2]
+    _print([*first, *kept, *gain, *shown, *last[len(gain) :], more])
+
+
+def _word(word: str) -> str:
+    return f"{word:9}"
+
+
+def _print(items: Sequence[_Item]) -> None:
+    for item in items:
+        console.item(*item)
+
+
+def _fitting(items: Sequence[_Item], room: int) -> list[_Item]:
+    """Return the first items that take so many lines together."""
+    kept: list[_Item] = []
+    for item in items:
+        room -= item.lines()
+        if room < 0:
+            break
+        kept.append(item)
+    return kept
+
+
+def _sizes(result: Diagnosis) -> Iterator[_Item]:
+    """Yield the mechanisms with their curves, and the sizes of causes but for values of smooth curves."""
+    from mjfish.diagnosis.curves import knots_of
+
+    for mechanism in result.mechanisms:
+        yield _Item(_word("mechanism"), named_as(mechanism))
+        yield from (_Item(_word("  curve"), curve.summary()) for curve in mechanism.curves)
+    knots = knots_of(result.effects.values())
+    own = {name: value for name, value in result.extended.items() if name.partition(".")[0] in result.best}
+    word = "size" if result.verdict == "named" else "rival" if result.rivals else "closest"
+    for name, value in own.items():
+        if name not in knots:
+            ends = interval(value)
+            known = f"({ends})" if ends else "(on its bound)"
+            sized = f"{estimate(value)} {unit(value.unit)}".rstrip()
+            yield _Item(_word(word), f"{name} {sized} {known}{'' if word == 'size' else ', not named'}")
+    if unread := len(knots.intersection(own)):
+        yield _Item(_word(word), f"and {unread} values of smooth curves, which --json writes")
+
+
+def _gain_item(result: Diagnosis) -> list[_Item]:
+    gain = result.gain
+    if gain is None:
+        return []
+    before, after = (percent(errors["pooled"]) for errors in (gain.nominal, gain.extended))
+    less = f"{percent(gain.relative_reduction)} less ({percent(gain.low)} to {percent(gain.high)})"
+    return [_Item(_word("held out"), f"nRMSE {before} before, {after} after: {less}")]
+
+
+def _remarks(result: Diagnosis) -> Iterator[_Item]:
+    """Yield findings and remarks, the worst first."""
+    for finding in result.checks.findings:
+        yield _Item(_word(finding.severity), f"{finding.code}: {finding.message}")
+    for remark in result.remarks:
+        yield _Item(_word("remark"), remark)
+
+
+def _next(result: Diagnosis, dataset: str) -> str:
+    """Return what to do next, in one sentence."""
+    program = console.program()
+    if result.checks.blocks and result.verdict == "cannot_tell":
+        return result.checks.blocks[0].remedy
+    if result.rivals:
+        return f"{program} plan {dataset} ranks runs by how far they set the rivals apart"
+    if result.verdict == "named":
+        return f"confirm it: {result.effects[result.causes[0].name].confirm}"
+    if result.verdict == "nothing_wrong":
+        return f"{program} plan {dataset} has runs that would show more"
+    if result.where is not None:
+        return f"look where the misfit is densest: {_densest(result)}; a cause of your own: --effects FILE"
+    return f"{program} inspect {dataset} says what these runs cannot show"
+
+
+def _densest(result: Diagnosis) -> str:
+    """Return the channel and the trial that hold most of the misfit."""
+    where = result.where
+    assert where is not None  # noqa: S101 - checked by the callers
+    share = percent(where.channels[where.channel], 2)
+    return f"{CHANNEL_NAMES[where.channel]} ({share} of it), trial {where.trial}"
+
+
+def _rest(result: Diagnosis) -> None:
+    """Print what fifteen lines have no room for: tables, where the misfit is, what is unseen."""
+    if result.gain is not None:
+        console.show(_gain(result))
+    _experiments(result)
+    if result.candidates:
+        console.show(_candidates(result))
+    _biased(result)
+    _where(result)
+    _undetectable(result)
+
+
+def show_splits(result: Splits) -> None:
+    """Print how often each mechanism is named and each verdict came, and what every split says."""
+    known = len(result.diagnosed)
+    title = "Mechanisms, by the splits in which they are named"
+    table = console.table(
+        title,
+        ("mechanism", "named", "with its form", "certain beside rivals", "not named, part of the best"),
+        ("mechanism",),
+    )
+    for share in result.mechanisms:
+        table.add_row(share.name, f"{share.count} of {known}", *map(str, (share.form, share.certain, share.not_named)))
+    if table.row_count:
+        console.show(table)
+    texts = ("held out", "fitted", "verdict", "mechanisms")
+    table = console.table("Splits", (*texts, "held-out error less by"), texts)
+    for split in result.splits:
+        gain, verdict = NONE, (split.verdict or NONE).replace("_", " ")
+        if split.gain is not None:
+            ends = f"{percent(split.gain.low, 2)} to {percent(split.gain.high, 2)}"
+            gain = f"{percent(split.gain.relative_reduction, 2)}  ({ends})"
+        held_out = f"{', '.join(split.held_out)}{' (as divided)' if split.declared else ''}"
+        table.add_row(held_out, ", ".join(split.fitted), verdict, split.summary(), gain)
+    table.caption = "The splits share runs: how often something comes is no probability."
+    console.show(table)
+    console.say(result.headline())
+
+
+def _gain(result: Diagnosis) -> Table:
+    gain = result.gain
+    assert gain is not None  # noqa: S101 - checked by the caller
+    title = "Held-out trials: nRMSE before and after"
+    table = console.table(title, ("channel", "nominal", "extended", "reduction"), ("channel",))
+    for channel in gain.nominal:
+        before, after = gain.nominal[channel], gain.extended[channel]
+        reduction = percent(1.0 - after / before) if before > 0.0 else ""
+        if channel == "pooled":
+            reduction += f"  ({percent(gain.low)} to {percent(gain.high)})"
+        table.add_row(CHANNEL_NAMES[channel], percent(before), percent(after), reduction)
+    table.add_row("mean speed error [m/s]", *map(number, gain.mean_speed_error), "")
+    return table
+
+
+def _candidates(result: Diagnosis) -> Table:
+    headings = ("cause", "LR", "p", "held out", "rival p", "fit p", "confounded")
+    title = "Candidates, each fitted together with the coefficients"
+    table = console.table(title, headings, ("cause",), box=None, padding=(0, 1, 0, 0))
+    for candidate in result.candidates:
+        if candidate.applicable:
+            scores = (number(candidate.statistic), p_value(candidate.p_value), number(candidate.held_out_gain))
+            chances = (p_value(candidate.rival_p), p_value(candidate.fit_p))
+            table.add_row(candidate.name, *scores, *chances, percent(candidate.confounded, 2))
+    table.caption = (
+        "LR: fall of the sum of squares; held out: log-likelihood gained there; rival p: of the margin to the best; "
+        "fit p: of what is left; confounded: share of its signature that a refit of the coefficients removes"
+    )
+    return table
+
+
+def _experiments(result: Diagnosis) -> None:
+    names = [cause.name for cause in result.causes] or [name for group in result.rivals for name in group]
+    if result.rivals:
+        apart = " from ".join(names)
+        console.say(f"To tell {apart}: `mjfish plan` on this dataset ranks runs by how far they set them apart.")
+    console.say(*(f"To confirm {name}: {result.effects[name].confirm}." for name in names))
+
+
+def _biased(result: Diagnosis) -> None:
+    """List the coefficients that the missing cause had biased by more than their standard error."""
+    from mjfish.estimation.fit import Z95
+
+    moved = []
+    for name, before in result.nominal.items() if result.best else ():
+        after = result.extended.get(name)
+        if after is None:
+            continue
+        error = max((after.high - after.low) / (2.0 * Z95), 1e-300)
+        if abs(after.estimate - before.estimate) > _MOVED * error:
+            moved.append(f"{name} {number(before.estimate)} to {number(after.estimate)}")
+    if moved:
+        console.say(f"Coefficients that had absorbed part of it, without and with the cause: {', '.join(moved)}.")
+
+
+def _where(result: Diagnosis) -> None:
+    """Say where the misfit sits, how it scales, and what describes it where nothing explains it."""
+    if (where := result.where) is not None:
+        console.say(
+            f"The misfit is densest in {_densest(result)}, {where.part}, {where.phase} of the beat, {where.speed} of "
+            f"the surge, {where.turn} of the yaw rate."
+        )
+    if result.force:
+        surge, sway, yaw = (percent(max(shares), 2) for shares in zip(*(f.share for f in result.force), strict=True))
+        console.say(
+            f"The missing force is {surge} in surge, {sway} in sway and {yaw} in yaw moment of what moves the fish "
+            "(root mean squares, each in the trial where it is most)."
+        )
+    if (measured := result.fingerprint) is not None and (measured.exponent is not None or measured.odd is not None):
+        parts = []
+        if measured.exponent is not None:
+            predicted = measured.predicted.exponent
+            expected = "" if predicted is None else f", predicted {predicted:g}"
+            ends = f"{number(measured.low, 2)} to {number(measured.high, 2)}"
+            parts.append(f"goes as frequency to the {number(measured.exponent, 2)} ({ends}{expected})")
+        if measured.odd is not None:
+            parts.append(f"{percent(measured.odd, 2)} of it breaks the left-right symmetry")
+        console.say(f"What the best explanation adds {'; '.join(parts)}.")
+    if (described := result.description) is not None and described.terms:
+        terms = "; ".join(f"{term.what} (size {number(term.size, 2)} SI per metre)" for term in described.terms)
+        console.say(f"A description, not a cause, of {percent(described.explained, 2)} of the misfit: {terms}.")
+
+
+def _undetectable(result: Diagnosis) -> None:
+    """List the causes that these data cannot show, and the minimum detectable effects of the others."""
+    console.say(*(f"Undetectable: {name}, {reason}." for name, reason in result.undetectable.items()))
+    sizes = [
+        f"{name} {number(size, 2)}"
+        for candidate in result.candidates
+        if candidate.applicable and candidate.name not in result.undetectable
+        for name, size in (candidate.minimum_detectable or {}).items()
+    ]
+    if sizes:
+        console.say(f"Minimum detectable effects: {', '.join(sizes)}.")
