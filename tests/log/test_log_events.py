@@ -15,7 +15,7 @@ from mjfish.fish import Fish
 from mjfish.model import asked_motion
 from mjfish.ode.rollout import STEP
 from mjfish.reporting.log import recording, write_log
-from mjfish.reporting.log.drawing import beat_paths, camera_path, drawn, reach
+from mjfish.reporting.log.drawing import GHOST, beat_paths, camera_path, drawn, reach
 from mjfish.reporting.log.events import events_of
 from mjfish.reporting.log.scene import Run, Swim
 from mjfish.simulation import simulate
@@ -97,6 +97,20 @@ def test_the_ghost_has_the_shape_of_the_command(log: Path, pike: Fish) -> None:
     bend = [2.0 * np.arctan2(q[:, 0, 2], q[:, 0, 3]) for q in (turn, head)]
     asked = asked_motion(pike.cpg, overlay.trial, STEP).angle_at(overlay.trial.time).sum(axis=1)
     np.testing.assert_allclose(np.sin(bend[0] - bend[1]), np.sin(asked), atol=1e-5)
+
+
+def _opacity(path: Path, entity: str) -> int:
+    """Return the last byte of the colour of a body."""
+    for chunk in RrdReader(path).stream().filter(content=entity).to_chunks():
+        batch = chunk.to_record_batch()
+        if "Mesh3D:albedo_factor" in batch.schema.names:
+            return int(batch.column("Mesh3D:albedo_factor").to_pylist()[0][0]) & 0xFF
+    raise AssertionError(f"{entity} has no body")
+
+
+def test_the_ghost_has_the_opacity_of_a_ghost(log: Path) -> None:
+    assert _opacity(log, "/fast/world/measured/link_0") == GHOST
+    assert _opacity(log, "/fast/world/extended/link_0") > GHOST
 
 
 def test_paths_begin_anew_on_the_measured_one(log: Path, pike: Fish) -> None:
