@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 TEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 STAMP := $(VENV)/.installed
 
-.PHONY: env demo test test-slow real check format bench clean
+.PHONY: env demo test test-slow real check docs format bench clean
 
 env: $(STAMP)
 
@@ -37,6 +37,10 @@ check: env
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tools/measure.py
+
+# Pages in out/docs; the notebooks among them are run, and a warning is an error.
+docs: env
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -W --keep-going -q -b html docs out/docs
 
 format: env
 	$(BIN)/ruff format .

@@ -7,7 +7,7 @@ The names below are imported when they are first used:
   `Effect`, `Parameter`;
 - what can be done with them: `simulate`, `generate`, `check`, `inspect`, `identify`, `diagnose`, `sample`, `plan`,
   `compare`;
-- the water for any MuJoCo model: `StripFluid`, `StripLink`;
+- the water for any MuJoCo model: `StripFluid`, `StripLink`, `BluntLink`;
 - `MjfishError`, the base of every error that a wrong input raises.
 """
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mjfish.inspection import inspect
     from mjfish.model import Model
     from mjfish.model.posterior import sample
-    from mjfish.mujoco import StripFluid, StripLink
+    from mjfish.mujoco import BluntLink, StripFluid, StripLink
     from mjfish.parameter import Parameter
     from mjfish.simulation import check, generate, simulate
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 #: Where each public name is defined.
 _HOME = {
+    "BluntLink": "mujoco",
     "Fish": "fish",
     "load_fish": "fish",
     "new_fish": "fish_of_measurements",
@@ -61,6 +62,7 @@ _HOME = {
 }
 
 __all__ = [
+    "BluntLink",
     "Dataset",
     "Effect",
     "Fish",

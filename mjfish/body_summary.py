@@ -127,6 +127,13 @@ def _odd(fish: Fish, links: list[LinkSummary]) -> Iterator[str]:
                 f"{link.name} moves {link.added:.3g} kg of water with it and weighs {link.mass:.3g} kg. "
                 "Check its height and its mass."
             )
+    fin = max(fish.sections[-1].width)
+    for number, section in enumerate(fish.sections[:-1], start=1):
+        if max(section.width) < fin:
+            yield (
+                f"Section {number}, {section.start:.3g} to {section.end:.3g} m, is {max(section.width):.3g} m wide, "
+                f"thinner than the fin behind it ({fin:.3g} m). Check the widths of both."
+            )
     for p in fish.parameters:
         if p.default in (p.low, p.high):
             yield f"{p.name} = {p.default:g} lies on its bound. It cannot move that way in a fit."

@@ -39,6 +39,24 @@ def write_text(path: Path, text: str) -> None:
         ) from None
 
 
+@contextlib.contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Yield a file name of the same suffix that becomes `path` when the block is done: it is there whole or not at all.
+
+    For what libraries write by themselves; `write_text` writes text.
+
+    Raises:
+        InputError: the folder does not exist, `path` is one itself, or it cannot be written to.
+    """
+    try:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.", suffix=".partial") as folder:
+            partial = Path(folder) / f"whole{path.suffix}"
+            yield partial
+            partial.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}; choose a file that you can write to") from None
+
+
 def write_json(path: Path, content: Any) -> None:
     """Write plain data as JSON; a number that is not finite becomes null, for JSON has no name for it.
 

@@ -72,7 +72,7 @@ def new_fish(
     width = _WIDTH * height if width is None else width
     _check(length, mass, joints, height, width)
     sections = _sections(length, height, width)
-    ends = [0.0, *(float(s) for s in length * _joints_at(joints)), length]
+    ends = [0.0, *(round(float(s), 6) for s in length * _joints_at(joints)), length]
     names = ["head", *(f"body_{k}" for k in range(1, joints)), "tail"]
     links = _links(names, ends, sections, mass)
     groups = tuple(dict.fromkeys(link.group for link in links))
@@ -139,13 +139,18 @@ def _links(names: Sequence[str], ends: Sequence[float], sections: tuple[Section,
         Link(
             name=name,
             group=name.partition("_")[0],
-            length=end - start,
-            mass=per_volume * piece.volume,
-            com=piece.centroid,
-            inertia=per_volume * _spread(piece),
+            length=round(end - start, 6),
+            mass=_rounded(per_volume * piece.volume),
+            com=_rounded(piece.centroid),
+            inertia=_rounded(per_volume * _spread(piece)),
         )
         for name, (start, end), piece in zip(names, itertools.pairwise(ends), pieces, strict=True)
     )
+
+
+def _rounded(number: float) -> float:
+    """Return six digits of a number: what a reader of the file can read."""
+    return float(f"{number:.6g}")
 
 
 def _spread(piece: LinkOutline) -> float:

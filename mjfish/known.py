@@ -10,10 +10,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from mjfish.parameter import Parameter
-from mjfish.tomlfile import Table
+from mjfish.tomlfile import Table, complaints
 
 #: Where a number stands in the table of a fish: keys, and places in lists.
 Place = tuple[str | int, ...]
@@ -106,7 +106,12 @@ def _number(table: Mapping[str, object], place: Place, found: list[dict[str, Any
         raise ValueError(f"{where}.{min(unknown)}: unknown key, expected value, {', '.join(_KEYS)}; remove it")
     if "sd" not in table and not ("low" in table and "high" in table):
         raise ValueError(f"{where}: neither sd nor low and high; add one of them, or give a plain number")
-    found.append({"place": place, **{key: value for key, value in table.items() if key != "value"}})
+    given = {key: value for key, value in table.items() if key != "value"}
+    try:
+        Beforehand.model_validate(given, strict=True)
+    except ValidationError as error:
+        raise ValueError(complaints(where, error)) from None
+    found.append({"place": place, **given})
     return table["value"]
 
 

@@ -8,7 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from mjfish.data import Dataset, Trial
-from mjfish.diagnosis import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
+from mjfish.diagnosis import (
+    Candidate,
+    Cause,
+    Diagnosis,
+    Estimate,
+    FittedModel,
+    Overlay,
+    Split,
+    SplitMechanism,
+    Splits,
+)
 from mjfish.diagnosis.curves import Axis, Band, MeasuredCurve
 from mjfish.diagnosis.description import Description, Term
 from mjfish.diagnosis.fingerprint import Measured
@@ -120,6 +130,23 @@ def diagnosis(
         fits=_fits(fish.values, {cause: values, "time_offset": {"time_offset.offset": -0.0195}} if wrong else {}),
         effects=catalogue(),
         provenance={"versions": {"mjfish": "0.1.0"}, "commit": None, "seed": 7, "inputs": {"slow.csv": "ab12"}},
+    )
+
+
+def splits() -> Splits:
+    """Return three splits: one names two mechanisms, one leaves rivals, one cannot be diagnosed."""
+    gain = diagnosis().gain
+    assert gain is not None
+    named = (SplitMechanism("servo_dynamics", "form"), SplitMechanism("roll", "mechanism"))
+    rivals = (SplitMechanism("roll", "certain"), SplitMechanism("current", "not_named"))
+    return Splits(
+        diagnosis(),
+        20,
+        (
+            Split(("b", "c"), ("a",), True, "named", "", named, gain),
+            Split(("a", "c"), ("b",), False, "cannot_tell", "", rivals, replace(gain, relative_reduction=-0.02)),
+            Split(("a", "b"), ("<c>",), False, None, "too <few> numbers"),
+        ),
     )
 
 

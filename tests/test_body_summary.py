@@ -42,3 +42,11 @@ def test_what_is_odd_is_said(pike: Fish, changes: dict[str, float], complaint: s
     odd = summarise(pike.model_copy(update={"links": (head, *pike.links[1:])})).odd
     assert any(complaint in sentence for sentence in odd)
     assert not any(complaint in sentence for sentence in summarise(pike).odd)
+
+
+def test_a_section_thinner_than_the_fin_is_odd(pike: Fish) -> None:
+    body, fin = pike.sections[1], pike.sections[-1]
+    thin = body.model_copy(update={"width": (0.9 * max(fin.width), 0.9 * max(fin.width))})
+    odd = summarise(pike.model_copy(update={"sections": (pike.sections[0], thin, *pike.sections[2:])})).odd
+    assert sum("Section 2" in sentence and "thinner than the fin" in sentence for sentence in odd) == 1
+    assert not any("thinner" in sentence for sentence in summarise(pike).odd)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from doc_blocks import ROOT, blocks, commands, run_command, run_python
+from gl import skip_without_gl
 from own_recordings import write_recordings
 
 import mjfish
@@ -21,6 +22,8 @@ from mjfish.cli import console
 from mjfish.data import Dataset, load_dataset
 from mjfish.diagnosis import Diagnosis
 from mjfish.hydro.load import load
+from mjfish.reporting.film import files as film_files
+from mjfish.reporting.film.shot import Size
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
@@ -175,6 +178,22 @@ def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("diagnosed_once")
+def test_the_page_of_films_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its commands write the files that it names; small and short films do for that."""
+    skip_without_gl()
+    for suffix in film_files.SUFFIXES:
+        monkeypatch.setitem(film_files._SIZES, suffix, Size(320, 180))
+    for suffix in (".mp4", ".gif"):
+        monkeypatch.setitem(film_files._RATES, suffix, 2.0)
+    page = ROOT / "docs" / "render.md"
+    (tmp_path / "out").mkdir()
+    for command in commands(page):
+        run_command(command, tmp_path)
+        if " render " in command:
+            assert (tmp_path / command.rpartition("--out ")[2].split()[0]).stat().st_size > 1000
+
+
+@pytest.mark.usefixtures("diagnosed_once")
 def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
     """A clock or the servos: the data cannot tell, however they are divided, and the plan knows what would."""
     page = ROOT / "docs" / "diagnosis.md"
@@ -262,13 +281,12 @@ def _assert_same_text(printed: str, written: str) -> None:
     np.testing.assert_allclose(*pairs, rtol=5e-3, atol=1e-12)
 
 
-def test_plug_in_page_does_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its scripts print what the page shows; the three ways to describe a plate describe the same one."""
-    page = ROOT / "docs" / "mujoco-plugin.md"
-    _, swimmer, plate = _printed_by_blocks(page, tmp_path, monkeypatch)
-    shown = blocks(page, "text")
-    _assert_same_text(swimmer, shown[0])
-    _assert_same_text(plate, shown[1])
+@pytest.mark.parametrize("name", ["mujoco-plugin", "gymnasium", "mujoco-rollout"])
+def test_page_of_mujoco_prints_what_it_says(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = ROOT / "docs" / f"{name}.md"
+    printed = _printed_by_blocks(page, tmp_path, monkeypatch)
+    for there, shown in zip(filter(None, printed), blocks(page, "text"), strict=True):
+        _assert_same_text(there, shown)
 
 
 def test_fitter_page_recovers_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 
 import mujoco
 import mujoco.rollout
@@ -69,6 +70,37 @@ def mujoco_force_rk4() -> Comparison:
     return _force("RK4", 2.6)
 
 
+def mujoco_block_a_step() -> Comparison:
+    """1 s of the swimming fish, Euler, its cheapest step: a block around each step, against one around them all.
+
+    Entering, leaving, and the first step on the data, which is noted, are all in it.
+    """
+    fluid = _pike("Euler")
+    data = mujoco.MjData(fluid.model)
+
+    def swim(block: Callable[[], AbstractContextManager[None]]) -> np.ndarray:
+        mujoco.mj_resetData(fluid.model, data)
+        for angles in _COMMAND[:100]:
+            data.ctrl[:] = angles
+            for _ in range(10):
+                with block():
+                    mujoco.mj_step(fluid.model, data)
+        return data.qpos.copy()
+
+    def inside() -> np.ndarray:
+        with fluid.installed():
+            return swim(nullcontext)
+
+    if not np.array_equal(swim(fluid.installed), inside()):
+        raise SystemExit("mujoco_block_a_step: they do not swim alike")
+    return Comparison(
+        top=Side("a block around each step", lambda: swim(fluid.installed)),
+        bottom=Side("one block around all", inside),
+        target=5.0,
+        at_least=False,
+    )
+
+
 def compiled_vs_numpy_callback() -> Comparison:
     """0.2 s of the swimming fish, Euler: the force in plain NumPy as a Python callback, against the compiled one.
 
@@ -128,6 +160,7 @@ COMPARISONS: tuple[Callable[[], Comparison], ...] = (
     mujoco_force_euler,
     mujoco_force_implicitfast,
     mujoco_force_rk4,
+    mujoco_block_a_step,
     compiled_vs_numpy_callback,
     two_threads,
 )

@@ -13,7 +13,20 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from mjfish.cli import compare, console, data, dataset, diagnose, fish, identify, inspect, plan, sample, simulate
+from mjfish.cli import (
+    compare,
+    console,
+    data,
+    dataset,
+    diagnose,
+    fish,
+    identify,
+    inspect,
+    plan,
+    render,
+    sample,
+    simulate,
+)
 from mjfish.errors import MjfishError
 
 _ABOUT = "Shows what a swimming-fish simulation gets wrong, names the cause, and measures what knowing it gains."
@@ -96,6 +109,7 @@ def application() -> typer.Typer:
         "sample": sample.sample,
         "plan": plan.plan,
         "view": simulate.view,
+        "render": render.render,
     }
     for name, command in commands.items():
         app.command(name, cls=_Command)(command)

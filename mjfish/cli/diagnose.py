@@ -169,8 +169,7 @@ def _write(result: Diagnosis, files: Sequence[Path | None], written: list[Path],
     if extended is not None:
         from mjfish.model.extended import write
 
-        values = {name: value.estimate for name, value in result.extended.items()}
-        write(extended, result.extended_model, values, _origin(result))
+        write(extended, result.fish.model, result.fish.values, _origin(result))
         written.append(extended)
     return on_stdout
 

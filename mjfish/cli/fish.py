@@ -36,6 +36,7 @@ def new(
     from mjfish import fish_toml
     from mjfish.files import make_folder
 
+    name = name.removesuffix(".toml")
     body = mjfish.new_fish(name, length=length, mass=mass, joints=joints, height=height, width=width, density=density)
     path = out / f"{name}.toml"
     if path.exists() and not force:
@@ -53,7 +54,12 @@ def show(fish: Annotated[str, typer.Argument(help="A shipped fish or a fish TOML
     body, _ = read(fish)
     found = summarise(body)
     total = sum(link.mass for link in found.links)
-    console.say(f"{body.name}: {body.length:.3g} m, {total:.3g} kg, {body.joints} joints", "", *found.drawing, "")
+    console.say(
+        f"{body.name}: {body.length:.3g} m, {total:.3g} kg, {body.joints} joint{'s' * (body.joints > 1)}",
+        "",
+        *found.drawing,
+        "",
+    )
     headings = ("link", "group", "length", "mass", "displaced", "com", "inertia", "added mass", "added inertia")
     table = console.table("", headings, left=("link", "group"), box=None, padding=(0, 1, 0, 0))
     table.add_row("", "", "m", "kg", "kg", "m", "kg m2", "kg", "kg m2", style="dim")

@@ -119,11 +119,18 @@ def on_menu(problem: Problem, runs: Sequence[Run]) -> Problem:
     return replace(problem, trials=tuple(run.trial for run in runs), windows=None, ends=0)
 
 
-def jacobians(problem: Problem, x: FloatArray, names: Collection[str]) -> list[FloatArray]:
-    """Return, per trial, the whitened derivative (n, k) of the prediction by parameters in units of their scales."""
-    scales = np.array([p.scale for p in problem.parameters if p.name in names])
-    blocks = problem.sensitivities(x, list(names))
-    return [problem.whitened(i, block * scales).reshape(-1, len(scales)) for i, block in enumerate(blocks)]
+def jacobians(problem: Problem, x: FloatArray, names: Collection[str]) -> tuple[list[FloatArray], FloatArray]:
+    """Return whitened derivatives by parameters in units of their scales.
+
+    Returns:
+        Of the velocities (n, k) of every trial; of what stands behind them (m, k): sensors, and what is known of the
+        parameters themselves.
+    """
+    chosen = [i for i, p in enumerate(problem.parameters) if p.name in names]
+    scales = np.array([problem.parameters[i].scale for i in chosen])
+    slopes = problem.slopes(x, list(names))
+    blocks = [problem.whitened(i, block * scales).reshape(-1, len(scales)) for i, block in enumerate(slopes.velocity)]
+    return blocks, np.concatenate([slopes.sensors, problem.known_rows(x)[1][:, chosen]]) * scales
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,19 +183,22 @@ def detection(nominal: ModelEstimate, causes: Sequence[Effect], runs: Sequence[R
     here = {p.name: p.default for p in parameters} | problem.named(nominal.x)
     fixed = nominal.at_bound | {p.name for p in parameters if p.shape}
     finite = [bool(np.all(np.isfinite(prediction))) for prediction in menu.predictions(menu.start(here))]
-    added = _information(menu, here, fixed)
-    data, *rest = _information(wide, here, fixed)
+    added, _ = _information(menu, here, fixed)
+    trials, beside = _information(wide, here, fixed)
     return Detection(
         amplitudes={cause.name: cause.amplitudes() for cause in causes},
-        data=sum(rest, start=data),
+        data=sum(trials, start=beside),
         runs=tuple(run if ok else None for run, ok in zip(added, finite, strict=True)),
     )
 
 
-def _information(problem: Problem, here: dict[str, float], fixed: frozenset[str]) -> list[Information]:
-    """Return the information of every trial."""
+def _information(
+    problem: Problem, here: dict[str, float], fixed: frozenset[str]
+) -> tuple[list[Information], Information]:
+    """Return the information of every trial's velocities, and that of what stands behind them."""
     names = tuple(p.name for p in problem.parameters if p.name not in fixed)
-    return [Information.of(names, block) for block in jacobians(problem, problem.start(here), names)]
+    blocks, beside = jacobians(problem, problem.start(here), names)
+    return [Information.of(names, block) for block in blocks], Information.of(names, beside)
 
 
 class Gain(NamedTuple):
@@ -323,8 +333,8 @@ class _Linearised:
 
     Attributes:
         names: of the columns of the Jacobian.
-        residual: (n,) whitened, of the data.
-        jacobian: (n, p) of the whitened prediction of the data.
+        residual: (n,) whitened, of the data and of what is known of the parameters.
+        jacobian: (n, p) of the whitened prediction of the same.
         runs: by run of the menu, the whitened prediction (m,), and its Jacobian (m, q) with names.
     """
 
@@ -364,15 +374,15 @@ def _linearised(model_estimate: ModelEstimate, runs: Sequence[Run]) -> _Linearis
     """
     problem = model_estimate.problem
     free = [p.name for p in problem.parameters if p.name not in model_estimate.at_bound]
-    blocks = jacobians(problem, model_estimate.x, free)
-    residual, jacobian = problem.residual(model_estimate.x)[: problem.samples], np.concatenate(blocks)
-    first = sum(len(block) for block in blocks[: model_estimate.fitted])
-    step = solve(jacobian.T @ jacobian, jacobian[first:].T @ residual[first:, None])[:, 0]
+    blocks, beside = jacobians(problem, model_estimate.x, free)
+    residual, jacobian = problem.residual(model_estimate.x), np.concatenate([*blocks, beside])
+    new = problem.rows_of(range(model_estimate.fitted, len(problem.trials)))
+    step = solve(jacobian.T @ jacobian, jacobian[new].T @ residual[new, None])[:, 0]
     moved = dict(zip(free, step, strict=True))
     menu = on_menu(problem, runs)
     x = menu.start(problem.named(model_estimate.x))
     relevant = [p for p in menu.parameters if p.name in moved or ":" in p.name]
-    predictions, jacobians_ = menu.predictions(x), jacobians(menu, x, [p.name for p in relevant])
+    predictions, (jacobians_, _) = menu.predictions(x), jacobians(menu, x, [p.name for p in relevant])
     parts = []
     for i, (eta, slopes) in enumerate(zip(predictions, jacobians_, strict=True)):
         own = [j for j, p in enumerate(relevant) if not elsewhere(p, menu.trials[i])]

@@ -17,7 +17,7 @@ from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.evidence import DETECTED
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.drive.cpg import DriveSegment
-from mjfish.effects import Effect, catalogue, find
+from mjfish.effects import Effect, catalogue, find, of_fish
 from mjfish.effects.calibration import CALIBRATIONS, DOMAINS, Calibration
 from mjfish.errors import InputError
 from mjfish.parameter import Parameter
@@ -263,9 +263,10 @@ def _known(
 
 
 def _causes(known: FittedModels, question: Question) -> tuple[Effect, ...]:
+    effects = of_fish(known.effects, known.dataset.fish)
     if not question.names:
-        return tuple(effect for effect in known.effects.values() if not effect.not_applicable(known.dataset))
-    found = tuple(find(name, dict(known.effects)) for name in question.names)
+        return tuple(effect for effect in effects.values() if not effect.not_applicable(known.dataset))
+    found = tuple(find(name, effects) for name in question.names)
     for effect in found:
         if reason := effect.not_applicable(known.dataset):
             raise InputError(f"{effect.name}: cannot be asked of this dataset: {reason}; leave it out")

@@ -18,6 +18,7 @@ import numpy as np
 from scipy import special, stats
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out
+from mjfish.diagnosis.weighted_sum import DrawnSizes, drawn_sizes
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.omnibus import HATS, omnibus
@@ -247,6 +248,18 @@ class Evidence:
         half = self.omnibus_information.reshape(*waves, len(self.omnibus_score)).sum(axis=(0, 2))
         information = half.reshape(len(score), *waves[:3], -1).sum(axis=(1, 3)).reshape(len(score), -1)
         return _quadratic(score, information)
+
+    def weighed(self) -> DrawnSizes:
+        """Return the test of random sizes of the omnibus waves, alike in m/s or rad/s for all waves of a channel.
+
+        Under white noise it is the omnibus test. Where the noise is far smaller at some frequencies, it asks there.
+        """
+        information = np.diag(self.omnibus_information).reshape(len(self.problem.trials), len(CHANNELS), -1)
+        seen = np.maximum(information.mean(axis=(0, 2)), 1e-300)
+        size = np.broadcast_to(1.0 / np.sqrt(seen)[:, None], information.shape).ravel()
+        scaled = self.omnibus_information * np.outer(size, size)
+        found = drawn_sizes(size * self.omnibus_score, scaled, self.problem.noise.doubt)
+        return replace(found, axes=size[:, None] * found.axes)
 
     def saturated_excess(self) -> float:
         """Return what all candidates jointly explain beyond chance: their statistic less its rank."""

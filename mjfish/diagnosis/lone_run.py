@@ -25,17 +25,12 @@ def lone_run(evidence: Evidence) -> int | None:
     Args:
         evidence: of the nominal model.
     """
-    blocks = evidence.problem.rows_by_trial()
-    if len(blocks) < _FEWEST:
+    if len(evidence.problem.trials) < _FEWEST:
         return None
     waves = whitened_omnibus(evidence.problem)
     alone = []
-    for index, block in enumerate(blocks):
-        kept = np.ones(len(evidence.cleared), dtype=bool)
-        kept[block] = False
-        for (run, _), rows in zip(evidence.problem.sensors, evidence.problem.sensor_rows, strict=True):
-            kept[rows] &= run != index
-        others = _without(evidence, waves, kept)
+    for index in range(len(evidence.problem.trials)):
+        others = _without(evidence, waves, ~evidence.problem.rows_of({index}))
         if min(others.saturated_p(), others.omnibus_p()) >= GOODNESS:
             alone.append(index)
     return alone[0] if len(alone) == 1 else None

@@ -21,6 +21,7 @@ from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Problem
 from mjfish.inspection import Inspection
 from mjfish.model import Model
+from mjfish.model.extended import Extended
 from mjfish.model.posterior import Posterior
 from mjfish.parameter import Parameter
 from mjfish.result import Result
@@ -231,6 +232,11 @@ class Diagnosis(Result):
     fits: tuple[FittedModel, ...]
     effects: Mapping[str, Effect]
     provenance: Mapping[str, Any]
+
+    @property
+    def fish(self) -> Extended:
+        """The fish with the causes that explain most, at the estimates: `mjfish.simulate` takes it."""
+        return Extended(self.extended_model, {name: value.estimate for name, value in self.extended.items()})
 
     def summary(self) -> str:
         """Return verdict, causes with sizes and curves, gain, status and what to do next, in at most ten lines."""

@@ -85,6 +85,9 @@ def screen(
     slopes = signatures(problem, baseline.values, candidates)
     ends = noisy_ends(saturated(problem, baseline, slopes.velocity).residuals)
     if ends:
+        noise, _ = noise_of(problem, baseline, slopes.velocity, stated, patterns=False)
+        if isinstance(noise, DifferentiationNoise):  # its filter lacks positions there, however little noisier it is
+            ends = max(ends, noise.window // 2)
         problem = replace(problem, ends=ends)
         baseline = fit(problem, baseline.x, tolerance=1e-6)
         slopes = signatures(problem, baseline.values, candidates)

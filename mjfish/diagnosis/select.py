@@ -16,18 +16,20 @@ that they have, given the fitted ones (docs/notes/018): often they were swum oth
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
+from mjfish.arrays import FloatArray
 from mjfish.data import Trial
-from mjfish.diagnosis.constancy import sizes_by_run
+from mjfish.diagnosis.constancy import linearised
 from mjfish.diagnosis.evidence import gather, tail
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import Refit
-from mjfish.diagnosis.sign_flips import flipped_p
+from mjfish.diagnosis.sign_flips import flipped_p, flipped_tail
+from mjfish.diagnosis.weighted_sum import DrawnSizes, drawn_sizes
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import without_form
 
@@ -36,15 +38,16 @@ Key = TypeVar("Key", bound=Hashable)
 KEEP = 0.05
 #: Or within this fall of the sum of squares, 2 ln 10, of the best.
 CLOSE = 2.0 * float(np.log(10.0))
-#: A cause that fits worse than this in either of two tests is no explanation. A true one is lost by chance twice in ten
-#: thousand; more often because its form differs a little from the catalogue's, which should not make it a riddle.
+#: A cause that fits worse than this in any of six tests is no explanation. A true one is lost by chance in six of ten
+#: thousand cases at most; more often because its form differs a little from the catalogue's, which should not make it a
+#: riddle.
 GOODNESS = 1e-4
 #: What is left may be this share of all there was to explain: a cause's form is a model, too.
 LEFT = 0.1
 #: This share where all mechanisms are numbers without a form: there is no other one that could leave it.
 _EXACT = 0.03
-#: The tests of common waves and of sizes by run see the slightest error of form. Below this share of the gain, what
-#: they see does not count.
+#: The tests of common and of weighed waves, of sizes and of coefficients by run see the slightest error of form. Below
+#: this share of the gain, what they see does not count.
 _SLIGHT = 0.01
 #: And up to this share, it is like the truth, if nothing else is.
 RESEMBLES = 1.0 / 3.0
@@ -65,6 +68,8 @@ class Standing:
         left: the same as a share of all there was to explain.
         common_p: of the few waves of the omnibus basis that are the same in all runs.
         constancy_p: of the sizes of the causes being the same in all runs.
+        weighed_p: of the omnibus basis, each wave weighed by how well it is seen.
+        steady_p: of the coefficients being the same in all runs.
         tolerance: share that may be left.
     """
 
@@ -76,6 +81,8 @@ class Standing:
     left: float = 1.0
     common_p: float = 1.0
     constancy_p: float = 1.0
+    weighed_p: float = 1.0
+    steady_p: float = 1.0
     tolerance: float = LEFT
 
     @property
@@ -86,7 +93,8 @@ class Standing:
     @property
     def fit_p(self) -> float:
         """The least p value of the tests of what it leaves."""
-        return min(self.saturated_p, self.omnibus_p, self.common_p, self.constancy_p)
+        of_all = min(self.saturated_p, self.omnibus_p, self.common_p, self.weighed_p)
+        return min(of_all, self.constancy_p, self.steady_p)
 
     @property
     def clean(self) -> bool:
@@ -133,6 +141,13 @@ def sharp_p(test: tuple[float, int], gain: float) -> float:
     return 1.0 if statistic - rank < _SLIGHT * gain else tail(statistic, rank)
 
 
+def _drawn_p(test: DrawnSizes, columns: Callable[[], FloatArray], cleared: FloatArray, gain: float) -> float:
+    """Return the p value of a test of random sizes: 1 where it is slight beside the gain, that of flips if larger."""
+    if test.beyond < _SLIGHT * gain:
+        return 1.0
+    return test.p if test.p >= GOODNESS else max(test.p, flipped_tail(columns() @ test.axes, cleared))
+
+
 class Goodness:
     """The goodness of fit of refits, each computed once.
 
@@ -156,8 +171,12 @@ class Goodness:
     def _measured(self, refit: Refit) -> dict[str, float]:
         if refit not in self.known:
             after = gather(refit.problem, refit.fit, self.candidates)
-            common, sizes = after.common(), sizes_by_run(refit, self.held_out)
-            beyond = [statistic - rank for statistic, rank in (common, sizes)]
+            every = linearised(refit, self.held_out)
+            common, sizes = after.common(), every.sizes()
+            changes = every.coefficients()
+            steady = drawn_sizes(changes.T @ every.cleared, changes.T @ changes, refit.problem.noise.doubt)
+            weighed = after.weighed()
+            beyond = [steady.beyond, weighed.beyond, *(statistic - rank for statistic, rank in (common, sizes))]
             excess = max(after.saturated_excess(), after.omnibus_excess(), *beyond, 0.0)
             saturated_p, omnibus_p = after.saturated_p(), after.omnibus_p()
             if saturated_p < GOODNESS:  # outliers of the noise may be what is left
@@ -171,6 +190,8 @@ class Goodness:
                 "left": excess / max(refit.gain + excess, 1e-9),
                 "common_p": sharp_p(common, refit.gain),
                 "constancy_p": sharp_p(sizes, refit.gain),
+                "weighed_p": _drawn_p(weighed, after.omnibus_signatures, after.cleared, refit.gain),
+                "steady_p": _drawn_p(steady, lambda: changes, every.cleared, refit.gain),
                 "tolerance": tolerated(refit.mechanisms),
             }
         return self.known[refit]

@@ -28,7 +28,11 @@ def flipped_p(columns: FloatArray, residual: FloatArray) -> float:
         columns: what the fitted parameters leave of them; they may depend on each other.
         residual: whitened, of the fit.
     """
-    basis = columns @ principal_axes(columns.T @ columns)
+    return flipped_tail(columns @ principal_axes(columns.T @ columns), residual)
+
+
+def flipped_tail(basis: FloatArray, residual: FloatArray) -> float:
+    """Return the p value of |q'z|^2 over all flips of the signs, of columns q (n, k) of any length and angle."""
     squares, leverage = residual**2, np.sum(basis**2, axis=1)
     spread = basis.T @ (basis * squares[:, None])
     mean = float(np.trace(spread))

@@ -9,6 +9,7 @@ rate or acceleration; without a ramp r = 1, and the fish is swimming when the re
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +54,17 @@ class Wave:
             ramp=self.ramp,
             free=self.free,
         )
+
+
+def travelling(lengths: Sequence[float]) -> Wave:
+    """Return a wave that any fish swims by: once a second from head to tail, one wave on the body, widest at the tail.
+
+    Args:
+        lengths: of the links, nose first [m].
+    """
+    place = np.cumsum(lengths)[:-1] / np.sum(lengths)  # of the joints, 0 at the nose
+    amplitude = 0.35 * place / place[-1]
+    return Wave(1.0, tuple(amplitude), tuple(-2.0 * np.pi * place), (0.0,) * len(place), ramp=1.0)
 
 
 @functools.lru_cache(maxsize=256)

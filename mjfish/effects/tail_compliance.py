@@ -21,7 +21,7 @@ class TailCompliance(Effect):
     name: ClassVar[str] = "tail_compliance"
     domain: ClassVar[Domain] = "body"
     mechanism: ClassVar[str] = "tail_flexibility"
-    summary: ClassVar[str] = "the caudal link gives way elastically"
+    summary: ClassVar[str] = "the tail bends like a spring"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("tail_compliance.compliance", "rad/(N m)", 0.0, 0.0, 2.0, 0.0, 0.05, about="deflection per torque"),
         Parameter(

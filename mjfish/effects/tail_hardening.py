@@ -21,7 +21,7 @@ class TailHardening(Effect):
     name: ClassVar[str] = "tail_hardening"
     domain: ClassVar[Domain] = "body"
     mechanism: ClassVar[str] = "tail_flexibility"
-    summary: ClassVar[str] = "the caudal link gives way elastically, ever less with its load"
+    summary: ClassVar[str] = "the tail bends like a spring that hardens with its load"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("tail_hardening.compliance", "rad/(N m)", 0.0, 0.0, 2.0, 0.0, 0.05, about="deflection per torque"),
         Parameter("tail_hardening.damping", "N m s/rad", 0.02, 0.0, 0.2, 0.1, 0.02, about="of it", shape=True),

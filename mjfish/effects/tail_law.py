@@ -28,7 +28,7 @@ class TailLaw(Effect):
     domain: ClassVar[Domain] = "body"
     mechanism: ClassVar[str] = "tail_flexibility"
     learned: ClassVar[bool] = True
-    summary: ClassVar[str] = "the caudal link gives way elastically, by a law that is learned"
+    summary: ClassVar[str] = "the tail bends like a spring, by a law that is learned"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "tail_law.compliance", "rad/(N m)", 0.0, 0.0, 2.0, 0.0, 0.05, about="deflection per torque, if small"

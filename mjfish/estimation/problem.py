@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -386,6 +386,15 @@ class Problem:
         """Return where the rows of the velocities of each trial stand in a whitened residual."""
         counted = (int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials)))
         return blocks_of([len(CHANNELS) * samples for samples in counted])
+
+    def rows_of(self, trials: Collection[int]) -> BoolArray:
+        """Return which rows (n,) of a whitened residual some trials have: of velocities and of sensors."""
+        counted = np.zeros(self.measured + len(self.known), dtype=np.bool_)
+        velocities = [rows for i, rows in enumerate(self.rows_by_trial()) if i in trials]
+        sensors = [rows for rows, (i, _) in zip(self.sensor_rows, self.sensors, strict=True) if i in trials]
+        for rows in (*velocities, *sensors):
+            counted[rows] = True
+        return counted
 
     def start(self, given: Mapping[str, float] | None = None) -> FloatArray:
         """Return the start vector: `given` by name where it has one, else each parameter's declared start."""

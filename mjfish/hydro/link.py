@@ -68,6 +68,7 @@ LINK = np.dtype(
 #: origin (3,): of the strips' frame in the body's frame [m]; turn (9,): its axes, row by row: x along the strips, y, z.
 #: center (3,): centre of buoyancy in the body's frame [m]; volume: displaced [m3].
 #: length ... roll_damping: of the water on the link, see `mjfish.mujoco.strip_link.StripLink`.
+#: blunt: 1 where the link is no strips but `mjfish.hydro.blunt_force`, of which are matrix, area and turning.
 #: the rest: integrals, see `mjfish.hydro.outline.LinkOutline`.
 SPATIAL = np.dtype(
     [
@@ -84,6 +85,10 @@ SPATIAL = np.dtype(
         ("c_f", "f8"),
         ("munk", "f8"),
         ("roll_damping", "f8"),
+        ("blunt", "f8"),
+        ("matrix", "f8", (36,)),
+        ("area", "f8", (3,)),
+        ("turning", "f8", (3,)),
         ("added", "f8", (3,)),
         ("added_width", "f8", (3,)),
         ("added_roll", "f8"),

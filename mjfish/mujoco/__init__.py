@@ -2,17 +2,20 @@
 
 In reading order:
 
-* `strip_link`: what the water must know of a body; `custom_numerics`: the same in an MJCF.
+* `strip_link`, `blunt_link`: what the water must know of a body; `links`: both; `custom_numerics`: the same in an MJCF.
 * `fluid`: `StripFluid`, water on bodies of any model; `coupling_choice`: which coupling is right for which model.
 * `link_force`: the force on one link; `coupling`: added mass in the equation of motion; `reference`: both in NumPy.
 * `memory`: hidden states of loads.
-* `block`, `layout`, `callback`, `written_forces`: how compiled code finds the water, MuJoCo's memory and its way back.
+* `block`, `layout`, `callback`, `written_forces`: how compiled code finds the water, MuJoCo's memory and its way back;
+  `checked`: what of a model must stay.
 * `mjcf`: the fish as a MuJoCo model; `rollout`: runs with servos; `prescribed`: with given joint angles; `export`.
+* `offscreen`: pictures without a window.
 """
 
+from mjfish.mujoco.blunt_link import BluntLink
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.mjcf import Trim
 from mjfish.mujoco.rollout import SimRollout, simulate
 from mjfish.mujoco.strip_link import StripLink
 
-__all__ = ["SimRollout", "StripFluid", "StripLink", "Trim", "simulate"]
+__all__ = ["BluntLink", "SimRollout", "StripFluid", "StripLink", "Trim", "simulate"]

@@ -30,7 +30,9 @@ from mjfish.errors import InputError, MjfishError
 from mjfish.hydro.link import LINK, SPATIAL
 from mjfish.hydro.load import ROW, Load, LoadTable, load_rows, memory_of
 from mjfish.hydro.outline import outline
+from mjfish.mujoco.blunt_link import BluntLink
 from mjfish.mujoco.layout import counts, floats, plane_links, spatial_links
+from mjfish.mujoco.links import Link
 from mjfish.mujoco.memory import room_in
 from mjfish.mujoco.strip_link import StripLink
 
@@ -97,12 +99,17 @@ def numbers_of(model: mujoco.MjModel) -> FloatArray:
     """Return the numbers of the water that a model is tagged with.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or none any more.
     """
     magic, token, row, count, _ = model.opt.o_solimp
-    block = _living.get(int(row)) if magic == MAGIC and token == TOKEN else None
+    if magic != MAGIC:
+        raise InputError("this model has no water; put it there by StripFluid(model, links)")
+    block = _living.get(int(row)) if token == TOKEN else None
     if block is None or TABLE[int(row), 1] != count:
-        raise InputError("no water acts on this model; put it there by StripFluid(model, links)")
+        raise InputError(
+            "the StripFluid of this model is gone; keep it as long as copies of its model run, or call "
+            "StripFluid(model, links) on this one"
+        )
     return block.numbers
 
 
@@ -114,7 +121,7 @@ def _release(row: int) -> None:
 
 def pack(
     model: mujoco.MjModel,
-    links: Sequence[StripLink],
+    links: Sequence[Link],
     density: float,
     *,
     inertia: bool,
@@ -142,30 +149,51 @@ def pack(
     parts: list[FloatArray] = [np.array(header), rows.ravel(), trees.ravel(), water.view(np.float64).ravel()]
     if loads:
         table = load_rows(loads, len(links))
-        seen = plane_records(model, links, density)
+        seen = plane_records(model, [link for link in links if isinstance(link, StripLink)], density)
         parts += [table.addresses.view(np.float64), table.rows.ravel(), seen.view(np.float64).ravel()]
     return np.concatenate(parts)
 
 
-def records(links: Sequence[StripLink], density: float) -> RecordArray:
+def records(links: Sequence[Link], density: float) -> RecordArray:
     """Return one `SPATIAL` record a link; the ids of bodies are not in it yet."""
     filled = np.zeros(len(links), dtype=SPATIAL)
     for record, link in zip(filled, links, strict=True):
+        record["density"] = density
+        record["origin"] = link.origin
+        if isinstance(link, BluntLink):
+            record["blunt"] = 1.0
+            record["turn"] = np.eye(3).ravel()
+            record["matrix"] = link.matrix(density).ravel()
+            record["area"], record["turning"] = link.areas, link.turnings
+            record["volume"] = link.displaced
+            record["center"] = link.origin if link.buoyancy_center is None else link.buoyancy_center
+            continue
         integrals = outline(link.outline, density, link.start, link.start + link.length)
         for field in SPATIAL.names or ():
             if hasattr(integrals, field):
                 record[field] = getattr(integrals, field)
-        for field in ("length", "c_m", "c_f", "roll_damping", "origin"):
-            record[field] = getattr(link, field)
-        record["c_d"] = link.drag_coefficient
-        record["munk"] = link.munk_moment
-        record["density"] = density
+        record["length"] = link.length
         record["turn"] = link.frame.ravel()
         if link.volume is not None:
             record["volume"] = link.volume
         middle = np.array(link.origin) + integrals.centroid * link.frame[0]
         record["center"] = middle if link.buoyancy_center is None else link.buoyancy_center
+    _fill_coefficients(filled, links)
     return filled
+
+
+def _fill_coefficients(filled: RecordArray, links: Sequence[Link]) -> None:
+    """Fill the coefficients of links into their `SPATIAL` or `LINK` records."""
+    for record, link in zip(filled, links, strict=True):
+        record["c_m"] = link.c_m
+        record["munk"] = link.munk_moment
+        if isinstance(link, BluntLink):
+            record["c_d"] = link.c_d
+            continue
+        record["c_d"] = link.drag_coefficient
+        record["c_f"] = link.c_f
+        if "roll_damping" in (filled.dtype.names or ()):
+            record["roll_damping"] = link.roll_damping
 
 
 def plane_records(model: mujoco.MjModel, links: Sequence[StripLink], density: float) -> RecordArray:
@@ -214,6 +242,14 @@ def unpack(numbers: FloatArray) -> RecordArray:
     n, c, t = (int(count) for count in numbers[:3])
     start = HEADER + CARRIER * c + TREE * t
     return numbers[start : start + n * _SPATIAL_SIZE // 8].view(SPATIAL)
+
+
+def replace_coefficients(numbers: FloatArray, links: Sequence[Link]) -> None:
+    """Write the coefficients of `links` into the numbers of a model's water; all else of them must be as it was."""
+    _fill_coefficients(unpack(numbers), links)
+    seen = loads_in(numbers)[1]
+    if len(seen):
+        _fill_coefficients(seen, links)
 
 
 def loads_in(numbers: FloatArray) -> tuple[LoadTable, RecordArray]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -77,7 +78,7 @@ def _act(model_pointer: Any, data_pointer: Any) -> None:
         _spoil(model, data)
         return
     address = np.int64(carray(data_pointer, 1).ctypes.data)
-    note = note_of(_notes(), address, water)
+    note = note_of(_notes(), address, data, water)
     couple(model, data, water, model_pointer, data_pointer)
     copy_written(note, data, water)
 
@@ -123,6 +124,7 @@ def _with(before: Any) -> Any:
 
 _lock = threading.Lock()
 _users = 0
+_told = False  # of steps without water, once
 _before: Any = None
 
 
@@ -136,20 +138,20 @@ def installed() -> Iterator[None]:
 
     Then the force of the water is taken out of `xfrc_applied` of every mjData that it acted on.
 
+    Warns, once, of an mjData that took steps since the block before.
+
     Raises:
         MjfishError: this MuJoCo is not understood.
     """
-    global _users, _before
+    global _users, _before, _told
+    dry = 0
     with _lock:
         if _users == 0:
-            _before = mujoco.get_mjcb_control()
-            mujoco.set_mjcb_control(None)  # MuJoCo compiles no model, which `verify` needs, under one in Python
-            try:
-                mujoco.set_mjcb_control(_with(_before))
-                written_forces.start()
-            except BaseException:
-                mujoco.set_mjcb_control(_before)
-                raise
+            before = mujoco.get_mjcb_control()
+            ours = _with(before)
+            written_forces.start()
+            mujoco.set_mjcb_control(ours)
+            _before = before
         _users += 1
     try:
         yield
@@ -159,4 +161,10 @@ def installed() -> Iterator[None]:
             if _users == 0:
                 mujoco.set_mjcb_control(_before)
                 _before = None
-                written_forces.take_out()
+                dry = written_forces.take_out()
+    if dry and not _told:
+        _told = True
+        warnings.warn(
+            f"MjData took {dry} steps outside installed(), where there is no water; put all steps into the block",
+            stacklevel=5,
+        )

@@ -33,7 +33,8 @@ def choose(model: mujoco.MjModel, bodies: list[int], asked: Coupling | None) -> 
 
     Raises:
         UnknownNameError: no such coupling.
-        InputError: what was asked for, or everything, would be wrong; every reason and its remedy.
+        InputError: what was asked for, or everything, would be wrong; every reason and its remedy, where both are wrong
+                those of ``inertia``.
     """
     if asked is not None and asked not in get_args(Coupling):
         raise UnknownNameError("coupling", asked, get_args(Coupling), "or leave the choice to mjfish")
@@ -42,12 +43,12 @@ def choose(model: mujoco.MjModel, bodies: list[int], asked: Coupling | None) -> 
     against = {"inertia": list(_against_inertia(model, bodies)), "xfrc": list(_against_xfrc(model))}
     other = {"inertia": "xfrc", "xfrc": "inertia"}
     if all(against[coupling] for coupling in allowed):  # where one of them is right, nothing is wrong with the other
-        for coupling in allowed:
-            way_out = "" if against[other[coupling]] else f', or use coupling="{other[coupling]}"'
-            reasons += [f"coupling '{coupling}': {reason}{way_out}" for reason in against[coupling]]
+        coupling = allowed[0]  # where neither is, the remedy of the one that is right more often
+        way_out = "" if against[other[coupling]] else f', or use coupling="{other[coupling]}"'
+        reasons += [f"coupling '{coupling}': {reason}{way_out}" for reason in against[coupling]]
     if not reasons:
         return next(coupling for coupling in allowed if not against[coupling])
-    raise InputError("the force of the water would be wrong in this MuJoCo model:\n" + "\n".join(reasons))
+    raise InputError("\n".join(reasons))
 
 
 def _disabled(model: mujoco.MjModel, bit: mujoco.mjtDisableBit) -> bool:

@@ -1,8 +1,8 @@
 """The water in an MJCF, as custom numerics: MuJoCo keeps them and does nothing with them.
 
-``strip_fluid/density`` [kg/m3]; ``strip_fluid/BODY/KEY``, KEY any number or list of numbers that a `StripLink` takes
-(``length``, ``station``, ``height``, ``c_d``, ...); ``strip_fluid/BODY/sections``, or ``strip_fluid/sections`` for all
-links that give no height and width: rows of ROW numbers, one a piece of the outline.
+``strip_fluid/density`` [kg/m3]; ``strip_fluid/BODY/KEY``, KEY any number or list of numbers that a `StripLink` or a
+`BluntLink` takes (``length``, ``station``, ``height``, ``c_d``, ``semiaxes``, ...); ``strip_fluid/BODY/sections``, or
+``strip_fluid/sections`` for all links that give no height and width: rows of ROW numbers, one a piece of the outline.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ import numpy as np
 from mjfish import tomlfile
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Section
-from mjfish.mujoco.strip_link import COEFFICIENTS, StripLink, Water
+from mjfish.mujoco.blunt_link import KEYS
+from mjfish.mujoco.links import Water
+from mjfish.mujoco.strip_link import COEFFICIENTS, StripLink
 
 #: What every name begins with.
 PREFIX = "strip_fluid"
@@ -23,7 +25,7 @@ PREFIX = "strip_fluid"
 ROW = 7
 #: Profiles by their number in a row.
 PROFILES = ("linear", "elliptic")
-_OUTLINE = ("station", "height", "width", "sections")
+_OUTLINE = ("station", "height", "width", "sections", *KEYS)
 
 
 def read(model: mujoco.MjModel) -> Water:

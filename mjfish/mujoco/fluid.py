@@ -12,13 +12,16 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 from numba import carray
+from numpy.typing import ArrayLike
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.compiled import compiled
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.hydro.load import PARAMETERS, Load, memory_of
-from mjfish.mujoco import callback, custom_numerics, strip_link
-from mjfish.mujoco.block import MAGIC, Block, numbers_of, pack, view
+from mjfish.mujoco import callback, custom_numerics
+from mjfish.mujoco.block import MAGIC, Block, numbers_of, pack, replace_coefficients, view
+from mjfish.mujoco.blunt_link import BluntLink
+from mjfish.mujoco.checked import Checked
 from mjfish.mujoco.coupling_choice import Coupling, choose
 from mjfish.mujoco.layout import data_at, floats, model_at, verify
 from mjfish.mujoco.link_force import (
@@ -32,8 +35,9 @@ from mjfish.mujoco.link_force import (
     take_inertial,
     to_world,
 )
+from mjfish.mujoco.links import Link, link_of, read, with_coefficients
 from mjfish.mujoco.memory import room_in
-from mjfish.mujoco.strip_link import StripLink
+from mjfish.mujoco.strip_link import DENSEST, StripLink
 
 #: Parts of the force on a link, in the order of the arrays.
 PARTS = ("drag", "added_mass", "munk", "buoyancy", "loads")
@@ -79,7 +83,8 @@ class StripFluid:
 
     Attributes:
         model: the model.
-        links: `StripLink` by link, in the order of every array about links.
+        links: `StripLink` or `BluntLink` by link, in the order of every array about links; `set` changes their
+            coefficients.
         density: of the water [kg/m3].
         coupling: ``inertia`` or ``xfrc``, see `mjfish.mujoco.coupling`.
 
@@ -107,7 +112,7 @@ class StripFluid:
     def __init__(
         self,
         model: mujoco.MjModel,
-        links: Sequence[StripLink | Mapping[str, Any]] | None = None,
+        links: Sequence[Link | Mapping[str, Any]] | None = None,
         *,
         density: float | None = None,
         coupling: Coupling | None = None,
@@ -139,26 +144,36 @@ class StripFluid:
             water = custom_numerics.read(model)
             links, density = water.links, water.density if density is None else density
         self.model = model
-        self.links = _strip_links(links)
+        self.links = _links(links)
         density = 1000.0 if density is None else density
-        if isinstance(density, bool) or not isinstance(density, Real) or not 0.0 < density <= strip_link.DENSEST:
+        if isinstance(density, bool) or not isinstance(density, Real) or not 0.0 < density <= DENSEST:
             raise InputError(
-                f"density: found {density!r}, expected a number above 0 and at most {strip_link.DENSEST:g} kg/m3; "
-                "correct it"
+                f"density: found {density!r}, expected a number above 0 and at most {DENSEST:g} kg/m3; correct it"
             )
         self.density = float(density)
-        _check_loads(loads)
+        _check_loads(loads, self.links)
         room = room_in(model, memory_of(loads, len(self.links)))
         self._states: int = room.states
         servos = room.control if room.states else model.nu
         if commanded and model.nuserdata != 1 + 3 * servos:
-            raise InputError(f"userdata has {model.nuserdata} numbers, expected {1 + 3 * servos} for the commands")
-        self.coupling: Coupling = choose(model, _bodies(model, self.links), coupling)
+            raise InputError(
+                f"userdata: found {model.nuserdata} numbers, expected {1 + 3 * servos} for the commands; set "
+                f'<size nuserdata="{1 + 3 * servos}"/>'
+            )
+        bodies = _bodies(model, self.links)
+        chosen: Coupling = choose(model, bodies, coupling)
+        self.coupling = chosen
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         inertia = self.coupling == "inertia"
         numbers = pack(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
         self._block: Block = Block(numbers, [load for load, _ in loads])
         self._block.tag(model)
+
+        def check() -> None:
+            choose(model, bodies, chosen)
+            room_in(model, room.states)
+
+        self._checked: Checked = Checked(model, check)
 
     @classmethod
     def from_toml(cls, model: mujoco.MjModel, path: str | Path, *, coupling: Coupling | None = None) -> StripFluid:
@@ -168,7 +183,7 @@ class StripFluid:
             InputError, UnknownNameError: as above, and where the file is none.
         """
         _check_compiled(model)
-        water = strip_link.read(path)
+        water = read(path)
         _bodies(model, water.links, f"body in {path}")
         return cls(model, water.links, density=water.density, coupling=coupling)
 
@@ -182,22 +197,56 @@ class StripFluid:
         before, and the rates of hidden states in `ctrl` are zero. `mujoco.batch` copies these fields into arrays of its
         own: set ``batch.xfrc_applied[:] = 0`` there, and the rates.
 
+        Warns, once, of steps that an mjData took since the block before: they were without water.
+
         Raises:
             InputError: the model was changed so that the force would now be wrong, or given other water.
         """
         self._still_there()
-        choose(self.model, _bodies(self.model, self.links), self.coupling)
-        room_in(self.model, self._states)
+        self._checked.again()
         with callback.installed():
             yield
 
     def _still_there(self) -> None:
         if self.model.opt.o_solimp[0] != MAGIC:
-            raise InputError("opt.o_solimp of the model was overwritten, where its water is noted; leave it alone")
+            raise InputError(
+                "opt.o_solimp: found another value than the tag of the water; put a new StripFluid on the model, and "
+                "leave it alone"
+            )
         if numbers_of(self.model) is not self._block.numbers:
             raise InputError(
-                "another StripFluid has taken the place of this one on its model; use that one, with the links of both"
+                "another StripFluid has taken the place of this one on the model; use that one, with the links of both"
             )
+
+    def set(self, **coefficients: ArrayLike) -> None:
+        """Set coefficients of the links, in this model and in its copies; the next step has them, inside a block too.
+
+        The water is then, to the last bit, that of a new `StripFluid` with these coefficients, and `links` has them.
+        Call it while no other thread steps the model. Other coefficients for a copy need a `StripFluid` of its own.
+
+        Args:
+            coefficients: ``c_m``, ``c_d``, ``c_f``, ``munk_moment``, ``roll_damping``: a number for all links, or one
+                a link, in the order of `links`; what is not given stays. A `BluntLink` has the first two and the Munk
+                moment; it passes others over.
+
+        Raises:
+            UnknownNameError: no such coefficient.
+            InputError: a value is no number or outside its bounds, there are not as many as links, or another
+                StripFluid has taken the place of this one. Nothing is set then.
+
+        Example:
+            >>> import mujoco
+            >>> model = mujoco.MjModel.from_xml_string('<mujoco><worldbody><body name="plate">'
+            ...     '<joint type="slide"/><geom size=".1"/></body></worldbody></mujoco>')
+            >>> fluid = mjfish.StripFluid(model, [{"body": "plate", "length": 0.3, "height": 0.2, "width": 0.004}])
+            >>> fluid.set(c_d=1.9, c_m=[0.8])
+            >>> fluid.links[0].c_d, fluid.links[0].c_m
+            (1.9, 0.8)
+        """
+        self._still_there()
+        links = with_coefficients(self.links, coefficients)
+        replace_coefficients(self._block.numbers, links)
+        self.links = links
 
     def wrenches(self, data: mujoco.MjData) -> dict[str, FloatArray]:
         """Return the force of the water on each link by part, at the state and acceleration that `data` is in.
@@ -227,12 +276,12 @@ class StripFluid:
         warned = any(data.warning[kind].number for kind in bad)
         if not warned and all(np.all(np.isfinite(part)) for part in (data.qpos, data.qvel, data.qacc)):
             return State("ok", "")
-        return State(
-            "diverged",
-            f"the state is no longer one of numbers at {data.time:.4f} s; take a shorter step, softer actuators, or "
-            "check the coefficients; if it never was, the StripFluid of a copied model is gone (keep it, or make a new "
-            'one), or coupling "xfrc" met a constraint or an implicit integrator (use coupling="inertia")',
-        )
+        found = f"the state is no longer one of numbers at {data.time:.4f} s"
+        try:
+            _check_water(data.model)
+        except InputError as error:
+            return State("diverged", f"{found}: {error}")
+        return State("diverged", f"{found}; take a shorter step, softer actuators, or check the coefficients")
 
 
 @compiled
@@ -263,7 +312,21 @@ def _fill_parts(model_address: int, data_address: int, block_address: int, parts
             add_wrench(model, data, int(link.body), spatial, parts[part, i])
 
 
-def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]]) -> None:
+def _check_water(model: mujoco.MjModel) -> None:
+    """Raise InputError where a model has no water, or not its own, or its force is wrong in it."""
+    numbers = numbers_of(model)
+    water = view(numbers.ctypes.data)
+    if (water.bodies, water.dofs, water.actuators, water.activations) != (model.nbody, model.nv, model.nu, model.na):
+        raise InputError("opt.o_solimp is that of another model; call StripFluid(model, links) on this one")
+    choose(model, water.links["body"].astype(int).tolist(), "inertia" if water.inertia else "xfrc")
+
+
+def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]], links: Iterable[Link]) -> None:
+    blunt = [link.body for link in links if isinstance(link, BluntLink)]
+    if loads and blunt:
+        raise InputError(
+            f"loads act on strips, which '{blunt[0]}' has none of; drop the loads, or describe it by strips"
+        )
     for number, (load, parameters) in enumerate(loads, start=1):
         if not isinstance(load, Load):
             raise InputError(
@@ -280,10 +343,10 @@ def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]]) -> None:
 
 def _check_compiled(model: object) -> None:
     if not isinstance(model, mujoco.MjModel):
-        raise InputError(f"expected a compiled mujoco.MjModel, found {type(model).__name__}; compile it first")
+        raise InputError(f"model: found a {type(model).__name__}, expected a compiled mujoco.MjModel; compile it")
 
 
-def _bodies(model: mujoco.MjModel, links: Iterable[StripLink], kind: str = "body") -> list[int]:
+def _bodies(model: mujoco.MjModel, links: Iterable[Link], kind: str = "body") -> list[int]:
     """Return the ids of the bodies; `kind` says of an unknown one what it is."""
     ids = {model.body(index).name: index for index in range(1, model.nbody)}
     for link in links:
@@ -292,13 +355,13 @@ def _bodies(model: mujoco.MjModel, links: Iterable[StripLink], kind: str = "body
     return [ids[link.body] for link in links]
 
 
-def _strip_links(links: Sequence[StripLink | Mapping[str, Any]]) -> tuple[StripLink, ...]:
-    if isinstance(links, (str, Mapping, StripLink)) or not isinstance(links, Iterable):
-        raise InputError(f"links: expected a list of StripLink or of tables, found a {type(links).__name__}")
+def _links(links: Sequence[Link | Mapping[str, Any]]) -> tuple[Link, ...]:
+    if isinstance(links, (str, Mapping, StripLink, BluntLink)) or not isinstance(links, Iterable):
+        raise InputError(f"links: found a {type(links).__name__}, expected a list of links; put it into brackets")
     links = tuple(links)
     if not links:
-        raise InputError("no links; name at least one body that the water acts on")
+        raise InputError("links: found none, expected one at least; name a body that the water acts on")
     for number, link in enumerate(links, start=1):
-        if not isinstance(link, (StripLink, Mapping)):
-            raise InputError(f"links.{number}: expected a StripLink or a table of its keys, found {link!r}; correct it")
-    return tuple(link if isinstance(link, StripLink) else StripLink(**link) for link in links)
+        if not isinstance(link, (StripLink, BluntLink, Mapping)):
+            raise InputError(f"links.{number}: found {link!r}, expected a link or a table of its keys; correct it")
+    return tuple(link_of(link) if isinstance(link, Mapping) else link for link in links)

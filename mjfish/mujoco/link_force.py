@@ -16,6 +16,7 @@ from numba import carray
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, merged
+from mjfish.hydro.blunt_force import blunt_drag, blunt_momentum
 from mjfish.hydro.load import ANSWER, LoadBuffers, apply_loads, loads_on
 from mjfish.hydro.spatial_force import added_momentum, spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.mujoco.layout import floats, integers
@@ -138,6 +139,16 @@ def buoyancy(model: Any, link: Any, frame: FloatArray) -> Six:
 def non_inertial(model: Any, data: Any, link: Any, frame: FloatArray) -> tuple[Six, Six, Vector, Six]:
     """Return drag, gyroscopic force, Munk moment and buoyancy."""
     (vx, vy, vz), (wx, wy, wz) = relative_velocity(model, data, link, frame)
+    if link.blunt > 0.0:
+        velocity, spin = (vx, vy, vz), (wx, wy, wz)
+        a, b, c, d, e, f = blunt_momentum(link, velocity, spin)
+        push, turn, munk = cross((a, b, c), spin), cross((d, e, f), spin), cross((a, b, c), velocity)
+        return (
+            blunt_drag(link, velocity, spin),
+            (push[0], push[1], push[2], turn[0], turn[1], turn[2]),
+            (link.munk * munk[0], link.munk * munk[1], link.munk * munk[2]),
+            buoyancy(model, link, frame),
+        )
     return (
         spatial_drag(link, vx, vy, vz, wx, wy, wz),
         spatial_gyroscopic(link, vy, vz, wx, wy, wz),
@@ -228,6 +239,11 @@ def take_inertial(
     rate, spin_rate = resolve(acceleration, frame)
     spin = rotated(frame, vector_at(data.cvel + 48 * int(link.body)))
     rate = plus(rate, cross(spin, rotated(frame, triple(model.wind, 0))))
+    if link.blunt > 0.0:
+        impulse = blunt_momentum(link, rate, spin_rate)
+        for k in range(6):
+            wrench[k] -= impulse[k]
+        return
     momentum = added_momentum(link, rate[1], rate[2], spin_rate[0], spin_rate[1], spin_rate[2])
     for k in range(5):  # there is none along the strips
         wrench[1 + k] -= momentum[k]
@@ -241,6 +257,9 @@ def add_added_inertia(link: Any, frame: FloatArray, inertia: FloatArray) -> None
     strips' origin: the inertia is the sum over both axes of A_0 g g^T + A_1 (g g'^T + g' g^T) + A_2 g' g'^T, and roll.
     """
     c = link.c_m
+    if link.blunt > 0.0:
+        _add_matrix(link, frame, inertia)
+        return
     for axis in range(2):
         moments = link.added if axis == 0 else link.added_width
         e = triple(frame, 3 + 3 * axis)  # y across the height, z across the width
@@ -258,6 +277,25 @@ def add_added_inertia(link: Any, frame: FloatArray, inertia: FloatArray) -> None
     for j in range(3):
         for k in range(3):
             inertia[6 * j + k] += c * link.added_roll * frame[j] * frame[k]
+
+
+@compiled
+def _add_matrix(link: Any, frame: FloatArray, inertia: FloatArray) -> None:
+    """Add the added mass of a blunt link, T^T A T: T turns a spatial motion into the velocity of the link's origin."""
+    turn = np.zeros((6, 6))
+    for axis in range(3):
+        e = triple(frame, 3 * axis)
+        arm = cross(triple(frame, 9), e)
+        for k in range(3):
+            turn[axis, k] = arm[k]
+            turn[axis, 3 + k] = turn[3 + axis, k] = e[k]
+    for a in range(6):
+        for k in range(6):
+            moved = 0.0
+            for b in range(6):
+                moved += link.c_m * link.matrix[6 * a + b] * turn[b, k]
+            for j in range(6):
+                inertia[6 * j + k] += turn[a, j] * moved
 
 
 @compiled

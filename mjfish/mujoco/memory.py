@@ -66,9 +66,9 @@ def room_in(model: mujoco.MjModel, states: int) -> Room:
     if len(ids) < states:
         joint = next(filter(None, (model.joint(j).name for j in range(model.njnt))), "JOINT")
         raise InputError(
-            f"actuators: found {len(ids)} named '{PREFIX}1' and so on, expected {states}, one for each hidden state of "
-            f'the loads; add <general name="{PREFIX}1" joint="{joint}" dyntype="integrator" gainprm="0"/> and so on to '
-            f"the MJCF, or call mjfish.mujoco.memory.make_room(spec, {states}) before it is compiled"
+            f"actuators: found {len(ids)} named '{PREFIX}1' and so on, expected {states}, one a hidden state of the "
+            f'loads; add <general name="{PREFIX}1" joint="{joint}" dyntype="integrator" gainprm="0"/> and so on, or '
+            f"call mjfish.mujoco.memory.make_room(spec, {states})"
         )
     if not ids:
         return Room(0, 0, 0)

@@ -79,7 +79,7 @@ class Trim:
         """Refuse what is no number."""
         for name, value in (("arm", self.arm), ("drop", self.depth)):
             if not math.isfinite(value):
-                raise InputError(f"trim: {name} is {value:g} m; expected a finite number")
+                raise InputError(f"trim: {name} is {value:g} m; expected a finite number; correct it")
 
     @property
     def depth(self) -> float:

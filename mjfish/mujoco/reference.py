@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray, RecordArray
+from mjfish.hydro.blunt_force import blunt_drag
 from mjfish.hydro.load import ANSWER, LoadBuffers, loads_on
 from mjfish.hydro.spatial_force import spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.mujoco.block import loads_in, numbers_of, unpack, view
@@ -83,7 +84,9 @@ def bias_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> Fl
 
 
 def inertia_of(link: RecordArray) -> FloatArray:
-    """Return the added mass (6, 6) of a link about the origin of its strips; none along them."""
+    """Return the added mass (6, 6) of a link about its origin; strips have none along them."""
+    if link["blunt"]:
+        return np.asarray(link["c_m"] * link["matrix"].reshape(6, 6))
     (y0, y1, y2), (z0, z1, z2) = link["c_m"] * link["added"], link["c_m"] * link["added_width"]
     A = np.zeros((6, 6))
     A[1, 1], A[1, 5], A[5, 1], A[5, 5] = y0, y1, y1, y2
@@ -122,8 +125,14 @@ def force_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -> F
     """Return drag, gyroscopic, Munk and buoyancy force (6,) in the strips' frame, about their origin."""
     axes = axes_of(data, link)
     vx, vy, vz, wx, wy, wz = velocity_of(model, data, link)
-    force = np.add(spatial_drag(link, vx, vy, vz, wx, wy, wz), spatial_gyroscopic(link, vy, vz, wx, wy, wz))
-    force[3:] += spatial_munk(link, vx, vy, vz, wy, wz)
+    if link["blunt"]:
+        v, w = (vx, vy, vz), (wx, wy, wz)
+        p, turned = np.split(inertia_of(link) @ [*v, *w], 2)
+        force = np.concatenate([-np.cross(w, p), -np.cross(w, turned) - link["munk"] * np.cross(v, p)])
+        force += blunt_drag(link, v, w)
+    else:
+        force = np.add(spatial_drag(link, vx, vy, vz, wx, wy, wz), spatial_gyroscopic(link, vy, vz, wx, wy, wz))
+        force[3:] += spatial_munk(link, vx, vy, vz, wy, wz)
     if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:
         body = int(link["body"])
         lift = -link["density"] * link["volume"] * model.opt.gravity

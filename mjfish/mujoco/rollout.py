@@ -133,7 +133,9 @@ def simulate(
         The run; one that diverges has ``status == "diverged"`` and ends there.
     """
     if command.joints != fish.joints:
-        raise InputError(f"the command has {command.joints} joints, {fish.name} has {fish.joints}")
+        raise InputError(
+            f"the command has {command.joints} joints, {fish.name} has {fish.joints}; give an angle a joint"
+        )
     if not np.all(np.isfinite(command.angle)):
         raise InputError("the command has angles that are no finite numbers; check the drive")
     fluid = swimmer(fish, values=values, free=free, integrator=integrator, coupling=coupling, loads=loads)

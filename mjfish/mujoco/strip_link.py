@@ -1,6 +1,6 @@
 """What the water must know of a body: its sections along an axis, and its coefficients.
 
-Given in Python or TOML; in an MJCF: `mjfish.mujoco.custom_numerics`.
+Given in Python or TOML (`mjfish.mujoco.links`); in an MJCF: `mjfish.mujoco.custom_numerics`.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 from numbers import Real
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -41,14 +40,14 @@ _EXACT = 1e-9  # stations this close are the same [m]
 Vector = tuple[float, float, float]
 
 
-def _without_arrays(value: object) -> object:
+def without_arrays(value: object) -> object:
     """Take arrays for tuples."""
     return tomlfile.frozen(value.tolist()) if isinstance(value, np.ndarray) else value
 
 
 def _extent(value: object) -> object:
     """Take a number, or one a station; said in one sentence, where pydantic would complain of either."""
-    value = _without_arrays(value)
+    value = without_arrays(value)
     for item in value if isinstance(value, tuple) else (value,):
         if isinstance(item, bool) or not isinstance(item, Real) or not math.isfinite(item):
             found = f"; found {value}" if isinstance(value, tuple) else ""
@@ -56,8 +55,9 @@ def _extent(value: object) -> object:
     return value
 
 
-def _point(value: object) -> object:
-    value = _without_arrays(value)
+def point(value: object) -> object:
+    """Take three numbers; said in one sentence."""
+    value = without_arrays(value)
     if isinstance(value, tuple) and len(value) != 3:
         raise ValueError(f"expected three numbers x, y, z in the body's frame, found {len(value)}; correct it")
     return value
@@ -65,10 +65,17 @@ def _point(value: object) -> object:
 
 Size = Annotated[float, Field(ge=SMALLEST, le=LARGEST)]
 Coordinate = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Stations = Annotated[tuple[Coordinate, ...], BeforeValidator(_without_arrays)]
+Stations = Annotated[tuple[Coordinate, ...], BeforeValidator(without_arrays)]
 Extent = Annotated[float | tuple[float, ...], BeforeValidator(_extent)]
-Point = Annotated[tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(_point)]
-Density = Annotated[float, Field(gt=0.0, le=DENSEST)]
+Point = Annotated[tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(point)]
+
+
+def check_bounds(value: float, info: Any) -> float:
+    """Return the value of a coefficient, as a validator of its field."""
+    declared = COEFFICIENTS[info.field_name]
+    if not declared.low <= value <= declared.high:
+        raise ValueError(f"{value:g} is outside its bounds [{declared.low:g}, {declared.high:g}]; choose one inside")
+    return value
 
 
 class StripLink(Table):
@@ -136,15 +143,7 @@ class StripLink(Table):
         except ValidationError as error:
             raise InputError(tomlfile.complaints(f"link '{keys.get('body', '')}'", error)) from None
 
-    @field_validator(*COEFFICIENTS)
-    @classmethod
-    def _bounded(cls, value: float, info: Any) -> float:
-        declared = COEFFICIENTS[info.field_name]
-        if not declared.low <= value <= declared.high:
-            raise ValueError(
-                f"{value:g} is outside its bounds [{declared.low:g}, {declared.high:g}]; choose one inside"
-            )
-        return value
+    _bounded = field_validator(*COEFFICIENTS)(check_bounds)
 
     @model_validator(mode="after")
     def _outlined(self) -> StripLink:
@@ -178,12 +177,16 @@ class StripLink(Table):
         self.frame  # noqa: B018 - raises where axis and up are parallel
         if self.kc is None and "kc_power" in self.model_fields_set:
             raise ValueError("'kc_power' is a power of 'kc', which is missing; add it, or take out the power")
+        self.check_drag()
+        return self
+
+    def check_drag(self) -> None:
+        """Raise ValueError where `kc` makes the drag larger than any."""
         if not self.drag_coefficient <= COEFFICIENTS["c_d"].high:
             raise ValueError(
                 f"kc {self.kc:g} makes c_d {self.drag_coefficient:g}, expected {COEFFICIENTS['c_d'].high:g} at most; "
                 "correct kc, kc_power or c_d"
             )
-        return self
 
     @property
     def drag_coefficient(self) -> float:
@@ -235,20 +238,3 @@ class StripLink(Table):
             raise ValueError(f"up {self.up} is along axis {self.axis}; give another direction")
         x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
         return np.array([x, np.cross(z, x), z])
-
-
-class Water(Table):
-    """A TOML of links in water: ``density`` [kg/m3] and ``[[links]]``, each a `StripLink`."""
-
-    schema_: Literal[1] = Field(alias="schema", default=1)
-    density: Density = 1000.0
-    links: tuple[StripLink, ...] = Field(min_length=1)
-
-
-def read(path: str | Path) -> Water:
-    """Read a TOML of links in water.
-
-    Raises:
-        InputError: every broken key, by name.
-    """
-    return tomlfile.read(Path(path), Water)

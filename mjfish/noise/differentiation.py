@@ -27,6 +27,8 @@ from mjfish.noise.sample import NoiseSample, spectrum
 WINDOWS, DEGREES, _SHARES = range(3, 23, 2), (2, 4), (0.02, 0.05, 0.1, 0.2)
 #: How far about one of them the likeliest is looked for, and how finely, in the logarithm.
 _NEAR, _FINE = 1.5, 0.03
+#: Step of the logarithm of rho over which the curvature of the likelihood is taken.
+_BESIDE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,21 +101,25 @@ def sharpened(noise: DifferentiationNoise, left: NoiseSample) -> Differentiation
     """Return the noise with the share of rounding and the sigma of the largest restricted likelihood.
 
     What the saturated model takes, and how, matters most where the filter lets nothing through, and there alone the
-    rounding shows.
+    rounding shows. One such place is frequency nought, where an error of the model that changes slowly looks like
+    rounding, only much larger. The others are at high frequencies, which slow and beating shapes of single trials
+    leave alone; these are taken out.
     """
+    left = left.without_own_shapes()
 
     def rounded(log_share: float) -> DifferentiationNoise:
         tried = replace(noise, rounding=float(np.exp(log_share)))
         return replace(tried, sigma=readonly(tried.sigma * left.whitened_sigma(tried)))
 
+    def cost(log_share: float) -> float:
+        return -left.log_likelihood(rounded(log_share))
+
     middle = np.log(noise.rounding)
-    found = optimize.minimize_scalar(
-        lambda x: -left.log_likelihood(rounded(x)),
-        bounds=(middle - _NEAR, middle + _NEAR),
-        method="bounded",
-        options={"xatol": _FINE},
-    )
-    return rounded(float(found.x))
+    bounds = (middle - _NEAR, middle + _NEAR)
+    found = optimize.minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": _FINE})
+    best = float(found.x)
+    curvature = (cost(best - _BESIDE) + cost(best + _BESIDE) - 2.0 * found.fun) / _BESIDE**2
+    return replace(rounded(best), doubt=float(min(2.0 / np.sqrt(max(curvature, 1e-300)), _NEAR)))
 
 
 def _scaled(left: NoiseSample, window: int, degree: int, rounding: float) -> tuple[DifferentiationNoise, float]:

@@ -26,6 +26,8 @@ _DRAWS, _LEAST = 16, 0.02
 _HIGHEST, _BANDS = 0.45, 40
 #: Longest end of a run that is tested for larger noise, samples.
 _LONGEST_END = 20
+#: What the columns of single trials leave of whitened columns of all, below this share of the longest, is rounding.
+_DUST = 1e-8
 #: P values at which the outermost two samples of either end are too large, and the others for the end to reach there.
 _ALARM, _REACH = 1e-4, 1e-2
 
@@ -42,6 +44,7 @@ class NoiseSample:
         span: (n_r, 3, k) per trial, what was taken out; as columns over all trials divided by `scale`, orthonormal.
         lost: degrees of freedom per channel that it took.
         shapes: (n_r, 3, m) per trial, functions that the residuals of all trials may share if something is wrong.
+        own: (n_r, 3, m) per trial, divided by `scale` orthonormal, what the likelihood leaves out of that trial alone.
     """
 
     trials: tuple[Trial, ...]
@@ -51,6 +54,7 @@ class NoiseSample:
     span: list[FloatArray]
     lost: float = 0.0
     shapes: list[FloatArray] | None = None
+    own: list[FloatArray] | None = None
 
     @classmethod
     def of(
@@ -81,9 +85,9 @@ class NoiseSample:
         count, total = sum(len(self.residuals[i]) for i in index), sum(map(len, self.residuals))
         residuals, span = ([block[i] for i in index] for block in (self.residuals, self.span))
         masks = [self.masks[i] for i in index]
-        shapes = None if self.shapes is None else [self.shapes[i] for i in index]
+        shapes, own = (None if part is None else [part[i] for i in index] for part in (self.shapes, self.own))
         trials = tuple(self.trials[i] for i in index)
-        return NoiseSample(trials, masks, residuals, self.scale, span, self.lost * count / total, shapes)
+        return NoiseSample(trials, masks, residuals, self.scale, span, self.lost * count / total, shapes, own)
 
     def without(self, columns: FloatArray) -> NoiseSample:
         """Return what is left when further columns (3 n, k), divided by `scale`, are taken out."""
@@ -103,6 +107,12 @@ class NoiseSample:
         """Return what is left when the `shapes` that trials may share are taken out."""
         return self.without(np.concatenate([block.reshape(-1, block.shape[2]) for block in self.shapes or []]))
 
+    def without_own_shapes(self) -> NoiseSample:
+        """Return a sample whose likelihood is that of what the `shapes` leave, each trial having sizes of its own."""
+        flat = [(block / self.scale[:, None]).reshape(-1, block.shape[2]) for block in self.shapes or []]
+        own = [orthonormal(block).reshape(len(block) // 3, 3, -1) * self.scale[:, None] for block in flat]
+        return replace(self, own=own or None)
+
     def autoregressive(self) -> Autoregressive:
         """Estimate autoregressive noise, order by BIC."""
         pairs = zip(self.trials, self.masks, strict=True)
@@ -116,27 +126,37 @@ class NoiseSample:
         with the covariance V of the noise and the columns X that were taken out: what these explain of a slow noise is
         no evidence against it.
         """
-        z, r = self._whitened(noise)
+        z, taken = self._whitened(noise)
         pairs = zip(self.trials, self.masks, strict=True)
         total = sum(noise.log_determinant(trial, mask) for trial, mask in pairs)
-        return float(-0.5 * (total + np.sum(z**2)) - np.sum(np.log(np.abs(np.diag(r)))))
+        return float(-0.5 * (total + np.sum(z**2)) - np.sum(np.log(taken)))
 
     def whitened_sigma(self, noise: Noise) -> FloatArray:
         """Return the standard deviations (3,) of the whitened residual: 1 under the true noise."""
-        z, r = self._whitened(noise)
-        return np.asarray(np.sqrt(np.sum(z**2, axis=0) / (len(z) - len(r) / 3.0)))
+        z, taken = self._whitened(noise)
+        return np.asarray(np.sqrt(np.sum(z**2, axis=0) / (len(z) - len(taken) / 3.0)))
 
     def _whitened(self, noise: Noise) -> tuple[FloatArray, FloatArray]:
-        """Return the whitened residual (n, 3) less its part in the whitened columns, and R (k, k) of these."""
-        blocks = [
-            np.concatenate([block[:, :, None], span], axis=2)
-            for block, span in zip(self.residuals, self.span, strict=True)
-        ]
-        whitened = map(noise.whiten, self.trials, self.masks, blocks)
-        both = np.concatenate([white.reshape(-1, white.shape[2]) for white in whitened])
+        """Return the whitened residual (n, 3) less its part in the whitened columns X, and the lengths (k,) of these.
+
+        The product of the lengths is the root of det X' X; what the columns of all trials share with the `own` ones of
+        each counts once.
+        """
+        parts, lengths, longest = [], [], 0.0
+        for i, (trial, mask, span) in enumerate(zip(self.trials, self.masks, self.span, strict=True)):
+            own = span[:, :, :0] if self.own is None else self.own[i]
+            block = noise.whiten(trial, mask, np.concatenate([self.residuals[i][:, :, None], span, own], axis=2))
+            joint, alone = np.split(block.reshape(-1, block.shape[2]), [1 + span.shape[2]], axis=1)
+            q, r = np.linalg.qr(alone)
+            parts.append(project_out(q, joint))
+            longest = max(longest, float(np.linalg.norm(joint[:, 1:], axis=0).max(initial=0.0)))
+            lengths.append(np.abs(np.diag(r)))
+        both = np.concatenate(parts)
         z, x = both[:, 0], both[:, 1:]
-        q, r = np.linalg.qr(x[:, np.linalg.norm(x, axis=0) > 0.0])
-        return (z - q @ (q.T @ z)).reshape(-1, 3), r
+        q, sizes, _ = np.linalg.svd(x[:, np.linalg.norm(x, axis=0) > 0.0], full_matrices=False)
+        solid = sizes > _DUST * longest
+        z = project_out(q[:, solid], z[:, None])
+        return z.reshape(-1, 3), np.concatenate([*lengths, sizes[solid]])
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,11 @@ import pytest
 from scipy import stats
 
 from mjfish.arrays import orthonormal, project_out
-from mjfish.data import Trial
-from mjfish.diagnosis.constancy import sizes_by_run
+from mjfish.data import Sensor, Trial
+from mjfish.diagnosis.constancy import linearised
 from mjfish.diagnosis.evidence import gather, whitened_omnibus
 from mjfish.diagnosis.refit import Refit, refined, refit_with
-from mjfish.diagnosis.select import sharp_p, tolerated
+from mjfish.diagnosis.select import GOODNESS, Goodness, Standing, sharp_p, tolerated
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.omnibus import HATS
@@ -25,14 +25,29 @@ NOISE = np.array([0.004, 0.004, 0.03])
 MODES = ["v1", "v5", "v7", "v3-t1"]
 
 
-def _runs(pike: Fish, offsets: list[float], seed: int = 6) -> tuple[Trial, ...]:
+def _runs(pike: Fish, offsets: list[float], seed: int = 6, sensors: tuple[Sensor, ...] = ()) -> tuple[Trial, ...]:
     """Return runs whose second joint is off, by an angle [rad] of each run."""
     found = []
     for i, offset in enumerate(offsets):
         values = {"joint_zero_offset.joint_2": offset}
         pool = generate(
-            pike, MODES, values=values, effects=[find("joint_zero_offset")], noise=NOISE, duration=6.0, seed=seed
-        )
+            pike, MODES, values=values, effects=[find("joint_zero_offset")], noise=NOISE, duration=6.0, seed=seed,
+            sensors=sensors,
+        )  # fmt: skip
+        found.append(pool.trials[i])
+    return tuple(found)
+
+
+def _turbid(pike: Fish, factors: list[float], seed: int = 6) -> tuple[Trial, ...]:
+    """Return runs whose second joint is off alike, in water in which the tail drags so many times more."""
+    values = {"joint_zero_offset.joint_2": 0.01}
+    drag = next(p.default for p in pike.parameters if p.name == "c_d.tail")
+    found = []
+    for i, factor in enumerate(factors):
+        pool = generate(
+            pike, MODES, values={**values, "c_d.tail": factor * drag}, effects=[find("joint_zero_offset")], noise=NOISE,
+            duration=6.0, seed=seed,
+        )  # fmt: skip
         found.append(pool.trials[i])
     return tuple(found)
 
@@ -45,17 +60,17 @@ def _refit(pike: Fish, trials: tuple[Trial, ...]) -> Refit:
 
 def test_one_size_in_all_runs_passes(pike: Fish) -> None:
     trials = _runs(pike, [0.03] * 4)
-    statistic, rank = sizes_by_run(_refit(pike, trials))
+    statistic, rank = linearised(_refit(pike, trials)).sizes()
     assert rank == 3
     assert stats.chi2.sf(statistic, rank) > 1e-3
-    statistic, rank = sizes_by_run(_refit(pike, trials[:3]), trials[3:])
+    statistic, rank = linearised(_refit(pike, trials[:3]), trials[3:]).sizes()
     assert rank == 3
     assert stats.chi2.sf(statistic, rank) > 1e-3
 
 
 def test_a_size_by_run_does_not(pike: Fish) -> None:
     trials = _runs(pike, [0.02, 0.03, 0.05, 0.03])
-    statistic, rank = sizes_by_run(_refit(pike, trials))
+    statistic, rank = linearised(_refit(pike, trials)).sizes()
     assert rank == 3
     assert stats.chi2.sf(statistic, rank) < 1e-6
 
@@ -63,17 +78,53 @@ def test_a_size_by_run_does_not(pike: Fish) -> None:
 def test_a_held_out_run_of_another_size_is_seen(pike: Fish) -> None:
     trials = _runs(pike, [0.03, 0.03, 0.03, 0.06])
     refit = _refit(pike, trials[:3])
-    assert stats.chi2.sf(*sizes_by_run(refit)) > 1e-3
-    assert stats.chi2.sf(*sizes_by_run(refit, trials[3:])) < 1e-6
+    assert stats.chi2.sf(*linearised(refit).sizes()) > 1e-3
+    assert stats.chi2.sf(*linearised(refit, trials[3:]).sizes()) < 1e-6
+
+
+def test_what_sensors_see_of_a_size_by_run_counts(pike: Fish) -> None:
+    """Those of a fitted run; of a held-out one the velocities alone do."""
+    time = np.arange(0.0, 6.0, 0.02)
+    gyro = Sensor("gyro", "gyro", time, np.zeros((len(time), 1)), sigma=np.array([0.006]))
+    trials = _runs(pike, [0.03, 0.03, 0.0308, 0.03], sensors=(gyro,))
+    blind = tuple(replace(trial, sensors=()) for trial in trials)
+    assert stats.chi2.sf(*linearised(_refit(pike, blind)).sizes()) > 1e-2
+    assert stats.chi2.sf(*linearised(_refit(pike, trials)).sizes()) < 1e-6
+    refit = _refit(pike, trials[:3])
+    assert linearised(refit, trials[3:]).sizes() == linearised(refit, blind[3:]).sizes()
 
 
 def test_a_run_that_no_model_predicts_does_not_count(pike: Fish) -> None:
     trials = _runs(pike, [0.03] * 4)
     noise = np.random.default_rng(1).standard_normal(trials[3].velocity.shape)
     lost = replace(trials[3], velocity=trials[3].velocity + 2.0 * NOISE * noise)
-    statistic, rank = sizes_by_run(_refit(pike, trials[:3]), (lost,))
+    statistic, rank = linearised(_refit(pike, trials[:3]), (lost,)).sizes()
     assert rank <= 3
     assert stats.chi2.sf(statistic, rank) > 1e-3
+
+
+def test_coefficients_that_differ_by_run_are_seen_in_held_out_runs_too(pike: Fish) -> None:
+    """Nothing else sees them: the cause has the same size in all runs, and the last run was not fitted."""
+    for last, steady in ((1.0, True), (1.006, False)):
+        trials = _turbid(pike, [1.0, 1.0, 1.0, last])
+        refit = _refit(pike, trials[:3])
+        standing = Goodness([find("time_offset")], trials[3:]).of(refit, Standing(1.0, 0.0))
+        assert (standing.steady_p >= GOODNESS) is steady
+        assert standing.clean is steady
+        others = standing.saturated_p, standing.omnibus_p, standing.common_p, standing.constancy_p, standing.weighed_p
+        assert min(others) >= GOODNESS
+        assert Goodness([find("time_offset")]).of(refit, Standing(1.0, 0.0)).clean
+
+
+def test_outliers_of_the_noise_are_no_change_of_coefficients(pike: Fish) -> None:
+    trials = _turbid(pike, [1.0] * 4)
+    rng = np.random.default_rng(2)
+    spoiled = [replace(t, velocity=t.velocity.copy()) for t in trials]
+    for trial in spoiled:
+        rows = rng.choice(len(trial.time), 3, replace=False)
+        trial.velocity[rows] += 30.0 * NOISE * rng.standard_normal((3, 3))
+    standing = Goodness([find("time_offset")]).of(_refit(pike, tuple(spoiled)), Standing(1.0, 0.0))
+    assert standing.steady_p >= GOODNESS
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3])

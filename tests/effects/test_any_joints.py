@@ -17,13 +17,16 @@ def _fish(pike: Fish, joints: int) -> Fish:
     """Return the pike with its body in another number of links of the same length, mass and inertia per length."""
     head, *body, tail = pike.links
     length, mass = (sum(getattr(link, name) for link in body) for name in ("length", "mass"))
-    count = joints - 1
+    if (count := joints - 1) == 0:
+        return pike.model_copy(
+            update={"links": (head.model_copy(update={"length": head.length + length}), tail), "cpg": None}
+        )
     each = {"length": length / count, "mass": mass / count, "com": 0.5 * length / count, "inertia": 1e-3 / count**3}
     links = [body[0].model_copy(update={"name": f"body_{k}", **each}) for k in range(count)]
     return pike.model_copy(update={"links": (head, *links, tail), "cpg": None})
 
 
-@pytest.mark.parametrize("joints", [2, 5, 9])
+@pytest.mark.parametrize("joints", [1, 2, 5, 9])
 @pytest.mark.parametrize("effect", catalogue().values(), ids=catalogue())
 def test_it_changes_a_swim_and_stays_finite(pike: Fish, effect: Effect, joints: int) -> None:
     """Catches a cause that counts on five links, or on four joints."""

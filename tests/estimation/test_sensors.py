@@ -141,6 +141,11 @@ def test_residual_and_jacobian_are_velocities_then_sensors_then_what_is_known(po
     assert problem.samples == problem.rows_by_trial()[-1].stop
     assert problem.sensor_rows[0].start == problem.samples
     assert problem.sensor_rows[-1].stop == problem.measured
+    for i, trial in enumerate(problem.trials):  # what is fitted in a trial alone moves no other rows
+        alone = [k for k, p in enumerate(problem.parameters) if p.name.startswith(f"{trial.name}:")]
+        moved = jacobian[: problem.measured, alone].any(axis=1)
+        assert moved.any()
+        assert not np.any(moved & ~problem.rows_of({i})[: problem.measured])
     for k, p in enumerate(problem.parameters):
         h = 1e-3 * p.scale
         step = h * np.eye(len(x))[k]

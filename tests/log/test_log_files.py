@@ -69,7 +69,8 @@ def test_every_link_has_a_body_and_two_forces(log: Path, pike: Fish) -> None:
         assert vectors.shape == (len(time), len(pike.links), 3)
         assert np.all(np.abs(vectors[len(time) // 2, :, :2]).max(axis=1) > 0.0)
     assert not any("/nominal/force" in entity for entity in found)  # arrows on one fish are enough
-    assert "/fast/world/measured/nose" in found  # nobody measured its shape
+    assert "/fast/world/measured/nose" not in found
+    assert {f"/fast/world/measured/link_{k}" for k in range(len(pike.links))} <= found  # those of the command
 
 
 def test_arrows_are_forces_in_the_scale_that_the_text_tells(log: Path) -> None:

@@ -15,7 +15,8 @@ from mjfish.fish import Fish
 from mjfish.mujoco import Trim, mjcf
 from mjfish.reporting.log import write_log
 from mjfish.reporting.log.body import link_poses
-from mjfish.reporting.log.recording import camera_path, floor_lines
+from mjfish.reporting.log.drawing import camera_path, drawn
+from mjfish.reporting.log.recording import floor_lines
 from mjfish.reporting.log.scene import Run, Swim
 from mjfish.simulation import simulate
 
@@ -50,8 +51,9 @@ def test_camera_and_floor_follow_a_fish_that_sinks(pike: Fish) -> None:
     time = np.linspace(0.0, 5.0, 101)
     attitude = np.column_stack([np.zeros((101, 2)), -time])
     swim = Swim("simulated", time, np.zeros((101, 3)), np.zeros((101, 3)), np.zeros((101, 4)), attitude=attitude)
-    assert camera_path(swim, pike)[50, 2] == pytest.approx(-time[50], abs=1e-3)
-    assert max(line[0, 2] for line in floor_lines(Run("run", pike, (swim,)))) < -5.0
+    drawing = drawn(Run("run", pike, (swim,)), 1.0)
+    assert camera_path(drawing.figures, time)[50, 2] == pytest.approx(-time[50], abs=1e-3)
+    assert max(line[0, 2] for line in floor_lines(drawing)) < -5.0
 
 
 def test_log_shows_roll_pitch_and_heave_and_no_planar_forces(pike: Fish, tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.outline import section_at
 from mjfish.ode.forces import link_forces
-from mjfish.reporting.log.body import link_mesh, link_poses
-from mjfish.reporting.log.recording import arrow_scale, camera_path, floor_lines
+from mjfish.reporting.log.body import link_mesh, link_poses, normals
+from mjfish.reporting.log.drawing import arrow_scale, camera_path, drawn
+from mjfish.reporting.log.recording import floor_lines
 from mjfish.reporting.log.scene import Run, Swim, placed, travelled
 
 
@@ -19,7 +20,8 @@ def test_the_mesh_of_a_link_is_closed_faces_outwards_and_holds_the_volume_of_its
     pike: Fish, index: int
 ) -> None:
     """By the divergence theorem; a hole, or faces turned inwards, spoil the volume."""
-    vertices, triangles, normals = link_mesh(pike, index)
+    mesh = link_mesh(pike, index)
+    vertices, triangles, outward = mesh.vertices, mesh.triangles, normals(mesh)
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0
     start = sum(link.length for link in pike.links[:index])
@@ -31,7 +33,7 @@ def test_the_mesh_of_a_link_is_closed_faces_outwards_and_holds_the_volume_of_its
     assert volume == pytest.approx(expected, rel=0.04)
     edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
     assert np.all(np.unique(edges, axis=0, return_counts=True)[1] == 2)
-    outwards = np.einsum("ij,ij->i", normals[:, 1:], vertices[:, 1:])
+    outwards = np.einsum("ij,ij->i", outward[:, 1:], vertices[:, 1:])
     assert np.mean(outwards >= -1e-12) == 1.0
 
 
@@ -90,7 +92,7 @@ def _swim(pike: Fish, frequency: float) -> Swim:
 
 def test_the_camera_glides_along_and_does_not_wag(pike: Fish) -> None:
     swim = _swim(pike, 3.0)
-    path = camera_path(swim, pike)
+    path = camera_path(drawn(Run("a", pike, (swim,)), 1.0).figures, swim.time)
     middle = slice(60, -60)
     assert np.ptp(path[middle, 1]) < 0.02 * np.ptp(swim.pose[middle, 1])
     behind = swim.pose[middle, 0] - path[middle, 0]
@@ -99,7 +101,7 @@ def test_the_camera_glides_along_and_does_not_wag(pike: Fish) -> None:
 
 def test_the_floor_lies_below_everything_that_swims(pike: Fish) -> None:
     swim = _swim(pike, 3.0)
-    ends = np.array(floor_lines(Run("a", pike, (swim,))))
+    ends = np.array(floor_lines(drawn(Run("a", pike, (swim,)), 1.0)))
     assert np.all(ends.min(axis=(0, 1))[:2] < swim.pose[:, :2].min(axis=0))
     assert np.all(ends.max(axis=(0, 1))[:2] > swim.pose[:, :2].max(axis=0))
     assert np.all(ends[..., 2] < -max(max(section.height) for section in pike.sections) / 2.0)

@@ -23,3 +23,6 @@ def test_a_tag_copied_to_a_model_of_another_shape_spoils_the_step() -> None:
     with fluid.installed():
         mujoco.mj_forward(other, data)
     assert np.isnan(data.qacc).all()
+    assert fluid.state(data).message.endswith(
+        ": opt.o_solimp is that of another model; call StripFluid(model, links) on this one"
+    )

@@ -90,12 +90,12 @@ def test_density_must_be_positive(density: Any) -> None:
 @pytest.mark.parametrize(
     ("links", "message"),
     [
-        ([], "no links; name at least one body that the water acts on"),
-        ([5], "links.1: expected a StripLink or a table of its keys, found 5; correct it"),
-        (PLATE_LINK, "links: expected a list of StripLink or of tables, found a dict"),
-        ("plate", "links: expected a list of StripLink or of tables, found a str"),
-        (StripLink(**PLATE_LINK), "links: expected a list of StripLink or of tables, found a StripLink"),
-        (7, "links: expected a list of StripLink or of tables, found a int"),
+        ([], "^links: found none, expected one at least; name a body that the water acts on$"),
+        ([5], "^links.1: found 5, expected a link or a table of its keys; correct it$"),
+        (PLATE_LINK, "links: found a dict, expected a list of links; put it into brackets"),
+        ("plate", "links: found a str, expected a list of links"),
+        (StripLink(**PLATE_LINK), "links: found a StripLink, expected a list of links"),
+        (7, "links: found a int, expected a list of links"),
     ],
 )
 def test_links_must_be_a_list_of_links(links: Any, message: str) -> None:
@@ -105,7 +105,9 @@ def test_links_must_be_a_list_of_links(links: Any, message: str) -> None:
 
 @pytest.mark.parametrize("kind", [mujoco.MjSpec.from_string, str])
 def test_model_must_be_compiled(kind: Any, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"expected a compiled mujoco\.MjModel, found (MjSpec|str); compile it first"):
+    with pytest.raises(
+        InputError, match=r"model: found a (MjSpec|str), expected a compiled mujoco\.MjModel; compile it"
+    ):
         StripFluid(kind(PLATE), [PLATE_LINK])
     with pytest.raises(InputError, match=r"expected a compiled mujoco\.MjModel"):
         StripFluid.from_toml(kind(PLATE), tmp_path)
@@ -113,5 +115,5 @@ def test_model_must_be_compiled(kind: Any, tmp_path: Path) -> None:
 
 def test_commands_need_room_in_userdata() -> None:
     """Catches reading beyond the end of userdata."""
-    with pytest.raises(InputError, match="userdata has 0 numbers, expected 7 for the commands"):
+    with pytest.raises(InputError, match="userdata: found 0 numbers, expected 7 for the commands; set <size nus"):
         StripFluid(compiled(TREE), [{**PLATE_LINK, "body": "tail"}], commanded=True)

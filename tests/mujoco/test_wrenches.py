@@ -145,5 +145,5 @@ def test_wrenches_need_their_own_water() -> None:
     fluid = tree()
     data = _forward(fluid, 1)
     fluid.model.opt.o_solimp[0] = 0.9
-    with pytest.raises(InputError, match=r"o_solimp of the model was overwritten"):
+    with pytest.raises(InputError, match=r"opt\.o_solimp: found another value than the tag"):
         fluid.wrenches(data)

@@ -17,7 +17,7 @@ from mjfish.effects import find
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation import fit as fitted
 from mjfish.estimation.noise_of_fit import noise_of, noise_sample, state_jacobians
-from mjfish.estimation.omnibus import omnibus
+from mjfish.estimation.omnibus import HATS, hats, omnibus
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 from mjfish.noise import (
@@ -276,6 +276,23 @@ def test_rounding_is_estimated_where_the_saturated_model_absorbs_slow_noise(
         assert left.log_likelihood(sharp) > left.log_likelihood(plain)
         found.append([sharp.rounding / rounding, *sharp.sigma / SIGMA])
     np.testing.assert_allclose(np.median(found, axis=0), 1.0, atol=0.15)
+
+
+def test_a_slow_misfit_is_not_taken_for_rounding(swum: tuple[Problem, Fit]) -> None:
+    """Rounding is white: where the filter stops fast noise, too, it is as small as it is."""
+    problem, _ = swum
+    shapes, found = _shapes(problem), []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        blocks = [_rough(rng, int(problem.mask(i).sum()), 0.05) for i in range(2)]
+        for block, rows in zip(blocks, shapes, strict=True):
+            block += 0.2 * SIGMA * (hats(np.arange(float(len(rows)))) @ rng.standard_normal((HATS, 3)))
+        left = replace(noise_sample(problem, blocks), shapes=shapes)
+        sharp = sharpened(differentiation_noise(left), left)
+        found.append([sharp.rounding / 0.05, sharp.doubt])
+    rounding, doubt = np.median(found, axis=0)
+    np.testing.assert_allclose(rounding, 1.0, atol=0.2)
+    assert 0.1 < doubt < 0.5
 
 
 def test_white_noise_has_no_forces_behind_it(swum: tuple[Problem, Fit]) -> None:

@@ -8,7 +8,7 @@ from diagnosed import diagnosis
 
 from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.result import Verdict
-from mjfish.reporting.html.diagnosis import remark
+from mjfish.reporting.html.candidates import remark
 
 
 def _said(found: Diagnosis) -> dict[str, str]:

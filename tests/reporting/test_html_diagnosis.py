@@ -27,6 +27,7 @@ class _Page(HTMLParser):
         super().__init__()
         self.tags: list[tuple[str, dict[str, str | None]]] = []
         self.scripts: list[tuple[dict[str, str | None], str]] = []
+        self._figures: dict[str, dict] = {}
         self._words: list[str] = []
         self.feed(html)
         self.text = " ".join(" ".join(self._words).split())
@@ -38,11 +39,14 @@ class _Page(HTMLParser):
         tag, attributes = self.tags[-1] if self.tags else ("", {})
         if self.cdata_elem == "script":
             self.scripts.append((attributes, data))
+            if attributes.get("type") == "application/json":
+                self._figures[str(self.tags[-2][1]["aria-label"])] = json.loads(data)
         elif self.cdata_elem is None or tag not in ("script", "style"):
             self._words.append(data)
 
-    def figures(self) -> list[dict]:
-        return [json.loads(text) for attributes, text in self.scripts if attributes.get("type") == "application/json"]
+    def figures(self) -> dict[str, dict]:
+        """Return the figures by their labels."""
+        return self._figures
 
 
 def _page(found: Diagnosis) -> _Page:
@@ -61,7 +65,8 @@ def test_every_verdict_is_told_first_and_with_its_colour(verdict: Verdict) -> No
 def test_the_file_asks_for_nothing_from_outside() -> None:
     html = render_diagnosis(diagnosis())
     page = _Page(html)
-    assert not [attributes for _, attributes in page.tags if {"src", "href", "srcset", "data"} & set(attributes)]
+    assert not [attributes for _, attributes in page.tags if {"src", "srcset", "data"} & set(attributes)]
+    assert all(str(attributes["href"]).startswith("#") for _, attributes in page.tags if "href" in attributes)
     styles = html[html.index("<style>") : html.index("</style>")]
     assert "url(" not in styles
     assert "@import" not in styles
@@ -100,12 +105,18 @@ def test_without_a_held_out_trial_the_page_says_what_to_record() -> None:
     page = _page(diagnosis(held_out=False))
     assert "No trial was held out" in page.text
     assert "held_out" in page.text
-    assert len(page.figures()) == 4  # two trials, the beat and the missing force
+    labels = list(page.figures())
+    assert labels[0].endswith("where the nominal model is worst")
+    assert labels[1:] == [
+        "velocities and residuals of trial slow", "velocities and residuals of trial fast",
+        "mean residual over the phase of the beat", "mean residual over the surge of the nominal model",
+        "missing force of trial slow", "missing force of trial fast",
+    ]  # fmt: skip
 
 
 def test_when_nothing_is_wrong_only_the_nominal_model_is_shown() -> None:
     page = _page(diagnosis("nothing_wrong"))
-    for figure in page.figures():
+    for figure in page.figures().values():
         assert {trace.get("name") for trace in figure["data"]} <= {"measured", "nominal", None}
     assert "extended model" not in page.text
     assert "the minimum detectable effect is time_constant 5.8 × 10⁻⁵ s." in page.text
@@ -152,7 +163,7 @@ def test_figures_show_the_measured_and_simulated_velocities_held_out_first() -> 
     page = _page(found)
     assert page.text.index("fast held out") < page.text.index("slow 2.0 s")
     held = found.overlays[1]
-    data = page.figures()[0]["data"]
+    data = page.figures()["velocities and residuals of trial fast"]["data"]
     by_panel = {(trace["name"], trace["yaxis"]): trace for trace in data}  # panels are numbered row by row
     np.testing.assert_allclose(by_panel["measured", "y5"]["y"], held.trial.velocity[:, 2], rtol=1e-4, atol=1e-9)
     scored = np.abs(held.trial.time - 1.2) > 0.03  # a step of the drive at 1.2 s: nothing is scored beside it
@@ -169,7 +180,11 @@ def test_a_rollout_that_diverged_leaves_a_gap_in_the_curve() -> None:
     broken = found.overlays[1].nominal.copy()
     broken[70:] = np.nan
     page = _page(replace(found, overlays=(found.overlays[0], replace(found.overlays[1], nominal=broken))))
-    curve = next(trace["y"] for trace in page.figures()[0]["data"] if trace["name"] == "nominal")
+    curve = next(
+        trace["y"]
+        for trace in page.figures()["velocities and residuals of trial fast"]["data"]
+        if trace["name"] == "nominal"
+    )
     assert curve[69] is not None
     assert curve[70:] == [None] * (len(broken) - 70)
 
@@ -185,7 +200,7 @@ def test_the_report_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 def test_estimates_of_the_extended_model_stand_beside_the_nominal_ones() -> None:
     text = _page(diagnosis()).text
-    told = text[text.index("Coefficients name") :]
+    told = text[text.index("model with 95 % intervals") :]
     assert "servo_lag.time_constant" in told
     assert f"– {LAG.estimate:.5f}" in told  # the nominal model has no such parameter
     assert "bound" in told[told.index("c_f.head") : told.index("c_f.body")]
@@ -200,15 +215,16 @@ def test_what_remains_is_shown_only_of_candidates_in_the_race() -> None:
 
 def test_causes_that_are_named_or_possible_are_marked() -> None:
     html = render_diagnosis(diagnosis("cannot_tell"))
-    marked = re.findall(r'<tbody class="chosen">\s*<tr>\s*<td><b>(\w+)</b>', html)
+    marked = re.findall(r'<tbody class="chosen">\s*<tr>\s*<th scope="row">[^<]*<code>(\w+)</code>', html)
     assert marked == ["servo_lag", "time_offset"]
 
 
 def _rows(found: Diagnosis) -> dict[str, list[str]]:
     """Return the numbers of every candidate as the page shows them."""
     html = render_diagnosis(found)
-    bodies = re.findall(r'<tbody class="[ a-z]*">\s*<tr>\s*<td><b>(\w+)</b></td>(.*?)</tr>', html, re.DOTALL)
-    return {name: re.findall(r'<td class="number">([^<]*)', cells) for name, cells in bodies}
+    row = r'<tbody class="[ a-z]*">\s*<tr>\s*<th scope="row">[^<]*<code>(\w+)</code></th>(.*?)</tr>'
+    bodies = re.findall(row, html, re.DOTALL)
+    return {name: re.findall(r'<td class="number" data-label="[a-z -]*">([^<]*)', cells) for name, cells in bodies}
 
 
 def test_where_it_goes_wrong_is_listed_in_the_order_of_channels_and_swimming() -> None:
@@ -225,6 +241,15 @@ def test_where_it_goes_wrong_is_listed_in_the_order_of_channels_and_swimming() -
         ("", "sway", "60.0", "30 %"),
         (" chief", "yaw rate", "100.0", "50 %"),
     ]
+
+
+def test_how_the_misfit_scales_and_what_describes_it_is_told_below_where_it_sits() -> None:
+    named = _page(diagnosis()).text
+    assert "goes as the beat frequency to the power 1.0 (0.90 to 1.2; predicted 1.0)." in named
+    assert "1.0 % of what it adds in steady, straight swimming breaks" in named.replace("\N{NO-BREAK SPACE}", " ")
+    assert "A description, not a cause" not in named
+    described = _page(diagnosis("unexplained")).text.replace("\N{NO-BREAK SPACE}", " ")
+    assert "A description, not a cause, of 60 % of the misfit: a moment on every link ~ u v (size −0.20 SI" in described
 
 
 def test_whiskers_keep_their_place_between_the_ends_of_both_intervals() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,18 +10,16 @@ from diagnosed import diagnosis
 
 from mjfish.estimation.intervals import Profile
 from mjfish.reporting.html.figures import (
-    BINS,
     COLOURS,
     COLUMNS,
     POINTS,
-    beat_figure,
-    binned,
     compact,
     force_figure,
     profile_figure,
     thinned,
 )
 from mjfish.reporting.html.pages import themed
+from mjfish.reporting.html.residuals import beat_figure
 
 
 def test_a_long_curve_keeps_its_extremes() -> None:
@@ -43,44 +40,14 @@ def test_a_short_curve_is_shown_as_it_is() -> None:
     assert compact(np.array([1.0 / 3.0, np.nan, -2e-9])) == [0.33333, None, -2e-9]
 
 
-def test_what_repeats_with_the_beat_is_seen_and_what_does_not_averages_out() -> None:
-    rng = np.random.default_rng(0)
-    phase = rng.uniform(0.0, 40.0, 20_000)
-    residual = np.stack([0.1 * np.cos(2.0 * np.pi * phase), np.zeros_like(phase), np.zeros_like(phase)], axis=1)
-    residual += rng.normal(size=residual.shape)
-    mean, error = binned(phase, residual)
-    centre = (np.arange(BINS) + 0.5) / BINS
-    assert np.max(np.abs(mean[:, 0] - 0.1 * np.cos(2.0 * np.pi * centre)) / error[:, 0]) < 4.0
-    assert np.max(np.abs(mean[:, 1]) / error[:, 1]) < 4.0
-    np.testing.assert_allclose(error, 1.0 / np.sqrt(len(phase) / BINS), rtol=0.1)
-
-
-def test_empty_bins_of_the_beat_and_diverged_samples_are_left_out() -> None:
-    phase = np.full(10, 0.5 / BINS)
-    residual = np.zeros((10, 3))
-    residual[3] = np.nan
-    mean, _ = binned(phase, residual)
-    assert np.all(mean[0] == 0.0)
-    assert np.all(np.isnan(mean[1:]))
-
-
-def test_the_beat_is_shown_of_held_out_trials_alone_where_there_are_any() -> None:
-    found = diagnosis()
-    without = replace(found, overlays=found.overlays[1:])
-    assert beat_figure(found) == beat_figure(without)
-    assert beat_figure(diagnosis(held_out=False)) != beat_figure(found)
-
-
-def test_the_missing_force_is_that_of_the_densest_trial_with_two_sigma_on_each_side() -> None:
-    found = diagnosis()
-    figure = force_figure(found)
-    assert figure is not None
+def test_the_missing_force_is_drawn_with_two_sigma_on_each_side() -> None:
+    missing = diagnosis().force[1]
+    figure = force_figure(missing)
     band, line = figure.data[0], figure.data[1]
-    assert line.y == pytest.approx(found.force[0].force[:, 0], rel=1e-4)
+    assert line.y == pytest.approx(missing.force[:, 0], rel=1e-4)
     count = len(line.y)
     wide = np.subtract(band.y[count:][::-1], band.y[:count])
-    assert wide == pytest.approx(4.0 * found.force[0].band[:, 0], rel=1e-3)
-    assert force_figure(diagnosis("nothing_wrong")) is None
+    assert wide == pytest.approx(4.0 * missing.band[:, 0], rel=1e-3)
 
 
 def _profile(name: str = "c_d.head", rise: float = 4.0) -> Profile:

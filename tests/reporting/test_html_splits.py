@@ -3,48 +3,31 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
-from diagnosed import diagnosis
+from diagnosed import diagnosis, splits
 
 from mjfish import reporting
-from mjfish.diagnosis import Split, SplitMechanism, Splits
 from mjfish.reporting.html.diagnosis import render_diagnosis
 
 
-def _splits() -> Splits:
-    """Return three splits: one names two mechanisms, one leaves rivals, one cannot be diagnosed."""
-    gain = diagnosis().gain
-    assert gain is not None
-    named = (SplitMechanism("servo_dynamics", "form"), SplitMechanism("roll", "mechanism"))
-    rivals = (SplitMechanism("roll", "certain"), SplitMechanism("current", "not_named"))
-    return Splits(
-        diagnosis(),
-        20,
-        (
-            Split(("b", "c"), ("a",), True, "named", "", named, gain),
-            Split(("a", "c"), ("b",), False, "cannot_tell", "", rivals, replace(gain, relative_reduction=-0.02)),
-            Split(("a", "b"), ("<c>",), False, None, "too <few> numbers"),
-        ),
-    )
-
-
 def _cells(html: str) -> list[list[str]]:
-    section = html[html.index("How firmly the verdict is held") :]
+    section = html[html.index("<h2>How firmly the verdict is held</h2>") :]
     section = section[: section.index("</section>")].replace("\N{NO-BREAK SPACE}", " ")
     rows = re.findall(r"<tr>(.*?)</tr>", section, re.DOTALL)
-    found = [re.findall(r"<td.*?>(.*?)</td>", row, re.DOTALL) for row in rows]
+    found = [
+        re.findall(r"<t[dh].*?>(.*?)</t[dh]>", row, re.DOTALL) for row in rows if "<td>" in row or 'scope="row"' in row
+    ]
     return [[" ".join(re.sub(r"<.*?>", "", cell).split()) for cell in row] for row in found if row]
 
 
 def test_the_section_has_a_row_a_mechanism_and_a_row_a_split() -> None:
     """In the words of the terminal; what came from a user is escaped."""
-    html = render_diagnosis(diagnosis(), _splits())
+    html = render_diagnosis(diagnosis(), splits())
     assert _cells(html) == [
-        ["roll", "", "1 of 2", "0", "1", "0"],
-        ["servo_dynamics", "", "1 of 2", "1", "0", "0"],
-        ["current", "", "0 of 2", "0", "0", "1"],
+        ["The fish rolls roll", "", "1 of 2", "0", "1", "0"],
+        ["The joints follow their command late servo_dynamics", "", "1 of 2", "1", "0", "0"],
+        ["The water moves current", "", "0 of 2", "0", "0", "1"],
         ["a as divided", "b, c", "named", "servo_dynamics (form), roll", "62 % (57 % to 66 %)"],
         ["b", "a, c", "cannot tell", "certain: roll; not named: current", "−2.0 % (57 % to 66 %)"],
         ["&lt;c&gt;", "a, b", "–", "not diagnosed: too &lt;few&gt; numbers", "–"],
@@ -55,12 +38,12 @@ def test_the_section_has_a_row_a_mechanism_and_a_row_a_split() -> None:
 def test_without_splits_there_is_no_section(tmp_path: Path) -> None:
     diagnosis().report(tmp_path / "plain.html")
     assert "How firmly the verdict is held" not in (tmp_path / "plain.html").read_text(encoding="utf-8")
-    _splits().report(tmp_path / "splits.html")
+    splits().report(tmp_path / "splits.html")
     assert "How firmly the verdict is held" in (tmp_path / "splits.html").read_text(encoding="utf-8")
 
 
 def test_the_figure_stacks_what_is_named_on_what_is_not() -> None:
-    named, certain, rest = reporting.figure(_splits()).data
+    named, certain, rest = reporting.figure(splits()).data
     assert list(named.y) == ["current", "servo_dynamics", "roll"]  # the first on top
     assert [list(bars.x) for bars in (named, certain, rest)] == [[0, 1, 1], [0, 0, 1], [1, 0, 0]]
-    assert reporting.figure(_splits()).layout.barmode == "stack"
+    assert reporting.figure(splits()).layout.barmode == "stack"

@@ -83,7 +83,7 @@ def curve_figure(curves: list[MeasuredCurve]) -> go.Figure:
         panel = Panel(figure, k // columns + 1, k % columns + 1)
         pieces = stretches(curve)
         for piece in pieces:
-            panel.band(piece.x, piece.low, piece.high, "extended-soft" if piece.seen else "muted-soft")
+            panel.band(piece.x, piece.low, piece.high, "extended-soft" if piece.seen else "muted-soft", "fitted form")
         panel.curve(np.array(curve.x.values), np.array(curve.nominal), "nominal", "nominal model", dash="dash")
         for piece in pieces:
             if piece.seen:

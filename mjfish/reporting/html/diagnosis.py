@@ -1,120 +1,57 @@
-"""The page of a diagnosis: what its templates show, and what is said of every candidate."""
+"""The page of a diagnosis: its sections, and what their templates show."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
-from mjfish.diagnosis import Candidate, Diagnosis, Estimate, Splits
+import plotly.graph_objects as go
+
+from mjfish.diagnosis import Diagnosis, Estimate, Splits
 from mjfish.diagnosis.curves import knots_of
 from mjfish.diagnosis.select import GOODNESS, KEEP
 from mjfish.diagnosis.where import FIFTHS
 from mjfish.files import write_text
 from mjfish.frames import CHANNELS
-from mjfish.reporting.html.curves import form_rows
-from mjfish.reporting.html.figures import beat_figure, force_figure, overlay_figure
+from mjfish.reporting.html import readings
+from mjfish.reporting.html.candidates import detectable, grouped, possible, remark
+from mjfish.reporting.html.curves import FormRow, form_rows
+from mjfish.reporting.html.figures import force_figure, overlay_figure
+from mjfish.reporting.html.methods import methods
 from mjfish.reporting.html.pages import render
-from mjfish.reporting.words import CHANNEL_NAMES, VERDICTS, number, percent, unit
-
-#: With a larger confounded share a signature says little.
-_CONFOUNDED = 0.9
-
-
-def detectable(candidate: Candidate, diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return the minimum detectable effect of each amplitude, with its unit."""
-    effect = diagnosis.effects.get(candidate.name)
-    units = {p.name: p.unit for p in effect.parameters} if effect else {}
-    return tuple(
-        f"{name.rpartition('.')[2]} {number(size, 2)} {unit(units.get(name, '-'))}".strip()
-        for name, size in (candidate.minimum_detectable or {}).items()
-    )
-
-
-def remark(candidate: Candidate, diagnosis: Diagnosis) -> str:
-    """Return all that is said of a candidate: the judgement, then what to mind about its numbers."""
-    sentence = judgement(candidate, diagnosis, detectable(candidate, diagnosis))
-    return " ".join(filter(None, [sentence, *cautions(candidate, diagnosis)]))
-
-
-def judgement(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) -> str:
-    """Say in a sentence why the candidate is, or is not, the cause.
-
-    Args:
-        candidate: to judge.
-        diagnosis: that it is of.
-        sizes: its minimum detectable effects.
-    """
-    if not candidate.applicable:
-        return f"Not tried: {candidate.remark}."
-    if candidate.name in diagnosis.certain:
-        return _at_work(candidate, diagnosis)
-    if any(candidate.name in group for group in diagnosis.rivals):
-        left = f", and with it {_left(candidate)}" if (candidate.name,) in diagnosis.alternatives else ""
-        return f"Possible: the data cannot tell it from its rivals{left}."
-    if candidate.parameters is None:
-        return _not_refitted(candidate, diagnosis, sizes)
-    if diagnosis.verdict == "cannot_tell" and (candidate.name,) in diagnosis.alternatives:
-        if _clean(candidate):
-            return "Possible: it explains no more than chance might, and with it nothing systematic is left."
-        return f"Possible, and the closest: with it {_left(candidate)}."
-    if candidate.rival_p is not None and candidate.fit_p is None:
-        return _ruled_out(diagnosis)
-    if not _clean(candidate):
-        return f"Close, but with it in the model {_left(candidate)}."
-    if candidate.held_out_gain is not None and candidate.held_out_gain <= 0.0:
-        return "Fits, but makes the held-out trials no better."
-    return ""
-
-
-def cautions(candidate: Candidate, diagnosis: Diagnosis) -> list[str]:
-    """Return what to mind about the numbers of a candidate."""
-    found = []
-    if candidate.applicable and candidate.confounded > _CONFOUNDED and candidate.name not in diagnosis.undetectable:
-        share = percent(candidate.confounded, 2)
-        found.append(f"A refit of the coefficients removes {share} of its signature: these trials say little about it.")
-    stuck = [name for name, value in (candidate.parameters or {}).items() if value.at_bound]
-    if stuck:
-        found.append(f"On its bound: {', '.join(stuck)}.")
-    if candidate.applicable and candidate.remark:
-        found.append(candidate.remark)
-    return found
-
-
-def _at_work(candidate: Candidate, diagnosis: Diagnosis) -> str:
-    if diagnosis.verdict != "named":
-        return "At work, whichever of the others is."
-    others = [cause.name for cause in diagnosis.causes if cause.name != candidate.name]
-    if others:
-        return f"One of the causes, beside {' and '.join(others)}."
-    return f"The cause: with it in the model {_left(candidate)}."
-
-
-def _not_refitted(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) -> str:
-    if candidate.name in diagnosis.undetectable:
-        return f"Undetectable: {diagnosis.undetectable[candidate.name]}."
-    if candidate.p_value < KEEP and any(other.parameters is not None for other in diagnosis.candidates):
-        return "Not refitted: others have better scores."
-    if not sizes:
-        return "No sign of it."
-    return f"No sign of it; the minimum detectable effect is {' and '.join(sizes)}."
-
-
-def _ruled_out(diagnosis: Diagnosis) -> str:
-    """Say by whom: single causes stand against the best single one, whether or not it needs company."""
-    leader = max(diagnosis.candidates, key=lambda other: other.rival_p or 0.0).name
-    alone = " as the only cause" if any(len(names) > 1 for names in diagnosis.alternatives) else ""
-    return f"Ruled out{alone}: {leader} explains the misfit better by more than chance allows."
-
-
-def _clean(candidate: Candidate) -> bool:
-    return candidate.fit_p is None or candidate.fit_p >= GOODNESS
-
-
-def _left(candidate: Candidate) -> str:
-    return f"{'nothing' if _clean(candidate) else 'something'} systematic is left"
-
+from mjfish.reporting.html.residuals import beat_figure, speed_figure
+from mjfish.reporting.html.rivals import rivals
+from mjfish.reporting.html.worst_stretch import stretch_figure, worst_stretch
+from mjfish.reporting.notices import notices
+from mjfish.reporting.titles import cause_title, headline, mechanism_title
+from mjfish.reporting.words import CHANNEL_NAMES, VERDICTS
 
 _PARTS = ("start-up", "transition", "steady")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A section of the page.
+
+    Attributes:
+        id: of its place on the page.
+        title: its heading.
+        template: that shows it.
+    """
+
+    id: str
+    title: str
+    template: str
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The picture of the first screen."""
+
+    title: str
+    figure: go.Figure
+    reading: readings.Reading
 
 
 def write_diagnosis(diagnosis: Diagnosis, path: Path, splits: Splits | None = None) -> None:
@@ -131,35 +68,101 @@ def render_diagnosis(diagnosis: Diagnosis, splits: Splits | None = None) -> str:
     overlays = sorted(diagnosis.overlays, key=lambda overlay: not overlay.held_out)
     models = (diagnosis.nominal_model, diagnosis.extended_model)
     declared = {p.name: p for p in (*diagnosis.problem.parameters, *(p for m in models for p in m.parameters))}
-    possible = [cause.name for cause in diagnosis.causes] or [name for group in diagnosis.rivals for name in group]
     names = [*diagnosis.nominal, *(name for name in diagnosis.extended if name not in diagnosis.nominal)]
     knots = knots_of(diagnosis.effects.values())
+    forms = form_rows(diagnosis.mechanisms)
     return render(
         "diagnosis.html.j2",
         diagnosis=diagnosis,
+        parts=parts(diagnosis, splits),
         splits=splits,
         badge=VERDICTS[diagnosis.verdict],
+        headline=headline(diagnosis),
+        title=lambda name: cause_title(name, diagnosis.effects),
+        mechanism_title=lambda name: mechanism_title(name, diagnosis.effects),
+        picture=picture(diagnosis, forms),
+        readings=readings,
         sampled=sum(len(overlay.trial.time) for overlay in diagnosis.overlays),
         errors=errors(diagnosis),
+        notices=notices(diagnosis),
+        rivals=rivals(diagnosis),
         channel_names=CHANNEL_NAMES,
         trials=[(overlay, overlay_figure(diagnosis, overlay)) for overlay in overlays],
+        trial_names=[f"{o.trial.name}{' (held out)' if o.held_out else ''}" for o in overlays],
         beat=beat_figure(diagnosis),
+        speed=speed_figure(diagnosis),
         where=shares(diagnosis),
-        force=force_figure(diagnosis),
+        forces=_forces(diagnosis),
         effects=diagnosis.effects,
-        chosen={*diagnosis.certain, *(name for group in diagnosis.rivals for name in group)},
+        chosen=possible(diagnosis),
+        grouped=grouped(diagnosis),
         remark=lambda candidate: remark(candidate, diagnosis),
         detectable=lambda candidate: detectable(candidate, diagnosis),
         keep=KEEP,
         goodness=GOODNESS,
-        experiments=[diagnosis.effects[name] for name in possible if name in diagnosis.effects],
+        experiments=experiments(diagnosis),
+        bench=bench(diagnosis),
         declared=declared,
         names=[name for name in names if name not in knots],
         knots=knots,
         unread=len(knots.intersection(names)),
-        forms=form_rows(diagnosis.mechanisms),
+        forms=forms,
         whiskers=whiskers,
+        methods=methods(diagnosis),
     )
+
+
+def parts(diagnosis: Diagnosis, splits: Splits | None) -> list[Part]:
+    """Return the sections that the page of a diagnosis has, in order."""
+    experiment = "What would tell them apart" if diagnosis.verdict == "cannot_tell" else "What would confirm it"
+    found = (
+        (Part("notices", "Errors and warnings", "notices.html.j2"), True),
+        (Part("rivals", "Rivals side by side", "rivals.html.j2"), rivals(diagnosis)),
+        (Part("experiments", experiment, "experiments.html.j2"), experiments(diagnosis)),
+        (Part("form", "Form", "form.html.j2"), any(mechanism.curves for mechanism in diagnosis.mechanisms)),
+        (Part("gain", "What the extended model gains", "gain.html.j2"), diagnosis.best or diagnosis.gain),
+        (Part("splits", "How firmly the verdict is held", "splits.html.j2"), splits is not None),
+        (Part("trials", "Measured against simulated", "trials.html.j2"), True),
+        (Part("residuals", "What is left over beat and speed", "residuals.html.j2"), True),
+        (Part("where", "Where the nominal model goes wrong", "where.html.j2"), diagnosis.where is not None),
+        (Part("force", "What the nominal model lacks, as a force", "force.html.j2"), diagnosis.force),
+        (Part("candidates", "Every candidate", "candidates.html.j2"), diagnosis.candidates),
+        (Part("isolability", "What these runs can tell apart", "isolability.html.j2"), True),
+        (Part("coefficients", "Coefficients", "coefficients.html.j2"), True),
+        (Part("methods", "Methods", "methods.html.j2"), True),
+        (Part("provenance", "Provenance", "provenance.html.j2"), True),
+    )
+    return [part for part, there in found if there]
+
+
+def picture(diagnosis: Diagnosis, forms: list[FormRow]) -> Picture:
+    """Return the learned curve, where one is named; else the stretch on which the nominal model is worst."""
+    if forms and any(mechanism.form == "learned" for mechanism in diagnosis.mechanisms):
+        first = forms[0].figures[0]
+        return Picture(first.title, first.figure, readings.CURVE)
+    stretch = worst_stretch(diagnosis)
+    return Picture(stretch.title, stretch_figure(diagnosis, stretch), readings.STRETCH)
+
+
+def experiments(diagnosis: Diagnosis) -> list[str]:
+    """Return the causes whose bench experiments settle the verdict: the named ones, or else the rivals."""
+    asked = [cause.name for cause in diagnosis.causes] or [name for group in diagnosis.rivals for name in group]
+    return [name for name in asked if name in diagnosis.effects]
+
+
+def bench(diagnosis: Diagnosis) -> dict[str, list[str]]:
+    """Return what the causes do that each of these experiments settles."""
+    found: dict[str, list[str]] = {}
+    for name in experiments(diagnosis):
+        found.setdefault(diagnosis.effects[name].confirm, []).append(cause_title(name, diagnosis.effects))
+    return found
+
+
+def _forces(diagnosis: Diagnosis) -> list[tuple[str, go.Figure]]:
+    """Return the missing force of every trial; first where the misfit is densest."""
+    densest = diagnosis.where.trial if diagnosis.where is not None else ""
+    ordered = sorted(diagnosis.force, key=lambda missing: missing.trial != densest)
+    return [(missing.trial, force_figure(missing)) for missing in ordered]
 
 
 def errors(diagnosis: Diagnosis) -> list[tuple[str, float, float]]:

@@ -20,12 +20,12 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis import Diagnosis, Overlay
 from mjfish.estimation import Noise, Problem
-from mjfish.estimation.omnibus import beat_phase
 from mjfish.estimation.residual_tests import ALL, Autocorrelation
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.reporting.words import CHANNEL_NAMES, p_value, unit
 
 if TYPE_CHECKING:
+    from mjfish.diagnosis.missing_force import MissingForce
     from mjfish.estimation.intervals import Profile
     from mjfish.estimation.residual import Residual
     from mjfish.estimation.residual_tests import CrossCorrelation
@@ -33,19 +33,17 @@ if TYPE_CHECKING:
 #: Colours by what they stand for.
 COLOURS = {
     "ink": "#1d2126",
-    "muted": "#6a727c",
+    "muted": "#5f6771",
     "grid": "#eceef0",
-    "measured": "#b4bac2",
+    "measured": "#8b939d",
     "nominal": "#d9772b",
     "extended": "#13808c",
     "nominal-soft": "rgba(217, 119, 43, 0.18)",
     "extended-soft": "rgba(19, 128, 140, 0.18)",
-    "muted-soft": "rgba(106, 114, 124, 0.12)",
+    "muted-soft": "rgba(95, 103, 113, 0.12)",
 }
 #: A curve with more points is thinned to the extremes of equal stretches.
 POINTS = 2400
-#: Bins of one beat.
-BINS = 24
 #: Inputs that a residual is correlated with.
 INPUT_NAMES = {"beat": "last joint", "double_beat": "last joint, squared"}
 #: Profiles side by side, at most, and the highest rise that is drawn, in units of the threshold.
@@ -106,10 +104,10 @@ class Panel:
         self.curve(x, y, colour, name, **style)
         self.figure.data[-1].update(mode="lines+markers", marker={"size": 5, "color": COLOURS[colour]})
 
-    def band(self, x: FloatArray, low: FloatArray, high: FloatArray, colour: str) -> None:
-        """Fill the band between two curves."""
+    def band(self, x: FloatArray, low: FloatArray, high: FloatArray, colour: str, name: str = "") -> None:
+        """Fill the band between two curves; `name` says whose it is, where the data of the figure are written."""
         self.curve(np.concatenate([x, x[::-1]]), np.concatenate([low, high[::-1]]), colour, width=0)
-        self.figure.data[-1].update(fill="toself", fillcolor=COLOURS[colour], hoverinfo="skip")
+        self.figure.data[-1].update(fill="toself", fillcolor=COLOURS[colour], hoverinfo="skip", meta=f"{name} band")
 
     def heading(self, text: str) -> None:
         """Write above the left corner."""
@@ -175,7 +173,7 @@ def counted(diagnosis: Diagnosis, overlay: Overlay, predicted: FloatArray) -> Fl
     return np.where(problem.mask(0)[:, None], predicted, np.nan)
 
 
-def _predicted(diagnosis: Diagnosis, overlay: Overlay) -> dict[str, FloatArray]:
+def scored_predictions(diagnosis: Diagnosis, overlay: Overlay) -> dict[str, FloatArray]:
     """Return what the models of a diagnosis predict where it counts."""
     models = {"nominal": counted(diagnosis, overlay, overlay.nominal)}
     if diagnosis.best:
@@ -185,7 +183,7 @@ def _predicted(diagnosis: Diagnosis, overlay: Overlay) -> dict[str, FloatArray]:
 
 def overlay_figure(diagnosis: Diagnosis, overlay: Overlay) -> go.Figure:
     """Return one trial of a diagnosis as measured and as its models predict it, drawn where it is scored."""
-    return trial_figure(overlay.trial, _predicted(diagnosis, overlay))
+    return trial_figure(overlay.trial, scored_predictions(diagnosis, overlay))
 
 
 def residual_figure(residual: Residual) -> go.Figure:
@@ -193,56 +191,13 @@ def residual_figure(residual: Residual) -> go.Figure:
     return trial_figure(residual.trial, {"nominal": np.where(residual.counted[:, None], residual.predicted, np.nan)})
 
 
-def beat_figure(diagnosis: Diagnosis) -> go.Figure:
-    """Return the mean residual of the models over the beat of the last joint, one panel a channel.
-
-    Of the held-out trials, or of all where none is held out; bands are two standard errors of the mean wide on each
-    side.
-    """
-    overlays = [overlay for overlay in diagnosis.overlays if overlay.held_out] or list(diagnosis.overlays)
-    cpg = diagnosis.nominal_model.fish.cpg
-    phase = np.concatenate([beat_phase(cpg, overlay.trial) for overlay in overlays]) / (2.0 * np.pi)
-    centre = (np.arange(BINS) + 0.5) / BINS
-    predicted = [_predicted(diagnosis, overlay) for overlay in overlays]
-    figure = panels(1, len(CHANNELS), height=270, horizontal_spacing=0.08)
-    for model in predicted[0]:
-        residual = [o.trial.velocity - models[model] for o, models in zip(overlays, predicted, strict=True)]
-        mean, error = binned(phase, np.concatenate(residual))
-        for k in range(len(CHANNELS)):
-            panel = Panel(figure, 1, k + 1)
-            panel.band(centre, mean[:, k] - 2.0 * error[:, k], mean[:, k] + 2.0 * error[:, k], f"{model}-soft")
-            panel.curve(centre, mean[:, k], model, model, width=2.0)
-    for k, channel in enumerate(CHANNELS):
-        Panel(figure, 1, k + 1).heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
-    return figure.update_xaxes(title_text="phase [beats]", range=[0, 1]).update_yaxes(zeroline=True)
-
-
-def binned(phase: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and its standard error (BINS, 3) of residuals (n, 3) by phase (n,) in beats; NaN in empty bins."""
-    index = np.floor(np.mod(phase, 1.0) * BINS).astype(int) % BINS
-    mean, error = np.full((BINS, 3), np.nan), np.full((BINS, 3), np.nan)
-    reached = np.isfinite(residual).all(axis=1)
-    for k in range(BINS):
-        inside = residual[reached & (index == k)]
-        if len(inside) > 1:
-            mean[k] = inside.mean(axis=0)
-            error[k] = inside.std(axis=0, ddof=1) / np.sqrt(len(inside))
-    return mean, error
-
-
-def force_figure(diagnosis: Diagnosis) -> go.Figure | None:
-    """Return the missing force of the trial where the misfit is densest; None where nothing is wrong.
-
-    One panel a component, bands two standard deviations wide on each side.
-    """
-    if diagnosis.where is None:
-        return None
-    missing = next(force for force in diagnosis.force if force.trial == diagnosis.where.trial)
+def force_figure(missing: MissingForce) -> go.Figure:
+    """Return the missing force of a trial, one panel a component, bands two standard deviations wide on each side."""
     headings = ("surge [N]", "sway [N]", "yaw moment at the nose [N m]")
     figure = panels(len(headings), height=380, shared_xaxes=True, vertical_spacing=0.07)
     for k, heading in enumerate(headings):
         panel, force, half = Panel(figure, k + 1), missing.force[:, k], 2.0 * missing.band[:, k]
-        panel.band(missing.time, force - half, force + half, "nominal-soft")
+        panel.band(missing.time, force - half, force + half, "nominal-soft", "missing force")
         panel.curve(missing.time, force, "nominal", "missing force")
         panel.heading(heading)
     figure.update_xaxes(range=[float(missing.time[0]), float(missing.time[-1])])
@@ -286,7 +241,7 @@ def autocorrelation_figure(tests: Sequence[Autocorrelation]) -> go.Figure:
         own = sorted((test for test in tests if test.channel == channel), key=lambda test: test.trial == ALL)
         for test in own:
             if test.trial == ALL:
-                panel.band(test.lag, -test.band, test.band, "nominal-soft")
+                panel.band(test.lag, -test.band, test.band, "nominal-soft", "white residual")
                 panel.marked(test.lag, test.value, "nominal", "all trials")
             else:
                 panel.curve(test.lag, test.value, "measured", "one trial", width=0.8)
@@ -306,7 +261,7 @@ def cross_correlation_figure(tests: Sequence[CrossCorrelation], trial: str = ALL
             heading = f"{CHANNEL_NAMES[channel]}, {reads}"
             if test is not None:
                 heading += f": p {html.escape(p_value(test.p_value))}"
-                panel.band(test.lag, -test.band, test.band, "nominal-soft")
+                panel.band(test.lag, -test.band, test.band, "nominal-soft", "independent residual")
                 panel.curve(test.lag, test.value, "nominal", "residual", width=1.8)
             panel.heading(heading)
     return _with_zero(figure).update_xaxes(title_text="residual behind the input [s]", row=rows)

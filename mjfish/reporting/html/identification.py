@@ -12,6 +12,7 @@ from mjfish.estimation.agreement import agreement
 from mjfish.estimation.residual_tests import ALL
 from mjfish.files import make_folder
 from mjfish.frames import CHANNELS
+from mjfish.reporting.html import readings
 from mjfish.reporting.html.figures import (
     autocorrelation_figure,
     cross_correlation_figure,
@@ -72,6 +73,7 @@ def sections(
             "parabola is what estimate and standard error say.",
             {"nominal": "profile"},
             (Block("Profiles", "", profile_figure(profiles)),),
+            readings.PROFILE,
         )
     return found
 
@@ -91,6 +93,7 @@ def _simulated(name: str, residuals: Sequence[Residual]) -> Section:
         "Simulated curves are drawn where samples count. Fit: 100 % is perfect, 0 % no better than the mean.",
         {"measured": "measured", "nominal": "simulated, and measured − simulated"},
         tuple(blocks),
+        readings.TRIAL,
     )
 
 
@@ -105,6 +108,7 @@ def _autocorrelation(name: str, tests: ResidualTests) -> Section:
         "narrow; the model need not be at fault.",
         {"nominal": "all trials", "measured": "one trial"},
         (Block("All trials", ", ".join(found), autocorrelation_figure(tests.whiteness)),),
+        readings.AUTOCORRELATION,
     )
 
 
@@ -124,4 +128,5 @@ def _cross_correlation(name: str, tests: ResidualTests) -> Section:
         "sum is inside the band.",
         {"nominal": "residual with input, and band"},
         tuple(blocks),
+        readings.CROSS_CORRELATION,
     )

@@ -16,6 +16,7 @@ from plotly.offline import get_plotlyjs
 from mjfish.files import write_text
 from mjfish.reporting import words
 from mjfish.reporting.html.figures import COLOURS
+from mjfish.reporting.html.readings import Reading
 
 
 @dataclass(frozen=True)
@@ -44,21 +45,29 @@ class Section:
         lead: how to read the figures.
         legend: names of the colours, by the name of the colour in `COLOURS`.
         blocks: the figures.
+        reading: how to read each of them, where that is not said elsewhere.
     """
 
     title: str
     lead: str
     legend: dict[str, str]
     blocks: tuple[Block, ...]
+    reading: Reading | None = None
 
 
-def write_figures(path: Path, *sections: Section) -> None:
+def write_figures(path: Path, *sections: Section, title: str = "", lead: str = "") -> None:
     """Write a page of figures, whole or not at all.
+
+    Args:
+        path: to write to.
+        sections: in order.
+        title: heading of the page; else that of the first section.
+        lead: below it, line by line.
 
     Raises:
         InputError: the file cannot be written.
     """
-    write_text(path, render("figures.html.j2", sections=sections))
+    write_text(path, render("figures.html.j2", sections=sections, title=title, lead=lead))
 
 
 def render(template: str, **view: Any) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import html
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,7 @@ def _(result: Simulation) -> go.Figure:
         panel = Panel(drawn, k + 1)
         if (others := result.band) is not None:
             low, _, high = others.velocity[:, :, k]
-            panel.band(others.time, low, high, "extended-soft")
+            panel.band(others.time, low, high, "extended-soft", "simulated")
         panel.curve(result.time, result.velocity[:, k], "extended", "simulated")
         panel.heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
     return drawn.update_xaxes(title_text="time [s]", row=len(CHANNELS))
@@ -180,4 +181,6 @@ def _(result: Identification, path: Path) -> None:
     if assessment is None:
         raise InputError(f"{result.dataset.name}: the fit {result.fit.status} and has no page; {result.fit.message}")
     found = sections(result.dataset.name, assessment.residuals, assessment.residual_tests)
-    write_figures(path, *found.values())
+    name = result.dataset.name
+    own = [replace(section, title=section.title.removeprefix(f"{name}: ").capitalize()) for section in found.values()]
+    write_figures(path, *own, title=f"Identification of {name}", lead=result.summary())

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from mjfish.arrays import FloatArray
 from mjfish.fish import Fish
 from mjfish.hydro.outline import section_at
+from mjfish.mujoco.offscreen import Mesh
 
 #: Rings of a link along its length, points of a ring, and rings of the round end in front.
 _RINGS = 28
@@ -16,8 +17,8 @@ _AROUND = 32
 _CAP = 6
 
 
-def link_mesh(fish: Fish, index: int) -> tuple[FloatArray, NDArray[np.uint32], FloatArray]:
-    """Return vertices (m, 3) [m], triangles (t, 3) and normals (m, 3) of one link in its frame, x towards the tail.
+def link_mesh(fish: Fish, index: int) -> Mesh:
+    """Return the surface of one link in its frame, x towards the tail.
 
     Elliptic rings along the outline. Behind a joint the link begins with a round end half as long as it is wide, so
     that no wedge opens where the fish bends.
@@ -35,8 +36,7 @@ def link_mesh(fish: Fish, index: int) -> tuple[FloatArray, NDArray[np.uint32], F
     a, b = 0.5 * width[:, None], 0.5 * height[:, None]
     ring = np.stack([np.broadcast_to(r[:, None], (len(r), _AROUND)), a * np.cos(around), b * np.sin(around)], axis=2)
     vertices = np.concatenate([ring.reshape(-1, 3), [[r[0], 0.0, 0.0], [r[-1], 0.0, 0.0]]])
-    triangles = _triangles(len(r))
-    return vertices, triangles, _normals(vertices, triangles)
+    return Mesh(vertices, _triangles(len(r)))
 
 
 def _triangles(rings: int) -> NDArray[np.uint32]:
@@ -52,8 +52,9 @@ def _triangles(rings: int) -> NDArray[np.uint32]:
     return np.concatenate([sides, front, back]).astype(np.uint32)
 
 
-def _normals(vertices: FloatArray, triangles: NDArray[np.uint32]) -> FloatArray:
-    """Return the mean direction, by area, of the triangles at each vertex."""
+def normals(mesh: Mesh) -> FloatArray:
+    """Return the mean direction (m, 3), by area, of the triangles at each vertex."""
+    vertices, triangles = mesh.vertices, mesh.triangles
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     face = np.cross(b - a, c - a)
     total = np.zeros_like(vertices)

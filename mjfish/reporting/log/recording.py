@@ -6,7 +6,7 @@ fish; a floor shows how far it swims.
 
 from __future__ import annotations
 
-import tempfile
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,17 +14,25 @@ from typing import Any
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from scipy.ndimage import gaussian_filter1d
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.errors import InputError
-from mjfish.fish import Fish
+from mjfish.files import whole
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.ode.forces import LinkForces
-from mjfish.reporting.log.body import link_mesh, link_poses
+from mjfish.reporting.log.body import normals
 from mjfish.reporting.log.curves import form_tab, log_curves
-from mjfish.reporting.log.scene import Run, Swim
+from mjfish.reporting.log.drawing import (
+    COLOURS,
+    FORCES,
+    Drawing,
+    Figure,
+    arrow_scale,
+    camera_path,
+    drawn,
+    floor_height,
+)
+from mjfish.reporting.log.scene import Run
 
 #: Of a fish that is free in space, and their units.
 ATTITUDE = {"roll": "rad", "pitch": "rad", "heave": "m"}
@@ -94,24 +102,11 @@ def _curves(root: str, kind: str, units: Mapping[str, str] = UNITS) -> rrb.Verti
 APPLICATION = "mjfish"
 #: Every run has its own time, from its own start, on this line.
 TIMELINE = "sim_time"
-#: Red, green, blue, alpha of each swimmer, bodies and curves alike.
-COLOURS: dict[str, tuple[int, int, int, int]] = {
-    "measured": (205, 208, 214, 255),
-    "nominal": (229, 138, 60, 150),
-    "extended": (46, 168, 178, 200),
-    "simulated": (46, 168, 178, 200),
-}
 #: Of the band of other fish in the same run.
 BAND = (130, 136, 145, 255)
-#: Kinds of force, as they are called in the log and in `mjfish.ode.forces.LinkForces`.
-FORCES = {"drag": (232, 84, 100, 255), "added_mass": (136, 150, 255, 255), "load": (226, 204, 70, 255)}
 FLOOR = (70, 78, 90, 255)
-#: At three instants of four no arrow is longer than this share of the fish.
-_REACH = 0.5
-#: The camera's point ignores what is faster than this [s], so that it does not wag with the fish.
-_SMOOTHING = 0.3
-#: Spacing of the floor's lines, its depth and its margin, in lengths of the fish.
-_SPACING, _DEPTH, _MARGIN = 0.5, 0.25, 3.0
+#: Spacing of the floor's lines and its margin, in lengths of the fish.
+_SPACING, _MARGIN = 0.5, 3.0
 
 
 def write_runs(
@@ -138,13 +133,8 @@ def write_runs(
     names = [run.name for run in runs]
     if not names or len(set(names)) < len(names):
         raise InputError(f"{path}: a log needs runs with names of their own, found {names}")
-    try:
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.", suffix=".partial") as folder:
-            partial = Path(folder) / "log.rrd"
-            _record(partial, runs, name or runs[0].name, about, mechanisms)
-            partial.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}; choose a file that you can write to") from None
+    with whole(path) as partial:
+        _record(partial, runs, name or runs[0].name, about, mechanisms)
 
 
 def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: Sequence[NamedMechanism]) -> None:
@@ -156,9 +146,12 @@ def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: 
     recording.log("about", rr.TextDocument(about + legend, media_type=rr.MediaType.MARKDOWN), static=True)
     for run in runs:
         root = "/" + rr.escape_entity_path_part(run.name)
-        _water(recording, f"{root}/world", run)
+        drawing = drawn(run, scale, name)
+        _about(recording, root, drawing)
+        _water(recording, f"{root}/world", run, drawing)
+        for figure in drawing.figures:
+            _figure(recording, f"{root}/world/{figure.swimmer}", figure, drawing.length)
         for swim in run.swims:
-            _swim(recording, f"{root}/world/{swim.swimmer}", run, swim, scale)
             _series(recording, f"{root}/velocity", swim.swimmer, swim.time, swim.velocity)
             if swim.attitude is not None:
                 _series(recording, f"{root}/attitude", swim.swimmer, swim.time, swim.attitude, tuple(ATTITUDE))
@@ -176,48 +169,50 @@ def _has_forces(runs: Sequence[Run]) -> bool:
     return any(swim.forces is not None for run in runs for swim in run.swims)
 
 
-def _water(recording: rr.RecordingStream, root: str, run: Run) -> None:
+def _about(recording: rr.RecordingStream, root: str, drawing: Drawing) -> None:
+    """Log what `mjfish.reporting.log.reading` needs beside what is seen: names, the part of the run, errors."""
+    part = {None: "simulated", True: "held_out", False: "fitted"}[drawing.held_out]
+    told = {"run": drawing.name, "source": drawing.source, "part": part}
+    recording.log(root, rr.AnyValues(**told, length=drawing.length, arrow_scale=drawing.scale), static=True)
+    for figure in drawing.figures:
+        error = math.nan if figure.error is None else figure.error
+        of_figure = rr.AnyValues(words=figure.words, ghost=figure.ghost, error=error)
+        recording.log(f"{root}/world/{figure.swimmer}", of_figure, static=True)
+
+
+def _water(recording: rr.RecordingStream, root: str, run: Run, drawing: Drawing) -> None:
     """Log the floor of the tank and the point that the camera looks at."""
     recording.log(root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    floor = rr.LineStrips3D(floor_lines(run), colors=[FLOOR], radii=rr.Radius.ui_points(0.6))
+    floor = rr.LineStrips3D(floor_lines(drawing), colors=[FLOOR], radii=rr.Radius.ui_points(0.6))
     recording.log(f"{root}/floor", floor, static=True)
-    swim = run.followed()
-    at = [rr.TimeColumn(TIMELINE, duration=swim.time)]
-    recording.send_columns(f"{root}/camera", at, rr.Transform3D.columns(translation=camera_path(swim, run.fish)))
+    time = run.followed().time
+    at = [rr.TimeColumn(TIMELINE, duration=time)]
+    seen = rr.Transform3D.columns(translation=camera_path(drawing.figures, time))
+    recording.send_columns(f"{root}/camera", at, seen)
 
 
-def _swim(recording: rr.RecordingStream, root: str, run: Run, swim: Swim, scale: float) -> None:
+def _figure(recording: rr.RecordingStream, root: str, figure: Figure, length: float) -> None:
     """Log the body (or the nose alone), the path of the nose and the arrows of the forces."""
-    colour, path = COLOURS[swim.swimmer], swim.nose
-    recording.log(f"{root}/path", rr.LineStrips3D([path], colors=[colour], radii=rr.Radius.ui_points(1.2)), static=True)
-    if swim.joint_angle is None:
-        point = rr.Points3D.from_fields(colors=[colour], radii=[0.02 * run.fish.length])
-        _columns(recording, f"{root}/nose", point, swim.time, rr.Points3D.columns(positions=path))
-        return
-    place, turn = link_poses(run.fish, swim.pose, swim.joint_angle, swim.attitude)
-    for k in range(len(run.fish.links)):
-        vertices, triangles, normals = link_mesh(run.fish, k)
+    colour = COLOURS[figure.swimmer]
+    path = rr.LineStrips3D([figure.path], colors=[colour], radii=rr.Radius.ui_points(1.2))
+    recording.log(f"{root}/path", path, static=True)
+    if not figure.meshes:
+        point = rr.Points3D.from_fields(colors=[colour], radii=[0.02 * length])
+        _columns(recording, f"{root}/nose", point, figure.time, rr.Points3D.columns(positions=figure.path))
+    for k, mesh in enumerate(figure.meshes):
         body = rr.Mesh3D(
-            vertex_positions=vertices, triangle_indices=triangles, vertex_normals=normals, albedo_factor=colour
+            vertex_positions=mesh.vertices,
+            triangle_indices=mesh.triangles,
+            vertex_normals=normals(mesh),
+            albedo_factor=figure.colour,
         )
-        moves = rr.Transform3D.columns(translation=place[:, k], quaternion=turn[:, k])
-        _columns(recording, f"{root}/link_{k}", body, swim.time, moves)
-    if swim.forces is not None:
-        _arrows(recording, f"{root}/force", swim.time, swim.forces, scale)
-
-
-def _arrows(recording: rr.RecordingStream, root: str, time: FloatArray, forces: LinkForces, scale: float) -> None:
-    for kind, colour in FORCES.items():
-        wrench: FloatArray = getattr(forces, kind)
-        if not np.any(wrench):
-            continue
-        count, links = wrench.shape[:2]
-        origins, vectors = np.zeros((2, count, links, 3))
-        origins[..., :2] = forces.point(wrench)
-        vectors[..., :2] = scale * wrench[..., :2]
-        style = rr.Arrows3D.from_fields(colors=[colour], radii=rr.Radius.ui_points(2.5))
+        moves = rr.Transform3D.columns(translation=figure.place[:, k], quaternion=figure.turn[:, k])
+        _columns(recording, f"{root}/link_{k}", body, figure.time, moves)
+    for kind, (origins, vectors) in figure.arrows.items():
+        style = rr.Arrows3D.from_fields(colors=[FORCES[kind]], radii=rr.Radius.ui_points(2.5))
         arrows = rr.Arrows3D.columns(origins=origins.reshape(-1, 3), vectors=vectors.reshape(-1, 3))
-        _columns(recording, f"{root}/{kind}", style, time, arrows.partition([links] * count))
+        parts = arrows.partition([origins.shape[1]] * len(origins))
+        _columns(recording, f"{root}/force/{kind}", style, figure.time, parts)
 
 
 def _series(
@@ -240,38 +235,14 @@ def _columns(recording: rr.RecordingStream, entity: str, style: Any, time: Float
     recording.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=time)], columns)
 
 
-def arrow_scale(runs: Sequence[Run]) -> float:
-    """Return the length of an arrow of 1 N [m/N], one for all runs, rounded to one digit."""
-    largest, length = [np.zeros(1)], 1.0
-    for run in runs:
-        length = run.fish.length
-        for swim in run.swims:
-            if swim.forces is not None:
-                every = np.stack([getattr(swim.forces, kind) for kind in FORCES])
-                largest.append(np.linalg.norm(every[..., :2], axis=3).max(axis=(0, 2)))
-    typical = float(np.quantile(np.concatenate(largest), 0.75))
-    return float(f"{_REACH * length / typical:.0e}") if typical > 0.0 else 1.0
-
-
-def camera_path(swim: Swim, fish: Fish) -> FloatArray:
-    """Return the point that the camera looks at (n, 3) [m]: the middle of the body, its wagging smoothed away."""
-    middle = swim.nose
-    if swim.joint_angle is not None:
-        middle = link_poses(fish, swim.pose, swim.joint_angle, swim.attitude)[0].mean(axis=1)
-    if len(swim.time) < 2:
-        return middle
-    step = float(np.median(np.diff(swim.time)))
-    return np.asarray(gaussian_filter1d(middle, _SMOOTHING / step, axis=0, mode="nearest"))
-
-
-def floor_lines(run: Run) -> list[FloatArray]:
+def floor_lines(drawing: Drawing) -> list[FloatArray]:
     """Return the lines of a square grid below everything that swims in the run, each (2, 3) [m]."""
-    length = run.fish.length
+    length = drawing.length
     spacing = _SPACING * length
-    places = np.concatenate([swim.pose[:, :2] for swim in run.swims])
+    places = np.concatenate([figure.path[:, :2] for figure in drawing.figures])
     low = np.floor((places.min(axis=0) - _MARGIN * length) / spacing)
     high = np.ceil((places.max(axis=0) + _MARGIN * length) / spacing)
-    z = min(float(swim.nose[:, 2].min()) for swim in run.swims) - _DEPTH * length
+    z = floor_height(drawing.figures, length)
     (x0, y0), (x1, y1) = spacing * low, spacing * high
     rows = [np.array([[x0, y, z], [x1, y, z]]) for y in spacing * np.arange(low[1], high[1] + 1)]
     columns = [np.array([[x, y0, z], [x, y1, z]]) for x in spacing * np.arange(low[0], high[0] + 1)]

@@ -17,9 +17,11 @@ from mjfish.diagnosis import Diagnosis, Overlay
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
-from mjfish.model import Model
+from mjfish.model import Model, asked_motion
 from mjfish.model.model import Prepared, pose_of
 from mjfish.ode.forces import LinkForces, link_forces
+from mjfish.ode.rollout import STEP
+from mjfish.reporting.log.drawing import Drawing, arrow_scale, drawn
 from mjfish.reporting.log.recording import write_runs
 from mjfish.reporting.log.scene import Run, Swim, Swimmer, placed, travelled
 from mjfish.reporting.words import VERDICTS, percent
@@ -61,7 +63,10 @@ def _(result: Identification, path: Path) -> None:
     model, runs = result.problem.model, []
     values = model.values({**result.problem.fixed, **result.fit.values})
     for residual in sorted(result.assessment.residuals, key=lambda residual: residual.role == "fit"):
-        swims = (_measured(residual.trial), simulated("nominal", model, values, residual.trial, residual.predicted))
+        swims = (
+            _measured(residual.trial, model),
+            simulated("nominal", model, values, residual.trial, residual.predicted),
+        )
         runs.append(Run(residual.trial.name, model.fish, swims, residual.role == "held_out"))
     about = "Measured grey, fitted model orange. Forces of the water: drag red, added mass blue."
     write_runs(path, runs, name=result.dataset.name, about=about)
@@ -72,11 +77,12 @@ def _run(diagnosis: Diagnosis, overlay: Overlay) -> Run:
     trial = overlay.trial
     values = {name: estimate.estimate for name, estimate in diagnosis.nominal.items()}
     nominal = simulated("nominal", diagnosis.nominal_model, values, trial, overlay.nominal)
-    swims: tuple[Swim, ...] = (_measured(trial), nominal)
+    swims: tuple[Swim, ...] = (_measured(trial, diagnosis.nominal_model), nominal)
     if diagnosis.best:  # then the arrows are drawn on the extended model alone
         values = {name: estimate.estimate for name, estimate in diagnosis.extended.items()}
         extended = simulated("extended", diagnosis.extended_model, values, trial, overlay.extended)
-        swims = (swims[0], replace(nominal, forces=None), extended)
+        words = f"with {' and '.join(diagnosis.best)}"
+        swims = (swims[0], replace(nominal, forces=None), replace(extended, words=words))
     return Run(trial.name, diagnosis.nominal_model.fish, swims, overlay.held_out)
 
 
@@ -84,11 +90,16 @@ def _start(trial: Trial) -> FloatArray:
     return np.zeros(3) if trial.pose is None else np.nan_to_num(trial.pose[0])
 
 
-def _measured(trial: Trial) -> Swim:
+def _measured(trial: Trial, model: Model) -> Swim:
+    """Return the measured swim; its joints are those of the command where nobody measured them."""
     pose = trial.pose
     if pose is None or not np.all(np.isfinite(pose)):
         pose = travelled(trial.time, trial.velocity, _start(trial))
-    return Swim("measured", trial.time, trial.velocity, pose, trial.joint_angle)
+    angle, ghost = trial.joint_angle, not trial.joints_measured
+    if angle is None:
+        motion = asked_motion(model.fish.cpg, trial, STEP)
+        angle = motion.angle_at(np.minimum(trial.time, motion.time[-1]))
+    return Swim("measured", trial.time, trial.velocity, pose, angle, ghost=ghost)
 
 
 def simulated(swimmer: Swimmer, model: Model, values: Mapping[str, float], trial: Trial, velocity: FloatArray) -> Swim:
@@ -122,13 +133,22 @@ def simulated(swimmer: Swimmer, model: Model, values: Mapping[str, float], trial
 
 @write_log.register
 def _(result: Simulation, path: Path) -> None:
+    write_runs(path, [_simulated_run(result)], name=result.fish, about=result.summary())
+
+
+def drawn_simulation(result: Simulation) -> Drawing:
+    """Return a simulation as it is drawn."""
+    run = _simulated_run(result)
+    return drawn(run, arrow_scale([run]), result.fish)
+
+
+def _simulated_run(result: Simulation) -> Run:
     forces = None
     if result.attitude is None and len(result.states) > 1:
         time = result.prepared.time[: len(result.time)]
         forces = _forces(result.prepared, result.motion, result.states, time, result.pose)
     swim = Swim("simulated", result.time, result.velocity, result.pose, result.joint_angle, forces, result.attitude)
-    runs = [Run(result.drive, result.prepared.fish, (swim,), band=result.band)]
-    write_runs(path, runs, name=result.fish, about=result.summary())
+    return Run(result.drive, result.prepared.fish, (swim,), band=result.band)
 
 
 def _forces(run: Prepared, motion: JointMotion, states: FloatArray, time: FloatArray, pose: FloatArray) -> LinkForces:

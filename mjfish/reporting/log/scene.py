@@ -28,6 +28,8 @@ class Swim:
         velocity: (n, 3) surge, sway [m/s], yaw rate [rad/s].
         pose: (n, 3) x, y [m], yaw [rad] of the nose.
         joint_angle: (n, joints) [rad]; None: nobody knows the shape, and only the nose is drawn.
+        ghost: whether the angles are those of the command, because nobody measured them.
+        words: what it is, for legends; empty: its swimmer.
         forces: on the links at the same instants, or None.
         attitude: (n, 3) roll, pitch [rad] and heave [m] of a fish that is free in space; None: in the plane.
     """
@@ -39,6 +41,8 @@ class Swim:
     joint_angle: FloatArray | None = None
     forces: LinkForces | None = None
     attitude: FloatArray | None = None
+    ghost: bool = False
+    words: str = ""
 
     @property
     def nose(self) -> FloatArray:
@@ -80,6 +84,20 @@ class Run:
             for swim in self.swims
             if swim is not measured
         }
+
+    def error(self, swimmer: Swimmer) -> float | None:
+        """Return the root mean square of a residual over the range of the measurement, the mean of the channels.
+
+        None where there is nothing to compare: the measured fish itself, or one on its own.
+        """
+        found = self.residuals().get(swimmer)
+        measured = next((swim for swim in self.swims if swim.swimmer == "measured"), None)
+        if found is None or measured is None:
+            return None
+        rms = np.sqrt(np.mean(found[1] ** 2, axis=0))
+        spread = np.ptp(measured.velocity, axis=0)
+        there = np.isfinite(rms) & (spread > 0.0)
+        return float(np.mean(rms[there] / spread[there])) if np.any(there) else None
 
 
 def travelled(time: FloatArray, velocity: FloatArray, start: FloatArray) -> FloatArray:

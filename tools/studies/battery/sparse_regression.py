@@ -18,7 +18,7 @@ from scipy import signal
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.design import FittedModels
-from mjfish.effects import Effect, catalogue
+from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.estimation import Problem, fit
 
 _WINDOW, _DEGREE = 9, 3
@@ -26,7 +26,8 @@ _WINDOW, _DEGREE = 9, 3
 
 def sparsest(dataset: Dataset) -> str:
     """Return the cause that sequential thresholding leaves last."""
-    candidates = [effect for effect in catalogue().values() if not effect.not_applicable(dataset)]
+    effects = of_fish(catalogue(), dataset.fish).values()
+    candidates = [effect for effect in effects if not effect.not_applicable(dataset)]
     problem = FittedModels.undiagnosed(dataset, {}, jobs=1).problem
     nominal = fit(problem, tolerance=1e-6)
     wrong = _differentiated([residual[:, :, None] for residual in problem.raw(nominal.x)])[:, 0]

@@ -1,0 +1,116 @@
+"""``mjfish render``: a film or a still of a fish, a rollout or a diagnosis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import mjfish
+from mjfish.cli import console
+from mjfish.errors import InputError, UnknownNameError
+from mjfish.files import check_file
+
+if TYPE_CHECKING:
+    from mjfish.reporting.film import Stretch
+    from mjfish.reporting.log.drawing import Drawing
+
+#: Logs that are looked for in a folder: of `mjfish diagnose` and of `mjfish simulate`.
+_LOGS = ("fish.rrd", "rollout.rrd")
+#: How long a fish swims before its last beats are shown [s].
+_SWIMS = 6.0
+
+
+def render(
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="FISH|ROLLOUT|DIAGNOSIS",
+            help="A shipped fish, a fish TOML, a folder of `mjfish simulate --out` or `diagnose --out`, or a .rrd.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="File to write: .mp4, .gif, or .png with several instants in one picture.")],
+    trial: Annotated[
+        str | None,
+        typer.Option(help="Of a diagnosis, the run to show.", show_default="the held-out one with the largest error"),
+    ] = None,
+) -> None:
+    """Draw a swimming fish with the forces of the water on it; of a diagnosis, the measured and both simulated fish."""
+    from mjfish.reporting import film
+
+    check_file(out)
+    if out.suffix not in film.SUFFIXES:
+        raise InputError(f"{out}: the name ends in '{out.suffix}', expected {', '.join(film.SUFFIXES)}; rename it")
+    log = _log(Path(what))
+    with console.progress_bar() as tell:
+        tell("looking at what swims", 0.0)
+        stretch = _of_fish(what, trial, out) if log is None else _of_log(log, trial, out)
+        film.write(out, stretch, tell)
+    console.say(f"wrote {out}: {stretch.drawing.name}, {stretch.start:.2f} to {stretch.end:.2f} s")
+
+
+def _log(path: Path) -> Path | None:
+    """Return the log that a path stands for; None: it is a fish."""
+    if path.suffix in (".json", ".csv", ".html"):
+        raise InputError(f"{path}: expected a fish TOML, a log (.rrd) or a folder with one; name its folder")
+    if path.suffix == ".rrd":
+        if not path.is_file():
+            raise InputError(f"{path}: no such file; name a log, or a folder of `mjfish simulate` or `mjfish diagnose`")
+        return path
+    if not path.is_dir():
+        return None
+    found = [path / name for name in _LOGS if (path / name).is_file()]
+    if not found:
+        raise InputError(
+            f"{path}: has neither {_LOGS[0]} nor {_LOGS[1]}; make one by `mjfish diagnose DATASET --out {path}` "
+            f"or `mjfish simulate --out {path}`"
+        )
+    return found[0]
+
+
+def _of_fish(fish: str, trial: str | None, out: Path) -> Stretch:
+    """Let a fish swim by its CPG, or by a wave where it has none, and return its last beats."""
+    from mjfish.drive.wave import travelling
+    from mjfish.fish import read as read_fish
+    from mjfish.reporting import film
+    from mjfish.reporting.log.results import drawn_simulation
+
+    if trial is not None:
+        raise InputError(f"--trial: {fish} is a fish and has no trials; leave it out, or name a diagnosis")
+    body = read_fish(fish)[0]
+    drive = None if body.cpg is not None else travelling(tuple(link.length for link in body.links))
+    run = mjfish.simulate(fish, drive=drive, duration=_SWIMS)
+    if run.status != "ok":
+        raise InputError(f"{fish}: its run {run.message}; mend the fish before it is drawn")
+    return film.steady(drawn_simulation(run), _beats(out))
+
+
+def _of_log(log: Path, trial: str | None, out: Path) -> Stretch:
+    """Return the run of a log that is shown: all of a rollout, the worst beats of a trial."""
+    from mjfish.reporting import film
+    from mjfish.reporting.log.reading import read_log
+
+    drawing = _chosen(read_log(log), trial)
+    return film.whole(drawing) if drawing.held_out is None else film.worst(drawing, _beats(out))
+
+
+def _beats(out: Path) -> int:
+    from mjfish.reporting import film
+
+    return film.BEATS_OF_STILL if out.suffix == ".png" else film.BEATS
+
+
+def _chosen(drawings: list[Drawing], trial: str | None) -> Drawing:
+    """Return the drawing of a trial: the named one, else where the nominal fish errs most, held-out ones first."""
+    names = [drawing.name for drawing in drawings]
+    if trial is not None and trial not in names:
+        raise UnknownNameError("trial", trial, names)
+    if trial is not None:
+        return drawings[names.index(trial)]
+
+    def error(drawing: Drawing) -> tuple[bool, float]:
+        errors = [figure.error or 0.0 for figure in drawing.figures if figure.swimmer == "nominal"]
+        return drawing.held_out is True, max(errors, default=0.0)
+
+    return max(drawings, key=error)

@@ -1,0 +1,123 @@
+"""What is said of every candidate in words, and which of them are out of the race."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mjfish.diagnosis import Candidate, Diagnosis
+from mjfish.diagnosis.select import GOODNESS, KEEP
+from mjfish.reporting.words import number, percent, unit
+
+#: With a larger confounded share a signature says little.
+_CONFOUNDED = 0.9
+
+
+def detectable(candidate: Candidate, diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return the minimum detectable effect of each amplitude, with its unit."""
+    effect = diagnosis.effects.get(candidate.name)
+    units = {p.name: p.unit for p in effect.parameters} if effect else {}
+    return tuple(
+        f"{name.rpartition('.')[2]} {number(size, 2)} {unit(units.get(name, '-'))}".strip()
+        for name, size in (candidate.minimum_detectable or {}).items()
+    )
+
+
+def remark(candidate: Candidate, diagnosis: Diagnosis) -> str:
+    """Return all that is said of a candidate: the judgement, then what to mind about its numbers."""
+    sentence = judgement(candidate, diagnosis, detectable(candidate, diagnosis))
+    return " ".join(filter(None, [sentence, *cautions(candidate, diagnosis)]))
+
+
+def judgement(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) -> str:
+    """Say in a sentence why the candidate is, or is not, the cause.
+
+    Args:
+        candidate: to judge.
+        diagnosis: that it is of.
+        sizes: its minimum detectable effects.
+    """
+    if not candidate.applicable:
+        return f"Not tried: {candidate.remark}."
+    if candidate.name in diagnosis.certain:
+        return _at_work(candidate, diagnosis)
+    if any(candidate.name in group for group in diagnosis.rivals):
+        left = f", and with it {_left(candidate)}" if (candidate.name,) in diagnosis.alternatives else ""
+        return f"Possible: the data cannot tell it from its rivals{left}."
+    if candidate.parameters is None:
+        return _not_refitted(candidate, diagnosis, sizes)
+    if diagnosis.verdict == "cannot_tell" and (candidate.name,) in diagnosis.alternatives:
+        if _clean(candidate):
+            return "Possible: it explains no more than chance might, and with it nothing systematic is left."
+        return f"Possible, and the closest: with it {_left(candidate)}."
+    if candidate.rival_p is not None and candidate.fit_p is None:
+        return _ruled_out(diagnosis)
+    if not _clean(candidate):
+        return f"Close, but with it in the model {_left(candidate)}."
+    if candidate.held_out_gain is not None and candidate.held_out_gain <= 0.0:
+        return "Fits, but makes the held-out trials no better."
+    return ""
+
+
+def cautions(candidate: Candidate, diagnosis: Diagnosis) -> list[str]:
+    """Return what to mind about the numbers of a candidate."""
+    found = []
+    if candidate.applicable and candidate.confounded > _CONFOUNDED and candidate.name not in diagnosis.undetectable:
+        share = percent(candidate.confounded, 2)
+        found.append(f"A refit of the coefficients removes {share} of its signature: these trials say little about it.")
+    stuck = [name for name, value in (candidate.parameters or {}).items() if value.at_bound]
+    if stuck:
+        found.append(f"On its bound: {', '.join(stuck)}.")
+    if candidate.applicable and candidate.remark:
+        found.append(candidate.remark)
+    return found
+
+
+def _at_work(candidate: Candidate, diagnosis: Diagnosis) -> str:
+    if diagnosis.verdict != "named":
+        return "At work, whichever of the others is."
+    others = [cause.name for cause in diagnosis.causes if cause.name != candidate.name]
+    if others:
+        return f"One of the causes, beside {' and '.join(others)}."
+    return f"The cause: with it in the model {_left(candidate)}."
+
+
+def _not_refitted(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) -> str:
+    if candidate.name in diagnosis.undetectable:
+        return f"Undetectable: {diagnosis.undetectable[candidate.name]}."
+    if candidate.p_value < KEEP and any(other.parameters is not None for other in diagnosis.candidates):
+        return "Not refitted: others have better scores."
+    if not sizes:
+        return "No sign of it."
+    return f"No sign of it; the minimum detectable effect is {' and '.join(sizes)}."
+
+
+def _ruled_out(diagnosis: Diagnosis) -> str:
+    """Say by whom: single causes stand against the best single one, whether or not it needs company."""
+    leader = max(diagnosis.candidates, key=lambda other: other.rival_p or 0.0).name
+    alone = " as the only cause" if any(len(names) > 1 for names in diagnosis.alternatives) else ""
+    return f"Ruled out{alone}: {leader} explains the misfit better by more than chance allows."
+
+
+def _clean(candidate: Candidate) -> bool:
+    return candidate.fit_p is None or candidate.fit_p >= GOODNESS
+
+
+def _left(candidate: Candidate) -> str:
+    return f"{'nothing' if _clean(candidate) else 'something'} systematic is left"
+
+
+def possible(diagnosis: Diagnosis) -> set[str]:
+    """Return the names of all causes that may be at work: certain ones, rivals, and else the closest."""
+    found = {*diagnosis.certain, *(name for group in diagnosis.rivals for name in group)}
+    return found or {*diagnosis.best, *(name for names in diagnosis.alternatives for name in names)}
+
+
+def grouped(diagnosis: Diagnosis) -> tuple[list[Candidate], list[Candidate], list[Candidate]]:
+    """Return the candidates that may be at work, those that are ruled out or left no sign, and those not tried."""
+    kept, order = possible(diagnosis), diagnosis.candidates
+    tried = [candidate for candidate in order if candidate.applicable]
+    return (
+        [candidate for candidate in tried if candidate.name in kept],
+        [candidate for candidate in tried if candidate.name not in kept],
+        [candidate for candidate in order if not candidate.applicable],
+    )

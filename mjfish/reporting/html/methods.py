@@ -1,0 +1,141 @@
+"""The methods of a diagnosis as text for a paper, with its citations: made from what was done, number by number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from mjfish.diagnosis import Diagnosis
+from mjfish.diagnosis.select import GOODNESS, KEEP
+from mjfish.diagnosis.verdict import ALARM
+from mjfish.noise import (
+    Autoregressive,
+    DifferentiationNoise,
+    ErrorsInVariables,
+    GaussMarkov,
+    Noise,
+    NoiseByRate,
+    ProcessNoise,
+)
+from mjfish.reporting.words import estimate, interval, number, p_value, percent, unit
+
+#: Works that the text may cite, by key.
+REFERENCES = {
+    "Yu2016": "J. Yu, J. Yuan, Z. Wu, M. Tan, Data-Driven Dynamic Modeling for a Swimming Robotic Fish (2016).",
+    "Cox1961": "D. R. Cox, Tests of separate families of hypotheses, Proc. 4th Berkeley Symposium (1961).",
+    "Hemerik2020": "J. Hemerik, J. Goeman, L. Finos, Robust testing in generalized linear models by sign flipping "
+    "score contributions, J. R. Statist. Soc. B 82 (2020).",
+    "Eriksson2013": "D. Eriksson, E. Frisk, M. Krysander, A method for quantitative fault diagnosability analysis of "
+    "stochastic linear descriptor models, Automatica 49 (2013).",
+    "Rauch1965": "H. Rauch, F. Tung, C. Striebel, Maximum likelihood estimates of linear dynamic systems, AIAA "
+    "Journal 3 (1965).",
+    "Wood2017": "S. Wood, Generalized Additive Models, 2nd ed. (2017), ch. 6.",
+}
+#: How the kinds of noise read; autoregressive noise by its order.
+NOISE_WORDS: dict[type[Noise], str] = {
+    DifferentiationNoise: "noise of differentiated positions",
+    ErrorsInVariables: "noise with errors of the measured joint angles",
+    GaussMarkov: "Gauss-Markov noise on top of white noise",
+    NoiseByRate: "noise with a model of its own for every sampling rate",
+    ProcessNoise: "random forces on the fish on top of white noise",
+}
+
+
+@dataclass(frozen=True)
+class Methods:
+    """The text, by paragraph, and the works that it cites, by key."""
+
+    paragraphs: tuple[str, ...]
+    references: dict[str, str]
+
+
+def methods(diagnosis: Diagnosis) -> Methods:
+    """Return the methods of a diagnosis.
+
+    Numbers are those of this diagnosis; what was not done is not said.
+    """
+    parts = (_data(diagnosis), _tests(diagnosis), _causes(diagnosis), _held_out(diagnosis), _rest(diagnosis))
+    paragraphs = tuple(" ".join(sentences) for part in parts if (sentences := list(part)))
+    cited = {key: work for key, work in REFERENCES.items() if any(f"[{key}]" in text for text in paragraphs)}
+    return Methods(paragraphs, cited)
+
+
+def noise_words(noise: Noise) -> str:
+    """Return the kind of a noise model in words."""
+    if isinstance(noise, Autoregressive):
+        return f"autoregressive noise of order {noise.order}" if noise.order else "white noise"
+    return NOISE_WORDS[type(noise)]
+
+
+def _data(diagnosis: Diagnosis) -> Iterable[str]:
+    fish, fitted = diagnosis.dataset.fish, [o for o in diagnosis.overlays if not o.held_out]
+    samples = sum(len(overlay.trial.time) for overlay in diagnosis.overlays)
+    held = [overlay.trial.name for overlay in diagnosis.overlays if overlay.held_out]
+    fits = f"{len(fitted)} {'was' if len(fitted) == 1 else 'were'} fitted"
+    kept = f"{fits}, and held out: {', '.join(held)}" if held else "all were fitted"
+    yield (
+        f"The dataset {diagnosis.dataset.name} has {len(diagnosis.overlays)} trials of the fish {fish.name} with "
+        f"{samples} samples; {kept}."
+    )
+    yield (
+        f"The nominal model is the planar chain of {len(fish.links)} links of [Yu2016], with Morison forces "
+        f"on strips, integrated at a step of {number(diagnosis.fits[0].step, 2)} s."
+    )
+    yield (
+        f"Its {len(diagnosis.nominal)} parameters were fitted by maximum likelihood under "
+        f"{noise_words(diagnosis.problem.noise)}."
+    )
+
+
+def _tests(diagnosis: Diagnosis) -> Iterable[str]:
+    tried = [candidate for candidate in diagnosis.candidates if candidate.applicable]
+    refitted = sum(candidate.parameters is not None for candidate in tried)
+    p = p_value(diagnosis.p_wrong)
+    yield (
+        f"Whether anything systematic is left was tested by scores of {len(tried)} candidate causes against simulated "
+        f"null distributions, by a basis that knows no cause, and by refits, at a joint level of {ALARM:g}: p "
+        f"{'' if p.startswith('<') else '= '}{p}."
+    )
+    if refitted:
+        yield (
+            f"{refitted} candidates were refitted together with the coefficients. One stays in the confidence set "
+            f"where, were it true, the best would lead by as much with a probability of {KEEP:g} or more [Cox1961]; it "
+            f"suffices where what it leaves has p above {GOODNESS:g}, misfits that outliers leave by chance excepted "
+            "[Hemerik2020]."
+        )
+
+
+def _causes(diagnosis: Diagnosis) -> Iterable[str]:
+    for cause in diagnosis.causes:
+        effect = diagnosis.effects.get(cause.name)
+        if effect is not None:
+            yield f"{cause.name}: {cause.summary} ({effect.source})."
+        if effect is not None and effect.learned:
+            yield "Its form was learned: values of curves, kept smooth by a prior [Wood2017]."
+            continue
+        sizes = [
+            f"{name} = {estimate(value)} {unit(value.unit)}".strip()
+            + (f" (95 % interval {interval(value)})" if interval(value) else "")
+            for name, value in cause.parameters.items()
+        ]
+        yield f"Estimates: {'; '.join(sizes)}."
+
+
+def _held_out(diagnosis: Diagnosis) -> Iterable[str]:
+    if (gain := diagnosis.gain) is not None:
+        yield (
+            f"On the held-out trials the root-mean-square error, in shares of the range of each channel, is "
+            f"{percent(gain.nominal['pooled'])} of the nominal and {percent(gain.extended['pooled'])} of the extended "
+            f"model, {percent(gain.relative_reduction, 2)} less (95 % interval {percent(gain.low, 2)} to "
+            f"{percent(gain.high, 2)}, block bootstrap)."
+        )
+
+
+def _rest(diagnosis: Diagnosis) -> Iterable[str]:
+    yield "From which size on mechanisms are told from one another follows from their signatures [Eriksson2013]."
+    if diagnosis.force:
+        yield "The missing force was estimated by a Kalman smoother [Rauch1965]."
+    versions = diagnosis.provenance.get("versions", {})
+    software = ", ".join(f"{name} {version}" for name, version in versions.items())
+    if software:
+        yield f"Software: {software}; seed {diagnosis.provenance.get('seed', 0)}."

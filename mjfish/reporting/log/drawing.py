@@ -1,0 +1,210 @@
+"""What is drawn of a run, on plain arrays: bodies, paths and arrows, for the viewer's log and for pictures alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from mjfish.arrays import FloatArray
+from mjfish.mujoco.offscreen import Colour, Mesh
+from mjfish.reporting.log.body import link_mesh, link_poses
+from mjfish.reporting.log.scene import Run, Swim, Swimmer
+
+#: Red, green, blue, alpha of each swimmer, bodies and curves alike.
+COLOURS: dict[str, Colour] = {
+    "measured": (205, 208, 214, 255),
+    "nominal": (229, 138, 60, 150),
+    "extended": (46, 168, 178, 200),
+    "simulated": (46, 168, 178, 200),
+}
+#: Opacity of a body whose joints nobody measured: those of the command are drawn.
+GHOST = 140
+#: Kinds of force, as they are called in the log and in `mjfish.ode.forces.LinkForces`.
+FORCES: dict[str, Colour] = {
+    "drag": (232, 84, 100, 255),
+    "added_mass": (136, 150, 255, 255),
+    "load": (226, 204, 70, 255),
+}
+#: At three instants of four no arrow is longer than this share of the fish.
+_REACH = 0.5
+#: The camera's point ignores what is faster than this [s], so that it does not wag with the fish.
+_SMOOTHING = 0.3
+#: Of the floor below the lowest nose, in lengths of the fish.
+_DEPTH = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """One fish as it is drawn; n samples.
+
+    Attributes:
+        swimmer: who it is.
+        words: what it is, for a legend.
+        ghost: whether its joints are those of the command, because nobody measured them.
+        time: (n,) increasing [s].
+        path: (n, 3) of the nose [m].
+        meshes: one a link; empty where the shape is not known.
+        place: (n, links, 3) of the links' frames [m].
+        turn: (n, links, 4) quaternions x, y, z, w of them.
+        arrows: by kind of force, where each begins (n, links, 3) and how far it reaches (n, links, 3) [m].
+        error: of the velocity, see `Run.error`; None where there is nothing to compare it with.
+    """
+
+    swimmer: Swimmer
+    words: str
+    ghost: bool
+    time: FloatArray
+    path: FloatArray
+    meshes: tuple[Mesh, ...]
+    place: FloatArray
+    turn: FloatArray
+    arrows: Mapping[str, tuple[FloatArray, FloatArray]]
+    error: float | None = None
+
+    @property
+    def colour(self) -> Colour:
+        """Colour of the body."""
+        red, green, blue, alpha = COLOURS[self.swimmer]
+        return red, green, blue, GHOST if self.ghost else alpha
+
+    def middle(self) -> FloatArray:
+        """Return the middle of the body (n, 3) [m], of the nose where there is no body."""
+        return np.asarray(self.place.mean(axis=1)) if self.meshes else self.path
+
+    def at(self, time: FloatArray) -> Figure:
+        """Return the figure at other times (m,), linear between its samples and at rest beyond them."""
+        index = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, max(len(self.time) - 2, 0))
+        following = np.minimum(index + 1, len(self.time) - 1)
+        width = np.maximum(self.time[following] - self.time[index], 1e-12)
+        share = np.clip((time - self.time[index]) / width, 0.0, 1.0)
+
+        def between(values: FloatArray) -> FloatArray:
+            s = share.reshape(-1, *([1] * (values.ndim - 1)))
+            return np.asarray((1.0 - s) * values[index] + s * values[following])
+
+        return Figure(
+            self.swimmer, self.words, self.ghost, time, between(self.path), self.meshes, between(self.place),
+            _unit(between(_continuous(self.turn))), {k: (between(a), between(b)) for k, (a, b) in self.arrows.items()},
+            self.error,
+        )  # fmt: skip
+
+    def moved(self, turn: float, origin: FloatArray, to: FloatArray) -> Figure:
+        """Return the figure turned about the vertical by `turn` [rad], and `origin` (3,) moved to `to` (3,)."""
+        turned = Rotation.from_rotvec([0.0, 0.0, turn])
+
+        def shifted(points: FloatArray) -> FloatArray:
+            return np.asarray(turned.apply((points - origin).reshape(-1, 3)).reshape(points.shape) + to)
+
+        quaternions = (turned * Rotation.from_quat(self.turn.reshape(-1, 4))).as_quat() if self.meshes else self.turn
+        arrows = {
+            kind: (shifted(begin), turned.apply(reach.reshape(-1, 3)).reshape(reach.shape))
+            for kind, (begin, reach) in self.arrows.items()
+        }
+        return Figure(
+            self.swimmer, self.words, self.ghost, self.time, shifted(self.path), self.meshes, shifted(self.place),
+            quaternions.reshape(self.turn.shape), arrows, self.error,
+        )  # fmt: skip
+
+    def heading(self) -> FloatArray:
+        """Return the heading of the head (n,) [rad], x towards y."""
+        return np.unwrap(2.0 * np.arctan2(self.turn[:, 0, 2], self.turn[:, 0, 3]) - np.pi)
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """One run as it is drawn.
+
+    Attributes:
+        name: of the trial or the drive.
+        source: of the dataset or the fish.
+        held_out: whether nothing was fitted to it; None for a simulation.
+        length: of the fish [m].
+        figures: one a swimmer.
+        scale: length of an arrow of 1 N [m/N].
+    """
+
+    name: str
+    source: str
+    held_out: bool | None
+    length: float
+    figures: tuple[Figure, ...]
+    scale: float
+
+
+def drawn(run: Run, scale: float, source: str = "") -> Drawing:
+    """Return a run as it is drawn, its arrows at a scale [m/N]."""
+    meshes = tuple(link_mesh(run.fish, k) for k in range(len(run.fish.links)))
+    figures = tuple(_figure(run, swim, meshes, scale) for swim in run.swims)
+    compared = any(swim.swimmer == "measured" for swim in run.swims)
+    return Drawing(run.name, source, run.held_out if compared else None, run.fish.length, figures, scale)
+
+
+def _figure(run: Run, swim: Swim, meshes: tuple[Mesh, ...], scale: float) -> Figure:
+    count, links = len(swim.time), len(meshes)
+    arrows: dict[str, tuple[FloatArray, FloatArray]] = {}
+    if swim.joint_angle is None:
+        place, turn, meshes = np.zeros((count, 0, 3)), np.zeros((count, 0, 4)), ()
+    else:
+        place, turn = link_poses(run.fish, swim.pose, swim.joint_angle, swim.attitude)
+    for kind in FORCES if swim.forces is not None and swim.joint_angle is not None else ():
+        wrench: FloatArray = getattr(swim.forces, kind)
+        if np.any(wrench):
+            origins, vectors = np.zeros((2, count, links, 3))
+            assert swim.forces is not None  # noqa: S101 - checked above
+            origins[..., :2] = swim.forces.point(wrench)
+            vectors[..., :2] = scale * wrench[..., :2]
+            arrows[kind] = origins, vectors
+    words, error = swim.words or swim.swimmer, run.error(swim.swimmer)
+    return Figure(swim.swimmer, words, swim.ghost, swim.time, swim.nose, meshes, place, turn, arrows, error)
+
+
+def _continuous(turn: FloatArray) -> FloatArray:
+    """Return quaternions (n, links, 4) whose sign does not jump over time."""
+    if len(turn) < 2:
+        return turn
+    flips = np.where(np.einsum("nlk,nlk->nl", turn[1:], turn[:-1]) < 0.0, -1.0, 1.0)
+    sign = np.concatenate([np.ones_like(flips[:1]), np.cumprod(flips, axis=0)])
+    return np.asarray(turn * sign[..., None])
+
+
+def _unit(turn: FloatArray) -> FloatArray:
+    return np.asarray(turn / np.maximum(np.linalg.norm(turn, axis=2, keepdims=True), 1e-12))
+
+
+def arrow_scale(runs: Sequence[Run]) -> float:
+    """Return the length of an arrow of 1 N [m/N], one for all runs, rounded to one digit."""
+    largest, length = [np.zeros(1)], 1.0
+    for run in runs:
+        length = run.fish.length
+        for swim in run.swims:
+            if swim.forces is not None:
+                every = np.stack([getattr(swim.forces, kind) for kind in FORCES])
+                largest.append(np.linalg.norm(every[..., :2], axis=3).max(axis=(0, 2)))
+    typical = float(np.quantile(np.concatenate(largest), 0.75))
+    return float(f"{_REACH * length / typical:.0e}") if typical > 0.0 else 1.0
+
+
+def camera_path(figures: Sequence[Figure], time: FloatArray) -> FloatArray:
+    """Return the point that the camera looks at (n, 3) [m]: the middle of all bodies, their wagging smoothed away.
+
+    Args:
+        figures: that are kept in view.
+        time: (n,) increasing [s].
+    """
+    middles = [
+        np.column_stack([np.interp(time, figure.time, column) for column in figure.middle().T]) for figure in figures
+    ]
+    middle = np.mean(middles, axis=0)
+    if len(time) < 2:
+        return np.asarray(middle)
+    step = float(np.median(np.diff(time)))
+    return np.asarray(gaussian_filter1d(middle, _SMOOTHING / step, axis=0, mode="nearest"))
+
+
+def floor_height(figures: Sequence[Figure], length: float) -> float:
+    """Return the height of the floor [m], below everything that swims."""
+    return min(float(figure.path[:, 2].min()) for figure in figures) - _DEPTH * length

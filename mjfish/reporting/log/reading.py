@@ -1,0 +1,103 @@
+"""Reading a log back: what was drawn in it, to be drawn once more as a picture."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from rerun.chunk import RrdReader
+
+from mjfish.arrays import FloatArray
+from mjfish.errors import InputError
+from mjfish.mujoco.offscreen import Mesh
+from mjfish.reporting.log.drawing import COLOURS, FORCES, Drawing, Figure
+from mjfish.reporting.log.recording import TIMELINE
+from mjfish.reporting.log.scene import Swimmer
+
+#: Pieces of one component of one entity: times [s], none of what stays, and values.
+_Pieces = list[tuple[FloatArray | None, Any]]
+
+
+def read_log(path: Path) -> list[Drawing]:
+    """Return the runs of a log of `mjfish`, in the order of their names.
+
+    Raises:
+        InputError: it is no log, or one in which no fish swims.
+    """
+    found: dict[str, dict[str, _Pieces]] = defaultdict(lambda: defaultdict(list))
+    try:
+        for chunk in RrdReader(path).stream().to_chunks():
+            batch = chunk.to_record_batch()
+            names = batch.schema.names
+            time = np.asarray(batch.column(TIMELINE).cast("int64")) * 1e-9 if TIMELINE in names else None
+            for name in names:
+                if name not in (TIMELINE, "rerun.controls.RowId"):
+                    found[str(chunk.entity_path)][name].append((time, batch.column(name).to_pylist()))
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"{path}: cannot be read as a log: {error}; give one that mjfish wrote") from None
+    drawings = [_drawing(found, root) for root, values in sorted(found.items()) if "arrow_scale" in values]
+    if not any(figure.meshes for drawing in drawings for figure in drawing.figures):
+        raise InputError(f"{path}: no fish swims in it, expected a log of this version of mjfish; write it anew")
+    return drawings
+
+
+def _drawing(found: dict[str, dict[str, _Pieces]], root: str) -> Drawing:
+    about = found[root]
+    part = {"held_out": True, "fitted": False}.get(_static(about, "part"))
+    worlds = {swimmer: f"{root}/world/{swimmer}" for swimmer in COLOURS}
+    figures = tuple(
+        _figure(found, cast(Swimmer, swimmer), world) for swimmer, world in worlds.items() if world in found
+    )
+    name, source, length, scale = (_static(about, key) for key in ("run", "source", "length", "arrow_scale"))
+    return Drawing(name, source, part, length, figures, scale)
+
+
+def _figure(found: dict[str, dict[str, _Pieces]], swimmer: Swimmer, world: str) -> Figure:
+    about = found[world]
+    links = sum(entity.startswith(f"{world}/link_") for entity in found)
+    bodies = [found[f"{world}/link_{k}"] for k in range(links)]
+    meshes = tuple(
+        Mesh(
+            np.array(_all(body, "Mesh3D:vertex_positions"), dtype=np.float64),
+            np.array(_all(body, "Mesh3D:triangle_indices"), dtype=np.uint32),
+        )
+        for body in bodies
+    )
+    path = np.array(_all(found[f"{world}/path"], "LineStrips3D:strips")[0], dtype=np.float64)
+    if bodies:
+        moves = [_over_time(body, "Transform3D:translation") for body in bodies]
+        time, place = moves[0][0], np.stack([values[:, 0] for _, values in moves], axis=1)
+        turn = np.stack([_over_time(body, "Transform3D:quaternion")[1][:, 0] for body in bodies], axis=1)
+    else:
+        time, _ = _over_time(found[f"{world}/nose"], "Points3D:positions")
+        place, turn = np.zeros((len(time), 0, 3)), np.zeros((len(time), 0, 4))
+    arrows = {}
+    for kind in FORCES:
+        if (entity := f"{world}/force/{kind}") in found:
+            origins, vectors = (_over_time(found[entity], f"Arrows3D:{name}")[1] for name in ("origins", "vectors"))
+            arrows[kind] = origins, vectors
+    error = _static(about, "error")
+    return Figure(
+        swimmer, _static(about, "words"), _static(about, "ghost"), time, path, meshes, place, turn, arrows,
+        None if np.isnan(error) else error,
+    )  # fmt: skip
+
+
+def _all(components: dict[str, _Pieces], name: str) -> Any:
+    """Return every instance of a component that does not change."""
+    return next(values[0] for time, values in components[name] if time is None)
+
+
+def _static(components: dict[str, _Pieces], name: str) -> Any:
+    return _all(components, name)[0]
+
+
+def _over_time(components: dict[str, _Pieces], name: str) -> tuple[FloatArray, FloatArray]:
+    """Return times (n,) [s] and values of a component."""
+    pieces = [(time, values) for time, values in components[name] if time is not None]
+    time = np.concatenate([piece[0] for piece in pieces])
+    values = np.concatenate([np.array(piece[1], dtype=np.float64) for piece in pieces])
+    order = np.argsort(time, kind="stable")
+    return time[order], values[order]

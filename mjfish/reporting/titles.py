@@ -1,0 +1,56 @@
+"""Names for people: what a cause or a mechanism does, and the verdict of a diagnosis as a headline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from mjfish.diagnosis import Diagnosis
+from mjfish.effects import Effect
+from mjfish.effects.mechanism import MECHANISMS
+
+#: Most causes that a headline lists.
+_LISTED = 3
+
+
+def cause_title(name: str, effects: Mapping[str, Effect]) -> str:
+    """Return what a cause does, as its class says; its name where the class is not known.
+
+    >>> from mjfish.effects import catalogue
+    >>> cause_title("time_offset", catalogue())
+    'The clocks of camera and drive are apart'
+    """
+    return _capital(effects[name].summary if name in effects else name)
+
+
+def mechanism_title(name: str, effects: Mapping[str, Effect]) -> str:
+    """Return what acts; a cause that is a mechanism by itself says it for both."""
+    if name in MECHANISMS:
+        return _capital(MECHANISMS[name].summary)
+    return cause_title(name, effects)
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """Return the verdict as a reader would say it, without the names of the code."""
+    if diagnosis.verdict == "named":
+        acting = [mechanism_title(mechanism.name, diagnosis.effects) for mechanism in diagnosis.mechanisms]
+        return _listed(acting or [cause_title(cause.name, diagnosis.effects) for cause in diagnosis.causes])
+    if diagnosis.verdict == "nothing_wrong":
+        return "The data do not contradict the simulation"
+    if diagnosis.verdict == "unexplained":
+        return "Something is wrong, and no listed cause explains it"
+    rivals = [cause_title(name, diagnosis.effects) for group in diagnosis.rivals for name in group]
+    if not rivals:
+        return "The data cannot tell the cause"
+    if len(rivals) > _LISTED:
+        return f"One of {len(rivals)} causes, and the data cannot tell which"
+    return f"{_listed(rivals, 'or')}: the data cannot tell which"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _listed(titles: Sequence[str], link: str = "and") -> str:
+    """Join sentences: the first keeps its capital."""
+    first, *others = titles or [""]
+    return f", {link} ".join([first, *(title[:1].lower() + title[1:] for title in others)])

@@ -1,0 +1,69 @@
+"""Methods as text: every number is that of the diagnosis, every key that is cited has its work."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnosed import SIGMA, diagnosis, learned_diagnosis
+
+from mjfish import noise
+from mjfish.diagnosis import Diagnosis
+from mjfish.noise import Autoregressive, GaussMarkov
+from mjfish.reporting.html.methods import NOISE_WORDS, REFERENCES, methods, noise_words
+
+
+def _text(found: Diagnosis) -> str:
+    return " ".join(methods(found).paragraphs).replace("\N{NO-BREAK SPACE}", " ")
+
+
+@pytest.mark.parametrize("verdict", ["named", "nothing_wrong", "cannot_tell", "unexplained"])
+def test_what_is_cited_is_listed_and_nothing_else(verdict: str) -> None:
+    found = methods(diagnosis(verdict))  # type: ignore[arg-type]
+    keys = {key for text in found.paragraphs for key in re.findall(r"\[(\w+\d{4})\]", text)}
+    assert keys & set(REFERENCES) == set(found.references)
+    assert "Yu2016" in found.references
+    assert ("Rauch1965" in found.references) == (verdict != "nothing_wrong")
+
+
+def test_the_numbers_are_those_of_the_diagnosis() -> None:
+    text = _text(diagnosis())
+    assert (
+        "The dataset pool week 12 has 2 trials of the fish pike with 202 samples; 1 was fitted, and held out: fast."
+        in text
+    )
+    assert (
+        "integrated at a step of 0.0050 s. Its 9 parameters were fitted by maximum likelihood under white noise."
+        in text
+    )
+    assert "scores of 3 candidate causes" in text
+    assert "3 candidates were refitted" in text
+    assert "Estimates: time_constant = 0.02010 s (95 % interval 0.01950 to 0.02070)." in text
+    assert "is 3.14 % of the nominal and 1.20 % of the extended model, 62 % less (95 % interval 57 % to 66 %" in text
+    assert text.endswith("Software: mjfish 0.1.0; seed 7.")
+
+
+def test_what_was_not_done_is_not_said() -> None:
+    nothing = _text(diagnosis("nothing_wrong"))
+    assert "refitted together" not in nothing
+    assert "held-out trials the" not in nothing
+    assert "all were fitted" in _text(diagnosis(held_out=False))
+    learned = _text(learned_diagnosis())
+    assert "Its form was learned" in learned
+    assert "Estimates:" not in learned
+
+
+def test_the_noise_is_that_of_the_fit() -> None:
+    assert noise_words(Autoregressive(SIGMA, np.zeros((3, 2)))) == "autoregressive noise of order 2"
+    found = diagnosis()
+    slow = replace(found, problem=replace(found.problem, noise=GaussMarkov(SIGMA, drift=SIGMA)))
+    assert "by maximum likelihood under Gauss-Markov noise on top of white noise." in _text(slow)
+
+
+def test_every_noise_model_has_words() -> None:
+    for name in noise.__all__:
+        kind = getattr(noise, name)
+        if isinstance(kind, type) and issubclass(kind, noise.Noise) and kind not in (noise.Noise, Autoregressive):
+            assert kind in NOISE_WORDS, name
