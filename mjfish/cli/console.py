@@ -165,6 +165,7 @@ def progress_bar(first: str = "starting", *, quiet: bool = False) -> Iterator[Ca
                 yield stage.tell
     else:
         stage = _Stage(first, _progress_lines())
+        stage.tell(first, 0.0)
         with _watching(stage):
             yield stage.tell
 

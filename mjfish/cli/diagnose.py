@@ -26,6 +26,7 @@ LEARNED = DEMO / "learned"
 #: What is written to a folder: numbers, report, rerun log, extended fish.
 _FILES = ("diagnosis.json", "report.html", "fish.rrd", "extended.toml")
 
+Verbose = Annotated[bool, typer.Option("--verbose", help="Show candidates, tables and all remarks, too.")]
 Own = Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")]
 
 
@@ -52,7 +53,7 @@ def diagnose(
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the simulated null distributions, and of the splits.", min=0)] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
-    verbose: Annotated[bool, typer.Option("--verbose", help="Show candidates, tables and all remarks, too.")] = False,
+    verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show nothing but errors.")] = False,
 ) -> None:
     """Find what the simulation gets wrong on measured data, name the cause, and measure the gain on held-out trials."""
@@ -89,11 +90,12 @@ def diagnose(
         if curves is not None and result.write_curves(curves):
             written.append(curves)
     if not quiet and not on_stdout:
-        show(result, str(dataset), written, verbose=verbose)
+        then = []
+        if curves is not None and out is None and curves not in written:
+            then.append(("curves", f"No curve was written to {curves}: no mechanism is named whose form is a curve."))
+        show(result, str(dataset), written, then, verbose=verbose)
         if divided is not None:
             show_splits(divided)
-        if curves is not None and out is None and curves not in written:
-            console.say(f"No curve was written to {curves}: no mechanism is named whose form is a curve.")
     _leave(result)
 
 
@@ -108,6 +110,7 @@ def demo(
             show_default="out/demo; with --learned out/learned",
         ),
     ] = None,
+    verbose: Verbose = False,
 ) -> None:
     """Run the main job on a shipped dataset with a hidden effect."""
     out = out or Path("out/learned" if learned else "out/demo")
@@ -119,15 +122,12 @@ def demo(
         _write(result, tuple(out / name for name in _FILES), written)
         if result.write_curves(out / "curves"):
             written.append(out / "curves")
-    show(result, str(LEARNED if learned else DEMO), written)
     program = console.program()
-    console.say(
-        f"\nThe numbers:  {out}/diagnosis.json",
-        f"The report:   {out}/report.html  (open it in a browser)",
-        *([f"The curves:   {out}/curves"] if out / "curves" in written else []),
-        f"The swimming: {program} view {out}/fish.rrd",
-        f"The fish now: {program} simulate --fish {out}/extended.toml --out {out}/swim",
+    then = (
+        ("view", f"{program} view {out / 'fish.rrd'}"),
+        ("swim", f"{program} simulate --fish {out / 'extended.toml'} --out {out / 'swim'}"),
     )
+    show(result, str(LEARNED if learned else DEMO), written, then, verbose=verbose)
     _leave(result)
 
 

@@ -44,37 +44,46 @@ class _Item(NamedTuple):
         return self._replace(text=textwrap.shorten(self.text, width, placeholder=" ..."))
 
 
-def show(result: Diagnosis, dataset: str, written: Sequence[Path] = (), *, verbose: bool = False) -> None:
+def show(
+    result: Diagnosis,
+    dataset: str,
+    written: Sequence[Path] = (),
+    then: Sequence[tuple[str, str]] = (),
+    *,
+    verbose: bool = False,
+) -> None:
     """Print a diagnosis: verdict, mechanisms with sizes or curves, gain, remarks, what to do next, what was written.
 
     Args:
         result: of `mjfish.diagnose`.
         dataset: how the user calls its folder.
         written: files and folders.
+        then: words and texts to stand below what was written.
         verbose: all of it and the tables; else `LINES` lines at most.
     """
     if result.status != "ok":
         console.complain(result.status, _REMEDIES.get(result.status, "take the numbers with care"))
     first = [_Item(result.verdict, result.message, f"bold {_COLOURS[result.verdict]}")]
-    last = [*_gain_item(result), _Item(_word("next"), _next(result, dataset))]
+    gain = _gain_item(result)
+    last = [_Item(_word("next"), _next(result, dataset))]
     last.append(
         _Item(_word("wrote"), console.listed(written))
         if written
         else _Item(_word("wrote"), "nothing; --out DIR writes report, numbers, curves, log and the extended fish")
     )
+    last += [_Item(_word(word), text) for word, text in then]
     sizes, remarks = list(_sizes(result)), list(_remarks(result))
     if verbose:
-        _print([*first, *sizes, *last[:1], *remarks, *last[1:]])
+        _print([*first, *sizes, *gain, *remarks, *last])
         _rest(result)
         return
-    room = LINES - 1 - sum(item.lines() for item in (*first, *last))
+    room = LINES - 1 - sum(item.lines() for item in (*first, *gain, *last))
     kept = _fitting(sizes, max(room, 1))
     shown = [item.shortened() for item in remarks][: max(room - sum(item.lines() for item in kept), 0)]
     left = [f"{len(sizes) - len(kept)} more sizes"] if len(kept) < len(sizes) else []
     left += [f"{len(remarks) - len(shown)} more remarks"] if len(shown) < len(remarks) else []
     more = _Item(_word("more"), f"{', '.join([*left, 'candidates and tables'])}: --verbose", "dim")
-    gain = last[: len(last) - 2]
-    _print([*first, *kept, *gain, *shown, *last[len(gain) :], more])
+    _print([*first, *kept, *gain, *shown, *last, more])
 
 
 def _word(word: str) -> str:

@@ -18,7 +18,7 @@ def test_progress_through_a_pipe_is_a_line_at_times(
             now = 100.0 + seconds
             tell(f"refitting [{seconds}]", seconds / 45)
     assert capsys.readouterr().err.splitlines() == [
-        "refitting [0] (0%)",
+        "starting (0%)",
         "refitting [20] (44%)",
         "refitting [40] (89%)",
     ]

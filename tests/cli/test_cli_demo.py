@@ -16,6 +16,7 @@ from diagnosed import diagnosis, learned_diagnosis
 import make_demo
 import mjfish
 from mjfish.cli.diagnose import DEMO, LEARNED
+from mjfish.cli.diagnosis_text import LINES
 from mjfish.data import load_dataset
 from mjfish.diagnosis import Diagnosis
 
@@ -57,7 +58,10 @@ def test_each_demo_diagnoses_its_own_dataset_and_writes_to_its_own_folder(
 
 
 def test_the_folder_may_be_chosen(run: Run, tmp_path: Path, seen: list[str]) -> None:
-    assert "The curves" not in run("demo --out here").stdout
+    shown = run("demo --out here").stdout
+    assert len(shown.splitlines()) <= LINES
+    assert "view here/fish.rrd" in shown
+    assert "curves" not in shown
     run("demo --learned --out there")
     assert seen
     assert {path.name for path in tmp_path.iterdir()} == {"here", "there"}
