@@ -207,7 +207,7 @@ def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
     written = json.loads((tmp_path / "out" / "splits" / "splits.json").read_text())
     assert {"splits", "verdicts", "mechanisms", "agreeing"} <= set(written)
     assert {"message", "gain"} <= set(written["splits"][0])
-    assert "To confirm servo_lag" in diagnosed
+    assert "plan out/doubt ranks runs" in " ".join(diagnosed.split())
     assert "Verdict" not in planned
     assert "The data cannot tell" in planned
     splits, script = blocks(page, "python")
