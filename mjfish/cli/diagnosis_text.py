@@ -80,8 +80,8 @@ def show(
     room = LINES - 1 - sum(item.lines() for item in (*first, *gain, *last))
     kept = _fitting(sizes, max(room, 1))
     shown = [item.shortened() for item in remarks][: max(room - sum(item.lines() for item in kept), 0)]
-    left = [f"{len(sizes) - len(kept)} more sizes"] if len(kept) < len(sizes) else []
-    left += [f"{len(remarks) - len(shown)} more remarks"] if len(shown) < len(remarks) else []
+    counts = (("size", len(sizes) - len(kept)), ("remark", len(remarks) - len(shown)))
+    left = [f"{count} more {what}{'s' if count > 1 else ''}" for what, count in counts if count]
     more = _Item(_word("more"), f"{', '.join([*left, 'candidates and tables'])}: --verbose", "dim")
     _print([*first, *kept, *gain, *shown, *last, more])
 

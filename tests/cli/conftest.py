@@ -40,7 +40,7 @@ def refuse(run: Run, tmp_path: Path) -> Callable[[str], str]:
         result = run(line, exit_code=2)
         assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
         assert result.stdout == ""
-        message = " ".join(result.stderr.split())
+        message = " ".join(result.stderr.removeprefix("reading the data (0%)\n").split())  # progress, told at once
         assert message.startswith(("error: ", "Usage: "))
         return message
 

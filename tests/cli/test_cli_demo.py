@@ -53,7 +53,7 @@ def test_each_demo_diagnoses_its_own_dataset_and_writes_to_its_own_folder(
         assert {path.name for path in (tmp_path / "out" / folder).iterdir()} == files
     assert "drag_law: named as a mechanism" in shown
     assert "c_d of body: " in shown
-    assert "out/learned/curves" in shown
+    assert "out/learned: diagnosis.json, report.html, fish.rrd, extended.toml, curves" in shown
     assert (tmp_path / "out" / "learned" / "curves" / "drag_law-c_d-body.csv").is_file()
 
 
