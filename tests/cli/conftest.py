@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -40,7 +41,8 @@ def refuse(run: Run, tmp_path: Path) -> Callable[[str], str]:
         result = run(line, exit_code=2)
         assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
         assert result.stdout == ""
-        message = " ".join(result.stderr.removeprefix("reading the data (0%)\n").split())  # progress, told at once
+        said = re.sub(r"\A[a-z ]+ \(0%\)\n", "", result.stderr)  # progress, told at once
+        message = " ".join(said.split())
         assert message.startswith(("error: ", "Usage: "))
         return message
 

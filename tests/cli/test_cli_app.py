@@ -33,7 +33,6 @@ COMMANDS = (
     "effects",
     "demo",
     "view",
-    "render",
 )
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
 MAIN = "from mjfish.cli import main; main()"

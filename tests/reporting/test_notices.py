@@ -11,7 +11,7 @@ import pytest
 from diagnosed import diagnosis
 from html_tree import tree
 
-from mjfish.cli.diagnose import show
+from mjfish.cli.diagnosis_text import show
 from mjfish.diagnosis import Diagnosis
 from mjfish.inspection import Finding, Inspection
 from mjfish.reporting.html.diagnosis import render_diagnosis
@@ -49,14 +49,17 @@ def _in_json(found: Diagnosis, path: Path) -> list[tuple[str, str]]:
 
 
 def _in_terminal(found: Diagnosis, capsys: pytest.CaptureFixture[str]) -> list[tuple[str, str]]:
-    show(found)
+    """Return what the long output says; a line that goes on is indented, and a finding's code is before its text."""
+    show(found, "pool", verbose=True)
     out, err = capsys.readouterr()
     status = [("fit, status:", line.partition(":")[0]) for line in err.splitlines()]
-    data = [(f"data, {kind}:", text) for kind, text in re.findall(r"^Data, (\w+): (.*)$", out, re.MULTILINE)]
+    lines = re.sub(r"\n {11}", " ", out)
+    data = re.findall(r"^(blocks|suspect) +[a-z-]+: (.*)$", lines, re.MULTILINE)
+    remarks = re.findall(r"^remark +(.*)$", lines, re.MULTILINE)
     return [
         *status,
-        *data,
-        *(("diagnosis, remark:", text) for text in re.findall(r"^Remark: (.*)$", out, re.MULTILINE)),
+        *((f"data, {severity}:", text) for severity, text in data),
+        *(("diagnosis, remark:", text) for text in remarks),
     ]
 
 
