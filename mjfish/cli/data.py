@@ -31,7 +31,7 @@ def generate(
     duration: Annotated[float, typer.Option(help="Length of each trial [s].")] = DURATION,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Coefficient, e.g. c_d.head=2.0; repeatable.")] = None,
     held_out: Annotated[list[str] | None, typer.Option(help="Trial not to be fitted; repeatable.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the noise.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the noise.", min=0)] = 0,
     force: Force = False,
 ) -> None:
     """Generate a dataset: simulated swimming with known coefficients, noise, and effects hidden in it."""

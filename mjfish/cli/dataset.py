@@ -57,10 +57,12 @@ def new(
     heading: Annotated[str | None, typer.Option(help="Column of the heading.")] = None,
     joints: Annotated[str | None, typer.Option(help="Columns of the joint angles, head first, with commas.")] = None,
     frequency: Annotated[
-        list[str] | None, typer.Option(help=f"Of the drive [Hz], in place of joint angles; {_PER_FILE}.")
+        list[str] | None, typer.Option(help=f"Frequency of the drive [Hz], in place of joint angles; {_PER_FILE}.")
     ] = None,
-    amplitude: Annotated[list[str] | None, typer.Option(help=f"Of the joints, with commas; {_PER_FILE}.")] = None,
-    phase: Annotated[list[str] | None, typer.Option(help=f"Of the joints, with commas; {_PER_FILE}.")] = None,
+    amplitude: Annotated[
+        list[str] | None, typer.Option(help=f"Amplitudes of the joints, with commas; {_PER_FILE}.")
+    ] = None,
+    phase: Annotated[list[str] | None, typer.Option(help=f"Phases of the joints, with commas; {_PER_FILE}.")] = None,
     synchronised: Annotated[
         bool,
         typer.Option("--synchronised", help="Drive and record have one clock; else frequency and phase are fitted."),
@@ -74,7 +76,9 @@ def new(
     ] = None,
     joint_unit: Annotated[
         str | None,
-        typer.Option(help="Of joints, amplitude and phase.", show_default="named in the headers, or the angle unit"),
+        typer.Option(
+            help="Unit of joints, amplitude and phase.", show_default="named in the headers, or the angle unit"
+        ),
     ] = None,
     set_: Annotated[
         list[str] | None,
@@ -216,9 +220,10 @@ class _Columns:
 
 
 def _columns(headers: list[str], given: Mapping[str, str | None], questions: _Questions, path: Path) -> _Columns:
-    from mjfish.data.importers.headers import KEYS, guess
+    from mjfish.data.importers.headers import KEYS, guess, named
 
     found = guess(headers)
+    given = {key: None if name is None else named(name, headers) for key, name in given.items()}
     said = {key for key, name in given.items() if name is not None}
     as_velocities, as_poses = (said & set(KEYS[kind]) - {"time"} for kind in ("velocities", "poses"))
     if as_velocities and as_poses:
@@ -265,10 +270,12 @@ class _Drive:
 def _drive(
     headers: Sequence[str], joints: str | None, wave: Mapping[str, list[str] | None], questions: _Questions
 ) -> _Drive:
-    from mjfish.data.importers.headers import guess
+    from mjfish.data.importers.headers import guess, named
 
     if joints is not None and any(wave.values()):
         raise InputError("--joints beside a drive, expected joint angles or the drive; leave out one of them")
+    if joints is not None:
+        joints = ",".join(named(name, headers) for name in console.names(joints))
     if not any(wave.values()):
         known = ",".join(guess(headers).joints) or None
         if known is None and questions.asking and joints is None:
@@ -316,6 +323,9 @@ def _units(
             )
         if kind == "joint" and not units["angle"] and stated["joint"] is None and not own:
             units["joint"] = ""  # that of the other angles is lacking, and said to be
+            continue
+        if questions.lacking and stated[kind] is None and not own:
+            units[kind] = ""  # the headers of columns that are lacking may name it
             continue
         known = own[0] if own else defaults.get(kind) or (units.get("angle") if kind == "joint" else None)
         units[kind] = questions.ask(stated[kind], known or None, f"Unit of {kind}s", f"--{kind}-unit", choices)
@@ -397,7 +407,7 @@ def _taken(columns: _Columns, drive: _Drive, units: Mapping[str, str], *, assume
         lines.append(f"{key:9} {header} in {units[UNIT_OF[key]]}{rate}, {how}")
     if drive.joints:
         how = "guessed from their headers" if drive.guessed else "as given"
-        lines.append(f"joints    {', '.join(drive.joints)} in {units['joint']}, {how}")
+        lines.append(f"joints    {', '.join(drive.joints)} in {units['joint']}, {how}; taken as measured angles")
     else:
         hertz = ", ".join(f"{value:g}" for value in dict.fromkeys(drive.frequency))
         lines.append(f"drive     a wave of {hertz} Hz, amplitude and phase in {units['joint']}, as given")

@@ -51,7 +51,7 @@ def diagnose(
     out: Annotated[
         Path | None, typer.Option(help="Folder for all of these files under the names of the demo, and splits.json.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the simulated null distributions, and of the splits.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated null distributions, and of the splits.", min=0)] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
     verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show nothing but errors.")] = False,

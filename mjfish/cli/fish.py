@@ -23,12 +23,14 @@ _COMMENTS = (
 
 def new(
     name: Annotated[str, typer.Argument(help="Name of the fish; its file is NAME.toml.")],
-    length: Annotated[float, typer.Option(help="From nose to tip of the fin [m].")],
-    mass: Annotated[float, typer.Option(help="Of the whole fish [kg].")],
+    length: Annotated[float, typer.Option(help="Length from nose to tip of the fin [m].")],
+    mass: Annotated[float, typer.Option(help="Mass of the whole fish [kg].")],
     joints: Annotated[int, typer.Option(help="Number of joints, 1 to 20.")],
-    height: Annotated[float, typer.Option(help="Of the highest section of the body [m].")],
-    width: Annotated[float | None, typer.Option(help="Of the widest section [m]; default 0.8 of the height.")] = None,
-    density: Annotated[float, typer.Option(help="Of the water [kg/m3].")] = 1000.0,
+    height: Annotated[float, typer.Option(help="Height of the highest section of the body [m].")],
+    width: Annotated[
+        float | None, typer.Option(help="Width of the widest section [m]; default 0.8 of the height.")
+    ] = None,
+    density: Annotated[float, typer.Option(help="Density of the water [kg/m3].")] = 1000.0,
     out: Annotated[Path, typer.Option(help="Folder of the file.")] = Path(),
     force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
 ) -> None:

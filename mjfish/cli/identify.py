@@ -32,7 +32,7 @@ def identify(
     loss: Annotated[str, typer.Option(help="One of linear, soft_l1, huber, cauchy, arctan.")] = "linear",
     weights: Annotated[str, typer.Option(help="'noise', or 'paper' for its weight matrix.")] = "noise",
     starts: Annotated[int, typer.Option(min=1, help="Fits from a Latin hypercube over the bounds.")] = 16,
-    seed: Annotated[int, typer.Option(min=0, help="Of the hypercube.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the hypercube.")] = 0,
     profiled: Annotated[
         list[str] | None, typer.Option("--profile", help="Profile the likelihood of this parameter; repeatable.")
     ] = None,

@@ -28,7 +28,9 @@ def plan(
     rivals: Annotated[str | None, typer.Option(help="Causes to tell apart, e.g. servo_lag,time_offset.")] = None,
     causes: Annotated[str | None, typer.Option(help="Causes to make visible, e.g. munk_moment.")] = None,
     effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
-    duration: Annotated[float | None, typer.Option(help="Of a run [s]; default that of the longest trial.")] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Duration of a run [s]; default that of the longest trial.")
+    ] = None,
     pause: Annotated[float, typer.Option(help="Before a run, for the water to come to rest [s].")] = 30.0,
     omega: Annotated[str | None, typer.Option(help="Slowest and fastest frequency, e.g. 9,30 [rad/s].")] = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write plan.json here.")] = None,
@@ -38,7 +40,7 @@ def plan(
     ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
-    """Rank runs and calibrations by how well they would tell rival causes apart a second."""
+    """Rank runs and calibrations by how well they would tell rival causes apart, per second of recording."""
     from mjfish.design import Menu, load_diagnosis, write_next_run
     from mjfish.effects import catalogue
 

@@ -33,7 +33,7 @@ def render(
     out: Annotated[Path, typer.Option(help="File to write: .mp4, .gif, or .png with several instants in one picture.")],
     trial: Annotated[
         str | None,
-        typer.Option(help="Of a diagnosis, the run to show.", show_default="the held-out one with the largest error"),
+        typer.Option(help="Run of a diagnosis to show.", show_default="the held-out one with the largest error"),
     ] = None,
 ) -> None:
     """Draw a swimming fish with the forces of the water on it; of a diagnosis, the measured and both simulated fish."""

@@ -18,7 +18,7 @@ def sample(
     ],
     out: Annotated[Path, typer.Option(help="New folder for the fish TOMLs.")],
     n: Annotated[int, typer.Option("--n", min=1, help="How many fish.")] = 100,
-    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draws.")] = 0,
     effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
 ) -> None:
     """Draw fish whose coefficients and effects have the error of the fit and the scatter from run to run."""

@@ -14,6 +14,8 @@ from mjfish.inspection.finding import Finding
 _SAME = 0.05
 #: Runs of fewer beats hardly leave their start-up.
 _SHORT = 5.0
+#: Samples of a run of which a twentieth says something.
+_FEWEST = 100
 #: A CPG whose largest bias is below this [-], or joints whose mean bend is below this angle [rad], do not turn.
 _NO_BIAS = 1e-6
 _NO_BEND = 0.03
@@ -54,7 +56,7 @@ def missing_runs(dataset: Dataset, effects: Mapping[str, Effect]) -> Iterator[Fi
             "record a turn: with one heading a current looks like another speed or a turned camera, and moments that "
             "turn the fish hardly show",
         )
-    if not any(trial.starts_at_rest or len(trial.drive) > 1 for trial in fitted):
+    if not any(trial.starts_at_rest or len(trial.drive) > 1 or _gathers_speed(trial) for trial in fitted):
         yield _missing(
             "design-no-start",
             "no fitted run starts from rest, and none changes its drive",
@@ -72,6 +74,14 @@ def missing_runs(dataset: Dataset, effects: Mapping[str, Effect]) -> Iterator[Fi
             "record longer: the steady speed, which tells drag laws apart, is not reached",
             trials=tuple(short),
         )
+
+
+def _gathers_speed(trial: Trial) -> bool:
+    """Return whether the first twentieth of a run is less than half as fast as its last half: a start, measured."""
+    surge = np.abs(trial.velocity[:, 0])
+    if not trial.measured[0] or len(surge) < _FEWEST:
+        return False
+    return bool(np.mean(surge[: len(surge) // 20]) < 0.5 * np.mean(surge[len(surge) // 2 :]))
 
 
 def beats(trial: Trial) -> list[float]:

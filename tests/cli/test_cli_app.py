@@ -48,7 +48,7 @@ UNITS = {
     "simulate": ("Length of the run [s]",),
     "generate": ("sway [m/s]", "yaw rate [rad/s]", "Length of each trial [s]", "NAME:PARAM=VALUE[,PARAM=VALUE]"),
     "compare": ("time [s], surge [m/s], sway [m/s]",),
-    "plan": ("Of a run [s]", "come to rest [s]", "9,30 [rad/s]"),
+    "plan": ("Duration of a run [s]", "come to rest [s]", "9,30 [rad/s]"),
 }
 
 

@@ -79,6 +79,22 @@ def test_every_column_and_unit_may_be_given(laboratory: Run, tmp_path: Path) -> 
     assert "guessed" not in shown
 
 
+def test_a_column_may_be_named_without_the_unit_in_its_header(laboratory: Run, tmp_path: Path) -> None:
+    _table(tmp_path / "other.csv", "clock (ms),ahead (mm/s),aside (mm/s),turn (deg/s),bend1_deg,bend2_deg", FOREIGN)
+    laboratory(
+        "dataset new tank other.csv --fish trout.toml --time clock --surge ahead --sway aside --yaw-rate turn "
+        "--joints bend1,bend2"
+    )
+    _same(tmp_path / "tank")
+
+
+def test_units_are_not_asked_for_while_columns_are_lacking(laboratory: Run) -> None:
+    """The headers of these columns may name them."""
+    refused = laboratory("dataset new tank odd.csv --fish trout.toml", 2).stderr
+    assert "--surge" in refused
+    assert "--length-unit" not in refused
+
+
 def test_a_drive_is_given_once_for_all_files_or_once_a_file(laboratory: Run, tmp_path: Path) -> None:
     for name in ("slow", "fast"):
         _table(tmp_path / f"{name}.csv", "t_ms,u_mm_s,v_mm_s,r_dps", FOREIGN[:, :4])

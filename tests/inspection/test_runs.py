@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 from bad_data import good, wrong
 
+from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.drive.wave import Wave
 from mjfish.effects import catalogue
@@ -75,3 +77,19 @@ def test_short_runs_are_said() -> None:
     base = good()
     short = replace(base, trials=tuple(replace(t, time=t.time[:60], velocity=t.velocity[:60]) for t in base.trials))
     assert any("shorter than 5 beats" in text for text in _said(short))
+
+
+def test_a_start_is_seen_where_the_joints_were_measured() -> None:
+    """The fish gathers speed. Catches a start that is looked for in what is known of the drive alone."""
+
+    def recorded(first: float) -> Dataset:
+        trials = []
+        for trial in good().trials:
+            kept = trial.time >= first
+            angle = readonly(np.zeros((int(kept.sum()), 4)))
+            time, velocity = readonly(trial.time[kept]), readonly(trial.velocity[kept])
+            trials.append(replace(trial, drive=(), joint_angle=angle, time=time, velocity=velocity))
+        return replace(good(), trials=tuple(trials))
+
+    assert "design-no-start" not in {finding.code for finding in missing_runs(recorded(0.0), {})}
+    assert "design-no-start" in {finding.code for finding in missing_runs(recorded(2.5), {})}

@@ -20,11 +20,14 @@ UNIT_OF = {
 }  # fmt: skip
 _WORDS = {
     "time": ("time", "t", "timestamp", "sec", "seconds"),
-    "surge": ("surge", "u", "vx", "v_x", "forward", "surge_velocity", "forward_velocity", "forward_speed"),
+    "surge": (
+        "surge", "u", "vx", "v_x", "forward", "surge_velocity", "forward_velocity", "forward_speed",
+        "vx_fwd", "v_fwd",
+    ),
     "sway": ("sway", "v", "vy", "v_y", "lateral", "sway_velocity", "lateral_velocity", "lateral_speed"),
     "yaw_rate": (
-        "yaw_rate", "yawrate", "r", "omega", "wz", "psi_dot", "psidot", "gyro_z", "heading_rate", "turn_rate",
-        "yaw_velocity",
+        "yaw_rate", "yawrate", "r", "omega", "omega_z", "wz", "w_z", "psi_dot", "psidot", "gyro_z",
+        "heading_rate", "turn_rate", "yaw_velocity",
     ),
     "x": ("x", "px", "pos_x", "x_pos"),
     "y": ("y", "py", "pos_y", "y_pos"),
@@ -108,9 +111,27 @@ def units(columns: Mapping[str, str], joints: Sequence[str] = ()) -> dict[str, s
     return named
 
 
+def named(word: str, headers: Sequence[str]) -> str:
+    """Return the header of that name, or the only one that is the name with a unit behind it; else the name.
+
+    Example:
+        >>> from mjfish.data.importers.headers import named
+        >>> named("forward", ["t", "forward (mm/s)"])
+        'forward (mm/s)'
+    """
+    if word in headers:
+        return word
+    alike = [header for header in headers for kind in _SPELLINGS if _plain(word) == _parts(header, kind)[0]]
+    return alike[0] if len(set(alike)) == 1 else word
+
+
+def _plain(header: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", header.lower().replace("°", "deg")).strip("_")
+
+
 def _parts(header: str, kind: str) -> tuple[str, str | None]:
     """Return the name in a header, in lower case with underscores, and the unit of a kind behind it."""
-    plain = re.sub(r"[^a-z0-9]+", "_", header.lower().replace("°", "deg")).strip("_")
+    plain = _plain(header)
     for unit, spellings in _SPELLINGS[kind].items():
         for spelling in spellings:
             if plain.endswith(f"_{spelling}"):
