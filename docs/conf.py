@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
@@ -47,3 +49,12 @@ autodoc_member_order = "bysource"
 napoleon_google_docstring = True
 # Attributes are described once, on the class.
 napoleon_use_ivar = True
+
+
+def setup(app: Any) -> None:
+    """Let an absolute value in a docstring be one: |x| is a substitution elsewhere."""
+    app.connect("autodoc-process-docstring", _absolute_values)
+
+
+def _absolute_values(app: Any, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    lines[:] = [re.sub(r"\|(\w+)\|", r"\\|\1\\|", line) for line in lines]
