@@ -21,13 +21,14 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
-from mjfish.fish import Fish
+from mjfish.fish import KINDS, Fish
 from mjfish.hydro.load import Load, memory_of
 from mjfish.mujoco import mjcf
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.layout import compile_aside
 from mjfish.mujoco.memory import make_room
 from mjfish.mujoco.mjcf import Trim
+from mjfish.mujoco.strip_link import StripLink
 
 #: Time step [s], and pictures a second.
 _STEP, _RATE = 0.002, 50.0
@@ -85,7 +86,7 @@ class Tank:
 
     Attributes:
         model, data: of MuJoCo.
-        water: on the model; another one after a slider of a coefficient has moved.
+        water: on the model; its coefficients follow the sliders.
         length: of the fish [m].
         sliders: index of each slider in `data.ctrl`, by name.
     """
@@ -99,7 +100,7 @@ class Tank:
         free: Trim | None = None,
         loads: Sequence[tuple[Load, Sequence[float]]] = (),
     ) -> None:
-        self._fish, self._player, self._free, self._loads = fish, player, free, loads
+        self._fish, self._player, self._free = fish, player, free
         self.length = fish.length
         first = {**fish.values, **(values or {})}
         ranges = dict(DRIVE)
@@ -128,23 +129,20 @@ class Tank:
             self.data.ctrl[self.sliders[name]] = value
         self._servos = slice(0, servos)
         self._clock = 0.0
-        self._coefficients: dict[str, float] = {}
-        self._fill()
+        self.water = StripFluid(self.model, self._strips(), density=fish.density, loads=loads)
 
-    def _fill(self) -> None:
-        """Put water of the coefficients that the sliders show on the model."""
+    def _strips(self) -> tuple[StripLink, ...]:
+        """Return the links with the coefficients that the sliders show."""
         shown = {name: float(self.data.ctrl[self.sliders[name]]) for name in self._fish.coefficient_names}
-        if shown != self._coefficients:
-            strips = mjcf.strips(self._fish, shown, self._free)
-            self.water = StripFluid(self.model, strips, density=self._fish.density, loads=self._loads)
-            self._coefficients = shown
+        return mjcf.strips(self._fish, shown, self._free)
 
     def advance(self, duration: float) -> None:
         """Swim on for a while [s], as the sliders say; call it while the water is installed.
 
         A run that diverges begins anew, at rest where the fish is not.
         """
-        self._fill()
+        strips = self._strips()
+        self.water.set(**{kind: [getattr(strip, kind) for strip in strips] for kind in KINDS})
         pace, swing, turn = (float(self.data.ctrl[self.sliders[name]]) for name in DRIVE)
         for _ in range(max(1, round(duration / _STEP))):
             self.data.ctrl[self._servos] = swing * self._player.angle(self._clock) + turn
