@@ -31,7 +31,7 @@ def readonly(values: ArrayLike) -> FloatArray:
 
 
 #: Directions weaker than this share of the strongest are numerical dust.
-_RANK = 1e-9
+RANK = 1e-9
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:
@@ -41,7 +41,7 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     if kept.shape[1] == 0:
         return np.zeros((len(columns), 0))
     left, singular, _ = np.linalg.svd(kept, full_matrices=False)
-    return np.asarray(left[:, singular > _RANK * singular[0]])
+    return np.asarray(left[:, singular > RANK * singular[0]])
 
 
 def project_out(basis: FloatArray, columns: FloatArray) -> FloatArray:

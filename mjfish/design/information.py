@@ -52,6 +52,7 @@ import numpy as np
 from scipy import special, stats
 
 from mjfish.arrays import FloatArray, solve
+from mjfish.block_angular import BlockAngular
 from mjfish.design.fitted_models import ModelEstimate
 from mjfish.design.menu import Run
 from mjfish.diagnosis.evidence import DETECTED
@@ -59,7 +60,6 @@ from mjfish.diagnosis.isolability import Isolability, isolated
 from mjfish.diagnosis.select import CLOSE
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
-from mjfish.estimation.problem import elsewhere
 from mjfish.parameter import Parameter
 
 #: A signature of which a refit leaves less than this share is structurally unidentifiable: what is left is rounding.
@@ -88,15 +88,21 @@ class Information:
         d = np.zeros(len(jacobian)) if difference is None else difference
         return cls(names, jacobian.T @ jacobian, jacobian.T @ d, float(d @ d))
 
+    @classmethod
+    def joined(cls, runs: Sequence[Information]) -> Information:
+        """Return the sums over all these runs."""
+        names = tuple(dict.fromkeys(name for run in runs for name in run.names))
+        places = {name: i for i, name in enumerate(names)}
+        gram, moment = np.zeros((len(names), len(names))), np.zeros(len(names))
+        for run in runs:
+            at = [places[name] for name in run.names]
+            gram[np.ix_(at, at)] += run.gram
+            moment[at] += run.moment
+        return cls(names, gram, moment, sum(run.square for run in runs))
+
     def __add__(self, other: Information) -> Information:
         """Join runs."""
-        names = (*self.names, *(name for name in other.names if name not in self.names))
-        gram, moment = np.zeros((len(names), len(names))), np.zeros(len(names))
-        for part in (self, other):
-            at = [names.index(name) for name in part.names]
-            gram[np.ix_(at, at)] += part.gram
-            moment[at] += part.moment
-        return Information(names, gram, moment, self.square + other.square)
+        return Information.joined([self, other])
 
     def of_rival(self, rival: str) -> Information:
         """Return the sums of the columns that `column` named after a rival."""
@@ -119,18 +125,30 @@ def on_menu(problem: Problem, runs: Sequence[Run]) -> Problem:
     return replace(problem, trials=tuple(run.trial for run in runs), windows=None, ends=0)
 
 
-def jacobians(problem: Problem, x: FloatArray, names: Collection[str]) -> tuple[list[FloatArray], FloatArray]:
-    """Return whitened derivatives by parameters in units of their scales.
+#: Names of columns (k,), and these (n, k).
+Named = tuple[tuple[str, ...], FloatArray]
+
+
+def jacobians(problem: Problem, x: FloatArray, names: Collection[str]) -> tuple[list[Named], list[Named]]:
+    """Return whitened derivatives by parameters in units of their scales; a trial has no columns of another one.
 
     Returns:
-        Of the velocities (n, k) of every trial; of what stands behind them (m, k): sensors, and what is known of the
-        parameters themselves.
+        Of the velocities of every trial; of every sensor, and of what is known of the parameters themselves.
     """
-    chosen = [i for i, p in enumerate(problem.parameters) if p.name in names]
-    scales = np.array([problem.parameters[i].scale for i in chosen])
-    slopes = problem.slopes(x, list(names))
-    blocks = [problem.whitened(i, block * scales).reshape(-1, len(scales)) for i, block in enumerate(slopes.velocity)]
-    return blocks, np.concatenate([slopes.sensors, problem.known_rows(x)[1][:, chosen]]) * scales
+    chosen = [p for p in problem.parameters if p.name in names]
+    slopes = problem.slopes(x, names)
+    columns = [[chosen[k] for k in (*slopes.shared, *own)] for own in slopes.own]
+    scales = [np.array([p.scale for p in own]) for own in columns]
+    own_names = [tuple(p.name for p in own) for own in columns]
+    velocities = [
+        (own_names[i], problem.whitened(i, block * scales[i]).reshape(-1, len(scales[i])))
+        for i, block in enumerate(slopes.velocity)
+    ]
+    sensors = [(own_names[i], rows * scales[i]) for (i, _), rows in zip(problem.sensors, slopes.sensors, strict=True)]
+    known = [problem.parameters[i] for i in problem.known if problem.parameters[i].name in names]
+    rates = problem.known_rates(x)
+    beside = [((p.name,), np.array([[rates[p.name] * p.scale]])) for p in known]
+    return velocities, [*sensors, *beside]
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,18 +205,18 @@ def detection(nominal: ModelEstimate, causes: Sequence[Effect], runs: Sequence[R
     trials, beside = _information(wide, here, fixed)
     return Detection(
         amplitudes={cause.name: cause.amplitudes() for cause in causes},
-        data=sum(trials, start=beside),
+        data=Information.joined([*trials, *beside]),
         runs=tuple(run if ok else None for run, ok in zip(added, finite, strict=True)),
     )
 
 
 def _information(
     problem: Problem, here: dict[str, float], fixed: frozenset[str]
-) -> tuple[list[Information], Information]:
+) -> tuple[list[Information], list[Information]]:
     """Return the information of every trial's velocities, and that of what stands behind them."""
-    names = tuple(p.name for p in problem.parameters if p.name not in fixed)
-    blocks, beside = jacobians(problem, problem.start(here), names)
-    return [Information.of(names, block) for block in blocks], Information.of(names, beside)
+    names = [p.name for p in problem.parameters if p.name not in fixed]
+    velocities, beside = jacobians(problem, problem.start(here), names)
+    return [Information.of(*block) for block in velocities], [Information.of(*block) for block in beside]
 
 
 class Gain(NamedTuple):
@@ -340,7 +358,7 @@ class _Linearised:
 
     names: tuple[str, ...]
     residual: FloatArray
-    jacobian: FloatArray
+    jacobian: BlockAngular
     runs: tuple[tuple[FloatArray, tuple[str, ...], FloatArray], ...]
 
 
@@ -350,11 +368,7 @@ def separations(rivals: Sequence[ModelEstimate], runs: Sequence[Run]) -> tuple[S
         Separation(
             rivals=(k.name, l.name),
             margin=float(of_l.residual @ of_l.residual - of_k.residual @ of_k.residual),
-            data=Information.of(
-                (*of_k.names, *of_l.names),
-                np.hstack([of_k.jacobian, of_l.jacobian]),
-                of_l.residual - of_k.residual,
-            ),
+            data=_difference(of_k, of_l),
             runs=tuple(
                 Information.of((*names_k, *names_l), np.hstack([j_k, j_l]), eta_k - eta_l)
                 if np.all(np.isfinite(eta_k - eta_l))
@@ -373,23 +387,30 @@ def _linearised(model_estimate: ModelEstimate, runs: Sequence[Run]) -> _Linearis
     Gauss-Newton step, to first order: the sum of squares of the fitted ones is stationary there.
     """
     problem = model_estimate.problem
-    free = [p.name for p in problem.parameters if p.name not in model_estimate.at_bound]
-    blocks, beside = jacobians(problem, model_estimate.x, free)
-    residual, jacobian = problem.residual(model_estimate.x), np.concatenate([*blocks, beside])
-    new = problem.rows_of(range(model_estimate.fitted, len(problem.trials)))
-    step = solve(jacobian.T @ jacobian, jacobian[new].T @ residual[new, None])[:, 0]
-    moved = dict(zip(free, step, strict=True))
+    off = np.array([p.name not in model_estimate.at_bound for p in problem.parameters])
+    free = [p for p, kept in zip(problem.parameters, off, strict=True) if kept]
+    jacobian = problem.jacobian(model_estimate.x).chosen(off).scaled(columns=np.array([p.scale for p in free]))
+    residual = problem.residual(model_estimate.x)
+    new = np.zeros_like(residual)
+    new[: problem.measured] = problem.rows_of(range(model_estimate.fitted, len(problem.trials)))[: problem.measured]
+    step = solve(jacobian.gram(), jacobian.transposed_times(new * residual)[:, None])[:, 0]
+    moved = {p.name: float(by) for p, by in zip(free, step, strict=True)}
     menu = on_menu(problem, runs)
     x = menu.start(problem.named(model_estimate.x))
-    relevant = [p for p in menu.parameters if p.name in moved or ":" in p.name]
-    predictions, (jacobians_, _) = menu.predictions(x), jacobians(menu, x, [p.name for p in relevant])
+    relevant = [p.name for p in menu.parameters if p.name in moved or ":" in p.name]
+    predictions, (velocities, _) = menu.predictions(x), jacobians(menu, x, relevant)
     parts = []
-    for i, (eta, slopes) in enumerate(zip(predictions, jacobians_, strict=True)):
-        own = [j for j, p in enumerate(relevant) if not elsewhere(p, menu.trials[i])]
+    for i, (eta, (own, slopes)) in enumerate(zip(predictions, velocities, strict=True)):
         seen = eta[menu.mask(i)]
         white = menu.whitened(i, seen).ravel() if np.all(np.isfinite(seen)) else np.full(len(slopes), np.nan)
-        shift = np.array([moved.get(relevant[j].name, 0.0) for j in own])
-        names = tuple(column(model_estimate.name, relevant[j].name) for j in own)
-        parts.append((white + slopes[:, own] @ shift, names, slopes[:, own]))
-    names = tuple(column(model_estimate.name, name) for name in free)
+        shift = np.array([moved.get(name, 0.0) for name in own])
+        names = tuple(column(model_estimate.name, name) for name in own)
+        parts.append((white + slopes @ shift, names, slopes))
+    names = tuple(column(model_estimate.name, p.name) for p in free)
     return _Linearised(names, residual - jacobian @ step, jacobian, tuple(parts))
+
+
+def _difference(k: _Linearised, l: _Linearised) -> Information:  # noqa: E741
+    """Return the information on the difference of two models on the data."""
+    both, d = k.jacobian.beside(l.jacobian), l.residual - k.residual
+    return Information((*k.names, *l.names), both.gram(), both.transposed_times(d), float(d @ d))

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mjfish.arrays import FloatArray, orthonormal, project_out
+from mjfish.block_angular import Basis, BlockAngular, span
 from mjfish.data import Trial
 from mjfish.diagnosis.refit import Refit
 from mjfish.estimation import Problem
@@ -41,16 +42,16 @@ class Linearised:
         x: (k,) its free parameters at the refit.
         slopes: (n, k) derivative of the whitened prediction.
         free: (k,) whether they are not at a bound of the refit.
-        span: (n, m) orthonormal basis of the slopes of the free ones.
+        span: orthonormal basis of the slopes of the free ones.
         cleared: (n,) z.
     """
 
     refit: Refit
     problem: Problem
     x: FloatArray
-    slopes: FloatArray
+    slopes: BlockAngular
     free: list[bool]
-    span: FloatArray
+    span: Basis
     cleared: FloatArray
 
     def sizes(self) -> tuple[float, int]:
@@ -58,12 +59,11 @@ class Linearised:
         cuts = []
         for effect in self.refit.effects:
             null = {p.name: p.default for p in effect.amplitudes()}
-            along = self.slopes @ [
-                v - null.get(p.name, v) for p, v in zip(self.problem.parameters, self.x, strict=True)
-            ]
+            sizes = [v - null.get(p.name, v) for p, v in zip(self.problem.parameters, self.x, strict=True)]
+            along = self.slopes @ np.array(sizes)
             cuts.append(self._cut(along[:, None], along[:, None]))
         columns = np.concatenate(cuts, axis=1)
-        beyond = project_out(self.span, columns)
+        beyond = self.span.off(columns)
         seen = np.sum(beyond**2, axis=0) > _ROUNDING * np.sum(columns**2, axis=0).max()
         basis = orthonormal(beyond[:, seen])
         return float(np.sum((basis.T @ self.cleared) ** 2)), basis.shape[1]
@@ -72,7 +72,7 @@ class Linearised:
         """Return D (n, columns) of the coefficients that are not at a bound, each times its value."""
         names = set(self.problem.model.fish.coefficient_names)
         own = [p.name in names and free for p, free in zip(self.problem.parameters, self.free, strict=True)]
-        return project_out(self.span, self._cut(self.slopes[:, own] * self.x[own], self.slopes))
+        return self.span.off(self._cut(self.slopes.dense()[:, own] * self.x[own], self.slopes.dense()))
 
     def _cut(self, columns: FloatArray, explaining: FloatArray) -> FloatArray:
         """Return the columns (n, k) cut to each run: held-out ones only if `explaining` (n, m) explains them alone."""
@@ -94,6 +94,5 @@ def linearised(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Linearised:
     slopes = every.jacobian(x)
     resting = {p.name for p, at_bound in zip(refit.fit.parameters, refit.fit.at_bound, strict=True) if at_bound}
     free = [p.name not in resting for p in every.parameters]
-    span = orthonormal(slopes[:, free])
-    cleared = project_out(span, every.residual(x)[:, None])[:, 0]
-    return Linearised(refit, every, x, slopes, free, span, cleared)
+    basis = span(slopes.chosen(np.array(free)))
+    return Linearised(refit, every, x, slopes, free, basis, basis.off(every.residual(x)))

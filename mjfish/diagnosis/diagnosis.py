@@ -311,11 +311,11 @@ def estimates(found: Fit, model: Model) -> dict[str, Estimate]:
     """
     result = {}
     declared = {p.name: p for p in model.parameters}
-    for p, at_bound, slope in zip(found.parameters, found.at_bound, found.jacobian.T, strict=True):
+    for p, at_bound, length in zip(found.parameters, found.at_bound, found.jacobian.lengths, strict=True):
         if ":" not in p.name:
             low, high = found.interval(p.name, Z95)
             low = declared.get(p.name, p).low if low <= p.low else low
-            value = p.default if p.shape and not np.any(slope) else found.values[p.name]
+            value = p.default if p.shape and length == 0.0 else found.values[p.name]
             result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound), KnownNumber.of(p, value))
     return result
 

@@ -18,7 +18,7 @@ from typing import get_args
 import numpy as np
 
 from mjfish.arrays import FloatArray, blocks_of, orthonormal, project_out
-from mjfish.diagnosis.evidence import Evidence, whitened_omnibus
+from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.isolability import amplitude_signatures
 from mjfish.diagnosis.select import LEFT, RESEMBLES
 from mjfish.effects.effect import Effect
@@ -38,9 +38,7 @@ def explaining_domain(evidence: Evidence, learned: Sequence[Effect]) -> Domain |
     _, left = amplitude_signatures(evidence, learned)
     effects = (*evidence.candidates, *learned)
     slices = blocks_of([len(effect.amplitudes()) for effect in effects])
-    fit = evidence.fit
-    waves = project_out(orthonormal(fit.jacobian[:, ~fit.at_bound]), whitened_omnibus(evidence.problem))
-    every = np.hstack([left, waves])
+    every = np.hstack([left, evidence.omnibus_signatures()])
     whole = _excess(every, np.zeros((len(left), 0)), evidence.cleared)
     shares = {}
     for domain in get_args(Domain):

@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import chain, combinations
 
 import numpy as np
 from scipy import special, stats
 
-from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out
+from mjfish.arrays import BoolArray, FloatArray, blocks_of
+from mjfish.block_angular import Basis, BlockAngular, block_angular, span
 from mjfish.diagnosis.weighted_sum import DrawnSizes, drawn_sizes
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
@@ -108,6 +110,7 @@ class Evidence:
         raw: (n, d) S~, before the projection.
         signatures: (n, d) S^.
         omnibus_score, omnibus_information: the same for the omnibus basis.
+        coefficients: of the span of J.
     """
 
     problem: Problem
@@ -121,6 +124,12 @@ class Evidence:
     signatures: FloatArray
     omnibus_score: FloatArray
     omnibus_information: FloatArray
+    coefficients: Basis
+
+    @cached_property
+    def _every_coefficient(self) -> Basis:
+        """Basis of the derivatives by all free parameters, those at a bound too."""
+        return span(self.fit.jacobian)
 
     @property
     def blocks(self) -> dict[str, slice]:
@@ -171,7 +180,7 @@ class Evidence:
         Coefficients at a bound count as free: such a candidate would show only because of the bound.
         """
         block = self.blocks[name]
-        left = project_out(orthonormal(self.fit.jacobian), self.raw[:, block])
+        left = self._every_coefficient.off(self.raw[:, block])
         return float(np.sum(left**2)) < _UNIDENTIFIABLE * float(np.sum(self.raw[:, block] ** 2))
 
     def scored(self, name: str) -> bool:
@@ -189,7 +198,7 @@ class Evidence:
         own, block = self.amplitudes_of(name), self.blocks[name]
         psi = np.array([(amplitudes[p.name] - p.default) / p.scale for p in own])
         free = np.flatnonzero(~self.fit.at_bound)
-        move, *_ = np.linalg.lstsq(self.fit.jacobian[:, free], self.raw[:, block] @ psi, rcond=1e-8)
+        move = self.fit.jacobian.chosen(~self.fit.at_bound).solve(self.raw[:, block] @ psi, 1e-8)
         values = self.fit.values
         for index, shift in zip(free, move, strict=True):
             p = self.fit.parameters[index]
@@ -273,7 +282,7 @@ class Evidence:
 
     def omnibus_signatures(self) -> FloatArray:
         """Return what the coefficients leave of the omnibus basis (n, columns)."""
-        return project_out(orthonormal(self.fit.jacobian[:, ~self.fit.at_bound]), whitened_omnibus(self.problem))
+        return self.coefficients.off(whitened_omnibus(self.problem).dense())
 
     def _degrees_of_freedom(self, name: str) -> int:
         block = self.blocks[name]
@@ -294,12 +303,11 @@ def gather(
     held = {effect.name for effect in problem.model.effects}
     kept = tuple(effect for effect in candidates if effect.name not in held)
     amplitudes = tuple(effect.amplitudes() for effect in kept)
-    free = fit.jacobian[:, ~fit.at_bound]
-    span = orthonormal(free)
-    z = project_out(span, fit.residual[:, None])[:, 0]
-    raw = problem.rows(signatures(problem, fit.values, kept) if known_signatures is None else known_signatures)
-    projected = project_out(span, raw)
-    waves = whitened_omnibus(problem)
+    coefficients = span(fit.jacobian.chosen(~fit.at_bound))
+    z = coefficients.off(fit.residual)
+    raw = problem.rows(signatures(problem, fit.values, kept) if known_signatures is None else known_signatures).shared
+    projected = coefficients.off(raw)
+    waves = whitened_omnibus(problem).dense()
     return Evidence(
         problem=problem,
         fit=fit,
@@ -311,7 +319,8 @@ def gather(
         raw=raw,
         signatures=projected,
         omnibus_score=waves.T @ z,
-        omnibus_information=waves.T @ waves - (waves.T @ span) @ (span.T @ waves),
+        omnibus_information=waves.T @ waves - (inside := coefficients.coordinates(waves)).T @ inside,
+        coefficients=coefficients,
     )
 
 
@@ -327,8 +336,8 @@ def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Slopes)
     raw, slopes = problem.raw_and_sensors(x), problem.slopes(x)
     for noise in noises:
         other = replace(problem, noise=noise)
-        residual, jacobian = other.rows(raw)[:, 0], other.rows(slopes)
-        residual[other.measured :], jacobian[other.measured :] = other.known_rows(x)
+        residual, jacobian = other.rows(raw).shared[:, 0], other.jacobian_of(slopes, x)
+        residual[other.measured :] = other.known_rows(x)[0]
         seen = replace(evidence.fit, residual=residual, jacobian=jacobian)
         yield gather(other, seen, evidence.candidates, known_signatures)
 
@@ -355,20 +364,14 @@ def signatures(
     return wide.slopes(x, only=[p.name for p in amplitudes]).scaled(np.array([p.scale for p in amplitudes]))
 
 
-def whitened_omnibus(problem: Problem) -> FloatArray:
+def whitened_omnibus(problem: Problem) -> BlockAngular:
     """Return the omnibus basis (n, columns) in the problem's whitened space; every column touches one trial only."""
-    rows = []
-    parts = omnibus(problem.model.fish.cpg, problem.trials)
-    width = sum(block.shape[2] for blocks in parts for block in blocks)
-    column = 0
-    for index, blocks in enumerate(parts):
-        keep = problem.mask(index)
-        joined = problem.whitened(index, np.concatenate(blocks, axis=2)[keep])
-        padded = np.zeros((joined.shape[0] * 3, width))
-        padded[:, column : column + joined.shape[2]] = joined.reshape(-1, joined.shape[2])
-        column += joined.shape[2]
-        rows.append(padded)
-    return problem.padded(np.concatenate(rows))
+    blocks = []
+    for index, channels in enumerate(omnibus(problem.model.fish.cpg, problem.trials)):
+        white = problem.whitened(index, np.concatenate(channels, axis=2)[problem.mask(index)])
+        blocks.append(white.reshape(3 * len(white), white.shape[2]))
+    rows = [np.arange(at.start, at.stop) for at in problem.rows_by_trial()]
+    return block_angular(np.zeros((problem.measured + len(problem.known), 0)), rows, blocks)
 
 
 def tail(statistic: float, rank: int) -> float:

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from mjfish.arrays import orthonormal, project_out
+from mjfish.block_angular import span
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
 from mjfish.diagnosis.evidence import DETECTED, Evidence, gather, p_value_of
 from mjfish.diagnosis.isolability import prior_precision
@@ -140,10 +140,10 @@ def left_by_others(formula: Refit, learned: Refit) -> float:
     values, axes = np.linalg.eigh(precision + np.diag(unknown.astype(float)))
     draws = np.random.default_rng(0).standard_normal((len(own), _OTHERS))
     forms = axes @ (draws / np.sqrt(np.maximum(values, 1e-6))[:, None])
-    slopes = learned.fit.jacobian[:, at] * scales
+    slopes = learned.fit.jacobian.of_columns(at) * scales
     fit, names = formula.fit, {p.name for effect in formula.effects for p in effect.parameters}
     coefficients = np.array([p.name not in names for p in fit.parameters]) & ~fit.at_bound
-    beyond = (project_out(orthonormal(fit.jacobian[:, kept]), slopes) @ forms for kept in (coefficients, ~fit.at_bound))
+    beyond = (span(fit.jacobian.chosen(kept)).off(slopes) @ forms for kept in (coefficients, ~fit.at_bound))
     strength, left = (np.sum(part**2, axis=0) for part in beyond)
     return formula.gain * float(np.quantile(left / np.maximum(strength, 1e-300), _UNSEEN))
 

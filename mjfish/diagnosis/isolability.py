@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, blocks_of, orthonormal, project_out, solve
+from mjfish.arrays import FloatArray, blocks_of, solve
 from mjfish.diagnosis.evidence import DETECTED, Evidence, signatures
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
@@ -81,14 +81,14 @@ def amplitude_signatures(evidence: Evidence, learned: Sequence[Effect]) -> tuple
     Those of a cause that is not smooth at its null are the change of the prediction by one scale of the amplitude.
     """
     problem, fit = evidence.problem, evidence.fit
-    slopes = problem.rows(signatures(problem, fit.values, learned))
+    slopes = problem.rows(signatures(problem, fit.values, learned)).shared
     effects = (*evidence.candidates, *learned)
     raw = np.hstack([evidence.raw, slopes])
     rough = [(effect, block) for effect, block in zip(effects, _blocks(effects), strict=True) if not effect.smooth]
     nominal = problem.rough.residual(fit.x) if rough else fit.residual
     for effect, block in rough:
         raw[:, block] = nominal[:, None] - _stepped(problem.rough, fit, effect)
-    return raw, project_out(orthonormal(fit.jacobian[:, ~fit.at_bound]), raw)
+    return raw, evidence.coefficients.off(raw)
 
 
 def _stepped(problem: Problem, fit: Fit, effect: Effect) -> FloatArray:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish.arrays import orthonormal, project_out
+from mjfish.block_angular import BlockAngular, span
 from mjfish.diagnosis.evidence import Evidence, whitened_omnibus
 from mjfish.diagnosis.select import GOODNESS
 
@@ -27,7 +27,7 @@ def lone_run(evidence: Evidence) -> int | None:
     """
     if len(evidence.problem.trials) < _FEWEST:
         return None
-    waves = whitened_omnibus(evidence.problem)
+    waves = whitened_omnibus(evidence.problem).dense()
     alone = []
     for index in range(len(evidence.problem.trials)):
         others = _without(evidence, waves, ~evidence.problem.rows_of({index}))
@@ -39,9 +39,10 @@ def lone_run(evidence: Evidence) -> int | None:
 def _without(evidence: Evidence, waves: np.ndarray, kept: np.ndarray) -> Evidence:
     """Return the evidence of the rows kept (n,) alone."""
     fit = evidence.fit
-    span = orthonormal(fit.jacobian[kept][:, ~fit.at_bound])
-    cleared = project_out(span, fit.residual[kept, None])[:, 0]
-    signatures, own = project_out(span, evidence.raw[kept]), project_out(span, waves[kept])
+    jacobian = fit.jacobian.dense()[kept][:, ~fit.at_bound]
+    coefficients = span(BlockAngular.of(jacobian))
+    cleared = coefficients.off(fit.residual[kept])
+    signatures, own = coefficients.off(evidence.raw[kept]), coefficients.off(waves[kept])
     return replace(
         evidence,
         cleared=cleared,
@@ -51,4 +52,5 @@ def _without(evidence: Evidence, waves: np.ndarray, kept: np.ndarray) -> Evidenc
         signatures=signatures,
         omnibus_score=own.T @ cleared,
         omnibus_information=own.T @ own,
+        coefficients=coefficients,
     )

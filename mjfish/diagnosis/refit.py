@@ -86,7 +86,7 @@ class Refit:
 
         Of a learned form, the effective number: priors take the place of data.
         """
-        responds = {p.name for p, slope in zip(self.fit.parameters, self.fit.jacobian.T, strict=True) if np.any(slope)}
+        responds = {p.name for p, own in zip(self.fit.parameters, self.fit.jacobian.lengths, strict=True) if own > 0.0}
         formulas = (p for effect in self.effects if not effect.learned for p in effect.parameters)
         learned = [p.name for effect in self.effects if effect.learned for p in effect.parameters]
         plain = sum(not p.shape or p.name in responds for p in formulas)
@@ -413,8 +413,7 @@ class _Tried:
         free = np.array([p.name != fixed for p in found.parameters]) & ~found.at_bound
         names = [p.name for p in problem.parameters]
         self._columns = np.array([names.index(found.parameters[i].name) for i in np.flatnonzero(free)], dtype=np.int64)
-        self._jacobian = found.jacobian[:, free]
-        self._inverse = np.linalg.pinv(self._jacobian, rcond=1e-8)
+        self._jacobian = found.jacobian.chosen(free)
         self.starts: list[FloatArray] = []
         self.moved: list[FloatArray] = []
         self.left: list[float] = []
@@ -423,7 +422,7 @@ class _Tried:
     def add(self, start: FloatArray) -> float:
         """Try a start (p,); return the sum of squares that is promised there."""
         residual = self.problem.residual(start)
-        step = self._inverse @ residual
+        step = self._jacobian.solve(residual, 1e-8)
         moved = start.copy()
         moved[self._columns] += step
         self.starts.append(start)

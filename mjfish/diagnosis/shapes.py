@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, orthonormal, project_out
+from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence, signatures
 from mjfish.effects.effect import Effect
 from mjfish.parameter import Parameter
@@ -40,14 +40,13 @@ def at_best_shapes(
         first_alone: leave all shapes but the first at their defaults.
     """
     shapes = {p.name: p.default for p in effect.parameters if p.shape}
-    span = orthonormal(evidence.fit.jacobian[:, ~evidence.fit.at_bound])
-    (best,) = _scored(evidence, effect, [shapes], span)
+    (best,) = _scored(evidence, effect, [shapes])
     declared = [p for p in effect.parameters if p.shape][: 1 if first_alone else None]
     for _ in range(_SWEEPS if len(declared) > 1 else 1):
         before = dict(shapes)
         for p in declared:
             tried = [{**shapes, p.name: float(value)} for value in _grid(p)]
-            for there, at in zip(_scored(evidence, effect, tried, span), tried, strict=True):
+            for there, at in zip(_scored(evidence, effect, tried), tried, strict=True):
                 if there.statistic(effect.name) > best.statistic(effect.name):
                     best, shapes = there, at
         if shapes == before:
@@ -55,16 +54,13 @@ def at_best_shapes(
     return best, shapes
 
 
-def _scored(
-    evidence: Evidence, effect: Effect, tried: Sequence[dict[str, float]], span: FloatArray
-) -> Iterator[Evidence]:
+def _scored(evidence: Evidence, effect: Effect, tried: Sequence[dict[str, float]]) -> Iterator[Evidence]:
     """Yield the evidence of one candidate at each of these shapes, from one rollout that has them all.
 
     Args:
         evidence: of the model without the candidate.
         effect: the candidate.
         tried: shapes by full name.
-        span: that of the coefficients.
     """
     problem, width = evidence.problem, len(effect.amplitudes())
     twins = [_renamed(effect, f"{effect.name}_{k}") for k in range(len(tried))]
@@ -73,10 +69,10 @@ def _scored(
         for twin, own in zip(twins, tried, strict=True)
         for name, value in own.items()
     }
-    stacked = problem.rows(signatures(problem, evidence.fit.values, twins, shapes))
+    stacked = problem.rows(signatures(problem, evidence.fit.values, twins, shapes)).shared
     for k in range(len(tried)):
         raw = stacked[:, k * width : (k + 1) * width]
-        projected = project_out(span, raw)
+        projected = evidence.coefficients.off(raw)
         yield replace(
             evidence,
             candidates=(effect,),

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, orthonormal, project_out
+from mjfish.arrays import FloatArray, orthonormal
 from mjfish.data import Trial
-from mjfish.diagnosis.evidence import Evidence, whitened_omnibus
+from mjfish.diagnosis.evidence import Evidence
 from mjfish.estimation.omnibus import beat_phase
 from mjfish.frames import CHANNELS
 
@@ -58,12 +58,10 @@ def locate(evidence: Evidence, directed: bool) -> Where:
         directed: whether the candidates explain the misfit; else the omnibus basis pictures it.
     """
     problem = evidence.problem
-    free = evidence.fit.jacobian[:, ~evidence.fit.at_bound]
-    coefficients = orthonormal(free)
-    z = project_out(coefficients, evidence.fit.residual[:, None])
-    pattern = evidence.signatures if directed else project_out(coefficients, whitened_omnibus(problem))
+    z = evidence.cleared
+    pattern = evidence.signatures if directed else evidence.omnibus_signatures()
     span = orthonormal(pattern)
-    energy = ((span @ (span.T @ z))[: problem.samples, 0] ** 2).reshape(-1, 3)
+    energy = ((span @ (span.T @ z))[: problem.samples] ** 2).reshape(-1, 3)
     labels = [_labels(problem.model.fish.cpg, trial) for trial in problem.trials]
     counted = [problem.mask(i) for i in range(len(problem.trials))]
     names = np.concatenate([np.full(int(k.sum()), t.name) for k, t in zip(counted, problem.trials, strict=True)])

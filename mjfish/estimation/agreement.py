@@ -105,10 +105,15 @@ def agreement(
         rollout that diverged, and for predictions of a trial that has not all channels.
     """
     rows = []
+    by_step: dict[float, Autoregressive] = {}
     for residual in residuals:
-        own = noise
+        own, step = noise, residual.trial.step
         if own is None and horizons and not residual.diverged and residual.trial.measured.all():
-            own = noise_at(residuals, residual.trial.step)
+            same = (known for known in by_step if abs(known / step - 1.0) < 1e-9)
+            step = next(same, step)
+            if step not in by_step:
+                by_step[step] = noise_at(residuals, step)
+            own = by_step[step]
         where = parts_of_trial(residual.trial, settling)
         left: dict[int | None, FloatArray] = {None: residual.values, **_unforecast(residual, own, horizons)}
         for channel in np.flatnonzero(residual.trial.measured).tolist():

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
 
-from mjfish.arrays import BoolArray, FloatArray
-from mjfish.estimation.serial_correlation import Block, Serial, serial
+from mjfish.arrays import FloatArray, project_out
+from mjfish.estimation.fit import Fit
+from mjfish.estimation.problem import Problem
+from mjfish.estimation.serial_correlation import Serial, blocks_of, serial_apart
 
 #: Directions weaker than this share of the strongest are not counted.
 RANK = 1e-6
@@ -18,6 +19,8 @@ RANK = 1e-6
 @dataclass(frozen=True, eq=False)
 class Reduced:
     """Everything in coordinates of J_r = Q_r R_r, trial by trial: few numbers for many samples.
+
+    J_r has the columns of the parameters that trials share, less what those of the trial alone explain.
 
     Attributes:
         trials: names.
@@ -45,24 +48,32 @@ class Reduced:
         return linalg.block_diag(*self.factors[:, :, place, None])
 
 
-def reduced(blocks: Sequence[Block], free: BoolArray) -> Reduced:
-    """Reduce to the span of each trial's own columns; the noise is what is left when each trial is fitted alone.
+def reduced(problem: Problem, fit: Fit) -> Reduced:
+    """Reduce to the span of each trial's columns; the noise is what is left when each trial is fitted alone.
 
-    What the common fit leaves of trials that differ is no noise, and would hide that they do.
+    What the common fit leaves of trials that differ is no noise, and would hide that they do. Parameters at a bound
+    have no columns.
     """
+    jacobian = fit.jacobian.chosen(~fit.at_bound).top(problem.samples)
+    own = {int(part.rows[0]): part.block for part in jacobian.parts if len(part.rows)}
+    blocks = blocks_of(problem, fit.residual)
     bases, factors, residual, left = [], [], [], []
     for block in blocks:
-        columns = block.jacobian[:, :, free].reshape(3 * len(block.residual), -1)
+        columns, e = jacobian.shared[block.rows], fit.residual[block.rows]
+        alone = own.get(int(block.rows[0]), columns[:, :0]) if len(block.rows) else columns[:, :0]
+        q_own, _ = np.linalg.qr(alone)
+        columns = project_out(q_own, columns)
         full = np.concatenate([columns, np.zeros((max(columns.shape[1] - len(columns), 0), columns.shape[1]))])
         q, r = np.linalg.qr(full)
         q = q[: len(columns)]
-        own = q.T @ block.residual.ravel()
-        bases.append(q.reshape(-1, 3, q.shape[1]))
+        bases.append(block.on_grid(q))
         factors.append(r)
-        residual.append(own)
-        left.append(replace(block, residual=block.residual - (q @ own).reshape(-1, 3)))
-    found = serial(left, free, apart=True)
-    middles = [np.einsum("tci,tcj->ij", q, found.times(r, q)) for r, q in enumerate(bases)]
+        residual.append(q.T @ e)
+        rest = project_out(q, project_out(q_own, e))
+        both = block.on_grid(np.hstack([q_own, q]))
+        left.append((replace(block, residual=block.on_grid(rest[:, None])[:, :, 0]), both))
+    found = serial_apart([block for block, _ in left], [both for _, both in left])
+    middles = [found.quadratic_of(r, q) for r, q in enumerate(bases)]
     names = tuple(block.trial for block in blocks)
     return Reduced(names, found, tuple(bases), np.array(factors), np.concatenate(residual), linalg.block_diag(*middles))
 

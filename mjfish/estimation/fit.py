@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy import optimize, special
+from scipy import optimize, sparse, special
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from mjfish.arrays import BoolArray, FloatArray
+from mjfish.block_angular import BlockAngular
 from mjfish.estimation.problem import LOST, Problem
 from mjfish.estimation.settings import Loss
 from mjfish.parameter import Parameter, bounds
@@ -25,6 +26,8 @@ Z95 = 1.959963984540054
 #: An estimate this close to a bound, as a share of the range, rests on it.
 _AT_BOUND = 1e-4
 _MAX_EVALUATIONS = 100
+#: Parameters up to which the step is by a singular value decomposition; by LSMR, whose time is linear in them, beyond.
+_EXACT = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +54,7 @@ class Fit:
     x: FloatArray
     sse: float
     residual: FloatArray
-    jacobian: FloatArray
+    jacobian: BlockAngular
     covariance: FloatArray
     reach: FloatArray
     at_bound: BoolArray
@@ -103,6 +106,10 @@ def fit(
 ) -> Fit:
     """Minimise the sum of squared whitened residuals within the bounds, by `scipy.optimize.least_squares` (trf).
 
+    What scipy sees is the residual and its derivative turned by the Q of their factorisation
+    (`mjfish.block_angular`), as many rows as parameters and one for what is left: the same steps, at a cost that is
+    linear in runs. A robust loss is one of single residuals, which cannot be turned.
+
     Args:
         problem: the residuals.
         start: (p,) where to start; None: the declared starts.
@@ -118,21 +125,17 @@ def fit(
     x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
 
     prior, mean = problem.prior_root, problem.prior_mean
-
-    def residual_of(y: FloatArray) -> FloatArray:
-        return np.concatenate([problem.residual(y * scale), mean - prior @ (y * scale)])
-
-    def jacobian_of(y: FloatArray) -> FloatArray:
-        return np.asarray(-np.concatenate([problem.jacobian(y * scale), prior]) * scale)
-
+    turned = _Turned(problem, scale) if loss == "linear" else _Rows(problem, scale)
+    large = loss == "linear" and len(scale) > _EXACT
     with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
         solution = optimize.least_squares(
-            residual_of,
+            turned.residual,
             x0 / scale,
-            jac=jacobian_of,
+            jac=turned.sparse_jacobian if large else turned.jacobian,
             bounds=(low / scale, high / scale),
             method="trf",
             x_scale="jac",
+            tr_solver="lsmr" if large else "exact",
             ftol=tolerance,
             xtol=1e-8,
             gtol=1e-10,
@@ -141,24 +144,22 @@ def fit(
             f_scale=loss_scale,
         )
     x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
-    if loss == "linear":  # known already; putting an estimate onto its bound is a move too small for a Jacobian
-        rows = len(solution.fun) - len(prior)
-        residual = problem.residual(x) if at_bound.any() else np.asarray(solution.fun[:rows])
-        jacobian = -np.asarray(solution.jac)[:rows] / scale
-    else:
-        residual, jacobian = problem.residual(x), problem.jacobian(x)
+    residual, jacobian = turned.at(np.asarray(solution.x))
+    if at_bound.any():  # putting an estimate onto its bound is a move too small for a Jacobian
+        residual = problem.residual(x)
     divergence = problem.divergence(x) if np.abs(residual).max(initial=0.0) >= LOST else ""
     weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
-    residual, jacobian = residual * weight, jacobian * weight[:, None]
-    both = np.concatenate([jacobian, prior])
+    if loss != "linear":
+        residual, jacobian = residual * weight, jacobian.scaled(rows=weight)
+    triangle = jacobian.above(prior).factors.triangle
     return Fit(
         parameters=parameters,
         x=x,
         sse=float(residual @ residual),
         residual=residual,
         jacobian=jacobian,
-        covariance=covariance(both, at_bound),
-        reach=np.sqrt(np.diag(covariance(both, np.zeros_like(at_bound)))),
+        covariance=covariance(triangle, at_bound),
+        reach=np.sqrt(np.diag(covariance(triangle, np.zeros_like(at_bound)))),
         at_bound=at_bound,
         status="diverged" if divergence else ("converged" if solution.status > 0 else "stopped"),
         message=divergence or str(solution.message),
@@ -166,6 +167,77 @@ def fit(
         cost=2.0 * float(solution.cost),
         penalty=float(np.sum((prior @ x - mean) ** 2)),
     )
+
+
+class _Rows:
+    """Residual and its derivative by scaled parameters y = x / scale as they are, rows of priors below."""
+
+    def __init__(self, problem: Problem, scale: FloatArray) -> None:
+        self.problem, self.scale = problem, scale
+        self.prior, self.mean = problem.prior_root, problem.prior_mean
+
+    def residual(self, y: FloatArray) -> FloatArray:
+        """Return the residual at y (p,)."""
+        x = y * self.scale
+        return np.concatenate([self.problem.residual(x), self.mean - self.prior @ x])
+
+    def jacobian(self, y: FloatArray) -> FloatArray:
+        """Return its derivative at y (p,)."""
+        return -self.problem.jacobian(y * self.scale).above(self.prior).dense() * self.scale
+
+    def sparse_jacobian(self, y: FloatArray) -> sparse.csr_array:
+        """Return the same without its zeros."""
+        return sparse.csr_array(self.jacobian(y))
+
+    def at(self, y: FloatArray) -> tuple[FloatArray, BlockAngular]:
+        """Return the residual and the derivative of the prediction, by x and without priors, at a point y (p,)."""
+        return self.problem.residual(y * self.scale), self.problem.jacobian(y * self.scale)
+
+
+#: A sum of squares above the least by this share cannot be below it but for rounding.
+_ABOVE = 1e-12
+
+
+class _Turned(_Rows):
+    """The same times Q' of the derivative J = Q R: (p + 1,), Q' e and the length of what is left of e, and -R.
+
+    Both are found at once, for Q is that of the point. The optimiser goes on from points below the least sum of squares
+    alone: others have no derivative. The point of the least is kept, for a fit ends there.
+    """
+
+    def __init__(self, problem: Problem, scale: FloatArray) -> None:
+        super().__init__(problem, scale)
+        self._least = np.inf
+        self._rows: dict[bytes, FloatArray] = {}
+        self._best: tuple[FloatArray, FloatArray, BlockAngular] | None = None
+
+    def residual(self, y: FloatArray) -> FloatArray:
+        """Return the residual at y (p,)."""
+        whole, turned = super().residual(y), np.zeros(len(y) + 1)
+        square = float(whole @ whole)
+        if square >= self._least * (1.0 + _ABOVE):
+            turned[-1] = np.sqrt(square)
+            return turned
+        jacobian = self.problem.jacobian(y * self.scale)
+        factors = jacobian.above(self.prior).factors
+        inside = factors.basis.coordinates(whole)
+        turned[: len(inside)], turned[-1] = inside, np.linalg.norm(factors.basis.off(whole))
+        rows = np.zeros((len(turned), len(y)))
+        rows[: len(inside)] = -factors.triangle * self.scale
+        self._rows = {y.tobytes(): rows}
+        if square < self._least:
+            self._least, self._best = square, (y.copy(), whole[: len(whole) - len(self.mean)], jacobian)
+        return turned
+
+    def jacobian(self, y: FloatArray) -> FloatArray:
+        """Return its derivative at y (p,), the last point that was below all before."""
+        return self._rows[y.tobytes()]
+
+    def at(self, y: FloatArray) -> tuple[FloatArray, BlockAngular]:
+        """Return the residual and the derivative of the prediction, by x and without priors, at a point y (p,)."""
+        if self._best is None or not np.array_equal(self._best[0], y):
+            return super().at(y)
+        return self._best[1:]
 
 
 def slope(loss: Loss, z: FloatArray) -> FloatArray:
@@ -187,11 +259,11 @@ def _settle(x: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArr
     return np.where(at_low, low, np.where(at_high, high, x)), at_low | at_high
 
 
-def covariance(jacobian: FloatArray, at_bound: BoolArray) -> FloatArray:
-    """Return (J' J)^+ of the parameters off their bounds; directions that the data do not move get a huge variance."""
+def covariance(triangle: FloatArray, at_bound: BoolArray) -> FloatArray:
+    """Return (R' R)^+ of the parameters off their bounds; directions that the data do not move get a huge variance."""
     free = np.flatnonzero(~at_bound)
     result = np.zeros((len(at_bound), len(at_bound)))
-    _, singular, right = np.linalg.svd(jacobian[:, free], full_matrices=False)
+    _, singular, right = np.linalg.svd(triangle[:, free], full_matrices=False)
     floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-100))
     result[np.ix_(free, free)] = (right.T / floor**2) @ right
     return result

@@ -55,12 +55,13 @@ def weaknesses(fit: Fit) -> tuple[Weakness, ...]:
     The noise is taken to be as large as the residual where that is more than stated.
     """
     noise = max(1.0, float(np.sqrt(fit.sse / max(len(fit.residual) - len(fit.x), 1))))
-    length = np.linalg.norm(fit.jacobian, axis=0) / noise
+    triangle = fit.jacobian.factors.triangle / noise
+    length = np.linalg.norm(triangle, axis=0)
     off = [k for k in range(len(fit.x)) if not fit.at_bound[k]]
     alone = [_alone(fit.parameters[k], float(length[k])) for k in off]
     seen = [k for k, weakness in zip(off, alone, strict=True) if weakness is None]
     parameters = tuple(fit.parameters[k] for k in seen)
-    together = _directions(parameters, fit.jacobian[:, seen] / noise, length[seen]) if len(seen) > 1 else []
+    together = _directions(parameters, triangle[:, seen], length[seen]) if len(seen) > 1 else []
     return tuple(weakness for weakness in alone if weakness is not None) + tuple(together)
 
 
@@ -79,9 +80,9 @@ def _alone(p: Parameter, length: float) -> Weakness | None:
     return Weakness("faint", (p.name,), (), None, text)
 
 
-def _directions(parameters: tuple[Parameter, ...], jacobian: FloatArray, length: FloatArray) -> list[Weakness]:
+def _directions(parameters: tuple[Parameter, ...], triangle: FloatArray, length: FloatArray) -> list[Weakness]:
     """Return weak combinations, weakest first, then pairs that are correlated and in none of them."""
-    _, singular, right = np.linalg.svd(jacobian / length, full_matrices=False)
+    _, singular, right = np.linalg.svd(triangle / length, full_matrices=False)
     floored = np.maximum(singular, 1e-10)
     spread = (right.T / floored**2) @ right
     errors = np.sqrt(np.diag(spread))
@@ -93,13 +94,13 @@ def _directions(parameters: tuple[Parameter, ...], jacobian: FloatArray, length:
         chosen = [parameters[k] for k in members]
         if s >= WEAK or len(members) < 2 or _known({p.name for p in chosen}, found):
             continue
-        changes = _weakest(jacobian[:, members])
+        changes = _weakest(triangle[:, members])
         if len(members) > 2:
             found.append(_combination(chosen, changes))
         else:
             found.append(_pair(chosen, changes, float(correlation[members[0], members[1]])))
     pairs = [
-        _pair([second, first], _weakest(jacobian[:, [j, i]]), r)
+        _pair([second, first], _weakest(triangle[:, [j, i]]), r)
         for i, first in enumerate(parameters)
         for j, second in enumerate(parameters[:i])
         if abs(r := float(correlation[i, j])) > CORRELATED and not _known({first.name, second.name}, found)

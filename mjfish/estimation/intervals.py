@@ -26,10 +26,11 @@ import numpy as np
 from scipy import stats
 
 from mjfish.arrays import BoolArray, FloatArray
+from mjfish.block_angular import BlockAngular
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation.fit import Fit, fit
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.serial_correlation import Block, Serial, blocks_of, by_trial, sensor_blocks, serial, stacked
+from mjfish.estimation.serial_correlation import Block, Serial, middle, satterthwaite, serial, serial_blocks
 from mjfish.parameter import bounds
 
 
@@ -107,12 +108,12 @@ def intervals(problem: Problem, fit: Fit, *, level: float = 0.95) -> Intervals:
         fit: of it.
         level: of the intervals.
     """
-    blocks = (*blocks_of(problem, fit), *sensor_blocks(problem, fit))
-    found, known = serial(blocks, ~fit.at_bound), fit.jacobian[problem.measured :]
-    own, degrees_of_freedom = _sandwich(found, blocks, known, ~fit.at_bound)
+    blocks, free = serial_blocks(problem, fit.residual), fit.jacobian.chosen(~fit.at_bound)
+    found = serial(blocks, free.top(problem.measured).factors.basis)
+    own, degrees_of_freedom = _sandwich(found, blocks, problem.measured, fit.jacobian, ~fit.at_bound)
     sigma, plain = np.sqrt(np.diag(own)), np.sqrt(np.diag(fit.covariance))
     if np.any(fit.at_bound):
-        all_free, loose = _sandwich(found, blocks, known, np.ones_like(fit.at_bound))
+        all_free, loose = _sandwich(found, blocks, problem.measured, fit.jacobian, np.ones_like(fit.at_bound))
         sigma = np.where(fit.at_bound, np.sqrt(np.diag(all_free)), sigma)
         degrees_of_freedom = np.where(fit.at_bound, loose, degrees_of_freedom)
         plain = np.where(fit.at_bound, fit.reach, plain)
@@ -136,21 +137,30 @@ def intervals(problem: Problem, fit: Fit, *, level: float = 0.95) -> Intervals:
 
 
 def _sandwich(
-    found: Serial, blocks: Sequence[Block], known: FloatArray, free: BoolArray
+    found: Serial, blocks: Sequence[Block], measured: int, jacobian: BlockAngular, free: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return A' Omega A (p, p) and the freedom (p,) of its diagonal; zero and one where a parameter is not free.
 
-    A = U S^-1 V' of the singular value decomposition: a direction that nothing moves gets a huge variance, not none.
-    Rows `known` (k, p) of what is known of the parameters stand below those of the blocks; their Omega is 1.
+    A = Q U S^-1 V' with J = Q R, R = U S V': a direction that nothing moves gets a huge variance, not none. Omega is 1
+    in the rows behind the `measured` ones, of what is known of the parameters. The degrees of freedom of a parameter
+    of one run are those of its rows.
     """
-    index, measured = np.flatnonzero(free), stacked(blocks, free)
-    left, singular, right = np.linalg.svd(np.concatenate([measured, known[:, free]]), full_matrices=False)
+    factors = jacobian.chosen(free).factors
+    left, singular, right = np.linalg.svd(factors.triangle, full_matrices=False)
     floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-100))
-    rows = (left / floor) @ right
-    columns, beside = by_trial(rows[: len(measured)], blocks), rows[len(measured) :]
+    turned = (left / floor) @ right
     covariance, degrees_of_freedom = np.zeros((len(free), len(free))), np.ones(len(free))
-    covariance[np.ix_(index, index)] = found.quadratic(columns) + beside.T @ beside
-    degrees_of_freedom[index] = np.maximum(found.degrees_of_freedom(columns), 1.0)
+    index = np.flatnonzero(free)
+    covariance[np.ix_(index, index)] = turned.T @ middle(found, blocks, factors.basis, measured) @ turned
+    moments = np.zeros((2, len(index)))
+    own = jacobian.chosen(free)
+    for r, block in enumerate(blocks):
+        run, q, shared = factors.basis.at(block.rows)
+        rows = np.concatenate([factors.basis.places_of(run), factors.basis.places_of(None)])
+        columns = np.concatenate([own.parts[run].columns if run >= 0 else own.places[:0], own.places])
+        moved = block.on_grid(np.hstack([q, shared]) @ turned[np.ix_(rows, columns)])
+        moments[:, columns] += found.moments(r, moved)
+    degrees_of_freedom[index] = np.maximum(satterthwaite(*moments), 1.0)
     return covariance, degrees_of_freedom
 
 

@@ -23,6 +23,7 @@ from scipy import fft
 from scipy.interpolate import BSpline, make_interp_spline
 
 from mjfish.arrays import FloatArray, blocks_of, orthonormal, project_out, readonly
+from mjfish.block_angular import BlockAngular, span
 from mjfish.data import Trial
 from mjfish.data.filters import Differentiator, Filter
 from mjfish.drive.measured import Smoothing, smoothing
@@ -106,8 +107,8 @@ def saturated(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> NoiseS
     basis = omnibus(problem.model.fish.cpg, problem.trials)
     shapes = [np.concatenate(blocks, axis=2)[mask] for blocks, mask in zip(basis, left.masks, strict=True)]
     white = replace(problem, noise=Noise.white(problem.noise.sigma))
-    jacobian = white.whiten(white.sensitivities(fit.x))[:, ~fit.at_bound]
-    explained = np.concatenate([jacobian, white.whiten(known)], axis=1)[: white.samples]
+    jacobian = white.velocity_rows(white.slopes(fit.x)).chosen(~fit.at_bound)
+    explained = jacobian.beside(BlockAngular.of(white.whiten(known)))
     return replace(left, shapes=shapes).without(explained)
 
 
@@ -227,15 +228,14 @@ def smoothing_of(
     for i, (trial, velocity) in enumerate(zip(problem.trials, predicted, strict=True)):
         smooth = [velocity, *(filter_.of_trial(trial, velocity) for filter_ in tried)]
         columns.append((trial.velocity[:, :, None] - np.stack(smooth, axis=2))[problem.mask(i)])
-    span = orthonormal(weighed.whiten(problem.sensitivities(fit.x)))
-    left = project_out(span, weighed.whiten(columns))
-    signs = project_out(span, weighed.whiten(known))
+    coefficients = span(weighed.velocity_rows(problem.slopes(fit.x)))
+    left, signs = (coefficients.off(weighed.whiten(blocks)) for blocks in (columns, known))
     alone = np.sum(left**2, axis=0)
     beside = np.sum(project_out(orthonormal(signs), left) ** 2, axis=0)
     best = 1 + int(np.argmin(beside[1:]))
     sizes = [len(effect.amplitudes()) for effect in others]
-    spans = [orthonormal(signs[:, block]) for block in blocks_of(sizes)]
-    rival = max((float(np.sum((span.T @ left[:, 0]) ** 2)) for span in spans), default=0.0)
+    bases = [orthonormal(signs[:, block]) for block in blocks_of(sizes)]
+    rival = max((float(np.sum((basis.T @ left[:, 0]) ** 2)) for basis in bases), default=0.0)
     clear = beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival
     return tried[best - 1] if clear else None
 

@@ -99,7 +99,7 @@ def of(problem: Problem) -> ResidualFunction:
 
     return ResidualFunction(
         residual=lambda x: problem.residual(vector(x)),
-        jacobian=lambda x: -problem.jacobian(vector(x)),
+        jacobian=lambda x: -problem.jacobian(vector(x)).dense(),
         names=tuple(p.name for p in parameters),
         start=readonly(problem.start()),
         low=low,

@@ -21,10 +21,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, orthonormal, project_out
+from mjfish.arrays import BoolArray
+from mjfish.block_angular import span
 from mjfish.estimation.fit import Fit, covariance
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.serial_correlation import blocks_of, by_trial, sensor_blocks, serial, stacked
+from mjfish.estimation.serial_correlation import middle, serial, serial_blocks
 from mjfish.fish import Fish
 from mjfish.model.posterior import Posterior
 from mjfish.parameter import bounds
@@ -42,13 +43,13 @@ def posterior(problem: Problem, fit: Fit, fish: Fish, scatter: Mapping[str, floa
     """
     low, high = bounds(fit.parameters)
     prior = np.concatenate([problem.prior_root, np.diag(1.0 / (high - low))])
-    every = np.ones_like(fit.at_bound)
-    errors = covariance(np.concatenate([fit.jacobian, prior]), _stood_in_for(problem, fit))
+    factors = fit.jacobian.above(prior).factors
+    errors = covariance(factors.triangle, _stood_in_for(problem, fit))
     if correlated:
-        blocks = (*blocks_of(problem, fit), *sensor_blocks(problem, fit))
-        moves = by_trial(stacked(blocks, every) @ errors, blocks)
-        known = np.concatenate([fit.jacobian[problem.measured :], prior]) @ errors
-        errors = serial(blocks, ~fit.at_bound).quadratic(moves) + known.T @ known
+        blocks = serial_blocks(problem, fit.residual)
+        found = serial(blocks, fit.jacobian.chosen(~fit.at_bound).top(problem.measured).factors.basis)
+        moves = factors.triangle @ errors
+        errors = moves.T @ middle(found, blocks, factors.basis, problem.measured) @ moves
     own = {p.name for p in problem.model.parameters}
     shared = [k for k, p in enumerate(fit.parameters) if p.name in own]
     names = tuple(fit.parameters[k].name for k in shared)
@@ -72,6 +73,7 @@ def _stood_in_for(problem: Problem, fit: Fit) -> BoolArray:
         if problem.priors and p.name in problem.model.fish.coefficient_names:
             others = ~held
             others[k] = False
-            own = project_out(orthonormal(fit.jacobian[:, others]), fit.jacobian[:, [k]])
-            held[k] = float(np.sum(own**2)) * fit.x[k] ** 2 < 1.0
+            alone = fit.jacobian @ np.eye(len(held))[k]
+            own = span(fit.jacobian.chosen(others)).off(alone)
+            held[k] = float(own @ own) * fit.x[k] ** 2 < 1.0
     return held

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of
+from mjfish.block_angular import BlockAngular, IntArray, Part
 from mjfish.data import Sensor, Trial, columns
 from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
@@ -42,19 +43,29 @@ _FIRST_PART = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Derivatives of a prediction by some parameters.
+    """Derivatives of a prediction by some parameters; a trial has columns of those that it depends on.
 
     Attributes:
-        velocity: (n_r, 3, k) a trial, of its counted samples, in physical units.
-        sensors: (m, k) rows of all sensors of all trials, whitened.
+        shared: (s,) places of the columns that all trials have.
+        own: (k_r,) a trial, places of those that it alone has.
+        velocity: (n_r, 3, s + k_r) a trial, of its counted samples, in physical units: shared columns, then its own.
+        sensors: (m, s + k_r) rows of each sensor of each trial, whitened.
     """
 
+    shared: IntArray
+    own: list[IntArray]
     velocity: list[FloatArray]
-    sensors: FloatArray
+    sensors: list[FloatArray]
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return len(self.shared) + sum(map(len, self.own))
 
     def scaled(self, factors: FloatArray) -> Slopes:
-        """Return the derivatives times factors (k,)."""
-        return Slopes([block * factors for block in self.velocity], self.sensors * factors)
+        """Return the derivatives by shared parameters times factors (k,)."""
+        velocity, sensors = ([block * factors for block in blocks] for blocks in (self.velocity, self.sensors))
+        return replace(self, velocity=velocity, sensors=sensors)
 
 
 @dataclass(frozen=True)
@@ -135,10 +146,15 @@ class Problem:
 
         The derivatives are of what was found, as those of a prediction.
         """
-        rates = np.zeros((len(self.known), len(x)))
+        rates, by_name = np.zeros((len(self.known), len(x))), self.known_rates(x)
         for row, i in enumerate(self.known):
-            rates[row, i] = self.parameters[i].deviation_rate(float(x[i]))
+            rates[row, i] = by_name[self.parameters[i].name]
         return np.array([-self.parameters[i].deviation(float(x[i])) for i in self.known]), rates
+
+    def known_rates(self, x: FloatArray) -> dict[str, float]:
+        """Return the rate of each known parameter's `deviation` by its value, by name."""
+        known = [(self.parameters[i], float(x[i])) for i in self.known]
+        return {p.name: p.deviation_rate(value) for p, value in known}
 
     @cached_property
     def samples(self) -> int:
@@ -226,7 +242,9 @@ class Problem:
             left(trial, own.velocity)[self.mask(i)][:, :, None]
             for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True))
         ]
-        return Slopes(velocity, self._sensors_left(predicted)[:, None])
+        one = np.zeros(1, dtype=np.intp)
+        sensors = [block[:, None] for block in self._sensors_left(predicted)]
+        return Slopes(one, [one[:0]] * len(self.trials), velocity, sensors)
 
     def predictions(self, x: FloatArray) -> list[FloatArray]:
         """Return predicted velocities (n_r, 3) of every trial, all samples."""
@@ -242,69 +260,90 @@ class Problem:
         lost = [(trial, rollout) for trial, rollout in predicted if not np.all(np.isfinite(rollout.velocity))]
         return "; ".join(f"{trial.name} {rollout.message}" for trial, rollout in lost)
 
-    def jacobian(self, x: FloatArray) -> FloatArray:
+    def jacobian(self, x: FloatArray) -> BlockAngular:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `known_rows`."""
-        rows = self.rows(self.slopes(x))
-        if self.known:
-            rows[self.measured :] = self.known_rows(x)[1]
-        return rows
+        return self.jacobian_of(self.slopes(x), x)
 
-    def rows(self, slopes: Slopes) -> FloatArray:
+    def jacobian_of(self, slopes: Slopes, x: FloatArray) -> BlockAngular:
+        """Return the same of derivatives by all free parameters that are known already."""
+        return self._measured_rows(slopes).above(self.known_rows(x)[1])
+
+    def rows(self, slopes: Slopes) -> BlockAngular:
         """Return derivatives as rows (n, k) of the whitened residual: zeros in those of known parameters."""
-        rows = self.whiten(slopes.velocity)
-        rows[self.samples : self.measured] = slopes.sensors
-        return rows
+        return self._measured_rows(slopes).above(np.zeros((len(self.known), slopes.count)))
+
+    def velocity_rows(self, slopes: Slopes) -> BlockAngular:
+        """Return derivatives as whitened rows (`samples`, k) of the velocities alone."""
+        return self._stacked(slopes, [[] for _ in self.trials])
+
+    def _measured_rows(self, slopes: Slopes) -> BlockAngular:
+        """Return derivatives as whitened rows (`measured`, k) of velocities and sensors."""
+        sensors: list[list[tuple[slice, FloatArray]]] = [[] for _ in self.trials]
+        for (i, _), rows, block in zip(self.sensors, self.sensor_rows, slopes.sensors, strict=True):
+            sensors[i].append((rows, block))
+        return self._stacked(slopes, sensors)
+
+    def _stacked(self, slopes: Slopes, beside: list[list[tuple[slice, FloatArray]]]) -> BlockAngular:
+        """Return whitened rows: of the velocities, and blocks (m, k) of sensors with their places, by trial."""
+        count, parts = len(slopes.shared), []
+        shared = np.zeros((self.measured if any(beside) else self.samples, count))
+        for i, (block, own, velocities) in enumerate(
+            zip(slopes.velocity, slopes.own, self.rows_by_trial(), strict=True)
+        ):
+            white = [self.whitened(i, block).reshape(3 * len(block), block.shape[2]), *(rows for _, rows in beside[i])]
+            places = [np.arange(at.start, at.stop) for at in (velocities, *(at for at, _ in beside[i]))]
+            rows, every = np.concatenate(places), np.concatenate(white)
+            shared[rows] = every[:, :count]
+            if len(own):
+                parts.append(Part(rows, own, every[:, count:]))
+        return BlockAngular(shared, slopes.shared, tuple(parts))
 
     def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
-        """Whiten blocks (n_r, 3, k), one a trial, and stack them to (n, k): zeros in all rows but the velocities'."""
-        if blocks[0].shape[2] == 0:  # filters refuse columns that are none
-            return self.whiten([np.zeros((len(block), len(CHANNELS), 1)) for block in blocks])[:, :0]
-        whitened = [self.whitened(i, block).reshape(-1, block.shape[2]) for i, block in enumerate(blocks)]
-        return self.padded(np.concatenate(whitened))
-
-    def padded(self, rows: FloatArray) -> FloatArray:
-        """Return columns (n, k) of the velocities with zeros in the rows of sensors and known parameters."""
-        more = self.measured - self.samples + len(self.known)
-        return np.concatenate([rows, np.zeros((more, rows.shape[1]))]) if more else rows
+        """Whiten blocks (n_r, 3, k) of velocities, one a trial, and stack them to (`samples`, k)."""
+        white = (self.whitened(i, block) for i, block in enumerate(blocks))
+        return np.concatenate([block.reshape(3 * len(block), block.shape[2]) for block in white])
 
     def whitened(self, index: int, block: FloatArray) -> FloatArray:
         """Whiten columns (n_r, 3, ...) of the counted samples of one trial."""
+        if block.size == 0:  # filters refuse columns that are none
+            return block
         return self.noise.whiten(self.trials[index], self.mask(index), block)
 
-    def sensitivities(self, x: FloatArray, only: Sequence[str] | None = None) -> list[FloatArray]:
-        """Return, per trial, the derivative (n_r, 3, k) of the prediction by the free parameters or those in `only`.
+    def slopes(self, x: FloatArray, only: Collection[str] | None = None) -> Slopes:
+        """Return the derivatives of velocities and sensors by the free parameters or those in `only`.
 
         Exact (`mjfish.model.sensitivity`); at a bound where the model changes its form, such as a servo without lag, a
         one-sided difference of second order over a tenth of the parameter's scale. Zero where not measured.
         """
-        return self.slopes(x, only).velocity
-
-    def slopes(self, x: FloatArray, only: Sequence[str] | None = None) -> Slopes:
-        """Return the derivatives of velocities and sensors by the free parameters or those in `only`."""
-        parameters = self.parameters
-        chosen = [parameters[i] for i in range(len(parameters)) if only is None or parameters[i].name in only]
+        chosen = [p for p in self.parameters if only is None or p.name in only]
         here = self.named(x)
-        found = list(threaded(lambda trial: self._slopes(trial, here, chosen), self.trials, self.jobs))
+        shared = np.array([k for k, p in enumerate(chosen) if ":" not in p.name], dtype=np.intp)
+        names = {trial.name: list[int]() for trial in self.trials}
+        for k, p in enumerate(chosen):
+            if ":" in p.name:
+                names[p.name.rpartition(":")[0]].append(k)
+        own = [np.array(names[trial.name], dtype=np.intp) for trial in self.trials]
+        tasks = [(trial, [chosen[k] for k in (*shared, *mine)]) for trial, mine in zip(self.trials, own, strict=True)]
+        found = list(threaded(lambda task: self._slopes(task[0], here, task[1]), tasks, self.jobs))
         velocity = [
-            np.nan_to_num(own.velocity if trial.measured.all() else own.velocity * trial.measured[:, None])[
+            np.nan_to_num(one.velocity if trial.measured.all() else one.velocity * trial.measured[:, None])[
                 self.mask(i)
             ]
-            for i, (trial, own) in enumerate(zip(self.trials, found, strict=True))
+            for i, (trial, one) in enumerate(zip(self.trials, found, strict=True))
         ]
-        every = [block for own in found for block in own.sensors]
+        every = [block for one in found for block in one.sensors]
         sensors = [
-            (np.nan_to_num(block)[self.sensor_mask(i, sensor)] / self.sigma_of(sensor)[:, None]).reshape(
-                -1, len(chosen)
-            )
+            np.nan_to_num(block)[self.sensor_mask(i, sensor)] / self.sigma_of(sensor)[:, None]
             for (i, sensor), block in zip(self.sensors, every, strict=True)
         ]
-        return Slopes(velocity, np.concatenate([np.zeros((0, len(chosen))), *sensors]))
+        sensors = [block.reshape(block.shape[0] * block.shape[1], block.shape[2]) for block in sensors]
+        return Slopes(shared, own, velocity, sensors)
 
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:
-        """Return the derivatives (n, 3, k), (m, c, k) of one trial's prediction by the chosen parameters."""
+        """Return the derivatives (n, 3, k), (m, c, k) of one trial's prediction by parameters of it or shared."""
         result = np.zeros((len(trial.time), len(CHANNELS), len(chosen)))
         beside = tuple(np.zeros((*sensor.values.shape, len(chosen))) for sensor in trial.sensors)
-        own = {k: p.name.removeprefix(f"{trial.name}:") for k, p in enumerate(chosen) if not elsewhere(p, trial)}
+        own = {k: p.name.removeprefix(f"{trial.name}:") for k, p in enumerate(chosen)}
         model = self._sloping
         rough = [k for k, name in own.items() if one_sided(model, name, here[chosen[k].name])]
         exact = [k for k in own if k not in rough]
@@ -387,13 +426,19 @@ class Problem:
         counted = (int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials)))
         return blocks_of([len(CHANNELS) * samples for samples in counted])
 
+    @cached_property
+    def trial_rows(self) -> list[IntArray]:
+        """Where the rows of each trial, of velocities and of sensors, stand in a whitened residual."""
+        rows = [[np.arange(part.start, part.stop)] for part in self.rows_by_trial()]
+        for (i, _), part in zip(self.sensors, self.sensor_rows, strict=True):
+            rows[i].append(np.arange(part.start, part.stop))
+        return [np.concatenate(own) for own in rows]
+
     def rows_of(self, trials: Collection[int]) -> BoolArray:
         """Return which rows (n,) of a whitened residual some trials have: of velocities and of sensors."""
         counted = np.zeros(self.measured + len(self.known), dtype=np.bool_)
-        velocities = [rows for i, rows in enumerate(self.rows_by_trial()) if i in trials]
-        sensors = [rows for rows, (i, _) in zip(self.sensor_rows, self.sensors, strict=True) if i in trials]
-        for rows in (*velocities, *sensors):
-            counted[rows] = True
+        for i in trials:
+            counted[self.trial_rows[i]] = True
         return counted
 
     def start(self, given: Mapping[str, float] | None = None) -> FloatArray:
@@ -412,15 +457,15 @@ class Problem:
                 parts.append(np.full(len(CHANNELS) * int(np.count_nonzero(keep)), LOST))
             else:
                 parts.append(self.whitened(i, left(trial, own.velocity)[keep]).ravel())
-        return np.concatenate([*parts, self._sensors_left(predicted)])
+        return np.concatenate([*parts, *self._sensors_left(predicted)])
 
-    def _sensors_left(self, predicted: list[_Predicted]) -> FloatArray:
-        """Return whitened residuals (m,) of all sensors."""
-        parts, every = [np.zeros(0)], [(own.lost, block) for own in predicted for block in own.sensors]
+    def _sensors_left(self, predicted: list[_Predicted]) -> list[FloatArray]:
+        """Return whitened residuals (m,) of each sensor."""
+        parts, every = [], [(own.lost, block) for own in predicted for block in own.sensors]
         for (i, sensor), (lost, block) in zip(self.sensors, every, strict=True):
             white = ((sensor.values - block) / self.sigma_of(sensor))[self.sensor_mask(i, sensor)].ravel()
             parts.append(np.full_like(white, LOST) if lost else white)
-        return np.concatenate(parts)
+        return parts
 
     def _run(self, x: FloatArray) -> list[_Predicted]:
         values = self.named(x)
@@ -531,9 +576,3 @@ def _first_pose(trial: Trial) -> tuple[float, float, float]:
             found[2] = np.arctan2(moved[1], moved[0])
     x, y, yaw = np.nan_to_num(found)
     return float(x), float(y), float(yaw)
-
-
-def elsewhere(parameter: Parameter, trial: Trial) -> bool:
-    """Return whether the parameter is a nuisance of another trial."""
-    owner, separator, _ = parameter.name.rpartition(":")
-    return bool(separator) and owner != trial.name

@@ -66,8 +66,8 @@ def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, .
     slopes = []
     for alone, x in _alone(fitted, found.values, trials):
         free = replace(alone, fixed=fitted.fixed)
-        columns = free.sensitivities(free.start({**alone.named(x), **found.values}), shared)
-        slopes.append(free.whiten(columns)[: free.samples])
+        columns = free.slopes(free.start({**alone.named(x), **found.values}), shared).velocity
+        slopes.append(free.whiten(columns))
     return np.asarray(np.concatenate(slopes) @ root)
 
 

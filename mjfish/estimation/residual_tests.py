@@ -237,7 +237,7 @@ def _background(
         joined = np.concatenate(main, axis=1)
         bases.append(np.nan_to_num(residual.on_grid(linalg.orth(joined) if joined.shape[1] else joined)))
         grids.append(residual.on_grid(residual.values))
-    lost = 0.0 if absorbed is None else absorbed.map.shape[1] / (len(CHANNELS) * len(residuals))
+    lost = 0.0 if absorbed is None else absorbed.count / (len(CHANNELS) * len(residuals))
     rates = [tuple(bool(np.isclose(a.trial.step, b.trial.step, rtol=0.01)) for b in residuals) for a in residuals]
     found: dict[tuple[bool, ...], Autoregressive] = {}
     for same_rate in rates:
@@ -258,53 +258,84 @@ def _of(
     absorbed: Absorbed | None,
 ) -> list[CrossCorrelation]:
     """Return the tests of one channel against one input: of every trial, then of all."""
-    columns = _columns(channel, left, designs)
-    still = columns[0].shape[2] == 0
-    clear = columns if absorbed is None or still else absorbed.clear(columns)
-    sums = _Sums(
-        score=np.sum([np.einsum("ncd,nc->d", block, e) for block, e in zip(clear, left, strict=True)], axis=0),
-        before=_covariance(columns, residuals, noises),
-        after=_covariance(clear, residuals, noises),
-        energy=np.array([float(e[:, channel] @ e[:, channel]) for e in left]),
-        samples=sum(int(np.count_nonzero(e[:, channel])) for e in left),
-    )
-    every = range(len(residuals))
-    named = [(residuals[k].trial.name, [k]) for k in every] + [(ALL, list(every))]
-    return [_test(trial, CHANNELS[channel], name, members, designs, sums) for trial, members in named]
+    taken = absorbed or Absorbed.nothing(residuals)
+    basis = [np.zeros((*e.shape, design.basis.shape[1])) for e, design in zip(left, designs, strict=True)]
+    for block, design in zip(basis, designs, strict=True):
+        block[:, channel] = design.basis
+    weighed = [taken.weighed(r, len(e)) for r, e in enumerate(left)]
+    common = sum(np.einsum("ncs,nc->s", w, e) for w, e in zip(weighed, left, strict=True))
+    parts = []
+    for r, (u, e, w) in enumerate(zip(basis, left, weighed, strict=True)):
+        own, shared = taken.own_cleared(r, u), taken.shared_share(r, u)
+        covered = [_shaped(block, residuals[r], noises[r]) for block in (u, own, w)]
+        before, after, both, spread = (
+            np.sum([one.T @ other for one, other in zip(covered[i], covered[j], strict=True)], axis=0)
+            for i, j in ((0, 0), (1, 1), (1, 2), (2, 2))
+        )
+        score = np.einsum("ncd,nc->d", own, e) - shared.T @ common
+        energy = float(e[:, channel] @ e[:, channel])
+        parts.append(_Part(designs[r], score, before, after, both, shared, spread, energy))
+    samples = sum(int(np.count_nonzero(e[:, channel])) for e in left)
+    spare = max(samples - sum(len(part.score) for part in parts), 1)
+    spread = np.sum([part.spread for part in parts], axis=0)
+    named = [(residual.trial.name, [part]) for residual, part in zip(residuals, parts, strict=True)]
+    return [_test(trial, CHANNELS[channel], name, own, spread, spare) for trial, own in [*named, (ALL, parts)]]
+
+
+def _shaped(block: FloatArray, residual: Residual, noise: Autoregressive) -> list[FloatArray]:
+    """Return `coloured` columns (n, 3, d), by channel: the sum of products of two of them is u' S u."""
+    grid = np.nan_to_num(residual.on_grid(block))
+    return [coloured(noise, channel, grid[:, channel]) for channel in range(len(CHANNELS))]
 
 
 @dataclass(frozen=True, eq=False)
-class _Sums:
-    """Products of the basis of all trials with the residual, and their covariance before and after the fit."""
+class _Part:
+    """Products of the basis of one trial, U, with the residual, and their covariance before and after the fit.
 
+    With S the covariance of the noise, B what the parameters of the trial alone leave of U, W and T' what the shared
+    ones take of all trials (`Absorbed`), the covariance of the products of trials p and q is after the fit
+
+        [p = q] B_p' S B_p - B_p' S W_p T_q - T_p' W_q' S B_q + T_p' (sum_r W_r' S W_r) T_q
+
+    Attributes:
+        design: the input.
+        score: (d,) products with the residual.
+        before: (d, d) U' S U.
+        after: (d, d) B' S B.
+        both: (d, s) B' S W.
+        shared: (s, d) T.
+        spread: (s, s) W' S W.
+        energy: of the residual.
+    """
+
+    design: Lagged
     score: FloatArray
     before: FloatArray
     after: FloatArray
-    energy: FloatArray
-    samples: int
+    both: FloatArray
+    shared: FloatArray
+    spread: FloatArray
+    energy: float
 
 
 def _test(
-    trial: str, channel: str, name: str, members: list[int], designs: list[Lagged], sums: _Sums
+    trial: str, channel: str, name: str, parts: Sequence[_Part], spread: FloatArray, spare: int
 ) -> CrossCorrelation:
     """Return the test of some trials jointly, and the correlation of their sum."""
-    first = np.cumsum([0, *(design.basis.shape[1] for design in designs)])
-    every = np.concatenate([np.arange(first[k], first[k + 1]) for k in members])
-    main = np.concatenate([np.arange(first[k], first[k] + designs[k].main) for k in members])
-    loading = np.concatenate([designs[k].loading for k in members])
-    variance = np.einsum("il,ij,jl->l", loading, sums.after[np.ix_(every, every)], loading)
-    power = np.sum([designs[k].power for k in members], axis=0) * np.sum(sums.energy[members])
+    pairs = [(part.design.loading, part) for part in parts]
+    alone = np.sum([np.einsum("il,ij,jl->l", own, part.after, own) for own, part in pairs], axis=0)
+    both = np.sum([part.both.T @ own for own, part in pairs], axis=0)
+    shared = np.sum([part.shared @ own for own, part in pairs], axis=0)
+    variance = alone - 2.0 * np.sum(both * shared, axis=0) + np.einsum("il,ij,jl->l", shared, spread, shared)
+    power = np.sum([part.design.power for part in parts], axis=0) * sum(part.energy for part in parts)
     scale = 1.0 / np.sqrt(np.maximum(power, 1e-300))
-    statistic, degrees_of_freedom = _quadratic(
-        sums.score[main], sums.before[np.ix_(main, main)], sums.after[np.ix_(main, main)]
-    )
-    spare = max(sums.samples - len(sums.score), 1)
+    statistic, degrees_of_freedom = _quadratic(parts, spread)
     return CrossCorrelation(
         trial=trial,
         channel=channel,
         input=name,
-        lag=designs[0].lag,
-        value=loading.T @ sums.score[every] * scale,
+        lag=parts[0].design.lag,
+        value=np.sum([own.T @ part.score for own, part in pairs], axis=0) * scale,
         band=np.asarray(stats.norm.isf(BAND / 2.0) * np.sqrt(np.maximum(variance, 0.0)) * scale),
         statistic=statistic,
         degrees_of_freedom=degrees_of_freedom,
@@ -314,37 +345,33 @@ def _test(
     )
 
 
-def _columns(channel: int, left: list[FloatArray], designs: list[Lagged]) -> list[FloatArray]:
-    """Return the bases of all trials as columns (n_r, 3, d) a trial, each zero outside its trial and the channel."""
-    total = sum(design.basis.shape[1] for design in designs)
-    blocks, first = [], 0
-    for e, design in zip(left, designs, strict=True):
-        block = np.zeros((*e.shape, total))
-        block[:, channel, first : first + design.basis.shape[1]] = design.basis
-        blocks.append(block)
-        first += design.basis.shape[1]
-    return blocks
+def _quadratic(parts: Sequence[_Part], spread: FloatArray) -> tuple[float, int]:
+    """Return score' after^+ score and its rank, of main directions without those that the fit has taken.
 
-
-def _covariance(columns: list[FloatArray], residuals: Sequence[Residual], noises: list[Autoregressive]) -> FloatArray:
-    """Return the covariance (d, d) of the columns' products with the noise: sigma^2 (A^-T u)' (A^-T u), summed."""
-    total = np.zeros((columns[0].shape[2],) * 2)
-    for block, residual, noise in zip(columns, residuals, noises, strict=True):
-        grid = np.nan_to_num(residual.on_grid(block))
-        for channel in range(len(CHANNELS)):
-            shaped = coloured(noise, channel, grid[:, channel])
-            total += shaped.T @ shaped
-    return total
-
-
-def _quadratic(score: FloatArray, before: FloatArray, after: FloatArray) -> tuple[float, int]:
-    """Return score' after^+ score and its rank, without directions that the fit has taken."""
-    if not len(score):
+    First those that the parameters of a trial took of its own, before all others; then those that the shared ones took
+    of what was left. With coordinates in which the covariance is 1 but for these, it is 1 + Z K Z', Z of two columns a
+    shared direction: its eigenvalues off 1 are those of a matrix of that size.
+    """
+    along, columns = [], []
+    for part in parts:
+        main = slice(part.design.main)
+        if not part.design.main:
+            continue
+        shares, directions = linalg.eigh(part.after[main, main], part.before[main, main])
+        axes = directions[:, shares > _LEFT] / np.sqrt(shares[shares > _LEFT])
+        along.append(axes.T @ part.score[main])
+        columns.append(axes.T @ np.hstack([part.both[main], part.shared[:, main].T]))
+    if not along:
         return 0.0, 0
-    shares, directions = linalg.eigh(after, before)
+    y, z = np.concatenate(along), np.concatenate(columns)
+    one = np.eye(len(spread))
+    q, r = np.linalg.qr(z)
+    shares, directions = np.linalg.eigh(np.eye(len(r)) + r @ np.block([[0.0 * one, -one], [-one, spread]]) @ r.T)
+    inside = q.T @ y
     kept = shares > _LEFT
-    along = directions[:, kept].T @ score
-    return float(np.sum(along**2 / shares[kept])), int(np.count_nonzero(kept))
+    turned = (directions.T @ inside)[kept]
+    statistic = float(y @ y - inside @ inside + np.sum(turned**2 / shares[kept]))
+    return statistic, len(y) - int(np.count_nonzero(~kept))
 
 
 @dataclass(frozen=True, eq=False)
@@ -447,41 +474,89 @@ class Absorbed:
 
         e = (I - J (J'W J)^+ J'W) v,      so      u'e = (u - W J (J'W J)^+ J'u)' v
 
+    With an orthonormal basis U of F J, and V the same combinations of the columns of J, W J (J'W J)^+ J'u = F'U V'u.
+
     Attributes:
         masks: (n_r,) samples of every trial that the fit looked at.
-        slopes: (n_r', 3, p) J of every trial, at those samples, scaled.
-        weighed: (n_r', 3, k) of every trial, F' U with U an orthonormal basis of F J.
-        map: (p, k): F J map = U.
+        own: V and F'U (n_r', 3, k) of every trial, at those samples: of the parameters that it alone has.
+        shared: the same (n_r', 3, s) of those that trials share.
     """
 
     masks: tuple[BoolArray, ...]
-    slopes: tuple[FloatArray, ...]
-    weighed: tuple[FloatArray, ...]
-    map: FloatArray
+    own: tuple[tuple[FloatArray, FloatArray], ...]
+    shared: tuple[tuple[FloatArray, FloatArray], ...]
+
+    @classmethod
+    def nothing(cls, residuals: Sequence[Residual]) -> Absorbed:
+        """Return what no fit took out of residuals."""
+        masks = tuple(np.zeros(len(residual.values), dtype=np.bool_) for residual in residuals)
+        empty = tuple((np.zeros((0, 3, 0)), np.zeros((0, 3, 0))) for _ in residuals)
+        return cls(masks, empty, empty)
+
+    @property
+    def count(self) -> int:
+        """Number of directions."""
+        return int(sum(v.shape[2] for v, _ in self.own) + self.shared[0][0].shape[2])
+
+    def weighed(self, r: int, samples: int) -> FloatArray:
+        """Return F'U (n, 3, s) of the shared directions in one trial, all samples."""
+        found = np.zeros((samples, 3, self.shared[r][1].shape[2]))
+        found[self.masks[r]] = self.shared[r][1]
+        return found
+
+    def own_cleared(self, r: int, columns: FloatArray) -> FloatArray:
+        """Return columns u (n, 3, d) of one trial less what its own parameters take of them."""
+        v, weighed = self.own[r]
+        cleared = columns.copy()
+        cleared[self.masks[r]] -= weighed @ np.einsum("nck,ncd->kd", v, columns[self.masks[r]])
+        return cleared
+
+    def shared_share(self, r: int, columns: FloatArray) -> FloatArray:
+        """Return V'u (s, d) of columns u (n, 3, d) of one trial: what the shared directions take of them."""
+        return np.asarray(np.einsum("nck,ncd->kd", self.shared[r][0], columns[self.masks[r]]))
 
     def clear(self, columns: list[FloatArray]) -> list[FloatArray]:
         """Return u - W J (J'W J)^+ J'u of columns u, given as blocks (n_r, 3, d), one a trial."""
-        inside = [block[mask] for block, mask in zip(columns, self.masks, strict=True)]
-        taken = self.map.T @ sum(np.einsum("ncp,ncd->pd", j, u) for j, u in zip(self.slopes, inside, strict=True))
-        result = [block.copy() for block in columns]
-        for cleared, mask, weighed in zip(result, self.masks, self.weighed, strict=True):
-            cleared[mask] -= weighed @ taken
-        return result
+        taken = sum(self.shared_share(r, block) for r, block in enumerate(columns))
+        return [self.own_cleared(r, block) - self.weighed(r, len(block)) @ taken for r, block in enumerate(columns)]
 
 
 def absorbed(problem: Problem, fit: Fit) -> Absorbed:
     """Return what `fit` took out of the residuals of `problem`: directions of parameters off their bounds."""
-    free = np.flatnonzero(~fit.at_bound)
-    slopes = [block[:, :, free] for block in problem.sensitivities(fit.x)]
-    size = np.sqrt(np.maximum(np.sum(problem.whiten(slopes) ** 2, axis=0), 1e-300))
-    slopes = [block / size for block in slopes]
-    left, singular, right = np.linalg.svd(problem.whiten(slopes)[: problem.samples], full_matrices=False)
-    kept = singular > _FLOOR * singular.max(initial=0.0)
-    shape = (sum(map(len, slopes)), len(CHANNELS), int(np.count_nonzero(kept)))
-    parts = np.split(left[:, kept].reshape(shape), np.cumsum([len(block) for block in slopes])[:-1])
-    weighed = tuple(_whitening_transposed(problem, i, part) for i, part in enumerate(parts))
+    free = {p.name for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True) if not at_bound}
+    slopes = problem.slopes(fit.x, free)
+    count = len(slopes.shared)
+    plain = [block.reshape(3 * len(block), block.shape[2]) for block in slopes.velocity]
+    white = [problem.whitened(i, block).reshape(plain[i].shape) for i, block in enumerate(slopes.velocity)]
+    size = np.sqrt(np.sum([np.sum(block[:, :count] ** 2, axis=0) for block in white], axis=0))
+    own, shared, left = [], [], []
+    for j, w in zip(plain, white, strict=True):
+        u, v = _orthonormal(w[:, count:], j[:, count:], np.linalg.norm(w[:, count:], axis=0))
+        taken = u.T @ w[:, :count]
+        own.append((v, u))
+        left.append(w[:, :count] - u @ taken)
+        shared.append(j[:, :count] - v @ taken)
+    ends = np.cumsum([len(block) for block in left])[:-1]
+    u, v = _orthonormal(np.concatenate(left), np.concatenate(shared), size)
+    parts = list(zip(np.split(v, ends), np.split(u, ends), strict=True))
+
+    def weighed(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        shaped = [[block.reshape(len(block) // 3, 3, block.shape[1]) for block in pair] for pair in pairs]
+        return tuple((v, _whitening_transposed(problem, i, u)) for i, (v, u) in enumerate(shaped))
+
     masks = tuple(problem.mask(i) for i in range(len(problem.trials)))
-    return Absorbed(masks, tuple(slopes), weighed, right[kept].T / singular[kept])
+    return Absorbed(masks, weighed(own), weighed(parts))
+
+
+def _orthonormal(columns: FloatArray, alike: FloatArray, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return an orthonormal basis of columns (n, k), and the same combinations of columns (m, k) like them.
+
+    Directions are dust below a share of columns of these lengths (k,).
+    """
+    scale = 1.0 / np.maximum(lengths, 1e-150)
+    left, singular, right = np.linalg.svd(columns * scale, full_matrices=False)
+    kept = singular > _FLOOR * max(1.0, float(singular.max(initial=0.0)))
+    return left[:, kept], (alike * scale) @ (right[kept].T / singular[kept])
 
 
 def _whitening_transposed(problem: Problem, index: int, block: FloatArray) -> FloatArray:

@@ -30,7 +30,6 @@ from mjfish.arrays import FloatArray
 from mjfish.estimation.by_trial import Reduced, reduced, span
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.serial_correlation import blocks_of
 
 #: Share of the mean variance of a residual that every one has at least, so that recordings without noise have some.
 _LEAST = 1e-9
@@ -50,12 +49,12 @@ def scatter(problem: Problem, fit: Fit, small: Reduced | None = None) -> dict[st
         small: its residual and Jacobian by trial, where they are known already.
     """
     prior = {name for own in problem.priors for name in own.parameters}
-    free = [k for k, at_bound in enumerate(fit.at_bound) if not at_bound]
-    places = [i for i, k in enumerate(free) if not (":" in (name := fit.parameters[k].name) or name in prior)]
+    free = [p for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True) if not at_bound and ":" not in p.name]
+    places = [i for i, p in enumerate(free) if p.name not in prior]
     if len(problem.trials) < 2 or not places:
         return {}
-    small = small or reduced(blocks_of(problem, fit), ~fit.at_bound)
-    own = [fit.parameters[free[i]] for i in places]
+    small = small or reduced(problem, fit)
+    own = [free[i] for i in places]
     tau = _deviations(small, places, np.array([p.high - p.low for p in own]))
     return {p.name: float(v) for p, v in zip(own, tau, strict=True)}
 

@@ -9,15 +9,15 @@ need e to be stationary, but is much the noisier of the two.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
 
 from mjfish.arrays import BoolArray, FloatArray, RecordArray
+from mjfish.block_angular import Basis, IntArray
 from mjfish.data.trial import rows_of
-from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
 
 #: Correlations below this many of sqrt(log10(n) / n) at `_RUN` lags in a row are none ([Politis2003]).
@@ -36,50 +36,59 @@ class Block:
     Attributes:
         trial: its name.
         residual: (n, 3).
-        jacobian: (n, 3, p) of the prediction.
-        counted: (n,) whether a sample is there.
+        rows: (m,) places of its numbers in the whitened residual of the problem.
+        cells: (samples,) where these are on the grid.
         step: of the grid [s].
         series: what they are residuals of: the velocities, or a sensor by its name. Only those of one series are alike.
     """
 
     trial: str
     residual: FloatArray
-    jacobian: FloatArray
-    counted: BoolArray
+    rows: IntArray
+    cells: IntArray
     step: float
     series: str = ""
 
+    @property
+    def counted(self) -> BoolArray:
+        """Whether a sample is there (n,)."""
+        return np.isin(np.arange(len(self.residual)), self.cells)
 
-def blocks_of(problem: Problem, fit: Fit) -> tuple[Block, ...]:
-    """Return residual and Jacobian of a fit trial by trial."""
-    blocks, row = [], 0
-    for i, trial in enumerate(problem.trials):
-        time = trial.time[problem.mask(i)]
-        rows = slice(row, row + 3 * len(time))
-        row = rows.stop
-        cell = rows_of(time) if len(time) else np.zeros(0, dtype=np.intp)
-        n = int(cell[-1]) + 1 if len(cell) else 0
-        residual, jacobian = np.zeros((n, 3)), np.zeros((n, 3, fit.jacobian.shape[1]))
-        residual[cell] = fit.residual[rows].reshape(-1, 3)
-        jacobian[cell] = fit.jacobian[rows].reshape(len(time), 3, -1)
-        blocks.append(Block(trial.name, residual, jacobian, np.isin(np.arange(n), cell), trial.step))
-    return tuple(blocks)
+    def on_grid(self, columns: FloatArray) -> FloatArray:
+        """Return columns (m, k) at `rows` as (n, 3, k) on the grid; channels that a sensor has not are zero."""
+        found = np.zeros((len(self.residual), 3, columns.shape[1]))
+        channels = len(self.rows) // max(len(self.cells), 1)
+        found[self.cells, :channels] = columns.reshape(len(self.cells), channels, -1)
+        return found
 
 
-def sensor_blocks(problem: Problem, fit: Fit) -> tuple[Block, ...]:
-    """Return residual and Jacobian of a fit sensor by sensor; channels that a sensor has not are zero."""
-    blocks = []
-    for (i, sensor), rows in zip(problem.sensors, problem.sensor_rows, strict=True):
-        time, wide = sensor.time[problem.sensor_mask(i, sensor)], len(sensor.channels)
-        if not len(time):
-            continue
-        cell = rows_of(time)
-        residual, jacobian = np.zeros((cell[-1] + 1, 3)), np.zeros((cell[-1] + 1, 3, fit.jacobian.shape[1]))
-        residual[cell, :wide] = fit.residual[rows].reshape(-1, wide)
-        jacobian[cell, :wide] = fit.jacobian[rows].reshape(len(time), wide, -1)
-        counted = np.isin(np.arange(len(residual)), cell)
-        blocks.append(Block(problem.trials[i].name, residual, jacobian, counted, sensor.step, sensor.name))
-    return tuple(blocks)
+def serial_blocks(problem: Problem, residual: FloatArray) -> tuple[Block, ...]:
+    """Return the whitened residual (n,) of the velocities trial by trial, then of every sensor."""
+    return (*blocks_of(problem, residual), *_sensor_blocks(problem, residual))
+
+
+def blocks_of(problem: Problem, residual: FloatArray) -> tuple[Block, ...]:
+    """Return the whitened residual (n,) of the velocities trial by trial."""
+    return tuple(
+        _block(residual, trial.time[problem.mask(i)], rows, trial.name, trial.step)
+        for i, (trial, rows) in enumerate(zip(problem.trials, problem.rows_by_trial(), strict=True))
+    )
+
+
+def _sensor_blocks(problem: Problem, residual: FloatArray) -> tuple[Block, ...]:
+    """Return the whitened residual (n,) of the sensors, sensor by sensor."""
+    return tuple(
+        _block(residual, time, rows, problem.trials[i].name, sensor.step, sensor.name)
+        for (i, sensor), rows in zip(problem.sensors, problem.sensor_rows, strict=True)
+        if len(time := sensor.time[problem.sensor_mask(i, sensor)])
+    )
+
+
+def _block(residual: FloatArray, time: FloatArray, rows: slice, trial: str, step: float, series: str = "") -> Block:
+    cells = rows_of(time) if len(time) else np.zeros(0, dtype=np.intp)
+    nothing = np.zeros((int(cells[-1]) + 1 if len(cells) else 0, 3))
+    block = Block(trial, nothing, np.arange(rows.start, rows.stop), cells, step, series)
+    return replace(block, residual=block.on_grid(residual[rows, None])[:, :, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,39 +112,50 @@ class Serial:
         waves = fft.rfft(columns, self.lengths[r], axis=0)
         return np.asarray(fft.irfft(self.spectra[r] @ waves, self.lengths[r], axis=0)[: len(columns)])
 
+    def quadratic_of(self, r: int, columns: FloatArray) -> FloatArray:
+        """Return A' Omega_r A (k, k) of the columns A (n, 3, k) of one block."""
+        return np.asarray(np.einsum("tci,tcj->ij", columns, self.times(r, columns)))
+
     def quadratic(self, columns: Sequence[FloatArray]) -> FloatArray:
-        """Return the sum over trials of A_r' Omega_r A_r (k, k), for A_r of (n, 3, k)."""
-        total = sum(np.einsum("tci,tcj->ij", a, self.times(r, a)) for r, a in enumerate(columns))
-        return np.asarray(total)
+        """Return the sum over blocks of A_r' Omega_r A_r (k, k), for A_r of (n, 3, k)."""
+        return np.asarray(sum(self.quadratic_of(r, a) for r, a in enumerate(columns)))
 
     def degrees_of_freedom(self, columns: Sequence[FloatArray], *, total: bool = False) -> FloatArray:
         """Return how many degrees of freedom (k,) the diagonal of `quadratic` has, by Satterthwaite.
 
-        A variance v = e'T e that is estimated from Gaussian e has var(v) = 2 tr(T Omega T Omega) and counts like a sum
-        of 2 v^2 / var(v) squares; T is Toeplitz, with the tapered autocorrelation of the column on its diagonals.
-
         Args:
-            columns: A_r (n, 3, k) of every trial.
+            columns: A_r (n, 3, k) of every block.
             total: of the sum of the diagonal, (1,).
         """
-        value, spread = 0.0, 0.0
+        moments = [self.moments(r, a, total=total) for r, a in enumerate(columns)]
+        return satterthwaite(*np.sum(moments, axis=0))
+
+    def moments(self, r: int, columns: FloatArray, *, total: bool = False) -> FloatArray:
+        """Return what one block adds to mean and variance (2, k) of the diagonal of `quadratic`.
+
+        A variance v = e'T e that is estimated from Gaussian e has var(v) = 2 tr(T Omega T Omega) and counts like a sum
+        of 2 v^2 / var(v) squares; T is Toeplitz, with the tapered autocorrelation of the column on its diagonals.
+        """
+        n, length = len(columns), self.lengths[r]
         with np.errstate(over="ignore", invalid="ignore"):  # columns that a fish at rest leaves without energy
-            for r, a in enumerate(columns):
-                n, length = len(a), self.lengths[r]
-                power = np.abs(fft.rfft(a, length, axis=0)) ** 2
-                power = power.sum(axis=2, keepdims=True) if total else power
-                own = np.einsum("lcc->lc", self.tapers[r])[:, :, None]
-                weight = fft.rfft(fft.irfft(power, length, axis=0) * own, axis=0).real
-                shares = weight * np.einsum("fcc->fc", self.spectra[r]).real[:, :, None]
-                both = np.full(len(shares), 2.0)
-                both[0] = 1.0
-                value = value + n / length * np.einsum("f,fck->k", both, shares)
-                spread = spread + 2.0 * n / length * np.einsum("f,fck->k", both, shares**2)
-            degrees_of_freedom = 2.0 * value**2 / np.maximum(spread, 1e-300)
-        return np.asarray(np.nan_to_num(degrees_of_freedom))
+            power = np.abs(fft.rfft(columns, length, axis=0)) ** 2
+            power = power.sum(axis=2, keepdims=True) if total else power
+            own = np.einsum("lcc->lc", self.tapers[r])[:, :, None]
+            weight = fft.rfft(fft.irfft(power, length, axis=0) * own, axis=0).real
+            shares = weight * np.einsum("fcc->fc", self.spectra[r]).real[:, :, None]
+            both = np.full(len(shares), 2.0)
+            both[0] = 1.0
+            value = n / length * np.einsum("f,fck->k", both, shares)
+            return np.stack([value, 2.0 * n / length * np.einsum("f,fck->k", both, shares**2)])
 
 
-def serial(blocks: Sequence[Block], free: BoolArray, *, apart: bool = False) -> Serial:
+def satterthwaite(mean: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return the degrees of freedom (k,) of estimates of a variance, of mean (k,) and variance (k,)."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.nan_to_num(2.0 * mean**2 / np.maximum(variance, 1e-300)))
+
+
+def serial(blocks: Sequence[Block], basis: Basis) -> Serial:
     """Estimate the covariance of the residuals in time.
 
     What the fit of the free parameters took out of the residual, e = (1 - U U') u, is given back:
@@ -146,27 +166,60 @@ def serial(blocks: Sequence[Block], free: BoolArray, *, apart: bool = False) -> 
 
     Args:
         blocks: of a fit.
-        free: (p,) which parameters were free and off their bounds.
-        apart: whether they were fitted to each trial alone.
+        basis: U, of the derivatives by the parameters that were free and off their bounds.
     """
+    own = [basis.at(block.rows) for block in blocks]
+    columns = [block.on_grid(np.hstack([q, s])) for block, (_, q, s) in zip(blocks, own, strict=True)]
+    runs = [run for run, _, _ in own]
+    shared = basis.shared.shape[1]
+
+    def over_blocks(middles: list[FloatArray]) -> list[FloatArray]:
+        """Return U' Omega U of each block's columns: of shared ones over all blocks, else over those of its run."""
+        common = sum((m[-shared:, -shared:] for m in middles if shared), np.zeros((shared, shared)))
+        whole: dict[int, FloatArray] = {}
+        for run, middle in zip(runs, middles, strict=True):
+            whole[run] = whole[run] + middle if run in whole else middle
+        for middle in whole.values():
+            middle[len(middle) - shared :, len(middle) - shared :] = common
+        return [whole[run] for run in runs]
+
+    return _serial(blocks, columns, over_blocks)
+
+
+def serial_apart(blocks: Sequence[Block], bases: Sequence[FloatArray]) -> Serial:
+    """Estimate the same of trials that were fitted alone, with bases (n_r, 3, k) of their own."""
+    return _serial(blocks, bases, lambda middles: middles)
+
+
+def _serial(
+    blocks: Sequence[Block], basis: Sequence[FloatArray], joined: Callable[[list[FloatArray]], list[FloatArray]]
+) -> Serial:
     every = {block.series for block in blocks}
     longest = {s: int(_LONGEST * min(len(b.residual) for b in blocks if b.series == s)) for s in every}
     lengths = tuple(fft.next_fast_len(len(b.residual) + longest[b.series] + 1, real=True) for b in blocks)
     pairs = list(zip(blocks, lengths, strict=True))
     sums = [_lag_sums(block.residual[:, :, None], block.residual[:, :, None], n) for block, n in pairs]
     counts = [_lag_sums(block.counted[:, None, None], block.counted[:, None, None], n)[:, 0, 0] for block, n in pairs]
-    basis = [u for group in ([[b] for b in blocks] if apart else [blocks]) for u in _basis(group, free)]
     found = _smoothed(blocks, sums, counts, lengths, longest)
     for _ in range(_ROUNDS):
         turned = [found.times(r, u) for r, u in enumerate(basis)]
-        middles = [np.einsum("tci,tcj->ij", u, w) for u, w in zip(basis, turned, strict=True)]
-        if not apart:
-            middles = [sum(middles, np.zeros_like(middles[0]))] * len(blocks)
+        middles = joined([np.einsum("tci,tcj->ij", u, w) for u, w in zip(basis, turned, strict=True)])
         halves = [w - 0.5 * u @ m for u, w, m in zip(basis, turned, middles, strict=True)]
         taken = [_lag_sums(u, w, n) for u, w, n in zip(basis, halves, lengths, strict=True)]
         corrected = [s + t + _turned(t) for s, t in zip(sums, taken, strict=True)]
         found = _smoothed(blocks, corrected, counts, lengths, longest)
     return found
+
+
+def middle(found: Serial, blocks: Sequence[Block], basis: Basis, measured: int) -> FloatArray:
+    """Return Q' Omega Q (rank, rank) of a basis; Omega is 1 in the rows behind the `measured` ones."""
+    known = basis.of_rows(np.arange(measured, len(basis.shared)))
+    result = known.T @ known
+    for r, block in enumerate(blocks):
+        run, q, shared = basis.at(block.rows)
+        places = np.concatenate([basis.places_of(run), basis.places_of(None)])
+        result[np.ix_(places, places)] += found.quadratic_of(r, block.on_grid(np.hstack([q, shared])))
+    return result
 
 
 def _smoothed(
@@ -184,23 +237,6 @@ def _smoothed(
     )
     windows = np.max([np.diag(reach["", block.step]) * block.step for block in blocks if not block.series], axis=0)
     return Serial(tuple(_spectrum(s * w) for s, w in zip(sums, tapers, strict=True)), tapers, lengths, windows)
-
-
-def _basis(blocks: Sequence[Block], free: BoolArray) -> list[FloatArray]:
-    """Return an orthonormal basis of the span of the free columns, by trial."""
-    return by_trial(np.linalg.qr(stacked(blocks, free))[0], blocks)
-
-
-def stacked(blocks: Sequence[Block], free: BoolArray) -> FloatArray:
-    """Return the free columns of the Jacobian (n, k) of all trials."""
-    count = int(np.count_nonzero(free))
-    return np.concatenate([block.jacobian[:, :, free].reshape(3 * len(block.residual), count) for block in blocks])
-
-
-def by_trial(columns: FloatArray, blocks: Sequence[Block]) -> list[FloatArray]:
-    """Return stacked columns (n, k) as one (n_r, 3, k) a trial."""
-    parts = np.split(columns, np.cumsum([3 * len(block.residual) for block in blocks])[:-1])
-    return [part.reshape(len(block.residual), 3, columns.shape[1]) for part, block in zip(parts, blocks, strict=True)]
 
 
 def _lag_sums(x: FloatArray | BoolArray, y: FloatArray | BoolArray, length: int) -> FloatArray:

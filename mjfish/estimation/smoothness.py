@@ -49,9 +49,9 @@ def smoothed(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
 def learned_sds(problem: Problem, found: Fit) -> dict[str, float]:
     """Return the sds of the learned priors, by name, that maximise the marginal likelihood of the linearised model."""
     free = np.flatnonzero(~found.at_bound)
-    jacobian = found.jacobian[:, free]
-    gram = jacobian.T @ jacobian
-    score = jacobian.T @ (found.residual + jacobian @ found.x[free])
+    jacobian = found.jacobian.chosen(~found.at_bound)
+    gram = jacobian.gram()
+    score = jacobian.transposed_times(found.residual + jacobian @ found.x[free])
     rows = {prior.name: problem.prior_rows(prior)[:, free] * prior.sd for prior in problem.priors}
     sds = {prior.name: prior.sd for prior in problem.priors}
     means = {prior.name: prior.mean for prior in problem.priors}
@@ -80,15 +80,16 @@ def learned_sds(problem: Problem, found: Fit) -> dict[str, float]:
 def effective_degrees_of_freedom(problem: Problem, found: Fit, names: Sequence[str]) -> float:
     """Return tr((J'J + S)^-1 J'J) over the parameters of these names: how many of them the data determine.
 
-    It is their number less tr((J'J + S)^-1 R'R) of their priors R, which is |U_R|^2 with [J; R] = U s V'.
+    It is their number less tr((J'J + S)^-1 R'R) of their priors R, which is |R V / s|^2 with [J; R] = U s V'.
     """
     free = np.flatnonzero(~found.at_bound)
-    stacked = np.concatenate([found.jacobian, problem.prior_root])[:, free]
-    stacked = stacked / np.maximum(np.linalg.norm(stacked, axis=0), 1e-300)
-    left, singular, _ = np.linalg.svd(stacked, full_matrices=False)
+    stacked = found.jacobian.above(problem.prior_root).chosen(~found.at_bound).factors.triangle
+    lengths = np.maximum(np.linalg.norm(stacked, axis=0), 1e-300)
+    _, singular, right = np.linalg.svd(stacked / lengths, full_matrices=False)
     kept = singular > _RANK * singular.max(initial=0.0)
     own = np.array([found.parameters[i].name in names for i in free])
     known = np.any(problem.prior_root[:, free[own]], axis=1)
-    taken = float(np.sum(left[len(found.jacobian) :][known][:, kept] ** 2))
+    prior = problem.prior_root[known][:, free] / lengths
+    taken = float(np.sum((prior @ right[kept].T / singular[kept]) ** 2))
     lost = int(np.count_nonzero(~kept))
     return max(float(np.count_nonzero(own)) - lost - taken, 0.0)

@@ -25,7 +25,6 @@ from mjfish.estimation.by_trial import RANK, Reduced, reduced, span
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.scatter import scatter
-from mjfish.estimation.serial_correlation import blocks_of
 
 
 @dataclass(frozen=True)
@@ -89,16 +88,14 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
         fit: of it, converged.
         alpha: probability of calling a stable model unstable.
     """
-    free = ~fit.at_bound
-    shared = [k for k, p in enumerate(fit.parameters) if ":" not in p.name and free[k]]
+    shared = [k for k, p in enumerate(fit.parameters) if ":" not in p.name and not fit.at_bound[k]]
     if len(problem.trials) < 2 or not shared or not problem.complete:
         nothing = "one trial" if len(problem.trials) < 2 else "no free coefficient"
         nothing = nothing if problem.complete else "not every trial has surge, sway and yaw rate"
         return Stability(0.0, (0.0, 0.0), 1.0, (), 1.0, 1.0, None, alpha, f"{nothing}: there is nothing to compare")
-    small = reduced(blocks_of(problem, fit), free)
-    places = {k: int(np.count_nonzero(free[:k])) for k in shared}
-    alone = [_moved(fit.parameters[k].name, float(fit.x[k]), small, place) for k, place in places.items()]
-    columns = np.concatenate([small.split(place) for place in places.values()], axis=1)
+    small = reduced(problem, fit)
+    alone = [_moved(fit.parameters[k].name, float(fit.x[k]), small, place) for place, k in enumerate(shared)]
+    columns = np.concatenate([small.split(place) for place in range(len(shared))], axis=1)
     statistic, degrees_of_freedom, p_value = _f_test(small, columns)
     ranked = tuple(sorted(alone, key=lambda test: (test.p_value, -test.statistic)))
     p_value_of_first = min(1.0, len(ranked) * ranked[0].p_value)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from mjfish.arrays import FloatArray, robust_sigma
+from mjfish.arrays import FloatArray, project_out, robust_sigma
 from mjfish.data import Trial
 from mjfish.effects import Effect
 from mjfish.estimation.fit import Fit
@@ -198,9 +198,10 @@ def outlying_run(problem: Problem, fit: Fit) -> Iterator[Finding]:
     trials = problem.trials
     if len(trials) < 3:
         return
-    blocks = _by_trial(problem, fit)
-    worst = int(np.argmax([_size(_without(blocks, fit, r)[r]) for r in range(len(trials))]))
-    residuals = _without(blocks, fit, worst)
+    small = _Others.of(problem, fit)
+    worst = int(np.argmax([_size(small.residual(r, small.step(r))) for r in range(len(trials))]))
+    moved = small.step(worst)
+    residuals = [small.residual(r, moved) for r in range(len(trials))]
     level = np.array([_size(residual) for residual in residuals])
     twins = [(_shared(problem, residuals, worst, k), k) for k in range(len(trials)) if k != worst]
     compared = [(ratio, k) for ratio, k in twins if ratio is not None]
@@ -233,25 +234,43 @@ def outlying_run(problem: Problem, fit: Fit) -> Iterator[Finding]:
         )
 
 
-def _by_trial(problem: Problem, fit: Fit) -> list[tuple[FloatArray, FloatArray]]:
-    """Return whitened residual (m, 3) and Jacobian (m, 3, p) of every trial."""
-    found, row = [], 0
-    for i in range(len(problem.trials)):
-        counted = int(np.count_nonzero(problem.mask(i)))
-        rows = slice(row, row + problem.whitened(i, np.zeros((counted, 3))).size)
-        row = rows.stop
-        found.append((fit.residual[rows].reshape(-1, 3), fit.jacobian[rows].reshape(-1, 3, fit.jacobian.shape[1])))
-    return found
+@dataclass(frozen=True, eq=False)
+class _Others:
+    """A fit in few numbers by run, in which the parameters of that run alone are eliminated.
 
+    Attributes:
+        velocities: (m, 3) whitened residual of every run, and (3 m, s) its derivative by the shared parameters, both
+            less what its own parameters explain.
+        factors: of every run, the shared derivative (k, s) and the residual (k,) in an orthonormal basis.
+    """
 
-def _without(blocks: Sequence[tuple[FloatArray, FloatArray]], fit: Fit, r: int) -> list[FloatArray]:
-    """Return the residuals (m, 3) of all runs at the estimates without run r."""
-    free = np.flatnonzero(~fit.at_bound)
-    design = np.concatenate([j[:, :, free].reshape(e.size, len(free)) for k, (e, j) in enumerate(blocks) if k != r])
-    left = np.concatenate([e.ravel() for k, (e, _) in enumerate(blocks) if k != r])
-    # A direction that the other runs do not see is not moved.
-    step = np.linalg.lstsq(design, left, rcond=1e-6)[0]
-    return [np.asarray(e - j[:, :, free] @ step) for e, j in blocks]
+    velocities: tuple[tuple[FloatArray, FloatArray], ...]
+    factors: tuple[tuple[FloatArray, FloatArray], ...]
+
+    @classmethod
+    def of(cls, problem: Problem, fit: Fit) -> _Others:
+        jacobian = fit.jacobian.chosen(~fit.at_bound).top(problem.samples)
+        own = {int(part.rows[0]): part.block for part in jacobian.parts if len(part.rows)}
+        velocities, factors = [], []
+        for rows in problem.rows_by_trial():
+            shared, e = jacobian.shared[rows], fit.residual[rows]
+            basis, _ = np.linalg.qr(own.get(rows.start, shared[:, :0]))
+            shared, e = project_out(basis, shared), project_out(basis, e)
+            q, r = np.linalg.qr(shared)
+            velocities.append((e, shared))
+            factors.append((r, q.T @ e))
+        return cls(tuple(velocities), tuple(factors))
+
+    def residual(self, r: int, step: FloatArray) -> FloatArray:
+        """Return the residual (m, 3) of run r once the shared parameters have moved by a step (s,)."""
+        e, shared = self.velocities[r]
+        return np.asarray((e - shared @ step).reshape(-1, 3))
+
+    def step(self, without: int) -> FloatArray:
+        """Return how the shared parameters (s,) move without a run; a direction that no other run sees is not moved."""
+        kept = [pair for k, pair in enumerate(self.factors) if k != without]
+        design, left = (np.concatenate([pair[i] for pair in kept]) for i in (0, 1))
+        return np.asarray(np.linalg.lstsq(design, left, rcond=1e-6)[0])
 
 
 def _size(residual: FloatArray) -> float:

@@ -33,8 +33,8 @@ def contradicted(problem: Problem, fit: Fit) -> Iterator[Finding]:
         problem: that was fitted.
         fit: of it.
     """
-    rows, deviations = fit.jacobian[problem.measured :], -fit.residual[problem.measured :]
-    left = 1.0 - np.einsum("ki,ij,kj->k", rows, fit.covariance, rows)
+    rows, deviations = fit.jacobian.of_rows(slice(problem.measured, None)), -fit.residual[problem.measured :]
+    left = 1.0 - np.sum((rows @ fit.covariance) * rows, axis=1)
     asked = left > 1.0 - _UNSEEN
     for i, deviation, share, seen in zip(problem.known, deviations, left, asked, strict=True):
         t = deviation / np.sqrt(share) if seen else 0.0

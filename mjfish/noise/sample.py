@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import linalg, signal, stats
+from scipy import signal, stats
 
-from mjfish.arrays import BoolArray, FloatArray, orthonormal, project_out, robust_sigma
+from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out, robust_sigma
+from mjfish.block_angular import BlockAngular, IntArray, block_angular, span
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Autoregressive, Noise, estimate, grid
 
@@ -41,7 +42,8 @@ class NoiseSample:
         masks: (samples,) per trial, which samples count.
         residuals: (n_r, 3) per trial, in physical units.
         scale: (3,) sigma by which channels were weighed when the columns were taken out.
-        span: (n_r, 3, k) per trial, what was taken out; as columns over all trials divided by `scale`, orthonormal.
+        span: (n_r, 3, k) per trial, what was taken out of all; as columns divided by `scale`, orthonormal.
+        apart: (n_r, 3, m) per trial, what was taken out of it alone, likewise, and orthogonal to those.
         lost: degrees of freedom per channel that it took.
         shapes: (n_r, 3, m) per trial, functions that the residuals of all trials may share if something is wrong.
         own: (n_r, 3, m) per trial, divided by `scale` orthonormal, what the likelihood leaves out of that trial alone.
@@ -52,6 +54,7 @@ class NoiseSample:
     residuals: list[FloatArray]
     scale: FloatArray
     span: list[FloatArray]
+    apart: list[FloatArray]
     lost: float = 0.0
     shapes: list[FloatArray] | None = None
     own: list[FloatArray] | None = None
@@ -62,7 +65,7 @@ class NoiseSample:
     ) -> NoiseSample:
         """Return residuals of which nothing was taken out."""
         nothing = [np.zeros((*block.shape, 0)) for block in residuals]
-        return cls(tuple(trials), list(masks), list(residuals), scale, nothing)
+        return cls(tuple(trials), list(masks), list(residuals), scale, nothing, nothing)
 
     @property
     def free(self) -> float:
@@ -75,41 +78,58 @@ class NoiseSample:
         return np.asarray(np.sqrt(sum((block**2).sum(axis=0) for block in self.residuals) / self.free))
 
     @property
-    def columns(self) -> FloatArray:
+    def rows(self) -> list[IntArray]:
+        """Where the rows of every trial stand in columns over all of them."""
+        return [np.arange(block.start, block.stop) for block in blocks_of([block.size for block in self.residuals])]
+
+    @property
+    def columns(self) -> BlockAngular:
         """The columns (3 n, k) that were taken out, divided by `scale`: orthonormal but for rounding."""
-        scaled = [block / self.scale[:, None] for block in self.span]
-        return np.concatenate([block.reshape(3 * len(block), block.shape[2]) for block in scaled])
+        span, apart = ([self._flat(block) for block in blocks] for blocks in (self.span, self.apart))
+        return block_angular(np.concatenate(span), self.rows, apart)
+
+    def _flat(self, block: FloatArray) -> FloatArray:
+        """Return columns (n, 3, k) divided by `scale` as (3 n, k)."""
+        return np.asarray((block / self.scale[:, None]).reshape(3 * len(block), block.shape[2]))
 
     def of_trials(self, index: Sequence[int]) -> NoiseSample:
         """Return those of some trials, which take their share of the degrees of freedom."""
         count, total = sum(len(self.residuals[i]) for i in index), sum(map(len, self.residuals))
-        residuals, span = ([block[i] for i in index] for block in (self.residuals, self.span))
+        residuals, span, apart = ([block[i] for i in index] for block in (self.residuals, self.span, self.apart))
         masks = [self.masks[i] for i in index]
         shapes, own = (None if part is None else [part[i] for i in index] for part in (self.shapes, self.own))
         trials = tuple(self.trials[i] for i in index)
-        return NoiseSample(trials, masks, residuals, self.scale, span, self.lost * count / total, shapes, own)
+        return NoiseSample(trials, masks, residuals, self.scale, span, apart, self.lost * count / total, shapes, own)
 
-    def without(self, columns: FloatArray) -> NoiseSample:
+    def without(self, columns: BlockAngular) -> NoiseSample:
         """Return what is left when further columns (3 n, k), divided by `scale`, are taken out."""
-        before, ends = self.span[0].shape[2], np.cumsum([len(block) for block in self.residuals])[:-1]
-        basis = orthonormal(np.concatenate([self.columns, columns], axis=1))
+        before, rows = self.columns, self.rows
+        basis = span(before.beside(columns))
         scaled = np.concatenate([(block / self.scale).ravel() for block in self.residuals])
-        left = project_out(basis, scaled[:, None])[:, 0].reshape(-1, 3) * self.scale
-        taken = basis.reshape(len(left), 3, -1) * self.scale[:, None]
-        lost = self.lost + (basis.shape[1] - before) / 3.0
-        return replace(self, residuals=np.split(left, ends), span=np.split(taken, ends), lost=lost)
+        left = basis.off(scaled)
+        parts = [basis.at(mine) for mine in rows]
+        own, shared = [q for _, q, _ in parts], [q for _, _, q in parts]
+        taken, apart = (
+            [block.reshape(len(block) // 3, 3, block.shape[1]) * self.scale[:, None] for block in blocks]
+            for blocks in (shared, own)
+        )
+        residuals = [left[mine].reshape(-1, 3) * self.scale for mine in rows]
+        lost = self.lost + (basis.rank - before.shape[1]) / 3.0
+        return replace(self, residuals=residuals, span=taken, apart=apart, lost=lost)
 
     def without_levels(self) -> NoiseSample:
         """Return what is left when the mean of every channel of every trial is taken out."""
-        return self.without(linalg.block_diag(*[np.tile(np.eye(3), (len(block), 1)) for block in self.residuals]))
+        levels = [np.tile(np.eye(3), (len(block), 1)) for block in self.residuals]
+        return self.without(block_angular(np.zeros((sum(map(len, levels)), 0)), self.rows, levels))
 
     def without_shapes(self) -> NoiseSample:
         """Return what is left when the `shapes` that trials may share are taken out."""
-        return self.without(np.concatenate([block.reshape(-1, block.shape[2]) for block in self.shapes or []]))
+        shapes = [block.reshape(-1, block.shape[2]) for block in self.shapes or []]
+        return self.without(BlockAngular.of(np.concatenate(shapes)))
 
     def without_own_shapes(self) -> NoiseSample:
         """Return a sample whose likelihood is that of what the `shapes` leave, each trial having sizes of its own."""
-        flat = [(block / self.scale[:, None]).reshape(-1, block.shape[2]) for block in self.shapes or []]
+        flat = [self._flat(block) for block in self.shapes or []]
         own = [orthonormal(block).reshape(len(block) // 3, 3, -1) * self.scale[:, None] for block in flat]
         return replace(self, own=own or None)
 
@@ -143,14 +163,18 @@ class NoiseSample:
         each counts once.
         """
         parts, lengths, longest = [], [], 0.0
-        for i, (trial, mask, span) in enumerate(zip(self.trials, self.masks, self.span, strict=True)):
-            own = span[:, :, :0] if self.own is None else self.own[i]
-            block = noise.whiten(trial, mask, np.concatenate([self.residuals[i][:, :, None], span, own], axis=2))
-            joint, alone = np.split(block.reshape(-1, block.shape[2]), [1 + span.shape[2]], axis=1)
-            q, r = np.linalg.qr(alone)
-            parts.append(project_out(q, joint))
-            longest = max(longest, float(np.linalg.norm(joint[:, 1:], axis=0).max(initial=0.0)))
+        for i, (trial, mask) in enumerate(zip(self.trials, self.masks, strict=True)):
+            taken = [self.residuals[i][:, :, None], self.span[i], self.apart[i]]
+            taken.append(self.span[i][:, :, :0] if self.own is None else self.own[i])
+            white = noise.whiten(trial, mask, np.concatenate(taken, axis=2)).reshape(3 * len(taken[0]), -1)
+            joint, apart, own = np.split(white, np.cumsum([1 + taken[1].shape[2], taken[2].shape[2]]), axis=1)
+            q, r = np.linalg.qr(own)
             lengths.append(np.abs(np.diag(r)))
+            more, sizes, _ = np.linalg.svd(project_out(q, apart), full_matrices=False)
+            solid = sizes > _DUST * np.linalg.norm(apart, axis=0).max(initial=0.0)
+            lengths.append(sizes[solid])
+            parts.append(project_out(more[:, solid], project_out(q, joint)))
+            longest = max(longest, float(np.linalg.norm(joint[:, 1:], axis=0).max(initial=0.0)))
         both = np.concatenate(parts)
         z, x = both[:, 0], both[:, 1:]
         q, sizes, _ = np.linalg.svd(x[:, np.linalg.norm(x, axis=0) > 0.0], full_matrices=False)
@@ -202,14 +226,14 @@ def remaining_power(left: NoiseSample) -> FloatArray:
     The saturated model explains what is slow better than what is fast; a drift would be taken for smaller than it is.
     """
     rng = np.random.default_rng(0)
-    basis = orthonormal(left.columns)
+    basis = span(left.columns)
     ends = np.cumsum([len(block) for block in left.residuals])[:-1]
     power = np.zeros(2)
     for _ in range(_DRAWS):
-        white = rng.standard_normal(len(basis))
+        white = rng.standard_normal(len(basis.shared))
         drawn = [
             spectrum(replace(left, residuals=np.split(series.reshape(-1, 3), ends)))
-            for series in (white, white - basis @ (basis.T @ white))
+            for series in (white, basis.off(white))
         ]
         power = power + np.stack([np.einsum("bcc->bc", spectra.power).real for spectra in drawn], axis=-1)
     return np.asarray(np.clip(power[..., 1] / power[..., 0], _LEAST, 1.0))

@@ -137,9 +137,9 @@ def test_common_waves_are_the_sums_of_those_of_runs(pike: Fish, share: float) ->
     )  # fmt: skip
     problem = Problem(Model(pike), pool.trials, Noise.white(NOISE), jobs=1)
     evidence = gather(problem, fit(problem), [find("time_offset")])
-    waves = whitened_omnibus(problem)
+    waves = whitened_omnibus(problem).dense()
     summed = waves.reshape(len(waves), len(pool.trials), 3, HATS, -1).sum(axis=(1, 3)).reshape(len(waves), -1)
-    basis = orthonormal(evidence.fit.jacobian[:, ~evidence.fit.at_bound])
+    basis = orthonormal(evidence.fit.jacobian.dense()[:, ~evidence.fit.at_bound])
     beyond = orthonormal(project_out(basis, summed))
     statistic, rank = evidence.common()
     assert rank == 15

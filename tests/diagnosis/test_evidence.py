@@ -42,6 +42,7 @@ def test_a_cause_is_identifiable_by_whatever_a_refit_leaves_of_it(beyond: float,
     dataset = draw("com_offset", "weak", trials=4).dataset
     problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)), jobs=1)
     evidence = gather(problem, fit(problem, evaluations=1), [find("com_offset")])
-    column = evidence.fit.jacobian[:, :1] / np.linalg.norm(evidence.fit.jacobian[:, 0])
+    column = evidence.fit.jacobian.of_columns([0])
+    column /= np.linalg.norm(column)
     other = evidence.signatures / np.linalg.norm(evidence.signatures)
     assert replace(evidence, raw=column + beyond * other).unidentifiable("com_offset") is hidden

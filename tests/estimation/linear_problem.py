@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
+from mjfish.block_angular import BlockAngular
 from mjfish.effects import Effect
 from mjfish.effects.effect import Values
 from mjfish.effects.mechanism import Domain
@@ -57,10 +58,10 @@ class Linear(Problem):
         """Return what is left."""
         return np.asarray(self.data - self.design @ x)
 
-    def jacobian(self, x: FloatArray) -> FloatArray:
+    def jacobian(self, x: FloatArray) -> BlockAngular:
         """Return the design."""
         del x
-        return self.design
+        return BlockAngular.of(self.design)
 
 
 def names(count: int) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from scipy import signal
 from synthetic_swimming import TRUTH, problem, swimming
 
 from mjfish.arrays import FloatArray
+from mjfish.block_angular import BlockAngular
 from mjfish.drive.modes import MODES
 from mjfish.estimation import Fit, Problem, fit
 from mjfish.estimation.fit import covariance
@@ -57,7 +58,7 @@ class Draws:
 
     def jacobian(self, x: FloatArray) -> FloatArray:
         """Return the Jacobian (n, p) near the truth."""
-        return np.asarray(self.base.jacobian + self.slopes @ (x - self.base.x))
+        return np.asarray(self.base.jacobian.dense() + self.slopes @ (x - self.base.x))
 
     def fit(self, noise: FloatArray) -> Fit:
         """Fit one draw: Gauss-Newton from the truth with exact rollouts, the Jacobian right to second order."""
@@ -72,7 +73,7 @@ class Draws:
             x=x,
             sse=float(residual @ residual),
             residual=residual,
-            jacobian=jacobian,
+            jacobian=BlockAngular.of(jacobian),
             covariance=spread,
             reach=np.sqrt(np.diag(spread)),
         )
@@ -84,7 +85,7 @@ def draws(fish: Fish, modes: tuple[str, ...] = MODES, duration: float = 10.4) ->
     base = fit(posed, posed.start(INSIDE))
     sigma = np.sqrt(np.diag(base.covariance))
     slopes = [
-        (posed.jacobian(base.x + h * unit) - base.jacobian) / h
+        (posed.jacobian(base.x + h * unit).dense() - base.jacobian.dense()) / h
         for h, unit in zip(sigma, np.eye(len(sigma)), strict=True)
     ]
     return Draws(posed, base, np.stack(slopes, axis=2))

@@ -25,7 +25,7 @@ def coloured(rng: np.random.Generator, samples: int, phi: float) -> FloatArray:
 def at(posed: Problem, x: FloatArray) -> Fit:
     """Return a fit that ended at `x`, whatever the data say."""
     jacobian, free = posed.jacobian(x), np.zeros(len(x), dtype=np.bool_)
-    spread = covariance(jacobian, free)
+    spread = covariance(jacobian.dense(), free)
     whitened = posed.residual(x)
     return Fit(
         posed.parameters, x, float(whitened @ whitened), whitened, jacobian, spread, np.sqrt(np.diag(spread)), free,
@@ -71,5 +71,5 @@ def draws(fish: Fish, modes: tuple[str, ...] = ("v1", "v5", "v3-t2"), duration: 
     posed = problem(swimming(fish, modes, noise=None, duration=duration))
     x = posed.start(TRUTH)
     one = at(posed, x)
-    span = np.linalg.svd(one.jacobian, full_matrices=False)[0]
+    span = np.linalg.svd(one.jacobian.dense(), full_matrices=False)[0]
     return Draws(posed, posed.predictions(x), span, absorbed(posed, one))

@@ -57,12 +57,12 @@ def test_what_is_left_is_the_noise(fitted: Fit) -> None:
 
 def test_the_optimum_is_one(posed: Problem, fitted: Fit) -> None:
     """The residual has no part in the direction of any parameter, to a hundredth of a standard error."""
-    step = fitted.covariance @ fitted.jacobian.T @ fitted.residual
+    step = fitted.covariance @ fitted.jacobian.transposed_times(fitted.residual)
     assert np.all(np.abs(step) < 0.01 * np.sqrt(np.diag(fitted.covariance)))
 
 
 def test_the_covariance_is_the_inverse_of_the_information(fitted: Fit) -> None:
-    information = fitted.jacobian.T @ fitted.jacobian
+    information = fitted.jacobian.gram()
     np.testing.assert_allclose(fitted.covariance @ information, np.eye(9), atol=1e-6)
     sigma = np.array([fitted.sigma[name] for name in COEFFICIENTS])
     np.testing.assert_allclose(sigma**2, np.diag(fitted.covariance), rtol=1e-12)

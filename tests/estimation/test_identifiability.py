@@ -10,6 +10,7 @@ import pytest
 from synthetic_swimming import problem, swimming
 
 from mjfish.arrays import FloatArray
+from mjfish.block_angular import BlockAngular
 from mjfish.estimation import Fit, fit
 from mjfish.estimation.fit import covariance
 from mjfish.estimation.identifiability import weaknesses
@@ -25,7 +26,12 @@ def fitted(pike: Fish) -> Fit:
 def _with(fitted: Fit, jacobian: FloatArray, sse: float | None = None) -> Fit:
     """Return the fit with another Jacobian, and its covariance."""
     spread = covariance(jacobian, fitted.at_bound)
-    return replace(fitted, jacobian=jacobian, covariance=spread, sse=float(len(jacobian) - 9) if sse is None else sse)
+    return replace(
+        fitted,
+        jacobian=BlockAngular.of(jacobian),
+        covariance=spread,
+        sse=float(len(jacobian) - 9) if sse is None else sse,
+    )
 
 
 def _apart(fitted: Fit, error: float = 0.01) -> FloatArray:

@@ -43,7 +43,7 @@ def test_derivatives_by_frequency_and_phase_are_exact(lag: bool) -> None:
     values = {"servo_lag.time_constant": 0.03} if lag else {}
     problem = replace(_problem(_trial(TRUE, None)), model=model, fixed={**FISH.values, **values})
     x = problem.start()
-    (slopes,) = problem.sensitivities(x)
+    (slopes,) = problem.slopes(x).velocity
     names = [p.name for p in problem.parameters]
     for name, step in (("run:wave.frequency", 1e-4), ("run:wave.phase", 1e-4)):
         k = names.index(name)

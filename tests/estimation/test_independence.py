@@ -145,10 +145,11 @@ def test_cleared_columns_see_of_the_noise_what_the_residual_shows(pike: Fish) ->
     rng = np.random.default_rng(26)
     noises = [rng.standard_normal((len(trial.time), 3)) for trial in dataset.trials]
     columns = [rng.standard_normal((len(trial.time), 3, 4)) for trial in dataset.trials]
-    slopes = posed.sensitivities(one.x)
+    slopes = posed.slopes(one.x)
+    rows = posed.velocity_rows(slopes).dense()[:, ~one.at_bound]
     white = posed.whiten([v[:, :, None] for v in noises])[:, 0]
-    step = np.linalg.lstsq(posed.whiten(slopes)[:, ~one.at_bound], white, rcond=None)[0]
-    left = [v - j[:, :, ~one.at_bound] @ step for v, j in zip(noises, slopes, strict=True)]
+    step = np.linalg.lstsq(rows, white, rcond=None)[0]
+    left = [v - j[:, :, ~one.at_bound] @ step for v, j in zip(noises, slopes.velocity, strict=True)]
     direct = sum(np.einsum("ncd,nc->d", u, e) for u, e in zip(columns, left, strict=True))
     through = sum(np.einsum("ncd,nc->d", u, v) for u, v in zip(clear(columns), noises, strict=True))
     np.testing.assert_allclose(through, direct, rtol=1e-7)

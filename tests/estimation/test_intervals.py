@@ -10,6 +10,7 @@ import pytest
 from noise_draws import Draws, draws
 from synthetic_swimming import problem, swimming
 
+from mjfish.block_angular import BlockAngular
 from mjfish.estimation import fit
 from mjfish.estimation.intervals import intervals
 from mjfish.fish import Fish
@@ -76,9 +77,9 @@ def test_at_a_bound_the_interval_is_one_sided_and_no_covariance_is_claimed(pike:
 def test_a_parameter_that_nothing_moves_has_no_narrow_interval(shared: Draws) -> None:
     """Its sandwich would be 0 / 0: the interval is all of its bounds, not a point."""
     one = shared.fit(shared.noise(0.8, np.random.default_rng(1)))
-    still = one.jacobian.copy()
+    still = one.jacobian.dense()
     still[:, 3] = 0.0
-    found = intervals(shared.problem, replace(one, jacobian=still))
+    found = intervals(shared.problem, replace(one, jacobian=BlockAngular.of(still)))
     assert found.interval("c_d.head") == (0.1, 4.0)
     assert found.inflation[0] < 3.0
 

@@ -78,7 +78,7 @@ def test_free_parameters_are_the_models_without_the_fixed_ones_as_declared(posed
 def test_the_jacobian_is_the_derivative_of_the_prediction(posed: Problem, column: int) -> None:
     x = posed.start(TRUTH)
     exact = _fourth_order(posed, x, column, 0.02 * posed.parameters[column].scale)
-    found = posed.jacobian(x)[:, column]
+    found = posed.jacobian(x).dense()[:, column]
     assert np.linalg.norm(found - exact) < 1e-6 * np.linalg.norm(exact)
 
 
@@ -95,7 +95,7 @@ def test_the_jacobian_of_every_effect_is_the_derivative_of_the_prediction(synthe
     assert names == [p.name for effect in effects for p in effect.parameters]
     scales = {"servo_rate_limit.slowness": 6.0, "servo_limited_lag.slowness": 6.0}
     x = posed.start({p.name: p.default + scales.get(p.name, 2.0) * p.scale for p in posed.parameters if not p.shape})
-    found = posed.jacobian(x)
+    found = posed.jacobian(x).dense()
     for column, p in enumerate(posed.parameters):
         exact = _fourth_order(posed, x, column, 5e-4 * p.scale)
         assert np.linalg.norm(exact) * p.scale > 0.01, p.name
@@ -128,7 +128,7 @@ def test_at_a_null_value_that_is_a_bound_the_derivative_is_one_sided_and_right(
     rough = [one_sided(share * scale) for share in (0.2, 0.1, 0.05)]
     once = [2.0 * b - a for a, b in itertools.pairwise(rough)]
     exact = (4.0 * once[1] - once[0]) / 3.0
-    found = posed.jacobian(x)[:, column]
+    found = posed.jacobian(x).dense()[:, column]
     assert np.linalg.norm(found - exact) < limit * np.linalg.norm(exact)
 
 
@@ -143,7 +143,7 @@ def test_nuisance_parameters_of_one_trial_do_not_move_another(posed: Problem, me
     ]
     assert names == [*COEFFICIENTS, *own]
     x = both.start(TRUTH)
-    jacobian = both.jacobian(x)
+    jacobian = both.jacobian(x).dense()
     half = len(jacobian) // 2
     assert not np.any(jacobian[half:, 9:13])
     assert not np.any(jacobian[:half, 13:17])
@@ -155,7 +155,7 @@ def test_nuisance_parameters_of_one_trial_do_not_move_another(posed: Problem, me
 
 def test_only_the_asked_for_sensitivities_are_returned(posed: Problem) -> None:
     x = posed.start(TRUTH)
-    whole, part = posed.sensitivities(x), posed.sensitivities(x, ["c_f.head", "c_m.body"])
+    whole, part = posed.slopes(x).velocity, posed.slopes(x, ["c_f.head", "c_m.body"]).velocity
     assert part[0].shape == (len(posed.trials[0].time), 3, 2)
     for a, b in zip(whole, part, strict=True):
         np.testing.assert_array_equal(b, a[:, :, [1, 6]])
@@ -194,7 +194,7 @@ def test_a_trial_that_diverges_has_residuals_worse_than_any_and_a_complaint(pose
     residual = posed.residual(x)
     assert residual.shape == posed.residual(posed.start(TRUTH)).shape
     assert np.all(residual == 1e3)
-    assert np.all(np.isfinite(posed.jacobian(x)))
+    assert np.all(np.isfinite(posed.jacobian(x).dense()))
     assert "v1 diverged at 0." in posed.divergence(x)
     assert posed.divergence(posed.start(TRUTH)) == ""
 
@@ -206,7 +206,7 @@ def test_residuals_and_jacobian_are_whitened_alike(posed: Problem) -> None:
     assert len(coloured.residual(x)) == 2 * 3 * 101
     assert coloured.jacobian(x).shape == (2 * 3 * 101, 9)
     exact = _fourth_order(coloured, x, 3, 0.02 * posed.parameters[3].scale)
-    assert np.linalg.norm(coloured.jacobian(x)[:, 3] - exact) < 1e-5 * np.linalg.norm(exact)
+    assert np.linalg.norm(coloured.jacobian(x).dense()[:, 3] - exact) < 1e-5 * np.linalg.norm(exact)
 
 
 def test_a_trial_from_rest_on_a_good_clock_has_no_nuisance_parameters(posed: Problem, measured: Trial) -> None:

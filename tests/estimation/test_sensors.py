@@ -136,7 +136,7 @@ def test_residual_and_jacobian_are_velocities_then_sensors_then_what_is_known(po
     problem = _problem(replace(_only(pool, "tag", "imu", velocities=(0, 2)), known=known, trials=free))
     x = problem.start(TRUTH)
     x = x + 0.02 * np.array([p.scale for p in problem.parameters])
-    residual, jacobian = problem.residual(x), problem.jacobian(x)
+    residual, jacobian = problem.residual(x), problem.jacobian(x).dense()
     assert residual.shape == (problem.measured + len(problem.known),)
     assert problem.samples == problem.rows_by_trial()[-1].stop
     assert problem.sensor_rows[0].start == problem.samples
@@ -157,7 +157,7 @@ def test_residual_and_jacobian_are_velocities_then_sensors_then_what_is_known(po
 def test_velocities_that_were_not_measured_have_rows_of_zero(pool: Dataset) -> None:
     problem = _problem(_only(pool, "tag", velocities=(0,)))
     x = problem.start()
-    residual, jacobian = problem.residual(x), problem.jacobian(x)
+    residual, jacobian = problem.residual(x), problem.jacobian(x).dense()
     assert not residual[: problem.samples].reshape(-1, 3)[:, 1:].any()
     assert not jacobian[: problem.samples].reshape(-1, 3, len(x))[:, 1:].any()
     assert problem.numbers == problem.samples // 3 + problem.measured - problem.samples

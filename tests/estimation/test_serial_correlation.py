@@ -11,6 +11,7 @@ from scipy import linalg
 from synthetic_swimming import problem, swimming
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.block_angular import Basis
 from mjfish.estimation import fit
 from mjfish.estimation.serial_correlation import Block, blocks_of, serial
 from mjfish.fish import Fish
@@ -40,8 +41,18 @@ def _columns(n: int, count: int) -> FloatArray:
     return np.stack([waves, np.roll(waves, -_LATE, axis=0) + 0.3, 0.5 * waves[::-1]], axis=1)
 
 
+def _block(residual: FloatArray, counted: BoolArray | None = None) -> Block:
+    """Return the residual (n, 3) of a trial, zero where no sample counts; other columns have rows of all samples."""
+    cells = np.arange(len(residual)) if counted is None else np.flatnonzero(counted)
+    return Block("one", residual, (3 * cells[:, None] + np.arange(3)).ravel(), cells, 0.02)
+
+
 def _mean_of(
-    omega: FloatArray, jacobian: FloatArray, counted: BoolArray, of: Callable[[Block], FloatArray], draws: int = 60
+    omega: FloatArray,
+    jacobian: FloatArray,
+    counted: BoolArray,
+    of: Callable[[Block, Basis], FloatArray],
+    draws: int = 60,
 ) -> FloatArray:
     """Return the mean over draws of noise, the columns of `jacobian` fitted out of it at the samples that count."""
     n, p = jacobian.shape[0], jacobian.shape[2]
@@ -53,7 +64,7 @@ def _mean_of(
     for _ in range(draws):
         noise = (root @ rng.standard_normal(3 * n)).reshape(n, 3) * counted[:, None]
         residual = noise.ravel() - basis @ (basis.T @ noise.ravel())
-        found.append(of(Block("one", residual.reshape(n, 3), seen, counted, 0.02)))
+        found.append(of(_block(residual.reshape(n, 3), counted), Basis((), basis)))
     return np.asarray(np.mean(found, axis=0))
 
 
@@ -66,9 +77,7 @@ def test_the_middle_is_that_of_the_noise(share: float) -> None:
     flat = columns.reshape(3 * n, 4)
     truth = flat.T @ _covariance(n) @ flat
     none = np.zeros((n, 3, 0))
-    found = _mean_of(
-        _covariance(n), none, counted, lambda one: serial([one], np.zeros(0, dtype=np.bool_)).quadratic([columns])
-    )
+    found = _mean_of(_covariance(n), none, counted, lambda one, basis: serial([one], basis).quadratic([columns]))
     early = flat.T @ _covariance(n, -_LATE) @ flat
     assert np.max(np.abs(found - truth)) < 0.1 * np.max(np.abs(truth))
     assert np.max(np.abs(found - early)) > 0.2 * np.max(np.abs(truth))
@@ -83,9 +92,7 @@ def test_what_the_fit_took_out_is_given_back(coloured: bool) -> None:
     every = np.ones(n, dtype=np.bool_)
     flat = columns.reshape(3 * n, p)
     truth = np.diag(flat.T @ omega @ flat)
-    found = _mean_of(
-        omega, columns, every, lambda one: np.diag(serial([one], np.ones(p, dtype=np.bool_)).quadratic([columns]))
-    )
+    found = _mean_of(omega, columns, every, lambda one, basis: np.diag(serial([one], basis).quadratic([columns])))
     assert np.mean(found / truth) == pytest.approx(1.0, abs=0.06 if coloured else 0.02)
 
 
@@ -95,8 +102,8 @@ def test_white_noise_has_no_memory() -> None:
     rng = np.random.default_rng(1)
     size = np.array([1.0, 2.0, 0.5])
     columns = rng.standard_normal((n, 3, 2))
-    block = Block("one", rng.standard_normal((n, 3)) * size, columns, np.ones(n, dtype=np.bool_), 0.02)
-    found = serial([block], np.ones(2, dtype=np.bool_))
+    block = _block(rng.standard_normal((n, 3)) * size)
+    found = serial([block], Basis((), np.linalg.qr(columns.reshape(3 * n, 2))[0]))
     assert np.all(found.windows == 0.0)
     own = np.sqrt(np.mean(block.residual**2, axis=0))
     expected = np.einsum("tci,c,tcj->ij", columns, own**2, columns)
@@ -108,18 +115,17 @@ def test_windows_are_in_seconds_and_of_each_rate_alone() -> None:
     """The same noise at half the rate has half as many correlated lags; both are found, and the middle adds up."""
     rng = np.random.default_rng(2)
     root = linalg.cholesky(_covariance(600), lower=True)
-    free = np.ones(1, dtype=np.bool_)
-    every = np.ones(600, dtype=np.bool_)
+    constant = Basis((), np.full((1800, 1), 1800**-0.5))
 
     def block(step: float) -> Block:
         noise = (root @ rng.standard_normal(1800)).reshape(600, 3)
-        return Block("one", noise, np.ones((600, 3, 1)), every, step)
+        return replace(_block(noise), step=step)
 
     fast, slow = block(0.01), block(0.02)
-    alone = [serial([one], free) for one in (fast, slow)]
+    alone = [serial([one], constant) for one in (fast, slow)]
     assert 5 * 0.01 <= alone[0].windows[0] <= 60 * 0.01
     assert alone[0].windows[2] == 0.0
-    both = serial([fast, slow], free)
+    both = serial([fast, replace(slow, rows=slow.rows + 1800)], Basis((), np.full((3600, 1), 60**-1.0)))
     np.testing.assert_allclose(both.windows, np.maximum(alone[0].windows, alone[1].windows))
 
 
@@ -128,13 +134,14 @@ def test_blocks_are_the_rows_of_the_fit_at_their_times(pike: Fish) -> None:
     noise = Autoregressive(readonly([0.01, 0.01, 0.05]), readonly(np.full((3, 2), 0.1)))
     posed = problem(swimming(pike, ("v1-v5", "v1"), duration=6.0), noise=noise)
     one = fit(posed, evaluations=2)
-    blocks = blocks_of(posed, one)
+    blocks = blocks_of(posed, one.residual)
     assert [block.trial for block in blocks] == ["v1-v5", "v1"]
     assert not np.any(blocks[0].counted[259:262])
     assert [int(block.counted.sum()) for block in blocks] == [301 - 3, 301]
     rows = np.concatenate([block.residual[block.counted].ravel() for block in blocks])
     np.testing.assert_array_equal(rows, one.residual)
-    columns = np.concatenate([block.jacobian[block.counted].reshape(-1, 9) for block in blocks])
-    np.testing.assert_array_equal(columns, one.jacobian)
+    jacobian = one.jacobian.dense()
+    columns = [block.on_grid(jacobian[block.rows])[block.counted].reshape(-1, 9) for block in blocks]
+    np.testing.assert_array_equal(np.concatenate(columns), jacobian)
     early = replace(posed, trials=tuple(replace(t, time=t.time * 2.0) for t in posed.trials[1:]))
-    assert blocks_of(early, replace(one, residual=rows[-903:], jacobian=columns[-903:]))[0].step == pytest.approx(0.04)
+    assert blocks_of(early, rows[-903:])[0].step == pytest.approx(0.04)

@@ -1,0 +1,340 @@
+"""Matrices of all runs' rows in which some columns belong to one run: block angular form, and the span of the columns.
+
+The derivative of all residuals has columns of parameters that runs share, S, and of single runs, B_r: a start, a clock.
+The latter are zero but in the rows of their run.
+
+    J = [ B_1            S_1 ]
+        [      ...       ... ]        J x = sum_r B_r x_r + S x_s
+        [           B_R  S_R ]
+
+Kept in this form J takes memory in proportion to the number of runs, and so does the time of its orthogonal
+factorisation [Golub1980]: each B_r = Q_r R_r is eliminated in the rows of its run, and what is left of S is factorised.
+
+    J = Q [ R_1        T_1 ]       T_r = Q_r' S_r
+          [     ...    ... ]       S_r - Q_r T_r = Q_s R_s  (all runs' rows)
+          [       R_R  T_R ]
+          [            R_s ]
+
+No normal equations are formed: what coefficients hide of a signature is found to full precision.
+
+[Golub1980] G. Golub and R. Plemmons: Large-scale geodetic least-squares adjustment by dissection and orthogonal
+decomposition, Linear Algebra and its Applications 34.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mjfish.arrays import RANK, BoolArray, FloatArray
+
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The columns of one run.
+
+    Attributes:
+        rows: (m,) places of the run's rows in the matrix.
+        columns: (k,) places of the columns in the matrix.
+        block: (m, k) B_r.
+    """
+
+    rows: IntArray
+    columns: IntArray
+    block: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class BlockAngular:
+    """A matrix (n, p) of block angular form.
+
+    Attributes:
+        shared: (n, s) S, columns that may be anything in all rows.
+        places: (s,) places of these among all columns.
+        parts: columns of single runs; no row is in two of them.
+
+    Example:
+        Two runs of two rows, a start value each and one coefficient.
+
+        >>> import numpy as np
+        >>> own = [Part(np.array([2 * r, 2 * r + 1]), np.array([r + 1]), np.array([[1.0], [0.5]])) for r in (0, 1)]
+        >>> j = BlockAngular(np.arange(4.0)[:, None], np.array([0]), tuple(own))
+        >>> print(j.dense())
+        [[0.  1.  0. ]
+         [1.  0.5 0. ]
+         [2.  0.  1. ]
+         [3.  0.  0.5]]
+        >>> j @ np.ones(3)
+        array([1. , 1.5, 3. , 3.5])
+    """
+
+    shared: FloatArray
+    places: IntArray
+    parts: tuple[Part, ...] = ()
+
+    @classmethod
+    def of(cls, columns: FloatArray) -> BlockAngular:
+        """Return the matrix with columns (n, p) that runs share."""
+        return cls(columns, np.arange(columns.shape[1]))
+
+    @cached_property
+    def shape(self) -> tuple[int, int]:
+        """Number of rows and of columns."""
+        return len(self.shared), len(self.places) + sum(int(part.columns.size) for part in self.parts)
+
+    def dense(self) -> FloatArray:
+        """Return the matrix (n, p) with its zeros."""
+        return self.of_rows(np.arange(len(self.shared)))
+
+    def of_rows(self, rows: IntArray | slice) -> FloatArray:
+        """Return some rows (m, p) with their zeros."""
+        at = np.arange(len(self.shared))[rows]
+        found = np.zeros((len(at), self.shape[1]))
+        found[:, self.places] = self.shared[at]
+        place = np.full(len(self.shared), -1)
+        place[at] = np.arange(len(at))
+        for part in self.parts:
+            here = place[part.rows]
+            found[np.ix_(here[here >= 0], part.columns)] = part.block[here >= 0]
+        return found
+
+    def of_columns(self, columns: Sequence[int]) -> FloatArray:
+        """Return some columns (n, k) with their zeros."""
+        return self @ np.eye(self.shape[1])[:, list(columns)]
+
+    def __matmul__(self, x: FloatArray) -> FloatArray:
+        """Return J x (n, ...) of x (p, ...)."""
+        result = self.shared @ x[self.places]
+        for part in self.parts:
+            result[part.rows] += part.block @ x[part.columns]
+        return np.asarray(result)
+
+    def transposed_times(self, y: FloatArray) -> FloatArray:
+        """Return J' y (p, ...) of y (n, ...)."""
+        result = np.zeros((self.shape[1], *y.shape[1:]))
+        result[self.places] = self.shared.T @ y
+        for part in self.parts:
+            result[part.columns] = part.block.T @ y[part.rows]
+        return result
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Lengths (p,) of the columns."""
+        result = np.zeros(self.shape[1])
+        result[self.places] = np.linalg.norm(self.shared, axis=0)
+        for part in self.parts:
+            result[part.columns] = np.linalg.norm(part.block, axis=0)
+        return result
+
+    def chosen(self, which: BoolArray) -> BlockAngular:
+        """Return the matrix of some columns, `which` (p,)."""
+        place = np.cumsum(which) - 1
+        parts = []
+        for part in self.parts:
+            kept = which[part.columns]
+            if np.any(kept):
+                parts.append(Part(part.rows, place[part.columns[kept]], part.block[:, kept]))
+        kept = which[self.places]
+        return BlockAngular(self.shared[:, kept], place[self.places[kept]], tuple(parts))
+
+    def scaled(self, rows: FloatArray | None = None, columns: FloatArray | None = None) -> BlockAngular:
+        """Return the matrix with its rows times `rows` (n,), its columns times `columns` (p,)."""
+        r = np.ones(len(self.shared)) if rows is None else rows
+        c = np.ones(self.shape[1]) if columns is None else columns
+        parts = (replace(p, block=r[p.rows, None] * p.block * c[p.columns]) for p in self.parts)
+        return replace(self, shared=r[:, None] * self.shared * c[self.places], parts=tuple(parts))
+
+    def above(self, rows: FloatArray) -> BlockAngular:
+        """Return the matrix with rows (m, p) below it, each of which is zero in all single runs' columns but one's."""
+        if not len(rows):
+            return self
+        parts, count = [], len(self.shared)
+        for part in self.parts:
+            own = np.flatnonzero(np.any(rows[:, part.columns] != 0.0, axis=1))
+            parts.append(
+                Part(
+                    np.concatenate([part.rows, count + own]),
+                    part.columns,
+                    np.concatenate([part.block, rows[np.ix_(own, part.columns)]]),
+                )
+            )
+        return BlockAngular(np.concatenate([self.shared, rows[:, self.places]]), self.places, tuple(parts))
+
+    def top(self, count: int) -> BlockAngular:
+        """Return the matrix of the first `count` rows."""
+        parts = []
+        for part in self.parts:
+            kept = part.rows < count
+            parts.append(Part(part.rows[kept], part.columns, part.block[kept]))
+        return BlockAngular(self.shared[:count], self.places, tuple(parts))
+
+    def beside(self, other: BlockAngular) -> BlockAngular:
+        """Return the matrix with the columns of another one, of the same runs' rows, behind its own."""
+        p = self.shape[1]
+        held = {int(part.rows[0]): part for part in self.parts if len(part.rows)}
+        for part in other.parts:
+            mine = held.get(int(part.rows[0]))
+            theirs = replace(part, columns=p + part.columns)
+            held[int(part.rows[0])] = theirs if mine is None else _joined(mine, theirs)
+        shared = np.concatenate([self.shared, other.shared], axis=1)
+        return BlockAngular(shared, np.concatenate([self.places, p + other.places]), tuple(held.values()))
+
+    def gram(self) -> FloatArray:
+        """Return J'J (p, p)."""
+        result = np.zeros((self.shape[1], self.shape[1]))
+        result[np.ix_(self.places, self.places)] = self.shared.T @ self.shared
+        for part in self.parts:
+            mixed = part.block.T @ self.shared[part.rows]
+            result[np.ix_(part.columns, part.columns)] = part.block.T @ part.block
+            result[np.ix_(part.columns, self.places)] = mixed
+            result[np.ix_(self.places, part.columns)] = mixed.T
+        return result
+
+    def solve(self, y: FloatArray, rank: float) -> FloatArray:
+        """Return J^+ y (p,) of y (n,): singular values below the share `rank` of the largest count as zero."""
+        factors = self.factors
+        return np.asarray(np.linalg.lstsq(factors.triangle, factors.basis.coordinates(y), rcond=rank)[0])
+
+    @cached_property
+    def factors(self) -> Factors:
+        """The factorisation J = Q R."""
+        left, owns, rows = self.shared.copy(), [], []
+        for part in self.parts:
+            q, r = np.linalg.qr(part.block)
+            tops = q.T @ left[part.rows]
+            left[part.rows] -= q @ tops
+            owns.append((part.rows, q))
+            rows.append(np.zeros((len(r), self.shape[1])))
+            rows[-1][:, part.columns], rows[-1][:, self.places] = r, tops
+        q, r = np.linalg.qr(left)
+        rows.append(np.zeros((len(r), self.shape[1])))
+        rows[-1][:, self.places] = r
+        return Factors(Basis(tuple(owns), q), np.concatenate(rows))
+
+
+def block_angular(shared: FloatArray, rows: Sequence[IntArray], blocks: Sequence[FloatArray]) -> BlockAngular:
+    """Return a matrix of shared columns (n, s), then blocks (m, k) of columns that single runs have in their rows."""
+    ends = shared.shape[1] + np.cumsum([0, *(block.shape[1] for block in blocks)])
+    parts = [
+        Part(mine, np.arange(start, stop), block)
+        for mine, block, start, stop in zip(rows, blocks, ends[:-1], ends[1:], strict=True)
+        if stop > start
+    ]
+    return BlockAngular(shared, np.arange(shared.shape[1]), tuple(parts))
+
+
+def _joined(first: Part, second: Part) -> Part:
+    """Return the columns of two parts of one run as one."""
+    rows = np.union1d(first.rows, second.rows)
+    block = np.zeros((len(rows), len(first.columns) + len(second.columns)))
+    block[np.searchsorted(rows, first.rows), : len(first.columns)] = first.block
+    block[np.searchsorted(rows, second.rows), len(first.columns) :] = second.block
+    return Part(rows, np.concatenate([first.columns, second.columns]), block)
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """Orthonormal columns of block angular form.
+
+    Attributes:
+        own: rows (m,) and orthonormal columns (m, k) of single runs.
+        shared: (n, s), orthonormal, and orthogonal to those.
+    """
+
+    own: tuple[tuple[IntArray, FloatArray], ...]
+    shared: FloatArray
+
+    @property
+    def rank(self) -> int:
+        """Number of columns."""
+        return int(sum(q.shape[1] for _, q in self.own) + self.shared.shape[1])
+
+    def coordinates(self, y: FloatArray) -> FloatArray:
+        """Return Q' y (rank, ...) of y (n, ...): those of single runs first."""
+        return np.concatenate([*(q.T @ y[rows] for rows, q in self.own), self.shared.T @ y])
+
+    def off(self, y: FloatArray) -> FloatArray:
+        """Return y (n, ...) less its part in the span."""
+        left = y - self.shared @ (self.shared.T @ y)
+        for rows, q in self.own:
+            left[rows] -= q @ (q.T @ y[rows])
+        return np.asarray(left)
+
+    def explained(self, y: FloatArray) -> float:
+        """Return |Q' y|^2 of y (n,)."""
+        return float(np.sum(self.coordinates(y) ** 2))
+
+    @cached_property
+    def _run_of(self) -> IntArray:
+        """The run (n,) that has columns of its own in a row, its place in `own`; -1: none."""
+        found = np.full(len(self.shared), -1)
+        for run, (rows, _) in enumerate(self.own):
+            found[rows] = run
+        return found
+
+    def at(self, rows: IntArray) -> tuple[int, FloatArray, FloatArray]:
+        """Return some rows of one run: which it is, its own columns (m, k), the shared ones (m, s)."""
+        run = int(self._run_of[rows[0]]) if len(rows) else -1
+        if run < 0:
+            return run, np.zeros((len(rows), 0)), self.shared[rows]
+        mine, q = self.own[run]
+        return run, q[np.searchsorted(mine, rows)], self.shared[rows]
+
+    def places_of(self, run: int | None) -> IntArray:
+        """Return where the columns of a run stand, -1 has none; None: the shared ones."""
+        ends = np.cumsum([0, *(q.shape[1] for _, q in self.own)])
+        if run is None:
+            return np.arange(ends[-1], self.rank)
+        return np.arange(ends[run], ends[run + 1]) if run >= 0 else np.arange(0)
+
+    def of_rows(self, rows: IntArray) -> FloatArray:
+        """Return some rows (m, rank) with their zeros."""
+        found = np.zeros((len(rows), self.rank))
+        for k, row in enumerate(rows):
+            run, own, shared = self.at(np.array([row]))
+            found[k, self.places_of(run)], found[k, self.places_of(None)] = own[0], shared[0]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """A factorisation J = Q R.
+
+    Attributes:
+        basis: Q.
+        triangle: (rank of Q, p) R: R'R = J'J.
+    """
+
+    basis: Basis
+    triangle: FloatArray
+
+
+def span(columns: BlockAngular) -> Basis:
+    """Return an orthonormal basis of the span of the columns, each first scaled to length 1.
+
+    Directions below `mjfish.arrays.RANK` of the strongest are numerical dust: of a run's own columns, then of what
+    these leave of the shared ones.
+    """
+    lengths = columns.lengths
+    scale = np.where(lengths > 1e-300, 1.0 / np.maximum(lengths, 1e-300), 0.0)
+    left, owns = columns.shared * scale[columns.places], []
+    for part in columns.parts:
+        q = _leading(part.block * scale[part.columns])
+        for _ in range(2):  # once leaves rounding of what it takes out
+            left[part.rows] -= q @ (q.T @ left[part.rows])
+        owns.append((part.rows, q))
+    return Basis(tuple(owns), _leading(left, least=1.0))
+
+
+def _leading(columns: FloatArray, least: float = 0.0) -> FloatArray:
+    """Return the left singular vectors of what is not dust beside the largest singular value, or beside `least`."""
+    if columns.shape[1] == 0:
+        return np.zeros((len(columns), 0))
+    left, singular, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(left[:, singular > RANK * max(float(singular.max(initial=0.0)), least)])
