@@ -68,6 +68,21 @@ def solve(gram: FloatArray, right: FloatArray, rank: float = _DUST) -> FloatArra
     return np.asarray(vectors[:, kept] @ (inner / values[kept, None]) / length[:, None])
 
 
+def principal_axes(gram: FloatArray) -> FloatArray:
+    """Return W (k, rank) by which the columns S of gram = S'S become orthonormal, S W.
+
+    Columns are scaled to length 1 first; directions of which hardly anything is left are rounding, and left out.
+    """
+    lengths = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    kept = lengths > 1e-9 * lengths.max(initial=1e-300)
+    scaled = gram[np.ix_(kept, kept)] / np.outer(lengths[kept], lengths[kept])
+    values, vectors = np.linalg.eigh(scaled)
+    solid = values > 1e-7
+    axes = np.zeros((len(gram), int(np.count_nonzero(solid))))
+    axes[kept] = vectors[:, solid] / np.sqrt(values[solid]) / lengths[kept, None]
+    return axes
+
+
 def blocks_of(sizes: Sequence[int]) -> list[slice]:
     """Return the slices of consecutive blocks of columns."""
     ends = np.cumsum([0, *sizes])

@@ -301,6 +301,29 @@ class Basis:
             found[k, self.places_of(run)], found[k, self.places_of(None)] = own[0], shared[0]
         return found
 
+    def top(self, count: int) -> Basis:
+        """Return the first `count` rows; the columns are no longer orthonormal."""
+        own = tuple((rows[rows < count], q[rows < count]) for rows, q in self.own)
+        return Basis(own, self.shared[:count])
+
+    def leverage(self) -> FloatArray:
+        """Return the squared lengths (n,) of the rows."""
+        found = np.sum(self.shared**2, axis=1)
+        for rows, q in self.own:
+            found[rows] += np.sum(q**2, axis=1)
+        return np.asarray(found)
+
+    def square(self, other: Basis, weights: FloatArray) -> float:
+        """Return |Q' diag(weights) P|^2, the sum of squares, of a basis P with the same runs."""
+        total = np.sum(((self.shared * weights[:, None]).T @ other.shared) ** 2)
+        for rows, q in self.own:
+            _, own, shared = other.at(rows)
+            weighed = (q * weights[rows, None]).T
+            total += np.sum((weighed @ own) ** 2) + np.sum((weighed @ shared) ** 2)
+        for rows, q in other.own:
+            total += np.sum(((self.shared[rows] * weights[rows, None]).T @ q) ** 2)
+        return float(total)
+
 
 @dataclass(frozen=True, eq=False)
 class Factors:

@@ -16,13 +16,15 @@ with M. A held-out run that no values of its own explain is left out.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mjfish.arrays import FloatArray, orthonormal, project_out
-from mjfish.block_angular import Basis, BlockAngular, span
+from mjfish.block_angular import Basis, BlockAngular, IntArray, block_angular, span
 from mjfish.data import Trial
+from mjfish.diagnosis.by_run import ByRun
 from mjfish.diagnosis.refit import Refit
 from mjfish.estimation import Problem
 
@@ -56,34 +58,47 @@ class Linearised:
 
     def sizes(self) -> tuple[float, int]:
         """Return the statistic of the sizes by run, and its degrees of freedom; 0 where nothing is to be compared."""
-        cuts = []
+        along = []
         for effect in self.refit.effects:
             null = {p.name: p.default for p in effect.amplitudes()}
             sizes = [v - null.get(p.name, v) for p, v in zip(self.problem.parameters, self.x, strict=True)]
-            along = self.slopes @ np.array(sizes)
-            cuts.append(self._cut(along[:, None], along[:, None]))
-        columns = np.concatenate(cuts, axis=1)
-        beyond = self.span.off(columns)
-        seen = np.sum(beyond**2, axis=0) > _ROUNDING * np.sum(columns**2, axis=0).max()
-        basis = orthonormal(beyond[:, seen])
-        return float(np.sum((basis.T @ self.cleared) ** 2)), basis.shape[1]
+            along.append(self.slopes @ np.array(sizes))
+        return self._cut([column[:, None] for column in along], along).statistic(self.cleared)
 
-    def coefficients(self) -> FloatArray:
-        """Return D (n, columns) of the coefficients that are not at a bound, each times its value."""
+    def coefficients(self) -> ByRun:
+        """Return the derivatives by run of the coefficients that are not at a bound, each times its value."""
         names = set(self.problem.model.fish.coefficient_names)
         own = [p.name in names and free for p, free in zip(self.problem.parameters, self.free, strict=True)]
-        return self.span.off(self._cut(self.slopes.dense()[:, own] * self.x[own], self.slopes.dense()))
+        return self._cut([self.slopes.of_columns(np.flatnonzero(own).tolist()) * self.x[own]], [None])
 
-    def _cut(self, columns: FloatArray, explaining: FloatArray) -> FloatArray:
-        """Return the columns (n, k) cut to each run: held-out ones only if `explaining` (n, m) explains them alone."""
-        found = []
-        for i in range(len(self.problem.trials)):
-            run = self.problem.rows_of({i})
-            left = project_out(orthonormal(explaining[run]), self.cleared[run, None])
-            if i < len(self.refit.problem.trials) or np.mean(left**2) < _PREDICTED:
-                found.append(np.zeros_like(columns))
-                found[-1][run] = columns[run]
-        return np.concatenate(found, axis=1)
+    def _cut(self, columns: Sequence[FloatArray], explaining: Sequence[FloatArray | None]) -> ByRun:
+        """Return the columns (n, k) cut to each run: held-out ones only if what explains them, (n,), does so alone.
+
+        None: all that is free in the run.
+        """
+        blocks = []
+        for i, rows in enumerate(self.problem.trial_rows):
+            kept = [
+                own[rows] for own, alone in zip(columns, explaining, strict=True) if self._predicted(i, rows, alone)
+            ]
+            blocks.append(np.concatenate([np.zeros((len(rows), 0)), *kept], axis=1))
+        nothing = np.zeros((len(self.cleared), 0))
+        by_run = ByRun(self.slopes.chosen(np.array(self.free)), self.span, BlockAngular.of(nothing))
+        energy = [np.sum(block**2, axis=0) for block in blocks]
+        beyond = replace(by_run, columns=block_angular(nothing, self.problem.trial_rows, blocks)).energy
+        least = _ROUNDING * max((float(own.max(initial=0.0)) for own in energy), default=0.0)
+        found = iter(beyond)
+        seen = [next(found) > least if block.shape[1] else np.zeros(0, dtype=np.bool_) for block in blocks]
+        solid = [block[:, own] for block, own in zip(blocks, seen, strict=True)]
+        return replace(by_run, columns=block_angular(nothing, self.problem.trial_rows, solid))
+
+    def _predicted(self, i: int, rows: IntArray, alone: FloatArray | None) -> bool:
+        """Return whether a run counts."""
+        if i < len(self.refit.problem.trials):
+            return True
+        explaining = self.slopes.of_rows(rows) if alone is None else alone[rows, None]
+        left = project_out(orthonormal(explaining), self.cleared[rows])
+        return bool(np.mean(left**2) < _PREDICTED)
 
 
 def linearised(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Linearised:

@@ -17,15 +17,13 @@ from typing import get_args
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, blocks_of, orthonormal, project_out
+from mjfish.arrays import FloatArray, blocks_of
+from mjfish.block_angular import Basis, BlockAngular, span
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.isolability import amplitude_signatures
 from mjfish.diagnosis.select import LEFT, RESEMBLES
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import Domain
-
-#: Share of a column's energy below which what is left of it is rounding.
-_ROUNDING = 1e-9
 
 
 def explaining_domain(evidence: Evidence, learned: Sequence[Effect]) -> Domain | None:
@@ -36,23 +34,24 @@ def explaining_domain(evidence: Evidence, learned: Sequence[Effect]) -> Domain |
         learned: causes of learned form.
     """
     _, left = amplitude_signatures(evidence, learned)
+    cleared, jacobian = evidence.cleared, evidence.jacobian
     effects = (*evidence.candidates, *learned)
     slices = blocks_of([len(effect.amplitudes()) for effect in effects])
-    every = np.hstack([left, evidence.omnibus_signatures()])
-    whole = _excess(every, np.zeros((len(left), 0)), evidence.cleared)
+    every = span(jacobian.beside(BlockAngular.of(left)).beside(evidence.waves.columns))
+    whole = _excess(every, evidence.coefficients, cleared)
     shares = {}
     for domain in get_args(Domain):
         own = [np.arange(at.start, at.stop) for e, at in zip(effects, slices, strict=True) if e.domain == domain]
         columns = np.concatenate([np.zeros(0, dtype=np.int64), *own])
-        shares[domain] = _excess(every, left[:, columns], evidence.cleared) / max(whole, 1e-300)
+        basis = span(jacobian.beside(BlockAngular.of(left[:, columns])))
+        shares[domain] = _excess(every, basis, cleared) / max(whole, 1e-300)
     return sole_domain(shares) if whole > 0.0 else None
 
 
-def _excess(every: FloatArray, basis: FloatArray, cleared: FloatArray) -> float:
-    """Return what the span of all columns explains beyond chance of a residual, behind a basis."""
-    beyond = project_out(orthonormal(basis), every)
-    rest = orthonormal(beyond[:, np.sum(beyond**2, axis=0) > _ROUNDING * np.sum(every**2, axis=0)])
-    return float(np.sum((rest.T @ cleared) ** 2)) - float(rest.shape[1])
+def _excess(every: Basis, basis: Basis, cleared: FloatArray) -> float:
+    """Return what the span of all columns explains beyond chance of a residual, behind a basis in it."""
+    explained = every.explained(cleared) - basis.explained(cleared)
+    return explained - float(every.rank - basis.rank)
 
 
 def sole_domain(shares: dict[Domain, float]) -> Domain | None:

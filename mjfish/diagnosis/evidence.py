@@ -18,9 +18,9 @@ from itertools import chain, combinations
 import numpy as np
 from scipy import special, stats
 
-from mjfish.arrays import BoolArray, FloatArray, blocks_of
+from mjfish.arrays import BoolArray, FloatArray, blocks_of, principal_axes
 from mjfish.block_angular import Basis, BlockAngular, block_angular, span
-from mjfish.diagnosis.weighted_sum import DrawnSizes, drawn_sizes
+from mjfish.diagnosis.by_run import ByRun, Drawn
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.omnibus import HATS, omnibus
@@ -109,8 +109,7 @@ class Evidence:
         information: (d, d) S^' S^.
         raw: (n, d) S~, before the projection.
         signatures: (n, d) S^.
-        omnibus_score, omnibus_information: the same for the omnibus basis.
-        coefficients: of the span of J.
+        coefficients: orthonormal basis of the span of J.
     """
 
     problem: Problem
@@ -122,8 +121,6 @@ class Evidence:
     information: FloatArray
     raw: FloatArray
     signatures: FloatArray
-    omnibus_score: FloatArray
-    omnibus_information: FloatArray
     coefficients: Basis
 
     @cached_property
@@ -245,30 +242,35 @@ class Evidence:
 
     def omnibus_p(self) -> float:
         """Return the p value of the omnibus basis, which knows no cause."""
-        return tail(*_quadratic(self.omnibus_score, self.omnibus_information))
+        return tail(*self.waves.statistic(self.cleared))
 
     def common(self) -> tuple[float, int]:
         """Return statistic and rank of the omnibus waves that are the same in all runs, from start to end.
 
         They are few, and see what is small in each run, yet there in every one.
         """
-        waves = (len(self.problem.trials), len(CHANNELS), HATS, -1)
-        score = self.omnibus_score.reshape(waves).sum(axis=(0, 2)).ravel()
-        half = self.omnibus_information.reshape(*waves, len(self.omnibus_score)).sum(axis=(0, 2))
-        information = half.reshape(len(score), *waves[:3], -1).sum(axis=(1, 3)).reshape(len(score), -1)
-        return _quadratic(score, information)
+        waves = self.waves.columns
+        summed = np.zeros((len(self.cleared), 0))
+        for part in waves.parts:
+            own = part.block.reshape(len(part.rows), len(CHANNELS), HATS, -1).sum(axis=2).reshape(len(part.rows), -1)
+            summed = summed if summed.shape[1] else np.zeros((len(self.cleared), own.shape[1]))
+            summed[part.rows] = own
+        beyond = self.coefficients.off(summed)
+        return _quadratic(beyond.T @ self.cleared, beyond.T @ beyond)
 
-    def weighed(self) -> DrawnSizes:
+    def weighed(self) -> Drawn:
         """Return the test of random sizes of the omnibus waves, alike in m/s or rad/s for all waves of a channel.
 
         Under white noise it is the omnibus test. Where the noise is far smaller at some frequencies, it asks there.
         """
-        information = np.diag(self.omnibus_information).reshape(len(self.problem.trials), len(CHANNELS), -1)
-        seen = np.maximum(information.mean(axis=(0, 2)), 1e-300)
-        size = np.broadcast_to(1.0 / np.sqrt(seen)[:, None], information.shape).ravel()
-        scaled = self.omnibus_information * np.outer(size, size)
-        found = drawn_sizes(size * self.omnibus_score, scaled, self.problem.noise.doubt)
-        return replace(found, axes=size[:, None] * found.axes)
+        energy = np.array([own.reshape(len(CHANNELS), -1).mean(axis=1) for own in self.waves.energy])
+        size = 1.0 / np.sqrt(np.maximum(energy.mean(axis=0), 1e-300))
+        parts = tuple(
+            replace(part, block=part.block * np.repeat(size, part.block.shape[1] // len(size)))
+            for part in self.waves.columns.parts
+        )
+        scaled = replace(self.waves, columns=replace(self.waves.columns, parts=parts))
+        return scaled.drawn(self.cleared, self.problem.noise.doubt)
 
     def saturated_excess(self) -> float:
         """Return what all candidates jointly explain beyond chance: their statistic less its rank."""
@@ -277,12 +279,18 @@ class Evidence:
 
     def omnibus_excess(self) -> float:
         """Return what the omnibus basis explains beyond chance."""
-        statistic, rank = _quadratic(self.omnibus_score, self.omnibus_information)
+        statistic, rank = self.waves.statistic(self.cleared)
         return statistic - rank
 
-    def omnibus_signatures(self) -> FloatArray:
-        """Return what the coefficients leave of the omnibus basis (n, columns)."""
-        return self.coefficients.off(whitened_omnibus(self.problem).dense())
+    @cached_property
+    def jacobian(self) -> BlockAngular:
+        """The derivatives J by the free parameters that are not at a bound."""
+        return self.fit.jacobian.chosen(~self.fit.at_bound)
+
+    @cached_property
+    def waves(self) -> ByRun:
+        """The omnibus basis beside the free parameters."""
+        return ByRun(self.jacobian, self.coefficients, whitened_omnibus(self.problem))
 
     def _degrees_of_freedom(self, name: str) -> int:
         block = self.blocks[name]
@@ -307,7 +315,6 @@ def gather(
     z = coefficients.off(fit.residual)
     raw = problem.rows(signatures(problem, fit.values, kept) if known_signatures is None else known_signatures).shared
     projected = coefficients.off(raw)
-    waves = whitened_omnibus(problem).dense()
     return Evidence(
         problem=problem,
         fit=fit,
@@ -318,8 +325,6 @@ def gather(
         information=projected.T @ projected,
         raw=raw,
         signatures=projected,
-        omnibus_score=waves.T @ z,
-        omnibus_information=waves.T @ waves - (inside := coefficients.coordinates(waves)).T @ inside,
         coefficients=coefficients,
     )
 
@@ -377,21 +382,6 @@ def whitened_omnibus(problem: Problem) -> BlockAngular:
 def tail(statistic: float, rank: int) -> float:
     """Return the p value of a statistic; 1 where nothing was left to test."""
     return float(stats.chi2.sf(statistic, rank)) if rank else 1.0
-
-
-def principal_axes(gram: FloatArray) -> FloatArray:
-    """Return W (k, rank) by which the columns S of gram = S'S become orthonormal, S W.
-
-    Columns are scaled to length 1 first; directions of which hardly anything is left are rounding, and left out.
-    """
-    lengths = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    kept = lengths > 1e-9 * lengths.max(initial=1e-300)
-    scaled = gram[np.ix_(kept, kept)] / np.outer(lengths[kept], lengths[kept])
-    values, vectors = np.linalg.eigh(scaled)
-    solid = values > 1e-7
-    axes = np.zeros((len(gram), int(np.count_nonzero(solid))))
-    axes[kept] = vectors[:, solid] / np.sqrt(values[solid]) / lengths[kept, None]
-    return axes
 
 
 def _quadratic(u: FloatArray, information: FloatArray) -> tuple[float, int]:

@@ -7,12 +7,13 @@ the others contradict the nominal model at all.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.block_angular import BlockAngular, span
-from mjfish.diagnosis.evidence import Evidence, whitened_omnibus
+from mjfish.arrays import FloatArray, orthonormal, principal_axes, project_out
+from mjfish.diagnosis.evidence import Evidence, tail
 from mjfish.diagnosis.select import GOODNESS
 
 #: Fewest runs of which one can be the odd one.
@@ -25,32 +26,66 @@ def lone_run(evidence: Evidence) -> int | None:
     Args:
         evidence: of the nominal model.
     """
-    if len(evidence.problem.trials) < _FEWEST:
+    runs = len(evidence.problem.trials)
+    if runs < _FEWEST:
         return None
-    waves = whitened_omnibus(evidence.problem).dense()
-    alone = []
-    for index in range(len(evidence.problem.trials)):
-        others = _without(evidence, waves, ~evidence.problem.rows_of({index}))
-        if min(others.saturated_p(), others.omnibus_p()) >= GOODNESS:
-            alone.append(index)
+    small = [_small(evidence, i) for i in range(runs)]
+    known = _known(evidence)
+    alone = [i for i in range(runs) if _least_p([*small[:i], *small[i + 1 :], known], evidence) >= GOODNESS]
     return alone[0] if len(alone) == 1 else None
 
 
-def _without(evidence: Evidence, waves: np.ndarray, kept: np.ndarray) -> Evidence:
-    """Return the evidence of the rows kept (n,) alone."""
-    fit = evidence.fit
-    jacobian = fit.jacobian.dense()[kept][:, ~fit.at_bound]
-    coefficients = span(BlockAngular.of(jacobian))
-    cleared = coefficients.off(fit.residual[kept])
-    signatures, own = coefficients.off(evidence.raw[kept]), coefficients.off(waves[kept])
-    return replace(
-        evidence,
-        cleared=cleared,
-        score=signatures.T @ cleared,
-        information=signatures.T @ signatures,
-        raw=evidence.raw[kept],
-        signatures=signatures,
-        omnibus_score=own.T @ cleared,
-        omnibus_information=own.T @ own,
-        coefficients=coefficients,
-    )
+@dataclass(frozen=True, eq=False)
+class _Small:
+    """The rows of one run in few numbers, with the parameters of the run eliminated.
+
+    Attributes:
+        directed: (m, s + d + 1) shared derivatives, signatures and residual.
+        waved: (m, s + 1) shared derivatives and residual, with the waves of the run eliminated, too.
+        waves: rank of these.
+    """
+
+    directed: FloatArray
+    waved: FloatArray
+    waves: int
+
+
+def _small(evidence: Evidence, run: int) -> _Small:
+    """Return the rows of one run in few numbers."""
+    rows = evidence.problem.trial_rows[run]
+    own = next((p for p in evidence.jacobian.parts if p.rows[0] == rows[0]), None)
+    waves = next(p for p in evidence.waves.columns.parts if p.rows[0] == rows[0])
+    alone = np.zeros((len(rows), 0)) if own is None else own.block[np.isin(own.rows, rows)]
+    wave = np.zeros((len(rows), waves.block.shape[1]))
+    wave[np.searchsorted(rows, waves.rows)] = waves.block
+    shared, residual = evidence.jacobian.shared[rows], evidence.fit.residual[rows, None]
+    first, both = orthonormal(alone), orthonormal(np.hstack([alone, wave]))
+    directed = project_out(first, np.hstack([shared, evidence.raw[rows], residual]))
+    waved = project_out(both, np.hstack([shared, residual]))
+    return _Small(_triangle(directed), _triangle(waved), both.shape[1] - first.shape[1])
+
+
+def _known(evidence: Evidence) -> _Small:
+    """Return the rows of what is known of shared parameters, which no run has."""
+    rows = slice(evidence.problem.measured, None)
+    shared, residual = evidence.jacobian.shared[rows], evidence.fit.residual[rows, None]
+    return _Small(np.hstack([shared, evidence.raw[rows], residual]), np.hstack([shared, residual]), 0)
+
+
+def _triangle(columns: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
+
+
+def _least_p(runs: Sequence[_Small], evidence: Evidence) -> float:
+    """Return the smaller p value of the candidates' joint score and of the omnibus basis on some runs."""
+    count = evidence.jacobian.shared.shape[1]
+    directed, waved = (np.concatenate([getattr(run, name) for run in runs]) for name in ("directed", "waved"))
+    shared = orthonormal(directed[:, :count])
+    left = project_out(shared, directed[:, count:])
+    signatures, cleared = left[:, :-1], left[:, -1]
+    axes = principal_axes(signatures.T @ signatures)
+    directed_p = tail(float(np.sum((axes.T @ (signatures.T @ cleared)) ** 2)), axes.shape[1])
+    beside = orthonormal(waved[:, :count])
+    behind = project_out(beside, waved[:, -1])
+    rank = sum(run.waves for run in runs) + beside.shape[1] - shared.shape[1]
+    return min(directed_p, tail(float(cleared @ cleared - behind @ behind), rank))

@@ -16,7 +16,7 @@ that they have, given the fitted ones (docs/notes/018): often they were swum oth
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -24,12 +24,12 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
+from mjfish.diagnosis.by_run import Drawn
 from mjfish.diagnosis.constancy import linearised
 from mjfish.diagnosis.evidence import gather, tail
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import Refit
-from mjfish.diagnosis.sign_flips import flipped_p, flipped_tail
-from mjfish.diagnosis.weighted_sum import DrawnSizes, drawn_sizes
+from mjfish.diagnosis.sign_flips import flipped_p
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import without_form
 
@@ -141,11 +141,11 @@ def sharp_p(test: tuple[float, int], gain: float) -> float:
     return 1.0 if statistic - rank < _SLIGHT * gain else tail(statistic, rank)
 
 
-def _drawn_p(test: DrawnSizes, columns: Callable[[], FloatArray], cleared: FloatArray, gain: float) -> float:
+def _drawn_p(test: Drawn, cleared: FloatArray, gain: float) -> float:
     """Return the p value of a test of random sizes: 1 where it is slight beside the gain, that of flips if larger."""
     if test.beyond < _SLIGHT * gain:
         return 1.0
-    return test.p if test.p >= GOODNESS else max(test.p, flipped_tail(columns() @ test.axes, cleared))
+    return test.p if test.p >= GOODNESS else max(test.p, test.flipped_p(cleared))
 
 
 class Goodness:
@@ -173,8 +173,7 @@ class Goodness:
             after = gather(refit.problem, refit.fit, self.candidates)
             every = linearised(refit, self.held_out)
             common, sizes = after.common(), every.sizes()
-            changes = every.coefficients()
-            steady = drawn_sizes(changes.T @ every.cleared, changes.T @ changes, refit.problem.noise.doubt)
+            steady = every.coefficients().drawn(every.cleared, refit.problem.noise.doubt)
             weighed = after.weighed()
             beyond = [steady.beyond, weighed.beyond, *(statistic - rank for statistic, rank in (common, sizes))]
             excess = max(after.saturated_excess(), after.omnibus_excess(), *beyond, 0.0)
@@ -182,7 +181,7 @@ class Goodness:
             if saturated_p < GOODNESS:  # outliers of the noise may be what is left
                 saturated_p = max(saturated_p, flipped_p(after.signatures, after.cleared))
             if omnibus_p < GOODNESS:
-                omnibus_p = max(omnibus_p, flipped_p(after.omnibus_signatures(), after.cleared))
+                omnibus_p = max(omnibus_p, after.waves.flipped_p(after.cleared))
             self.known[refit] = {
                 "saturated_p": saturated_p,
                 "omnibus_p": omnibus_p,
@@ -190,8 +189,8 @@ class Goodness:
                 "left": excess / max(refit.gain + excess, 1e-9),
                 "common_p": sharp_p(common, refit.gain),
                 "constancy_p": sharp_p(sizes, refit.gain),
-                "weighed_p": _drawn_p(weighed, after.omnibus_signatures, after.cleared, refit.gain),
-                "steady_p": _drawn_p(steady, lambda: changes, every.cleared, refit.gain),
+                "weighed_p": _drawn_p(weighed, after.cleared, refit.gain),
+                "steady_p": _drawn_p(steady, every.cleared, refit.gain),
                 "tolerance": tolerated(refit.mechanisms),
             }
         return self.known[refit]

@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from mjfish.arrays import FloatArray
-from mjfish.diagnosis.evidence import principal_axes
+from mjfish.arrays import FloatArray, principal_axes
+from mjfish.block_angular import Basis
 
 
 def flipped_p(columns: FloatArray, residual: FloatArray) -> float:
@@ -28,16 +28,17 @@ def flipped_p(columns: FloatArray, residual: FloatArray) -> float:
         columns: what the fitted parameters leave of them; they may depend on each other.
         residual: whitened, of the fit.
     """
-    return flipped_tail(columns @ principal_axes(columns.T @ columns), residual)
+    axes = Basis((), columns @ principal_axes(columns.T @ columns))
+    return tail_of_flips(axes, Basis((), np.zeros((len(columns), 0))), residual)
 
 
-def flipped_tail(basis: FloatArray, residual: FloatArray) -> float:
-    """Return the p value of |q'z|^2 over all flips of the signs, of columns q (n, k) of any length and angle."""
-    squares, leverage = residual**2, np.sum(basis**2, axis=1)
-    spread = basis.T @ (basis * squares[:, None])
-    mean = float(np.trace(spread))
-    variance = 2.0 * float(np.sum(spread**2) - np.sum((leverage * squares) ** 2))
+def tail_of_flips(both: Basis, first: Basis, residual: FloatArray) -> float:
+    """Return the p value of z' (Q Q' - P P') z over all flips of the signs, Q = `both`, P = `first`."""
+    squares, leverage = residual**2, both.leverage() - first.leverage()
+    mean = float(np.sum(leverage * squares))
+    spread = both.square(both, squares) - 2.0 * both.square(first, squares) + first.square(first, squares)
+    variance = 2.0 * float(spread - np.sum((leverage * squares) ** 2))
     if not min(mean, variance) > 0.0:
         return 1.0
-    explained = float(np.sum((basis.T @ residual) ** 2))
+    explained = both.explained(residual) - first.explained(residual)
     return float(stats.chi2.sf(2.0 * explained * mean / variance, 2.0 * mean**2 / variance))

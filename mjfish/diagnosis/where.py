@@ -59,9 +59,9 @@ def locate(evidence: Evidence, directed: bool) -> Where:
     """
     problem = evidence.problem
     z = evidence.cleared
-    pattern = evidence.signatures if directed else evidence.omnibus_signatures()
-    span = orthonormal(pattern)
-    energy = ((span @ (span.T @ z))[: problem.samples] ** 2).reshape(-1, 3)
+    span = orthonormal(evidence.signatures) if directed else None
+    systematic = evidence.waves.fitted(z) if span is None else span @ (span.T @ z)
+    energy = (systematic[: problem.samples] ** 2).reshape(-1, 3)
     labels = [_labels(problem.model.fish.cpg, trial) for trial in problem.trials]
     counted = [problem.mask(i) for i in range(len(problem.trials))]
     names = np.concatenate([np.full(int(k.sum()), t.name) for k, t in zip(counted, problem.trials, strict=True)])
