@@ -344,7 +344,7 @@ def test_the_measured_fish_is_imported_and_diagnosed(fishsim: Path, tmp_path: Pa
     roles = tomllib.loads((tmp_path / "swimming" / "dataset.toml").read_text())["trials"]
     assert {trial["name"]: trial["role"] for trial in roles} == {"f0_50": "fit", "f1_00": "fit", "f1_25": "held_out"}
     printed = run_command(f"{diagnosed} --json found.json", tmp_path)
-    assert "mean speed error" in printed
+    assert "held out   nRMSE" in printed
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["verdict"] != "nothing_wrong"
     held, speed = found["gain"]["held_out"], found["gain"]["mean_speed_error"]

@@ -195,9 +195,9 @@ def _nearly(best: Names, comparison: Comparison) -> Decision | None:
     similar = comparison.similar(best, RESEMBLES)
     if len(similar) > _FEW:
         return None
-    choice = (
-        f"{_listed(similar)} explains {1.0 - standing.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
-    )
+    alike = comparison.one_mechanism(similar)
+    what = f"the mechanism {comparison.refits[best].mechanisms[0]}" if alike and len(similar) > 1 else _listed(similar)
+    choice = f"{what} explains {1.0 - standing.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
     return Decision("cannot_tell", similar, f"Something is wrong, but these data cannot tell what: {choice}.")
 
 
