@@ -37,7 +37,7 @@ _MOST_MINIMA = 3
 _BEHIND = 0.01
 #: Most evaluations of a refit at one tolerance: where the form is wrong, there may be no end to it.
 _MOST = 40
-#: Mean square of the best refit's residual above which those behind the contenders get a second start.
+#: Mean square of a residual above which a fit is far off.
 _FAR = 10.0
 #: A fit from other starts is followed beyond so many evaluations where its sum of squares is near to the other's.
 _TRY, _HOPE = 6, 1.2
@@ -161,18 +161,17 @@ def _may_explain(effect: Effect, found: Mapping[str, Refit]) -> bool:
     Where all refits are far off, the gains of limits say little.
     """
     limits = [found[name].gain for name in effect.limits if name in found]
-    return not limits or max(limits) >= _floor(found) or (not effect.learned and _far_off(found))
+    return not limits or max(limits) >= _floor(found) or (not effect.learned and far_off(_closest(found)))
 
 
-def _far_off(found: Mapping[str, Refit]) -> bool:
-    """Return whether even the best refit leaves far more than noise."""
-    best = min(found.values(), key=lambda refit: refit.fit.sse).fit
-    return best.sse > _FAR * len(best.residual)
+def far_off(found: Fit) -> bool:
+    """Return whether a fit leaves far more than noise."""
+    return found.sse > _FAR * len(found.residual)
 
 
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
     """Follow the contenders to their optimum; who contends is seen once coefficients far off had a second start."""
-    found = _tried_afresh(found)
+    found = tried_afresh(found)
     floor = _floor(found)
     running = {name: refit for name, refit in found.items() if refit.gain >= floor}
     least, jobs = min(refit.fit.sse for refit in found.values()), next(iter(found.values())).problem.jobs
@@ -184,25 +183,29 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
     return result
 
 
-def _tried_afresh(found: Mapping[str, Refit]) -> dict[str, Refit]:
-    """Return the refits, those behind the contenders tried from the declared starts where even the best is far off.
+def _closest(found: Mapping[str, Refit]) -> Fit:
+    return min((refit.fit for refit in found.values()), key=lambda fit: fit.sse)
 
-    Coefficients that a large effect has biased keep the true cause from showing what it explains.
+
+def tried_afresh(found: Mapping[str, Refit]) -> dict[str, Refit]:
+    """Return the refits with formulas, each the best of several starts, where even the closest is far off.
+
+    Coefficients that a large effect has biased keep the true cause from showing what it explains: the declared ones are
+    tried, and sizes in another minimum.
     """
-    if not _far_off(found):
+    if not found or not far_off(_closest(found)):
         return dict(found)
-    floor = _floor(found)
-    behind = {name: refit for name, refit in found.items() if refit.gain < floor and not refit.learned}
 
     def tried(refit: Refit) -> Refit:
         problem = with_jobs(refit, 1).problem
-        here = fit(problem, problem.start(refit.parameter_values()), tolerance=TOLERANCE, evaluations=_TRY)
-        return replace(refit, fit=here, gain=refit.gain + refit.fit.sse - here.sse)
+        starts = [problem.start(refit.parameter_values()), *other_minima(refit.fit, problem, fits=False)]
+        fits = [fit(problem, start, tolerance=TOLERANCE, evaluations=_TRY) for start in starts]
+        best = min([refit.fit, *fits], key=lambda each: each.objective)
+        return replace(refit, fit=best, gain=refit.gain + refit.fit.sse - best.sse)
 
+    formulas = {name: refit for name, refit in found.items() if not refit.learned}
     jobs = next(iter(found.values())).problem.jobs
-    again = zip(behind.items(), refit_in_parallel(tried, [*behind.values()], jobs), strict=True)
-    better = {name: new for (name, old), new in again if new.fit.objective < old.fit.objective}
-    return {**found, **better}
+    return {**found, **dict(zip(formulas, refit_in_parallel(tried, [*formulas.values()], jobs), strict=True))}
 
 
 def _floor(found: Mapping[str, Refit]) -> float:
