@@ -14,6 +14,7 @@ from mjfish.effects import Effect, catalogue
 from mjfish.estimation.clocks import aligned
 from mjfish.inspection import nominal_simulation as nominal
 from mjfish.inspection.finding import Finding
+from mjfish.inspection.joint_motion import unresolved
 from mjfish.inspection.kinematics import compatibility, disagreements
 from mjfish.inspection.nominal_simulation import Drive, Guess
 from mjfish.inspection.repeats import noise_from_repeats, repeat_findings
@@ -63,10 +64,12 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     lines = [line for line in map(interpolated, fine) if line is not None]
     noise = pooled(lines)
     found += frequencies
+    found += [finding for trial in trials for finding in unresolved(trial)]
     found += copies(trials, held, noise)
     found += nominal.sampling(trials, enough)
     found += _against_simulation(dataset, fine, noise)
-    misread = {name for finding in found if not finding.code.startswith("copies") for name in finding.trials}
+    harmless = ("copies", "joints")
+    misread = {name for finding in found if not finding.code.startswith(harmless) for name in finding.trials}
     found += outliers([line for line in lines if line.trial.name not in misread])
     pair = compatibility(trials)
     if pair is not None:

@@ -19,6 +19,7 @@ from mjfish.data import Trial
 from mjfish.data.validation import GAP
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
+from mjfish.inspection.joint_motion import jumps
 
 #: Neighbours to either side: as many as an odd and an even harmonic or two need, twice.
 _REACH = 5
@@ -77,6 +78,8 @@ def interpolated(trial: Trial) -> Interpolated | None:
     for segment in trial.drive:  # what the fish does in its first beats is not periodic
         settling = segment.start + _BEATS * 2.0 * np.pi / segment.omega
         torn |= (time[1:] >= segment.start - step) & (time[:-1] <= settling)
+    for jump in jumps(trial):  # the velocity jumps with the joints
+        torn[max(jump.first - 1, 0) : jump.last + 1] = True
     before = np.concatenate([[0], np.cumsum(torn)])
     rows = np.arange(_REACH, len(time) - _REACH)
     rows = rows[before[rows + _REACH] == before[rows - _REACH]]
