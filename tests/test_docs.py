@@ -167,7 +167,7 @@ def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     printed = [run_command(line, tmp_path, exit_code=int(" compare " in line)) for line in commands(page)]
     fitted, compared = printed[1], printed[-1]
-    assert fitted.count("rests on its") == 5
+    assert fitted.count("at its bound") == 5
     assert "residuals: passed" in fitted
     assert "4 of 4 starts reached the best optimum" in fitted
     assert compared.count("absent") == 3

@@ -155,8 +155,18 @@ def _next(result: Diagnosis, dataset: str) -> str:
     if result.verdict == "nothing_wrong":
         return f"{program} plan {dataset} has runs that would show more"
     if result.where is not None:
-        return f"look where the misfit is densest: {_densest(result)}; a cause of your own: --effects FILE"
+        return _unexplained(result)
     return f"{program} inspect {dataset} says what these runs cannot show"
+
+
+def _unexplained(result: Diagnosis) -> str:
+    """Return what to do where no cause explains the misfit: mend the data, test what comes closest, look further."""
+    suspect = dict.fromkeys(finding.code for finding in result.checks.findings if finding.severity == "suspect")
+    steps = [f"mend {' and '.join(suspect)} first, it may be the cause"] if suspect else []
+    if closest := result.closest:
+        steps.append(f"{closest} comes closest: to test it, {result.effects[closest].confirm}")
+    steps.append(f"the misfit is densest in {_densest(result)}; for a cause of your own: --effects FILE")
+    return "; ".join(steps)
 
 
 def _densest(result: Diagnosis) -> str:
