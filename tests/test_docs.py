@@ -356,6 +356,17 @@ def test_the_measured_fish_is_imported_and_diagnosed(fishsim: Path, tmp_path: Pa
     assert held["extended"]["pooled"] < 0.9 * held["nominal"]["pooled"]
 
 
+@pytest.mark.parametrize("name", ["index", "how-to"])
+def test_every_link_of_a_table_of_contents_says_what_is_behind_it(name: str) -> None:
+    """A sentence beside each page of the hidden table. Catches a page that only the sidebar has."""
+    text = (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+    (tree,) = re.findall(r"^```\{toctree\}\n:hidden:\n\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    for page in tree.split():
+        (said,) = re.findall(rf"^- (?:\[.+\]\({page}\.md\)|\{{doc\}}`{page}`): (.+)$", text, re.MULTILINE)
+        assert len(said.split()) > 5
+        assert said.endswith(".")
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
