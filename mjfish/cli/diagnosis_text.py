@@ -131,6 +131,8 @@ def _gain_item(result: Diagnosis) -> list[_Item]:
     if gain is None:
         return []
     before, after = (percent(errors["pooled"]) for errors in (gain.nominal, gain.extended))
+    if not result.best:
+        return [_Item(_word("held out"), f"nRMSE {before} of the nominal model, which was not extended")]
     less = f"{percent(gain.relative_reduction)} less ({percent(gain.low)} to {percent(gain.high)})"
     return [_Item(_word("held out"), f"nRMSE {before} before, {after} after: {less}")]
 

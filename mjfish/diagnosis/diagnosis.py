@@ -397,7 +397,7 @@ def _candidates(
 def _remark_of(found: Fit) -> str:
     """Return what a reader should know of the fit of a candidate."""
     if found.status == "diverged":
-        return f"Out of the running: {found.message}."
+        return f"Not compared: {found.message}."
     return _ROUGH if found.status != "converged" else ""
 
 

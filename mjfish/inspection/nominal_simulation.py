@@ -225,7 +225,7 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
             "blocks" if near else "suspect",  # far from any unit: a fish that hardly follows its drive is so, too
             f"{'all trials' if everywhere else 'trial ' + ', '.join(strange)}, {name}",
             f"it is {size:.3g} times as large as simulated",
-            "a size within a factor of a few",
+            f"a size within a factor of {_STRANGE:g}",
             known[factor] if near else "check the unit and the drive",
             trials=() if everywhere else tuple(strange),
             channels=(name,),

@@ -87,6 +87,7 @@ def test_a_folder_gets_an_extended_fish_only_where_the_model_was_extended(
     missing = "extended No extended.toml was written: the model was not extended"
     assert f"{missing}." in said["nothing"]
     assert f"{missing}." in said["alone"]
+    assert "nRMSE 3.14 % of the nominal model, which was not extended" in said["alone"]
     assert "extended.toml has servo_lag, which explains most and is not named." in said["closest"]
     assert "extended.toml has" not in said["named"]
     now[0] = nothing
