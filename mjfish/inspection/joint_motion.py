@@ -95,7 +95,9 @@ def _kept(trial: Trial, found: Sequence[Jump]) -> str:
     """Return the times of the rows between the jumps, where they last a beat."""
     time = trial.time
     least = 1.0 / min(beats(trial), default=np.inf)
-    starts = [0, *(min(jump.last + _BESIDE, len(time) - 1) for jump in found)]
+    # The beat after a jump is left out: the start of a run is fitted, and must not lie on angles that are in doubt.
+    after = max(_BESIDE, round(least / trial.step))
+    starts = [0, *(min(jump.last + after, len(time) - 1) for jump in found)]
     ends = [*(max(jump.first - _BESIDE, 0) for jump in found), len(time) - 1]
     parts = [(float(time[a]), float(time[b])) for a, b in zip(starts, ends, strict=True)]
     long = [f"{a:.4g} to {b:.4g} s" for a, b in parts if b - a > least]

@@ -35,20 +35,20 @@ def test_a_start_that_jumps_is_found_with_its_time() -> None:
     (found,) = unresolved(_trial(np.where(TIME[:, None] < 0.5, 0.0, _beat(TIME))))
     assert (found.code, found.severity, found.trials) == ("joints-unresolved", "suspect", ("run",))
     assert "joint_2, near 0.49 s" in found.message
-    assert "keep its rows from 0.56 to 7.98 s; or record the joint angles faster" in found.remedy
+    assert "keep its rows from 1.02 to 7.98 s; or record the joint angles faster" in found.remedy
 
 
 def test_a_step_of_the_drive_cuts_the_run_in_two() -> None:
     """The middle of the beat moves by 0.2 rad at 4 s. Catches a cut that keeps one part."""
     (found,) = unresolved(_trial(np.where(TIME[:, None] < 4.0, _beat(TIME), _beat(TIME, 0.2))))
     assert "near 3.99 s" in found.place
-    assert "from 0 to 3.92 s and from 4.06 to 7.98 s, each as a run of its own" in found.remedy
+    assert "from 0 to 3.92 s and from 4.52 to 7.98 s, each as a run of its own" in found.remedy
 
 
 def test_what_is_cut_as_the_remedy_says_has_no_jump() -> None:
     """Catches a cut too close to the jump."""
     trial = _trial(np.where(TIME[:, None] < 4.0, _beat(TIME), _beat(TIME, 0.2)))
-    for kept in (TIME <= 3.92 + 1e-9, TIME >= 4.06 - 1e-9):
+    for kept in (TIME <= 3.92 + 1e-9, TIME >= 4.52 - 1e-9):
         assert trial.joint_angle is not None
         part = replace(trial, time=readonly(TIME[kept]), joint_angle=readonly(trial.joint_angle[kept]))
         assert list(unresolved(part)) == []
