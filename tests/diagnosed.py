@@ -98,7 +98,7 @@ def diagnosis(
         verdict=verdict,
         message=f"Something to say about {verdict}.",
         status="ok",
-        remarks=("c_f.head of the nominal model rests on its bound",),
+        remarks=("c_f.head of the nominal model is at its bound",),
         checks=Inspection(),
         undetectable={"mass_error": "a refit of the coefficients hides all of it"},
         isolability=ISOLABILITY,

@@ -167,7 +167,7 @@ def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     printed = [run_command(line, tmp_path, exit_code=int(" compare " in line)) for line in commands(page)]
     fitted, compared = printed[1], printed[-1]
-    assert fitted.count("rests on its") == 5
+    assert fitted.count("at its bound") == 5
     assert "residuals: passed" in fitted
     assert "4 of 4 starts reached the best optimum" in fitted
     assert compared.count("absent") == 3
@@ -344,7 +344,7 @@ def test_the_measured_fish_is_imported_and_diagnosed(fishsim: Path, tmp_path: Pa
     roles = tomllib.loads((tmp_path / "swimming" / "dataset.toml").read_text())["trials"]
     assert {trial["name"]: trial["role"] for trial in roles} == {"f0_50": "fit", "f1_00": "fit", "f1_25": "held_out"}
     printed = run_command(f"{diagnosed} --json found.json", tmp_path)
-    assert "mean speed error" in printed
+    assert "held out   nRMSE" in printed
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["verdict"] != "nothing_wrong"
     held, speed = found["gain"]["held_out"], found["gain"]["mean_speed_error"]
@@ -354,6 +354,17 @@ def test_the_measured_fish_is_imported_and_diagnosed(fishsim: Path, tmp_path: Pa
     assert 0.0 < speed["extended"] < 0.01
     assert speed["nominal"] < 0.05
     assert held["extended"]["pooled"] < 0.9 * held["nominal"]["pooled"]
+
+
+@pytest.mark.parametrize("name", ["index", "how-to"])
+def test_every_link_of_a_table_of_contents_says_what_is_behind_it(name: str) -> None:
+    """A sentence beside each page of the hidden table. Catches a page that only the sidebar has."""
+    text = (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+    (tree,) = re.findall(r"^```\{toctree\}\n:hidden:\n\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    for page in tree.split():
+        (said,) = re.findall(rf"^- (?:\[.+\]\({page}\.md\)|\{{doc\}}`{page}`): (.+)$", text, re.MULTILINE)
+        assert len(said.split()) > 5
+        assert said.endswith(".")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -246,7 +246,10 @@ def test_a_wave_of_the_wrong_frequency_is_said_and_taken_to_be_that_of_the_beat(
     findings = [finding for finding in mjfish.inspect(slow).findings if finding.code == "wave-frequency"]
     assert [finding.trials for finding in findings] == [("one",), ("two",)]
     assert findings[0].found.startswith(
-        ("the drive says 1 Hz, the fish beats at 1.99", "the drive says 1 Hz, the fish beats at 2")
+        (
+            "the frequency of the drive is 1 Hz, the fish beats at 1.99",
+            "the frequency of the drive is 1 Hz, the fish beats at 2",
+        )
     )
     assert [wave_of(trial).frequency for trial in aligned(slow).trials] == pytest.approx([2.0, 2.0], abs=0.02)
     assert not [finding for finding in mjfish.inspect(dataset).findings if finding.code == "wave-frequency"]

@@ -295,10 +295,20 @@ def _drive(
     if questions.lacking:
         return _Drive()
     return _Drive(
-        frequency=tuple(console.numbers(text, 1, "--frequency")[0] for text in told["frequency"]),
+        frequency=tuple(map(_hertz, told["frequency"])),
         amplitude=tuple(tuple(_row(text, "--amplitude")) for text in told["amplitude"]),
         phase=tuple(tuple(_row(text, "--phase")) for text in told["phase"]),
     )
+
+
+def _hertz(text: str) -> float:
+    """Return a frequency, or say how to give one a file."""
+    if "," in text:
+        repeated = " ".join(f"--frequency {part.strip()}" for part in text.split(","))
+        raise InputError(
+            f"--frequency: found '{text}', expected one number; repeat the option for every file: {repeated}"
+        )
+    return console.numbers(text, 1, "--frequency")[0]
 
 
 def _row(text: str, flag: str) -> list[float]:

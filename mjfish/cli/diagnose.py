@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 #: The datasets that ship with the package; what is hidden in them is not said here.
 DEMO = Path(__file__).parents[1] / "demo"
 LEARNED = DEMO / "learned"
-#: What is written to a folder: numbers, report, rerun log, extended fish.
-_FILES = ("diagnosis.json", "report.html", "fish.rrd", "extended.toml")
+#: What is written to a folder: numbers, report, rerun log, and the extended fish, where there is one.
+_FILES = ("diagnosis.json", "report.html", "fish.rrd")
+_EXTENDED = "extended.toml"
 
 Verbose = Annotated[bool, typer.Option("--verbose", help="Show candidates, tables and all remarks, too.")]
 Own = Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")]
@@ -80,7 +81,7 @@ def diagnose(
         if out is not None:
             make_folder(out)
             json_, report, rrd, extended = (
-                given or out / name for given, name in zip((json_, report, rrd, extended), _FILES, strict=True)
+                given or file for given, file in zip((json_, report, rrd, extended), _files(out, result), strict=True)
             )
             curves = curves or out / "curves"
             if divided is not None:
@@ -90,7 +91,7 @@ def diagnose(
         if curves is not None and result.write_curves(curves):
             written.append(curves)
     if not quiet and not on_stdout:
-        then = []
+        then = _of_extended(result, extended or (out / _EXTENDED if out is not None else None), written)
         if curves is not None and out is None and curves not in written:
             then.append(("curves", f"No curve was written to {curves}: no mechanism is named whose form is a curve."))
         show(result, str(dataset), written, then, verbose=verbose)
@@ -119,14 +120,13 @@ def demo(
         with console.progress_bar("reading the data") as tell:
             result = mjfish.diagnose(mjfish.load_dataset(LEARNED if learned else DEMO), progress=tell)
         make_folder(out)
-        _write(result, tuple(out / name for name in _FILES), written)
+        _write(result, _files(out, result), written)
         if result.write_curves(out / "curves"):
             written.append(out / "curves")
     program = console.program()
-    then = (
-        ("view", f"{program} view {out / 'fish.rrd'}"),
-        ("swim", f"{program} simulate --fish {out / 'extended.toml'} --out {out / 'swim'}"),
-    )
+    then = [*_of_extended(result, out / _EXTENDED, written), ("view", f"{program} view {out / 'fish.rrd'}")]
+    if result.best:
+        then.append(("swim", f"{program} simulate --fish {out / _EXTENDED} --out {out / 'swim'}"))
     show(result, str(LEARNED if learned else DEMO), written, then, verbose=verbose)
     _leave(result)
 
@@ -151,8 +151,25 @@ def _catalogue(files: list[Path] | None) -> dict[str, Effect]:
     return dict(catalogue(tuple(files or ())))
 
 
+def _files(folder: Path, result: Diagnosis) -> tuple[Path | None, ...]:
+    """Return the files that a folder gets: the extended fish only where the model was extended."""
+    return (*(folder / name for name in _FILES), folder / _EXTENDED if result.best else None)
+
+
+def _of_extended(result: Diagnosis, file: Path | None, written: Sequence[Path]) -> list[tuple[str, str]]:
+    """Say what the file of the extended fish has where no cause was named, or why it was not written."""
+    if file is None or result.verdict == "named":
+        return []
+    if result.best:
+        return [("extended", f"{file.name} has {' and '.join(result.best)}, which explains most and is not named.")]
+    if file in written:
+        return [("extended", f"{file.name} has the fitted coefficients and no cause: the model was not extended.")]
+    earlier = "; the one that is there is of an earlier diagnosis" if file.exists() else ""
+    return [("extended", f"No {file.name} was written: the model was not extended{earlier}.")]
+
+
 def _write(result: Diagnosis, files: Sequence[Path | None], written: list[Path], splits: Splits | None = None) -> bool:
-    """Write the files that are wanted, in the order of `_FILES`, and add each to `written` once it is there.
+    """Write the files that are wanted, in the order of `_files`, and add each to `written` once it is there.
 
     Returns:
         Whether standard output has the JSON, and must have nothing else.

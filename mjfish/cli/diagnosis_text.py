@@ -131,6 +131,8 @@ def _gain_item(result: Diagnosis) -> list[_Item]:
     if gain is None:
         return []
     before, after = (percent(errors["pooled"]) for errors in (gain.nominal, gain.extended))
+    if not result.best:
+        return [_Item(_word("held out"), f"nRMSE {before} of the nominal model, which was not extended")]
     less = f"{percent(gain.relative_reduction)} less ({percent(gain.low)} to {percent(gain.high)})"
     return [_Item(_word("held out"), f"nRMSE {before} before, {after} after: {less}")]
 
@@ -155,8 +157,18 @@ def _next(result: Diagnosis, dataset: str) -> str:
     if result.verdict == "nothing_wrong":
         return f"{program} plan {dataset} has runs that would show more"
     if result.where is not None:
-        return f"look where the misfit is densest: {_densest(result)}; a cause of your own: --effects FILE"
+        return _unexplained(result)
     return f"{program} inspect {dataset} says what these runs cannot show"
+
+
+def _unexplained(result: Diagnosis) -> str:
+    """Return what to do where no cause explains the misfit: mend the data, test what comes closest, look further."""
+    suspect = dict.fromkeys(finding.code for finding in result.checks.findings if finding.severity == "suspect")
+    steps = [f"mend {' and '.join(suspect)} first, it may be the cause"] if suspect else []
+    if closest := result.closest:
+        steps.append(f"{closest} comes closest: to test it, {result.effects[closest].confirm}")
+    steps.append(f"the misfit is densest in {_densest(result)}; for a cause of your own: --effects FILE")
+    return "; ".join(steps)
 
 
 def _densest(result: Diagnosis) -> str:

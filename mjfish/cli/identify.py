@@ -170,7 +170,7 @@ def _coefficients(result: Identification) -> Table:
         low, high = fit.interval(p.name) if assessment is None else assessment.intervals.interval(p.name)
         sigma = fit.sigma[p.name] if assessment is None else float(assessment.intervals.sigma[index])
         cells = (number(value, 4) for value in (fit.values[p.name], low, high, sigma))
-        table.add_row(p.name, *cells, "rests on its bound" if at_bound else "")
+        table.add_row(p.name, *cells, "at its bound" if at_bound else "")
     return table
 
 

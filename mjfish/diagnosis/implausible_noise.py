@@ -58,8 +58,8 @@ def too_large(problem: Problem, fit: Fit, repeats: Repeats | None) -> Finding | 
         code="noise-slow",
         severity="blocks",
         place=channel,
-        found=f"the simulation is off by {off}, {share:.0%} of all of it; that may be noise, or something that no "
-        "known cause explains",
+        found=f"the simulation is off by {off}, {share:.0%} of the measured rms; that may be noise, or something "
+        "that no known cause explains",
         expected=f"slow noise of at most {_LARGEST:.0%}",
         remedy="swim one drive twice or more: noise differs between repeats, an effect does not",
         channels=tuple(name for name, series in zip(CHANNELS, large, strict=True) if series),
@@ -118,9 +118,9 @@ def bursts(evidence: Evidence, rng: np.random.Generator) -> Finding | None:
         code="noise-bursts",
         severity="blocks",
         place=", ".join(places),
-        found="the simulation is off for moments, more than noise would be",
-        expected="noise that is as large at one moment as at the next",
-        remedy="watch the film there: a joint that sticks, a knock and a slip of the tracking look so",
+        found="the simulation is off at single moments, by more than noise",
+        expected="noise of one size throughout",
+        remedy="watch the film there: a sticking joint, a collision or a lost marker looks like this",
     )
 
 

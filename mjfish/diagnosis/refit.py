@@ -37,6 +37,8 @@ _MOST_MINIMA = 3
 _BEHIND = 0.01
 #: Most evaluations of a refit at one tolerance: where the form is wrong, there may be no end to it.
 _MOST = 40
+#: Mean square of a residual above which a fit is far off.
+_FAR = 10.0
 #: A fit from other starts is followed beyond so many evaluations where its sum of squares is near to the other's.
 _TRY, _HOPE = 6, 1.2
 #: Sum of squares that the best start of a cause which is not smooth must take, or its fit is not followed.
@@ -154,13 +156,22 @@ def refits(
 
 
 def _may_explain(effect: Effect, found: Mapping[str, Refit]) -> bool:
-    """Return whether a candidate is worth a refit: none of its limits was refitted, or one of them is a contender."""
+    """Return whether a candidate is worth a refit: none of its limits was refitted, or one of them is a contender.
+
+    Where all refits are far off, the gains of limits say little.
+    """
     limits = [found[name].gain for name in effect.limits if name in found]
-    return not limits or max(limits) >= _floor(found)
+    return not limits or max(limits) >= _floor(found) or (not effect.learned and far_off(_closest(found)))
+
+
+def far_off(found: Fit) -> bool:
+    """Return whether a fit leaves far more than noise."""
+    return found.sse > _FAR * len(found.residual)
 
 
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
-    """Follow the contenders to their optimum."""
+    """Follow the contenders to their optimum; who contends is seen once coefficients far off had a second start."""
+    found = tried_afresh(found)
     floor = _floor(found)
     running = {name: refit for name, refit in found.items() if refit.gain >= floor}
     least, jobs = min(refit.fit.sse for refit in found.values()), next(iter(found.values())).problem.jobs
@@ -170,6 +181,31 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
         progress(f"refining the fit with {name}", done / len(running))
         result[name] = next(results)
     return result
+
+
+def _closest(found: Mapping[str, Refit]) -> Fit:
+    return min((refit.fit for refit in found.values()), key=lambda fit: fit.sse)
+
+
+def tried_afresh(found: Mapping[str, Refit]) -> dict[str, Refit]:
+    """Return the refits with formulas, each the best of several starts, where even the closest is far off.
+
+    Coefficients that a large effect has biased keep the true cause from showing what it explains: the declared ones are
+    tried, and sizes in another minimum.
+    """
+    if not found or not far_off(_closest(found)):
+        return dict(found)
+
+    def tried(refit: Refit) -> Refit:
+        problem = with_jobs(refit, 1).problem
+        starts = [problem.start(refit.parameter_values()), *other_minima(refit.fit, problem, fits=False)]
+        fits = [fit(problem, start, tolerance=TOLERANCE, evaluations=_TRY) for start in starts]
+        best = min([refit.fit, *fits], key=lambda each: each.objective)
+        return replace(refit, fit=best, gain=refit.gain + refit.fit.sse - best.sse)
+
+    formulas = {name: refit for name, refit in found.items() if not refit.learned}
+    jobs = next(iter(found.values())).problem.jobs
+    return {**found, **dict(zip(formulas, refit_in_parallel(tried, [*formulas.values()], jobs), strict=True))}
 
 
 def _floor(found: Mapping[str, Refit]) -> float:

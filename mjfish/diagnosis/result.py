@@ -34,7 +34,8 @@ _NEXT = {
     "named": "confirm the cause on the bench, and simulate with the extended model.",
     "nothing_wrong": "read what could not have been seen (`undetectable`), or `mjfish.plan` runs that would show more.",
     "cannot_tell": "mend what the findings name; `mjfish.plan` has the runs that tell rivals apart.",
-    "unexplained": "look at the missing force (`force`, `description`) for a cause that is not in the catalogue.",
+    "unexplained": "test the cause that comes closest (`closest`); then look at the missing force (`force`, "
+    "`description`) for a cause that is not in the catalogue.",
 }
 
 
@@ -237,6 +238,14 @@ class Diagnosis(Result):
     def fish(self) -> Extended:
         """The fish with the causes that explain most, at the estimates: `mjfish.simulate` takes it."""
         return Extended(self.extended_model, {name: value.estimate for name, value in self.extended.items()})
+
+    @property
+    def closest(self) -> str:
+        """The cause that explains most where the verdict is ``unexplained``; empty else, or where none was refitted."""
+        refitted = [candidate for candidate in self.candidates if candidate.parameters is not None]
+        if self.verdict != "unexplained" or not refitted:
+            return ""
+        return max(refitted, key=lambda one: one.statistic - 2.0 * (one.degrees_of_freedom - 1)).name
 
     def summary(self) -> str:
         """Return verdict, causes with sizes and curves, gain, status and what to do next, in at most ten lines."""

@@ -15,7 +15,7 @@ from mjfish.data.filters import Filter
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, under
 from mjfish.diagnosis.integration_step import resolved
 from mjfish.diagnosis.progress import Progress, part
-from mjfish.diagnosis.refit import Refit, refined, refit_nonsmooth, refits, settled
+from mjfish.diagnosis.refit import Refit, far_off, refined, refit_nonsmooth, refits, settled, tried_afresh
 from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
@@ -37,6 +37,8 @@ _BEYOND = 1e-12
 #: the first start suffices; the cost, relative to that of the first, below which the best trial start is followed.
 _STARTS, _SCOUT = 4, 8
 _EXPLAINED, _PROMISING = 2.0, 1.05
+#: Mean square under the stated noise below which a refit tells the noise, where the nominal model is far off.
+_FITTED = 1.5
 _OTHER = ErrorsInVariables | NoiseByRate | ProcessNoise | GaussMarkov | DifferentiationNoise
 
 
@@ -138,20 +140,24 @@ def _screened(
     progress: Progress,
 ) -> tuple[Screening, str, Filter | None]:
     """Screen with the smoothing of the problem; return it, a remark on the noise, and the suggested smoothing."""
+    refitted = _under_the_stated_noise(problem, baseline, slopes, candidates, stated, part(progress, 0.05, 0.1))
     noise, remark = noise_of(problem, baseline, slopes.velocity, stated, patterns=False)
+    if refitted:
+        noise, remark = _noise_beside(_leader(refitted), candidates, stated)
     test = _NominalTest(candidates, slopes, rng, progress)
     seen = test.run(problem, baseline, noise)
     if seen.p_wrong >= ALARM:  # a noise estimate that includes patterns common to all runs may absorb a misfit
         noise, remark = noise_of(problem, baseline, slopes.velocity, stated)
         seen = test.repeat(seen, noise)
-    refitted: dict[str, Refit] = {}
     if seen.p_wrong < ALARM:
-        refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), coarse=seen.refits)
+        refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), refitted, seen.refits)
+    else:
+        refitted = {}
     if not refitted:
         smoothing = smoothing_of(problem, baseline, noise, candidates, slopes.velocity)
     else:
-        leader = max(refitted, key=lambda name: refitted[name].gain)
-        refitted[leader] = best = refined(refitted[leader], refitted[leader].fit.sse)
+        best = _leader(refitted)
+        refitted[best.names[-1]] = best = refined(best, best.fit.sse)
         others = tuple(effect for effect in candidates if effect.name not in best.names)
         beside = signatures(best.problem, best.fit.values, others).velocity
         noise, remark = noise_of(best.problem, best.fit, beside, stated)
@@ -164,6 +170,39 @@ def _screened(
     if refitted:
         refitted = settled(refitted, part(progress, 0.6, 0.1))
     return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark, smoothing
+
+
+def _under_the_stated_noise(
+    problem: Problem,
+    baseline: Fit,
+    slopes: Slopes,
+    candidates: tuple[Effect, ...],
+    stated: FloatArray | None,
+    progress: Progress,
+) -> dict[str, Refit]:
+    """Return refits under the stated noise where the nominal model is far off, and one of them fits; none else.
+
+    What no linearised model explains of a large misfit would be taken for noise, and the true cause have little to
+    explain.
+    """
+    if stated is None or not far_off(baseline):
+        return {}
+    found = tried_afresh(refits(gather(problem, baseline, candidates, slopes), candidates, progress))
+    if not found:
+        return {}
+    best = _leader(found)
+    found[best.names[-1]] = best = refined(best, best.fit.sse)
+    return found if best.fit.sse < _FITTED * len(best.fit.residual) else {}
+
+
+def _leader(found: Mapping[str, Refit]) -> Refit:
+    return max(found.values(), key=lambda refit: refit.gain)
+
+
+def _noise_beside(best: Refit, candidates: tuple[Effect, ...], stated: FloatArray | None) -> tuple[Noise, str]:
+    """Return the noise with a cause in the model, and a remark on it."""
+    others = tuple(effect for effect in candidates if effect.name not in best.names)
+    return noise_of(best.problem, best.fit, signatures(best.problem, best.fit.values, others).velocity, stated)
 
 
 @dataclass(frozen=True, eq=False)

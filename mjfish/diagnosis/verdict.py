@@ -23,7 +23,7 @@ _TENFOLD, _LITTLE = 10.0, 0.01
 #: Most causes that something unexplained may be like.
 _FEW = 3
 
-_OTHERWISE = "its form is another than the model's, or it is not alone, or something unknown is like it"
+_OTHERWISE = "its form differs from the model's, or a further cause is at work, or an unknown cause resembles it"
 
 Names = tuple[str, ...]
 
@@ -159,7 +159,7 @@ def decide(
         others: single causes without those that failed on held-out trials, where any did.
     """
     if blocks:
-        return Decision("cannot_tell", (), f"These data cannot tell: {blocks[0].message}.")
+        return Decision("cannot_tell", (), f"These data allow no verdict: {blocks[0].message}.")
     if p_wrong >= ALARM:
         return Decision(
             "nothing_wrong", (), f"Nothing wrong was found: the nominal model fits to within noise (p = {p_wrong:.2g})."
@@ -177,7 +177,8 @@ def decide(
     best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
     if others is not None and (retained := others.retained(clean=True)):
         failed = single.failed()
-        choice = f"{_listed(failed)} fits best and fails on the held-out trials; {_listed(retained)} would do"
+        why = _failing(single.held_out[failed[0]]) if failed else "fails on the held-out trials"
+        choice = f"{_listed(failed)} fits best, but {why}; {_listed(retained)} explains the data too"
         return Decision(
             "cannot_tell", (*retained, *failed), f"Something is wrong, but these data cannot tell what: {choice}."
         )
@@ -195,9 +196,9 @@ def _nearly(best: Names, comparison: Comparison) -> Decision | None:
     similar = comparison.similar(best, RESEMBLES)
     if len(similar) > _FEW:
         return None
-    choice = (
-        f"{_listed(similar)} explains {1.0 - standing.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
-    )
+    alike = comparison.one_mechanism(similar)
+    what = f"the mechanism {comparison.refits[best].mechanisms[0]}" if alike and len(similar) > 1 else _listed(similar)
+    choice = f"{what} explains {1.0 - standing.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
     return Decision("cannot_tell", similar, f"Something is wrong, but these data cannot tell what: {choice}.")
 
 
@@ -207,10 +208,10 @@ def _alone(sets: Sequence[Names], comparison: Comparison) -> Decision:
     refit, standing = comparison.refits[names], comparison.standings[names]
     p = p_value_of(refit.gain, refit.degrees_of_freedom)
     if p < _OWN:
-        left = "" if standing.clean else f" It leaves {standing.left:.1%} of what there was to explain: {_OTHERWISE}."
+        left = "" if standing.clean else f" It leaves {standing.left:.1%} of the misfit: {_OTHERWISE}."
         message = message_of([comparison.refits[each] for each in sets], claimed=standing.clean)
         return Decision("named", tuple(sets), message + left, left)
-    choice = f"{_listed([names])} would do, and explains no more than chance might (p = {p:.2g})"
+    choice = f"{_listed([names])} fits, but explains no more than chance does (p = {p:.2g})"
     return Decision("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {choice}.")
 
 
@@ -219,7 +220,9 @@ def _tied(sets: Sequence[Names]) -> str:
     if common := shared(sets):
         rest = [tuple(name for name in names if name not in common) for names in sets]
         are = "is" if len(common) == 1 else "are"
-        return f"{' and '.join(common)} {are} at work, but these data cannot tell whether with {_listed(rest)}."
+        return (
+            f"{' and '.join(common)} {are} at work; these data cannot tell whether the other cause is {_listed(rest)}."
+        )
     return f"Something is wrong, but these data cannot tell {_listed(sets)} apart."
 
 
@@ -254,7 +257,18 @@ def _failed(confirmation: Confirmation | None) -> bool:
 def _why(best: Names, comparison: Comparison) -> str:
     standing = comparison.standings.get(best)
     if standing is not None and not standing.fits:
-        return f"leaves {standing.left:.0%} of what there was to explain, and that is systematic"
-    if _failed(comparison.held_out.get(best)):
-        return "does not hold on the held-out trials"
-    return "does not hold"
+        return f"leaves {standing.left:.0%} of the misfit, and what it leaves is systematic"
+    if (confirmation := comparison.held_out.get(best)) is not None and confirmation.failed:
+        return _failing(confirmation)
+    return "is rejected"
+
+
+def _failing(confirmation: Confirmation | None) -> str:
+    """Say why a cause fails on the held-out trials, by both measures: they may disagree where noise is slow."""
+    if confirmation is None:
+        return "fails on the held-out trials"
+    change, gained = confirmation.error_ratio - 1.0, confirmation.gained
+    error = f"its nRMSE on the held-out trials is {abs(change):.1%} {'larger' if change > 0.0 else 'smaller'}"
+    link = "although" if (change > 0.0) == (gained > 0.0) else "and"
+    likelihood = f"{link} its log-likelihood is {abs(gained):.3g} {'higher' if gained > 0.0 else 'lower'}"
+    return f"fails on the held-out trials: {error} than without it, {likelihood}"

@@ -214,7 +214,7 @@ def outlying_run(problem: Problem, fit: Fit) -> Iterator[Finding]:
                 f"trial '{trials[worst].name}'",
                 f"its misfit is {ratio:.0f} times that of '{trials[twin].name}' under the same drive, with the "
                 "coefficients fitted without it",
-                "runs of one drive to be alike but for noise",
+                "runs of one drive that differ by noise alone",
                 "look at this run: another clock, scale, charge of the battery, or something in its way; diagnose "
                 "without it",
                 trials=(trials[worst].name,),

@@ -14,6 +14,7 @@ from mjfish.effects import Effect, catalogue
 from mjfish.estimation.clocks import aligned
 from mjfish.inspection import nominal_simulation as nominal
 from mjfish.inspection.finding import Finding
+from mjfish.inspection.joint_motion import unresolved
 from mjfish.inspection.kinematics import compatibility, disagreements
 from mjfish.inspection.nominal_simulation import Drive, Guess
 from mjfish.inspection.repeats import noise_from_repeats, repeat_findings
@@ -58,15 +59,21 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     found = [finding for trial in dataset.trials for finding in stuck(trial)]
     silent = {name for finding in found if finding.severity == "blocks" for name in finding.trials}
     trials = [trial for trial in dataset.trials if trial.name not in silent]
-    enough = [nominal.sampled_enough(trial) for trial in trials]
-    fine = [trial for trial, good in zip(trials, enough, strict=True) if good]
+    found += nominal.sampling(trials, [nominal.sampled_enough(trial) for trial in trials])
+    factors = {trial.name: nominal.time_factor(trial) for trial in dataset.trials}
+    found += nominal.time_units(trials, factors)
+    # Other units show only where the times are right.
+    trials = [nominal.retimed(trial, factors[trial.name]) for trial in trials]
+    dataset = replace(dataset, trials=tuple(nominal.retimed(trial, factors[trial.name]) for trial in dataset.trials))
+    fine = [trial for trial in trials if nominal.sampled_enough(trial)]
     lines = [line for line in map(interpolated, fine) if line is not None]
     noise = pooled(lines)
     found += frequencies
+    found += [finding for trial in trials for finding in unresolved(trial)]
     found += copies(trials, held, noise)
-    found += nominal.sampling(trials, enough)
     found += _against_simulation(dataset, fine, noise)
-    misread = {name for finding in found if not finding.code.startswith("copies") for name in finding.trials}
+    harmless = ("copies", "joints", "sampling")
+    misread = {name for finding in found if not finding.code.startswith(harmless) for name in finding.trials}
     found += outliers([line for line in lines if line.trial.name not in misread])
     pair = compatibility(trials)
     if pair is not None:

@@ -49,6 +49,6 @@ def contradicted(problem: Problem, fit: Fit) -> Iterator[Finding]:
             place=p.name,
             found=f"the data alone put it at {min(max(alone, p.low), p.high):.3g} {p.unit}".removesuffix(" -"),
             expected=f"{p.expected:.3g} with an sd of {p.sd:.2g} ({abs(t):.1f} sd away)",
-            remedy="measure it again, give it a larger sd, or look for a cause that it stands for",
+            remedy="measure it again, give it a larger sd, or look for a cause that it makes up for",
             trials=(owner,) if owner else (),
         )

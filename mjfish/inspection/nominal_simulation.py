@@ -29,12 +29,15 @@ from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
+from mjfish.inspection.runs import beats
 from mjfish.model import Model
 
 #: Clock shifts that are tried [s]: a late servo or clock must not look like a wrong sign, nor half a beat like none.
 _CLOCK_SHIFTS = np.arange(-6, 7) * 0.01
 #: Fewest samples a beat in which a motion can be recognised.
 _SAMPLES_A_BEAT = 5.0
+#: Frequencies [Hz] between which recorded joints beat, of any fish.
+_PLAUSIBLE = (0.03, 30.0)
 #: By how much (of 3) a hypothesis must correlate better than the channels as they are, and how well at least.
 _MARGIN = 0.6
 _GOOD = 2.4
@@ -90,6 +93,20 @@ def sampled_enough(trial: Trial) -> bool:
         return True
     beat = 2.0 * np.pi / max(segment.omega for segment in trial.drive)
     return bool(trial.step * _SAMPLES_A_BEAT < beat and trial.time[-1] < 600.0)
+
+
+def time_factor(trial: Trial) -> float:
+    """Return by what the times must be multiplied to be in s: 0.001 or 1000 where only that is plausible, else 1."""
+    if trial.drive:
+        return 1.0 if sampled_enough(trial) or not sampled_enough(retimed(trial, 0.001)) else 0.001
+    frequency = min(beats(trial), default=1.0) if trial.joint_angle is not None else 1.0
+    low, high = _PLAUSIBLE
+    return next((factor for factor in (1.0, 0.001, 1000.0) if low < frequency / factor < high), 1.0)
+
+
+def retimed(trial: Trial, factor: float) -> Trial:
+    """Return the trial with its times multiplied, without its sensors, which have clocks of their own."""
+    return trial if factor == 1.0 else replace(trial, time=readonly(factor * trial.time), sensors=())
 
 
 def value_sets(fish: Fish) -> tuple[dict[str, float], ...]:
@@ -208,7 +225,7 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
             "blocks" if near else "suspect",  # far from any unit: a fish that hardly follows its drive is so, too
             f"{'all trials' if everywhere else 'trial ' + ', '.join(strange)}, {name}",
             f"it is {size:.3g} times as large as simulated",
-            "a size within a factor of a few",
+            f"a size within a factor of {_STRANGE:g}",
             known[factor] if near else "check the unit and the drive",
             trials=() if everywhere else tuple(strange),
             channels=(name,),
@@ -429,6 +446,30 @@ def start_findings(trial: Trial, guess: FloatArray | None, noise: FloatArray) ->
             "a start from rest at 0 s, as every run that a CPG drives has",
             "give the recording from the start of the drive, or measured joint angles",
             trials=(trial.name,),
+        )
+
+
+def time_units(trials: Sequence[Trial], factors: Mapping[str, float]) -> Iterator[Finding]:
+    """Say which recorded joints beat at a frequency of no fish: their times are in another unit.
+
+    Args:
+        trials: as they were read.
+        factors: `time_factor` by the trial's name.
+    """
+    strange = [trial for trial in trials if factors[trial.name] != 1.0 and not trial.drive]
+    for factor in dict.fromkeys(factors[trial.name] for trial in strange):
+        named = tuple(trial.name for trial in strange if factors[trial.name] == factor)
+        everywhere = len(named) == len(trials)
+        first = next(trial for trial in strange if trial.name == named[0])
+        unit = "they are in ms" if factor < 1.0 else "they are in s and were divided by 1000"
+        yield Finding(
+            "sampling-unit",
+            "blocks",
+            f"{'all trials' if everywhere else 'trials ' + ', '.join(named)}, time",
+            f"the joints of '{first.name}' beat at {min(beats(first)):.3g} Hz, with a sample every {first.step:.3g} s",
+            f"a beat of {_PLAUSIBLE[0]:g} to {_PLAUSIBLE[1]:g} Hz",
+            f"{unit}: multiply the times by {factor:g}; the other findings take them so",
+            trials=() if everywhere else named,
         )
 
 

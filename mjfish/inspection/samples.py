@@ -19,6 +19,7 @@ from mjfish.data import Trial
 from mjfish.data.validation import GAP
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
+from mjfish.inspection.joint_motion import jumps
 
 #: Neighbours to either side: as many as an odd and an even harmonic or two need, twice.
 _REACH = 5
@@ -77,6 +78,8 @@ def interpolated(trial: Trial) -> Interpolated | None:
     for segment in trial.drive:  # what the fish does in its first beats is not periodic
         settling = segment.start + _BEATS * 2.0 * np.pi / segment.omega
         torn |= (time[1:] >= segment.start - step) & (time[:-1] <= settling)
+    for jump in jumps(trial):  # the velocity jumps with the joints
+        torn[max(jump.first - 1, 0) : jump.last + 1] = True
     before = np.concatenate([[0], np.cumsum(torn)])
     rows = np.arange(_REACH, len(time) - _REACH)
     rows = rows[before[rows + _REACH] == before[rows - _REACH]]
@@ -129,6 +132,13 @@ def stuck(trial: Trial) -> Iterator[Finding]:
             yield found
 
 
+def without_rows(trial: Trial) -> str:
+    """Return how to leave rows out: joint angles that were recorded are not known where rows are missing."""
+    if trial.joint_angle is None:
+        return "remove these rows and say gaps = true in the trial's entry"
+    return "remove these rows and cut the run there into two trials, for between recorded joint angles no row may miss"
+
+
 def _silent(trial: Trial, channel: int) -> Finding:
     name = CHANNELS[channel]
     return Finding(
@@ -153,7 +163,7 @@ def _frozen(trial: Trial, frozen: BoolArray) -> Finding:
         + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
         f"{_count(rows)} the row before in all channels: frozen frames",
         "rows that differ by their noise at least",
-        "remove these rows and say gaps = true in the trial's entry",
+        without_rows(trial),
         trials=(trial.name,),
     )
 
@@ -172,7 +182,7 @@ def _held(trial: Trial, channel: int, same: BoolArray) -> Finding | None:
         f"trial '{trial.name}', {name}, rows {start + 1} to {start + length + 1} ({trial.time[start]:.3f} s)",
         f"the value stays at {value:.4g} {UNITS[name]} while the other channels move",
         "a value that changes with every row",
-        "remove these rows and say gaps = true, or see why the channel was stuck",
+        f"{without_rows(trial)}; or see why the channel was stuck",
         trials=(trial.name,),
         channels=(name,),
     )
@@ -194,7 +204,7 @@ def _clipped(trial: Trial, channel: int) -> Finding | None:
                 f"{piled} samples are exactly {sign * levels[-1]:.4g} {UNITS[name]} and none is {word}: the sensor is "
                 "at its limit",
                 "peaks that differ",
-                "record with a wider range of the sensor, or remove these rows and say gaps = true",
+                f"record with a wider range of the sensor; or {without_rows(trial)}",
                 trials=(trial.name,),
                 channels=(name,),
             )
@@ -347,7 +357,7 @@ def _outlier(line: Interpolated, name: str, channel: int, peaks: Sequence[int], 
         f"{line.trial.velocity[row, channel]:.4g} {UNITS[name]} is {abs(values[worst]):.0f} sigma off the line through "
         "its neighbours",
         f"samples within what the noise of the other {len(values) - len(peaks)} reaches",
-        "remove these rows and say gaps = true, or correct them at the source",
+        f"correct them at the source; or {without_rows(line.trial)}",
         trials=(line.trial.name,),
         channels=(name,),
     )

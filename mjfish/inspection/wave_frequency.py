@@ -19,7 +19,7 @@ def wave_frequencies(trials: Sequence[Trial]) -> Iterator[Finding]:
             code="wave-frequency",
             severity="suspect",
             place=f"trial {trial.name}",
-            found=f"the drive says {trial.wave.frequency:.3g} Hz, the fish beats at {found:.3g} Hz",
+            found=f"the frequency of the drive is {trial.wave.frequency:.3g} Hz, the fish beats at {found:.3g} Hz",
             expected="the same frequency",
             remedy="correct the frequency of the drive; meanwhile it is taken to be that of the beat",
             trials=(trial.name,),

@@ -103,7 +103,7 @@ def _likeliest(left: NoiseSample, found: Autoregressive, jacobians: Jacobians) -
         under = f"under white noise of {_three(drift.sigma)}"
         words = f"a drift of {_three(drift.drift)} over {_three(drift.time)} s {under}"
         if np.any(drift.time > 0.99 * longest(left)):
-            words += "; it is as slow as these runs can tell, and an error of the model may look so: record longer ones"
+            words += "; these runs are too short to tell so slow a drift from an error of the model: record longer ones"
         return drift, words
     return found, _described(found)
 

@@ -163,6 +163,10 @@ REFUSED = {
     "both kinds": ("slow.csv --fish trout.toml --surge a --x b", "--surge beside --x, expected velocities or places"),
     "unit": ("slow.csv --fish trout.toml --length-unit ft", "--length-unit: found 'ft', expected m or cm or mm"),
     "joints": ("slow.csv --fish pike", "joints.columns: 2 columns, expected 4"),
+    "frequencies of files with commas": (
+        "slow.csv fast.csv --fish trout.toml --frequency 1.2,2 --amplitude 1,1 --phase 0,0",
+        "expected one number; repeat the option for every file: --frequency 1.2 --frequency 2",
+    ),
     "both drives": ("slow.csv --fish trout.toml --joints a,b --frequency 1", "--joints beside a drive"),
     "amplitudes": (
         "slow.csv --fish trout.toml --frequency 1 --amplitude 1 --phase 0",

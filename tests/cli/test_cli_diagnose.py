@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,34 @@ def test_a_cause_that_was_not_named_is_said_to_be_none_in_the_file(
     assert "\n# Not named: servo_lag. It is in this fish as what explains most.\n" in told["unexplained"]
     assert "Not named" not in told["named"] + told["nothing_wrong"]
     assert "[effects" not in told["nothing_wrong"]
+
+
+def test_a_folder_gets_an_extended_fish_only_where_the_model_was_extended(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where a cause is in it that was not named, that is said. Catches a fish of an earlier diagnosis taken for new."""
+    nothing = diagnosis("nothing_wrong")
+    alone = replace(diagnosis("unexplained"), best=(), extended=nothing.extended, extended_model=nothing.extended_model)
+    cases = {"nothing": nothing, "alone": alone, "named": diagnosis("named"), "closest": diagnosis("unexplained")}
+    now = [nothing]
+    monkeypatch.setattr(mjfish, "diagnose", lambda dataset, **rest: now[0])
+    run("generate --modes v1,v3 --duration 2 --out a")
+    said = {}
+    for name, now[0] in cases.items():
+        shown = run(f"diagnose a --out {name}", exit_code=int(now[0].verdict == "unexplained")).stdout
+        assert (tmp_path / name / "extended.toml").is_file() == bool(now[0].best)
+        said[name] = " ".join(shown.split())
+    missing = "extended No extended.toml was written: the model was not extended"
+    assert f"{missing}." in said["nothing"]
+    assert f"{missing}." in said["alone"]
+    assert "nRMSE 3.14 % of the nominal model, which was not extended" in said["alone"]
+    assert "extended.toml has servo_lag, which explains most and is not named." in said["closest"]
+    assert "extended.toml has" not in said["named"]
+    now[0] = nothing
+    shown = " ".join(run("diagnose a --out named").stdout.split())
+    assert f"{missing}; the one that is there is of an earlier diagnosis." in shown
+    shown = " ".join(run("diagnose a --extended fitted.toml").stdout.split())
+    assert "fitted.toml has the fitted coefficients and no cause" in shown
 
 
 def test_a_fish_that_could_not_be_written_is_refused_before_the_work(refuse: Callable[[str], str], run: Run) -> None:

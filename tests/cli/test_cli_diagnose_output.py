@@ -15,6 +15,7 @@ from mjfish.cli.diagnosis_text import show
 from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.result import Verdict
 from mjfish.effects import catalogue
+from mjfish.inspection import Finding, Inspection
 
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
 
@@ -34,7 +35,7 @@ def _printed(capsys: pytest.CaptureFixture[str], result: Diagnosis) -> str:
 def test_every_verdict_is_told_with_its_message(capsys: pytest.CaptureFixture[str], verdict: Verdict) -> None:
     shown = _printed(capsys, diagnosis(verdict))
     assert shown.startswith(f"{verdict}  Something to say about {verdict}.")
-    assert "c_f.head of the nominal model rests on its bound" in shown
+    assert "c_f.head of the nominal model is at its bound" in shown
 
 
 def test_a_named_cause_comes_with_estimate_interval_gain_and_confirming_experiment(
@@ -69,3 +70,18 @@ def test_a_fit_that_has_not_converged_is_said_so_in_red_with_what_to_do(
     shown = capsys.readouterr().err
     assert "\x1b[1;31mfit_not_converged:" in shown
     assert "mjfish identify DATASET --starts 16" in shown
+
+
+def test_what_is_unexplained_sends_first_to_suspect_data_and_to_the_closest_cause(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Catches an advice to write a cause of one's own before the causes at hand were tried."""
+    found = Finding("joints-unresolved", "suspect", "trial 'slow'", "a jump", "none", "cut it")
+    shown = _printed(capsys, replace(diagnosis("unexplained"), checks=Inspection((found,))))
+    steps = [
+        "mend joints-unresolved first",
+        f"{CAUSE} comes closest: to test it, {catalogue()[CAUSE].confirm}",
+        "--effects FILE",
+    ]
+    places = [shown.index(step) for step in steps]
+    assert places == sorted(places)

@@ -105,7 +105,7 @@ def test_an_estimate_at_its_bound_is_marked(run: Run, pool: Path, tmp_path: Path
     shown = run("identify pool --json out.json --jobs 1 --starts 2").stdout
     entry = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["parameters"]["c_d.head"]
     assert (entry["estimate"], entry["standard_error"], entry["at_bound"]) == (1.2, 0.0, True)
-    assert "rests on its bound" in next(line for line in shown.splitlines() if "c_d.head" in line)
+    assert "at its bound" in next(line for line in shown.splitlines() if "c_d.head" in line)
 
 
 def test_a_fit_that_diverges_exits_with_1_and_says_when_and_with_what(run: Run, pool: Path, tmp_path: Path) -> None:

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -71,3 +75,35 @@ def test_progress_names_the_stage_and_says_when_it_compiles(capsys: pytest.Captu
 
 def test_the_shell_can_complete(run: Run) -> None:
     assert "--install-completion" in run("--help").output
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+@pytest.mark.parametrize(("variables", "coloured"), [({}, True), ({"NO_COLOR": "1"}, False)])
+def test_no_color_takes_the_colours_off_a_terminal(variables: dict[str, str], coloured: bool) -> None:
+    """https://no-color.org. Catches a style that is written past the console."""
+    said = _on_a_terminal([sys.executable, "-c", "from mjfish.cli import main; main()", "inspect", "absent"], variables)
+    assert "absent" in said
+    assert bool(re.search(r"\x1b\[[0-9;]*\b(3[0-8]|9[0-7])[0-9;]*m", said)) == coloured
+
+
+def _on_a_terminal(command: list[str], variables: dict[str, str]) -> str:
+    """Return what a command writes to a pseudo-terminal."""
+    ours, theirs = os.openpty()
+    inherited = {name: value for name, value in os.environ.items() if name not in {"NO_COLOR", "FORCE_COLOR"}}
+    environment = {**inherited, "TERM": "xterm-256color", **variables}
+    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment) as process:
+        os.close(theirs)
+        said = b""
+        while chunk := _chunk(ours):
+            said += chunk
+        process.wait()
+    os.close(ours)
+    return said.decode()
+
+
+def _chunk(terminal: int) -> bytes:
+    """Return what there is to read; nothing where the other side has closed, which Linux says by an error."""
+    try:
+        return os.read(terminal, 4096)
+    except OSError:
+        return b""

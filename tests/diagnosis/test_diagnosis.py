@@ -126,7 +126,12 @@ def test_the_closest_model_is_not_shown_where_it_misleads(
     else:
         assert result.best == ()
         assert run.extended == run.nominal
-        assert "errs more than the nominal model" in result.message
+        assert "The nominal model is kept: its nRMSE on the held-out trials is smaller" in result.message
+        (candidate,) = result.candidates
+        assert candidate.held_out_error is not None
+        assert f" % against {100.0 * candidate.held_out_error:.3g} %" in result.message
+        if candidate.held_out_gain is not None:  # the sentence has the sign that the table has
+            assert ("although its log-likelihood is" in result.message) == (candidate.held_out_gain > 0.0)
 
 
 def test_the_same_effect_on_the_list_is_named(pike: Fish) -> None:
@@ -291,7 +296,7 @@ def test_held_out_trials_do_not_touch_the_fit_and_rubbish_in_them_is_found(named
     assert result.nominal == named.nominal
     assert [c.statistic for c in result.candidates] == [c.statistic for c in named.candidates]
     assert (result.verdict, result.causes, result.rivals) == ("cannot_tell", (), ())
-    assert result.message.startswith("These data cannot tell: trial ")
+    assert result.message.startswith("These data allow no verdict: trial ")
 
 
 def test_no_candidate_left_is_refused(named: Diagnosis) -> None:

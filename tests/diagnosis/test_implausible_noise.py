@@ -59,7 +59,7 @@ def _asked(problem: Any, repeats: Any = None) -> Any:
 def test_slow_noise_as_large_as_a_part_of_the_motion_blocks_the_verdict(trials: tuple[Trial, ...]) -> None:
     found = _asked(_Problem(trials, (0.05, 0.3, 0.2)))
     assert (found.severity, found.place, found.channels) == ("blocks", "sway", ("sway", "yaw_rate"))
-    assert "% of all of it" in found.found
+    assert "% of the measured rms" in found.found
     assert "swim one drive twice" in found.remedy
 
 

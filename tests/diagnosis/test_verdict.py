@@ -130,6 +130,33 @@ def test_where_the_best_fails_on_held_out_trials_others_are_compared_and_none_is
     assert decide(1e-6, first, None, (), _hearing({"b": MISFIT})).verdict == "unexplained"
 
 
+@pytest.mark.parametrize(
+    ("gained", "ratio", "said"),
+    [
+        (
+            949.0,
+            1.34,
+            "nRMSE on the held-out trials is 34.0% larger than without it, although its log-likelihood is 949 h",
+        ),
+        (
+            -50.0,
+            1.2,
+            "nRMSE on the held-out trials is 20.0% larger than without it, and its log-likelihood is 50 lower",
+        ),
+        (
+            -50.0,
+            0.9,
+            "nRMSE on the held-out trials is 10.0% smaller than without it, although its log-likelihood is 50 l",
+        ),
+    ],
+)
+def test_a_failure_on_held_out_trials_is_said_by_both_measures(gained: float, ratio: float, said: str) -> None:
+    """The table has the log-likelihood, the gain the nRMSE. Catches a sentence that one of them contradicts."""
+    comparison = replace(_hearing({"a": GOOD}), held_out={("a",): Confirmation(gained, 1e-4, ratio)})
+    assert said in decide(1e-6, comparison, None).message
+    assert said in decide(1e-6, comparison, None, (), _hearing({"b": GOOD})).message
+
+
 def test_a_prediction_that_is_hardly_known_makes_a_loss_likelier() -> None:
     """|d|^2 = 16 and a fall of -16 are four sigma of noise; a size known to a quarter doubles the variance."""
     base = np.zeros(16)
@@ -202,7 +229,7 @@ def test_a_small_lack_of_fit_is_accepted_with_rivals_too() -> None:
 
 
 def test_what_a_named_cause_leaves_is_said() -> None:
-    assert "It leaves 2.0% of what there was to explain" in _rule({"a": LITTLE}).message
+    assert "It leaves 2.0% of the misfit" in _rule({"a": LITTLE}).message
     assert "leaves" not in _rule({"a": GOOD}).message
 
 
@@ -224,9 +251,9 @@ def test_sets_that_cannot_be_told_apart_are_all_listed() -> None:
     assert (decision.verdict, decision.sets) == ("cannot_tell", (("a", "b"), ("a", "c")))
     assert decision.certain == ("a",)
     assert decision.rivals == (("b", "c"),)
-    assert decision.message == "a is at work, but these data cannot tell whether with b or c."
+    assert decision.message == "a is at work; these data cannot tell whether the other cause is b or c."
     both = _rule({"a": MISFIT}, several={"abc": GOOD, "abd": RIVAL})
-    assert both.message == "a and b are at work, but these data cannot tell whether with c or d."
+    assert both.message == "a and b are at work; these data cannot tell whether the other cause is c or d."
     apart = _rule({"a": MISFIT}, several={"ab": GOOD, "cd": RIVAL})
     assert apart.certain == ()
     assert "a with b or c with d" in apart.message

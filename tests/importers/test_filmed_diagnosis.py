@@ -72,8 +72,9 @@ def test_drag_of_the_tail_comes_back_from_film(rolling: Dataset) -> None:
 
 @pytest.mark.slow
 def test_a_roll_on_film_is_named(tmp_path: Path) -> None:
-    """First on every film, named on three of four, and no other cause alone on any; its height to a fifth.
+    """First on every film, by its formula or learned, named on three of four, and no other mechanism on any.
 
+    The formula's height is right to a fifth.
     Of eight draws the height was off by 8 % (rms), and the added mass by up to 140 %. The importer puts the sway of the
     plates down to the joints, off by 0.1 rad: more than it states. Where that leaves more than a tenth unexplained,
     roll is told and not named (docs/notes/017): the verdict is `cannot_tell`, and no other cause is in it.
@@ -84,10 +85,12 @@ def test_a_roll_on_film_is_named(tmp_path: Path) -> None:
         folder.mkdir()
         result = diagnose(_filmed(folder, 0.12, seed))
         verdicts.append(result.verdict)
-        assert result.best[0] == "roll", result.message
+        assert [find(name).mechanism for name in result.best] == ["roll"], result.message
         assert result.verdict in ("named", "cannot_tell"), result.message
-        assert set().union(*result.alternatives) <= {"roll"}, result.message
-        assert result.extended["roll.height"].estimate == pytest.approx(_HEIGHT, rel=0.2)
+        told = {find(name).mechanism for names in result.alternatives for name in names}
+        assert told <= {"roll"}, result.message
+        if "roll.height" in result.extended:
+            assert result.extended["roll.height"].estimate == pytest.approx(_HEIGHT, rel=0.2)
         assert result.gain is not None
         assert result.gain.extended["sway"] < 0.6 * result.gain.nominal["sway"]
         assert result.gain.extended["pooled"] < 0.6 * result.gain.nominal["pooled"]

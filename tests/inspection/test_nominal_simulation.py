@@ -11,6 +11,8 @@ from bad_data import good, only, rows, spoiled, velocity, wrong
 from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.inspection import EVERYTHING, Inspection, inspect
+from mjfish.inspection.nominal_simulation import time_factor
+from mjfish.model import Model
 
 
 def test_good_data_are_not_complained_of() -> None:
@@ -74,6 +76,37 @@ def test_times_in_milliseconds_are_named_and_not_simulated() -> None:
     found = only(inspect(spoiled(lambda t: replace(t, time=readonly(1e3 * t.time)))), "sampling")
     assert found.severity == "blocks"
     assert "0.001" in found.remedy
+
+
+@pytest.mark.parametrize("driven", [True, False])
+def test_times_and_lengths_in_wrong_units_are_both_named(driven: bool) -> None:
+    """Times in ms, lengths in mm, of a CPG or of recorded joints. Catches lengths held against a slow motion."""
+
+    def spoil(trial: Trial) -> Trial:
+        motion = Model(base.fish).prepare(trial, base.fish.values).motion
+        angle = np.stack([np.interp(trial.time, motion.time[:-1], motion.angle[:, 0, j]) for j in range(4)], axis=1)
+        joints = {} if driven else {"drive": (), "joint_angle": readonly(angle)}
+        wrong = replace(trial, time=readonly(1e3 * trial.time), velocity=readonly(trial.velocity * [1e3, 1e3, 1.0]))
+        return replace(wrong, **joints)
+
+    base = good(("v1", "v3"))
+    found = {
+        (one.code, one.channels): one
+        for one in wrong(inspect(spoiled(spoil, dataset=base)))
+        if one.code != "joints-unresolved"
+    }
+    time = "sampling-coarse" if driven else "sampling-unit"
+    assert set(found) == {(time, ()), ("signs-unit", ("surge",)), ("signs-unit", ("sway",))}
+    assert all(one.severity == "blocks" and "0.001" in one.remedy for one in found.values())
+
+
+@pytest.mark.parametrize(("frequency", "factor"), [(0.002, 0.001), (0.05, 1.0), (20.0, 1.0), (2000.0, 1000.0)])
+def test_a_slow_or_fast_beat_is_no_unit(frequency: float, factor: float) -> None:
+    """Large fish beat slowly, small ones fast. Catches a factor for them."""
+    phase = 2.0 * np.pi * 0.1 * np.arange(200)
+    time = phase / (2.0 * np.pi * frequency)
+    angles = readonly(0.3 * np.sin(phase)[:, None])
+    assert time_factor(Trial("a", None, readonly(time), readonly(np.zeros((200, 3))), joint_angle=angles)) == factor
 
 
 def _with_drive_of(first: str, second: str) -> Inspection:

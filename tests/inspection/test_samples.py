@@ -12,6 +12,7 @@ from true_values import TRUTH
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.inspection import Inspection, inspect
+from mjfish.inspection.samples import interpolated, outliers, stuck
 from mjfish.simulation.synthetic import generate
 
 #: Digits of a copy to the last bit.
@@ -81,6 +82,29 @@ def test_frozen_frames_are_counted_and_placed(count: int, words: str) -> None:
     assert "row 201 (4.000 s)" in found.place
     assert words in found.found
     assert "gaps = true" in found.remedy
+
+
+def test_the_remedy_where_joints_were_recorded_is_one_that_reading_allows() -> None:
+    """Frozen frames, a stuck and a clipped channel, an outlier. Catches gaps where dataset.toml refuses them."""
+    (base, *_) = good(("v1", "v3")).trials
+    values = base.velocity.copy()
+    values[200:203] = values[199]
+    values[240:252, 0] = values[239, 0]
+    values[:, 1] = np.clip(values[:, 1], -0.5 * values[:, 1].max(), 0.5 * values[:, 1].max())
+    spiked = base.velocity.copy()
+    spiked[300, 1] += 1.5
+    angle = readonly(0.3 * np.sin(18.0 * base.time)[:, None] * np.ones(4))
+    for measured in (False, True):
+        trial = replace(base, drive=(), joint_angle=angle) if measured else base
+        steady = replace(trial, time=readonly(base.time[150:]), velocity=readonly(spiked[150:]))
+        line = interpolated(replace(steady, joint_angle=readonly(angle[150:])) if measured else steady)
+        assert line is not None
+        found = [*stuck(replace(trial, velocity=readonly(values))), *outliers([line])]
+        remedies = {finding.code: finding.remedy for finding in found}
+        assert set(remedies) == {"stuck-frozen", "stuck-held", "stuck-clipped", "outliers-samples"}
+        for remedy in remedies.values():
+            assert ("gaps = true" in remedy) != measured
+            assert ("cut the run there into two trials" in remedy) == measured
 
 
 def test_a_stuck_channel_is_named_with_its_rows() -> None:

@@ -75,7 +75,7 @@ def test_each_of_several_causes_is_said_to_be_one_whether_or_not_it_was_refitted
         rivals=(("munk_moment", "tail_compliance"),),
     )  # fmt: skip
     said = _said(split)
-    assert said["servo_lag"] == "At work, whichever of the others is."
+    assert said["servo_lag"] == "At work, whichever rival is the other cause."
     for name in ("munk_moment", "tail_compliance"):
         assert said[name].startswith("Possible: the data cannot tell it from its rivals."), name
 

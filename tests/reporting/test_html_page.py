@@ -139,7 +139,9 @@ def test_what_to_do_next_stands_on_the_first_screen() -> None:
     assert "To test: The clocks of camera and drive are apart Flash a light" in first("cannot_tell")
     assert "mjfish plan DATASET ranks runs by how far they set the rivals apart" in first("cannot_tell")
     assert "mjfish plan DATASET ranks runs by what they would show" in first("nothing_wrong")
-    assert "mjfish diagnose DATASET --effects my_effects.py" in first("unexplained")
+    last = first("unexplained")
+    assert "To test what comes closest: The servos follow their command late Log the joint angles on the bench" in last
+    assert last.index("comes closest") < last.index("mjfish diagnose DATASET --effects my_effects.py")
 
 
 def test_the_first_picture_is_the_learned_curve_where_one_is_named() -> None:

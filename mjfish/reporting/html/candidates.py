@@ -74,7 +74,7 @@ def cautions(candidate: Candidate, diagnosis: Diagnosis) -> list[str]:
 
 def _at_work(candidate: Candidate, diagnosis: Diagnosis) -> str:
     if diagnosis.verdict != "named":
-        return "At work, whichever of the others is."
+        return "At work, whichever rival is the other cause."
     others = [cause.name for cause in diagnosis.causes if cause.name != candidate.name]
     if others:
         return f"One of the causes, beside {' and '.join(others)}."

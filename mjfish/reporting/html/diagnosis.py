@@ -151,9 +151,9 @@ def experiments(diagnosis: Diagnosis) -> list[str]:
 
 
 def bench(diagnosis: Diagnosis) -> dict[str, list[str]]:
-    """Return what the causes do that each of these experiments settles."""
+    """Return what the causes do that each of these experiments settles; where none explains, the closest."""
     found: dict[str, list[str]] = {}
-    for name in experiments(diagnosis):
+    for name in experiments(diagnosis) or [name for name in (diagnosis.closest,) if name in diagnosis.effects]:
         found.setdefault(diagnosis.effects[name].confirm, []).append(cause_title(name, diagnosis.effects))
     return found
 
