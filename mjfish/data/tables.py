@@ -16,12 +16,14 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
+from mjfish import bounded
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import columns
 from mjfish.errors import InputError, UnknownNameError
 
 SUFFIXES = (".csv", ".parquet")
-_LONGEST_SHOWN = 40
+#: Numbers that a table may have; as float64 they fill 256 MiB.
+MOST_NUMBERS = 2**25
 
 
 def read_table(path: str | Path, *, missing: Collection[str] = ()) -> dict[str, FloatArray]:
@@ -44,7 +46,9 @@ def read_table(path: str | Path, *, missing: Collection[str] = ()) -> dict[str, 
         table = read(path, missing)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; correct its name or put it there") from None
-    except (OSError, UnicodeDecodeError, csv.Error, pa.ArrowException) as error:
+    except InputError:
+        raise
+    except (OSError, csv.Error, pa.ArrowException) as error:
         raise InputError(f"{path}: cannot be read: {error}; save it again as a table of numbers") from None
     if not next(iter(table.values())).size:
         raise InputError(f"{path}: has a header and no rows; expected a row for every sample")
@@ -202,8 +206,10 @@ def _first_row(text: str) -> list[str]:
 
 def _cells(text: str, names: Sequence[str], path: Path, first_line: int = 2, about: str = "") -> pa.Table:
     """Return the cells as text; the rows begin at a line, from 1."""
-    if text.count("\n") + 1 < first_line:
+    lines = text.count("\n") + 1
+    if lines < first_line:
         return pa.table({name: pa.array([], pa.string()) for name in names})
+    check_size(lines * len(names), path)
     ragged: list[Any] = []
 
     def note(row: Any) -> str:
@@ -223,19 +229,18 @@ def _cells(text: str, names: Sequence[str], path: Path, first_line: int = 2, abo
         row = ragged[0]
         raise InputError(
             f"{row_name(path, row.number - first_line, first_line)}: {row.actual_columns} cells, expected "
-            f"{row.expected_columns} ({names[0]} to {names[-1]}); found '{_short(row.text)}'; "
+            f"{row.expected_columns} ({names[0]} to {names[-1]}); found '{columns.short(row.text)}'; "
             f"{about or 'complete or remove the row'}"
         ) from None
 
 
 def _text(path: Path) -> str:
-    raw = path.read_bytes()
+    remedy = "save what is wanted as UTF-8 CSV of one run"
     try:
-        text = raw.decode("utf-8-sig")
+        text = bounded.read_text(path, bounded.TABLE, remedy, encoding="utf-8-sig", rows=True).rstrip()
     except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
+        line = error.object[: error.start].count(b"\n") + 1
         raise InputError(f"{path}: line {line} is no UTF-8 text; save the file as UTF-8 CSV") from None
-    text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip()
     if not text:
         raise InputError(f"{path}: the file is empty; expected a header line and a row for every sample")
     return text
@@ -261,32 +266,36 @@ def _number(cell: str, where: str) -> float:
         return float(cell) if "_" not in cell else float("no number")
     except ValueError:
         raise InputError(
-            f"{where}: '{_short(cell)}' is not a number such as -0.25; correct it or remove the row"
+            f"{where}: '{columns.short(cell)}' is not a number such as -0.25; correct it or remove the row"
         ) from None
-
-
-def _short(text: str) -> str:
-    line = text.replace("\n", " ")
-    return line if len(line) <= _LONGEST_SHOWN else f"{line[:_LONGEST_SHOWN]}..."
 
 
 def _read_parquet(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
     with pa.parquet.ParquetFile(path, page_checksum_verification=True) as file:
+        schema = file.schema_arrow
+        if not schema.names:
+            raise InputError(f"{path}: has no columns; expected '{columns.header('time')}' and what was measured")
+        names = columns.parse(schema.names, path)
+        for name, kind in zip(names, schema.types, strict=True):
+            if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):
+                raise InputError(
+                    f"{path}: column '{columns.header(name)}' has type {kind}, expected float64; convert it"
+                )
+        check_size(file.metadata.num_rows * len(names), path)
         table = file.read(use_threads=False)
-    if not table.num_columns:
-        raise InputError(f"{path}: has no columns; expected '{columns.header('time')}' and what was measured")
-    names = columns.parse(table.column_names, path)
     result = {}
     for name, cells in zip(names, table.columns, strict=True):
-        if not (pa.types.is_floating(cells.type) or pa.types.is_integer(cells.type)):
-            raise InputError(
-                f"{path}: column '{columns.header(name)}' has type {cells.type}, expected float64; convert it"
-            )
         if cells.null_count and name not in missing:
             row = row_name(path, int(np.argmax(cells.is_null().to_numpy())))
             _number("", f"{row}, column '{columns.header(name)}'")
         result[name] = readonly(cells.cast(pa.float64()).to_numpy())
     return result
+
+
+def check_size(numbers: int, path: Path) -> None:
+    """Refuse a file with more numbers than memory should hold."""
+    if numbers > MOST_NUMBERS:
+        raise InputError(f"{path}: has {numbers} numbers, expected {MOST_NUMBERS} at most; cut it into shorter runs")
 
 
 def check_finite(name: str, values: FloatArray, path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -11,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mjfish import bounded
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.data.filters import restored_filter
@@ -163,12 +163,7 @@ def load_diagnosis(
         InputError: the file cannot be read, is no diagnosis, is of another schema, or is one of another dataset.
     """
     remedy = f"write it by 'mjfish diagnose DATASET --json {path}'"
-    try:
-        raw = json.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; {remedy}") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as JSON: {error}; {remedy}") from None
+    raw = bounded.read_json(Path(path), remedy)
     try:
         if raw["schema"] != SCHEMA:
             raise InputError(f"{path}: has the schema {raw['schema']}, expected {SCHEMA}; {remedy} of this version")

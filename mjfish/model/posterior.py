@@ -19,7 +19,6 @@ elliptical slice sampling, which moves on ellipses inside the bounds and leaves 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +26,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mjfish import files, tomlfile
+from mjfish import bounded, files, tomlfile
 from mjfish.arrays import FloatArray
 from mjfish.effects import catalogue, of_fish
 from mjfish.effects.effect import Effect
@@ -220,12 +219,7 @@ def sample(
 def _read(path: Path, effects: Mapping[str, Effect]) -> Posterior:
     """Read the posterior in the JSON of a diagnosis or an identification."""
     path = path / _FILE if path.is_dir() else path
-    try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; {_REMEDY}") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as JSON: {error}; {_REMEDY}") from None
+    raw = bounded.read_json(path, _REMEDY)
     saved = raw.get("posterior") if isinstance(raw, dict) else None
     if saved is None:
         raise InputError(f"{path}: has no posterior, as of a fit that diverged or another version; {_REMEDY}")

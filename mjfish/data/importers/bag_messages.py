@@ -18,6 +18,8 @@ from mjfish.data.importers.unknown import describe, is_bag
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 
 _YAW = "yaw"
+#: Messages that are read of a bag.
+_MOST = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,9 @@ def read_messages(path: Path, wanted: Mapping[str, Sequence[str]]) -> dict[str, 
             raise UnknownNameError(f"topic in {path}", topic, [f"{name} ({kind})" for name, kind in known.items()])
     rows: dict[str, list[tuple[int, int, list[float]]]] = {topic: [] for topic in wanted}
     entries: dict[str, set[str]] = {topic: set() for topic in wanted}
-    for topic, logged, message in _decoded(path, list(wanted)):
+    for count, (topic, logged, message) in enumerate(_decoded(path, list(wanted))):
+        if count == _MOST:
+            raise InputError(f"{path}: has more than {_MOST} messages of these topics; cut it by 'mcap filter'")
         place = f"{path}: topic {topic} ({known[topic]})"
         entries[topic].update(getattr(message, "name", ()))
         values = [_value(message, field, place) for field in wanted[topic]]

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish import tomlfile
+from mjfish import bounded, tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.data.dataset_toml import GaussianTable, filter_of
@@ -125,7 +125,10 @@ def _read(path: Path) -> FloatArray:
         InputError: it cannot be read, or is no such table.
     """
     try:
-        table = np.loadtxt(path, ndmin=2)
+        text = bounded.read_text(path, bounded.TABLE, "give the text file of a run", rows=True)
+        table = np.loadtxt(text.split("\n"), ndmin=2)
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}; correct its name") from None
     except ValueError as error:
