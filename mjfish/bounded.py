@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,7 @@ def read_json(path: Path, remedy: str) -> Any:
         InputError: it cannot be read, is too large, is no JSON, or has a number that is not finite.
     """
     try:
-        return json.loads(read_text(path, RESULT, remedy), parse_constant=_no_number)
+        return json.loads(read_text(path, RESULT, remedy), parse_constant=_finite, parse_float=_finite)
     except InputError:
         raise
     except FileNotFoundError:
@@ -65,8 +66,10 @@ def read_json(path: Path, remedy: str) -> Any:
         raise InputError(f"{path}: cannot be read as JSON: {error}; {remedy}") from None
 
 
-def _no_number(name: str) -> float:
-    raise ValueError(f"{name} is no number")
+def _finite(number: str) -> float:
+    if not math.isfinite(value := float(number)):
+        raise ValueError(f"{number} is no finite number")
+    return value
 
 
 def _check_bytes(raw: bytes, path: Path, remedy: str, before: int = 0) -> None:

@@ -24,6 +24,9 @@ from mjfish.errors import InputError, UnknownNameError
 SUFFIXES = (".csv", ".parquet")
 #: Numbers that a table may have; as float64 they fill 256 MiB.
 MOST_NUMBERS = 2**25
+#: Largest number that is taken for a measured one: float64 holds the squares and products of such.
+LARGEST = 1e15
+_REMEDY = "save it again as a table of numbers"
 
 
 def read_table(path: str | Path, *, missing: Collection[str] = ()) -> dict[str, FloatArray]:
@@ -48,8 +51,8 @@ def read_table(path: str | Path, *, missing: Collection[str] = ()) -> dict[str, 
         raise InputError(f"{path}: no such file; correct its name or put it there") from None
     except InputError:
         raise
-    except (OSError, csv.Error, pa.ArrowException) as error:
-        raise InputError(f"{path}: cannot be read: {error}; save it again as a table of numbers") from None
+    except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
+        raise InputError(f"{path}: cannot be read: {error}; {_REMEDY}") from None
     if not next(iter(table.values())).size:
         raise InputError(f"{path}: has a header and no rows; expected a row for every sample")
     for name, values in table.items():
@@ -145,10 +148,14 @@ def read_columns(
         UnknownNameError: no column of a name.
     """
     text = read_text(path, about)
-    found = [cell.strip() for cell in _first_row(text)] if header else list(names)
+    found = [cell.strip() for cell in first_row(text, path)] if header else list(names)
     for name in names:
         if name not in found:
             raise UnknownNameError(f"column in {path}", name, found, "or correct it in the mapping file")
+        if found.count(name) > 1:
+            raise InputError(
+                f"{path}: {found.count(name)} columns '{columns.short(name)}', expected one; rename the others"
+            )
     first_line = 2 if header else 1 + skipped
     cells = _cells(text, found, path, first_line, about)
     if cells.num_rows < fewest:
@@ -159,13 +166,14 @@ def read_columns(
     result = {}
     for name in names:
         column = f"column {found.index(name) + 1} ({name}){read_as}"
-        values = _numbers(cells.column(name), path, column, missing=missing, first_line=first_line)
+        values = _numbers(cells.column(found.index(name)), path, column, missing=missing, first_line=first_line)
         result[name] = values
-        wrong = np.flatnonzero(np.isinf(values) if missing else ~np.isfinite(values))
+        wrong = np.flatnonzero(np.abs(values) > LARGEST if missing else ~(np.abs(values) <= LARGEST))
         if wrong.size:
             row = row_name(path, int(wrong[0]), first_line)
             raise InputError(
-                f"{row}, {column}: {values[wrong[0]]}, expected a finite number; correct it or cut the track there"
+                f"{row}, {column}: {values[wrong[0]]}, expected a finite number up to {LARGEST:g}; correct it or cut "
+                "the track there"
             )
     return result
 
@@ -187,7 +195,7 @@ def read_text(path: Path, about: str = "") -> str:
 def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
     """Parse every cell as text first: only so can a message show what stood in the file."""
     text = _text(path)
-    headers = _first_row(text)
+    headers = first_row(text, path)
     if not headers:
         raise InputError(f"{path}: line 1 is empty, expected the headers of the columns; remove the lines above them")
     if len(headers) == 1 and (";" in text or "\t" in text):
@@ -200,8 +208,12 @@ def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
     }
 
 
-def _first_row(text: str) -> list[str]:
-    return next(csv.reader([text.partition("\n")[0]]))
+def first_row(text: str, path: Path) -> list[str]:
+    """Return the cells of the first line of a text."""
+    try:
+        return next(csv.reader([text.partition("\n")[0]]))
+    except csv.Error as error:
+        raise InputError(f"{path}: line 1 cannot be read: {error}; {_REMEDY}") from None
 
 
 def _cells(text: str, names: Sequence[str], path: Path, first_line: int = 2, about: str = "") -> pa.Table:
@@ -223,9 +235,9 @@ def _cells(text: str, names: Sequence[str], path: Path, first_line: int = 2, abo
             parse_options=pa.csv.ParseOptions(ignore_empty_lines=False, invalid_row_handler=note),
             convert_options=pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
         )
-    except pa.ArrowInvalid:
+    except pa.ArrowInvalid as error:
         if not ragged:
-            raise
+            raise InputError(f"{path}: cannot be read: {error}; {about or _REMEDY}") from None
         row = ragged[0]
         raise InputError(
             f"{row_name(path, row.number - first_line, first_line)}: {row.actual_columns} cells, expected "
@@ -299,12 +311,12 @@ def check_size(numbers: int, path: Path) -> None:
 
 
 def check_finite(name: str, values: FloatArray, path: Path) -> None:
-    """Refuse a column with a NaN or an infinity, naming the first row."""
-    wrong = np.flatnonzero(~np.isfinite(values))
+    """Refuse a column with a NaN, an infinity or a number that is none of a measurement, naming the first row."""
+    wrong = np.flatnonzero(~(np.abs(values) <= LARGEST))
     if wrong.size:
         raise InputError(
             f"{row_name(path, int(wrong[0]))}, column '{columns.header(name)}': {values[wrong[0]]}, expected a finite "
-            f"number; fill in or remove the row ({wrong.size} of {values.size} rows are like this)"
+            f"number up to {LARGEST:g}; fill in or remove the row ({wrong.size} of {values.size} rows are like this)"
         )
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from mjfish import bounded
 from mjfish.arrays import FloatArray
@@ -21,7 +22,7 @@ from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import guesses, off_null
 from mjfish.diagnosis.result import SCHEMA
 from mjfish.effects import Effect, catalogue
-from mjfish.errors import InputError
+from mjfish.errors import InputError, MjfishError
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.identification import first_sigma
@@ -173,7 +174,9 @@ def load_diagnosis(
                 "belongs"
             )
         return _restored(raw, dataset, catalogue() if effects is None else effects, jobs)
-    except (KeyError, TypeError, AttributeError) as error:
+    except MjfishError:
+        raise
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, StopIteration) as error:
         raise InputError(f"{path}: is no diagnosis: {error} is missing or wrong; {remedy}") from None
 
 
@@ -183,10 +186,7 @@ def _restored(
     ranked = [c["name"] for c in sorted(raw["candidates"], key=lambda c: -c["statistic"]) if c["parameters"]]
     named = list(raw["alternatives"][0]) if raw["causes"] else []  # a learned form goes by its mechanism there
     question = _open_question(raw["verdict"], raw["rivals"], named, ranked)
-    models = [
-        FittedModel(**{**saved, "causes": tuple(saved["causes"]), "at_bound": tuple(saved["at_bound"])})
-        for saved in raw["fits"]
-    ]
+    models = TypeAdapter(list[FittedModel]).validate_python(raw["fits"])
     known = FittedModels.undiagnosed(dataset, effects, jobs)
     fitted, _ = known.dataset.split()
     compared = raw["problem"]

@@ -28,6 +28,7 @@ import numpy as np
 
 from mjfish import bounded, files, tomlfile
 from mjfish.arrays import FloatArray
+from mjfish.data.tables import LARGEST
 from mjfish.effects import catalogue, of_fish
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, UnknownNameError
@@ -43,6 +44,8 @@ from mjfish.tomlfile import Table
 _MOVES = 1000
 #: Halvings of an arc after which a draw stays where it is: bounds as near as rounding.
 _HALVINGS = 60
+#: Largest correlation that may be rounding.
+_ROUNDED = 1.0 + 1e-6
 #: Where draws begin: this share of a standard deviation inside the bounds, at most this share of their width.
 _INSIDE, _INSIDE_WIDTH = 0.1, 0.25
 _FILE = "diagnosis.json"
@@ -119,6 +122,13 @@ class Posterior:
         if shapes - {count} or raw.runs < 1:
             raise InputError(f"{place}: expected {count} numbers of each kind, one a name, and a run; {_REMEDY}")
         mean, covariance, scatter = (np.array(values) for values in (raw.mean, raw.covariance, raw.scatter))
+        variance = np.diag(covariance)
+        if (
+            max(np.abs(covariance).max(initial=0.0), np.abs(scatter).max(initial=0.0)) > LARGEST
+            or (variance < 0.0).any()
+            or (np.abs(covariance) > _ROUNDED * np.sqrt(np.outer(variance, variance))).any()
+        ):
+            raise InputError(f"{place}.covariance: is none, for no errors correlate more than wholly; {_REMEDY}")
         return cls(model, raw.names, mean, covariance, scatter, raw.runs)
 
     def draw(self, n: int, rng: np.random.Generator) -> FloatArray:

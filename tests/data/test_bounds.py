@@ -141,7 +141,12 @@ def test_a_table_of_more_numbers_than_are_read_is_refused(
 
 def test_json_that_is_no_result_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "diagnosis.json"
-    for content, complaint in (("[" * 10**5, "recursion"), ('{"posterior": NaN}', "NaN is no number"), ("{", "line 1")):
+    for content, complaint in (
+        ("[" * 10**5, "recursion"),
+        ('{"posterior": NaN}', "NaN is no finite number"),
+        ('{"a": 1e999}', "1e999 is"),
+        ("{", "line 1"),
+    ):
         path.write_text(content)
         with pytest.raises(InputError, match=rf"diagnosis\.json: cannot be read as JSON: .*{complaint}.*; write it by"):
             bounded.read_json(path, "write it by hand")

@@ -61,7 +61,7 @@ CPG_FILE: dict[str, tuple[Edit, tuple[str, ...]]] = {
     ),
     "empty line": (lines(lambda all_: [*all_[:7], "", *all_[7:]]), ("row 7 (line 8)", "is empty", "remove the row")),
     "headers not in line 1": (lambda text: "\n" + text, ("line 1 is empty", "remove the lines above")),
-    "endless line": (lambda _: "x" * 200_000, ("cannot be read: field larger", "save it again")),
+    "endless line": (lambda _: "x" * 200_000, ("line 1 cannot be read: field larger", "save it again")),
     "semicolons": (lambda text: text.replace(",", ";"), ("line 1", "no commas", "separate the columns by commas")),
     "gap": (
         lines(lambda all_: all_[:11] + all_[14:]),

@@ -22,7 +22,7 @@ from mjfish.data.importers.report import FileReport, ImportReport
 from mjfish.data.importers.smoothing import Basis, Fit, beat_frequency, smooth
 from mjfish.data.importers.trials import Recording, assign_roles, check_distinct, record, with_noise
 from mjfish.data.tables import read_columns
-from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish
 
 #: A point is off where it is this many sigma from where it belongs.
@@ -191,7 +191,8 @@ def fit_track(measured: FloatArray, marked: Marked, rate: float, path: Path) -> 
     dropped: list[int] = []
     exchanged, mended = 0, False
     while True:
-        fit, chain = _fit(marked.without(dropped, measured), marked, rate)
+        with located(str(path)):
+            fit, chain = _fit(marked.without(dropped, measured), marked, rate)
         if not mended:
             mended = True
             put_back, found = undo_exchanges(measured, fit)
