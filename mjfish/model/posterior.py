@@ -128,7 +128,10 @@ class Posterior:
             or (variance < 0.0).any()
             or (np.abs(covariance) > _ROUNDED * np.sqrt(np.outer(variance, variance))).any()
         ):
-            raise InputError(f"{place}.covariance: is none, for no errors correlate more than wholly; {_REMEDY}")
+            raise InputError(
+                f"{place}: a negative variance, a correlation above 1, or a number above {LARGEST:g} in covariance or "
+                f"scatter; {_REMEDY}"
+            )
         return cls(model, raw.names, mean, covariance, scatter, raw.runs)
 
     def draw(self, n: int, rng: np.random.Generator) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -148,8 +149,16 @@ FOUND: dict[str, tuple[str, Edit, str]] = {
     ),
     "headers of a table that are no text": ("wave.parquet", _no_utf8, "cannot be read|unknown column"),
     "a column of dates": ("wave.parquet", _date, "has type date32"),
-    "a covariance of no errors": ("diagnosis.json", _saved(_correlated), "covariance: is none"),
-    "a scatter beyond all numbers": ("diagnosis.json", _posterior(scatter=[1e300] * 10), "posterior"),
+    "a covariance of no errors": (
+        "diagnosis.json",
+        _saved(_correlated),
+        "a negative variance, a correlation above 1, or a number above",
+    ),
+    "a scatter beyond all numbers": (
+        "diagnosis.json",
+        _posterior(scatter=[1e300] * 10),
+        "a number above 1e.15 in covariance or",
+    ),
     "infinity by its digits": (
         "diagnosis.json",
         lambda raw: raw.replace(b"0.0", b"1e999", 1),
@@ -189,4 +198,29 @@ def test_poses_that_are_no_path_are_refused(known: dict[str, Reader], tmp_path: 
     raw = reader.valid
     for row in range(1, 51, 2):
         raw = _cell(row, 1, f"{(-1) ** (row // 2)}e15")(raw)
-    assert reader.outcome(raw, tmp_path) in ("read", "refused")
+    assert reader.outcome(raw, tmp_path) == "refused"
+    with pytest.raises(MjfishError, match=r"pose\.csv: cannot be smoothed .*look for numbers or times far off"):
+        reader.read(tmp_path)
+
+
+class _Executed:
+    """A pickle that makes a file where it is loaded."""
+
+    def __init__(self, trace: Path) -> None:
+        self.trace = trace
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self.trace,)
+
+
+@pytest.mark.parametrize("name", readers.NAMES)
+def test_nothing_in_a_file_is_executed(name: str, known: dict[str, Reader], tmp_path: Path) -> None:
+    reader, trace = known[name], tmp_path / "trace"
+    reader.prepare(tmp_path)
+    array = BytesIO()
+    np.save(array, np.array([_Executed(trace)], dtype=object), allow_pickle=True)
+    for raw in (pickle.dumps(_Executed(trace)), pickle.dumps(_Executed(trace), protocol=0), array.getvalue()):
+        assert reader.outcome(raw, tmp_path) == "refused"
+        assert not trace.exists()
+    pickle.loads(pickle.dumps(_Executed(trace)))  # noqa: S301
+    assert trace.exists()
