@@ -23,7 +23,8 @@ from mjfish import data, fish, tomlfile
 from mjfish.comparison import rollouts
 from mjfish.data.importers import import_files
 from mjfish.data.importers.deeplabcut import read_tracks
-from mjfish.data.importers.mapping import MarkersMap, layout
+from mjfish.data.importers.mapping import MarkersMap, fish_of, layout
+from mjfish.data.importers.markers import Marked, metres, read_points
 from mjfish.design import load_diagnosis
 from mjfish.errors import MjfishError
 from mjfish.files import json_text
@@ -110,6 +111,7 @@ def _arrays(found: Any) -> Any:
 NAMES = (
     "dataset.toml", "cpg.csv", "measured.csv", "tag.csv", "wave.parquet", "fish.toml", "run_1.csv", "map.toml",
     "pose.csv", "track.csv", "Amp20Bias-30.txt", "bag.mcap", "rollout.csv", "diagnosis.json", "planned.json",
+    "film.csv", "markers.toml",
 )  # fmt: skip
 SLOW = ("pose.csv",)
 STEP = 0.02
@@ -288,6 +290,20 @@ def _markers(folder: Path) -> Any:
     return [np.nan_to_num(read_tracks(folder / "track.csv", named), posinf=math.inf, neginf=-math.inf)]
 
 
+def _film() -> bytes:
+    points = 100.0 * np.arange(18) + np.sin(0.3 * np.arange(90))[:, None]
+    return "\n".join(",".join(f"{value:.2f}" for value in row) for row in points).encode()
+
+
+def _points(folder: Path) -> Any:
+    """Read a film up to its points in metres: fitting a motion to them is slow."""
+    path = folder / "markers.toml"
+    table = tomlfile.read(path, MarkersMap)
+    marked = Marked.of(table, fish_of(table, path), path)
+    points, scale = metres(folder / "film.csv", read_points(folder / "film.csv", table), table, marked)
+    return [{"scale": scale, "points": np.nan_to_num(points, posinf=math.inf, neginf=-math.inf)}]
+
+
 def _tail_run() -> bytes:
     time_ = 0.05 * np.arange(60)
     wave = np.sin(12.0 * time_)
@@ -321,6 +337,7 @@ def readers(folder: Path) -> dict[str, Reader]:
         "wave.parquet": _parquet(_velocities(), folder / "wave.parquet"),
     }
     result = diagnosis()
+    film_map = layout("fishsim").read_bytes().replace(b"missing = false", b"missing = true")
     told = json_text(result.to_dict()).encode()
     tail, pose = "Amp20Bias-30.txt", _csv({"time [s]": TIME, **_PATH})
     parquet = (mutations.corrupted, mutations.rearranged_parquet)
@@ -342,6 +359,10 @@ def readers(folder: Path) -> dict[str, Reader]:
         Reader("rollout.csv", _csv(_velocities()), lambda place: _rollout(place / "rollout.csv"), table),
         Reader("diagnosis.json", told, lambda place: mjfish.sample(place / "diagnosis.json", 1), posterior),
         Reader("planned.json", told, lambda place: [load_diagnosis(place / "planned.json", result.dataset)], tree),
+    ]
+    found += [
+        Reader("film.csv", _film(), _points, table, {"markers.toml": film_map}),
+        Reader("markers.toml", film_map, _points, toml, {"film.csv": _film()}),
     ]
     assert tuple(reader.name for reader in found) == NAMES
     return {reader.name: reader for reader in found}

@@ -132,6 +132,11 @@ FOUND: dict[str, tuple[str, Edit, str]] = {
         "line 1 cannot be read: field larger",
     ),
     "a body part is there twice": ("track.csv", lambda raw: raw.replace(b"part1", b"part0"), "2 columns 'part0 x'"),
+    "markers that were never seen at once": (
+        "film.csv",
+        lambda raw: b"\n".join(b",," + line.split(b",", 2)[2] for line in raw.split(b"\n")),
+        "markers 0 and 1 are never seen at once",
+    ),
     "a pose that was never tracked": ("pose.csv", _column(2, ""), r"column 'y \[m\]' has no number"),
     "a number beyond all measurement": ("pose.csv", _cell(9, 2, "1e308"), "expected a finite number up to 1e"),
     "the same of a trial": ("cpg.csv", _cell(9, 1, "1e300"), "expected a finite number up to 1e"),

@@ -365,9 +365,12 @@ def metres(path: Path, raw: FloatArray, table: MarkersMap, marked: Marked) -> tu
     if len(raw) < fewest:
         raise InputError(f"{path}: has {len(raw)} frames, expected {fewest} or more; give a longer track")
     first, second = marked.base
-    apart = float(np.nanmedian(np.hypot(*(raw[:, second] - raw[:, first]).T)))
+    distance = np.hypot(*(raw[:, second] - raw[:, first]).T)
+    a, b = table.markers[first].name, table.markers[second].name
+    if not np.isfinite(distance).any():
+        raise InputError(f"{path}: markers {a} and {b} are never seen at once, which leaves no scale; track them again")
+    apart = float(np.nanmedian(distance))
     if not apart > 0.0:
-        a, b = table.markers[first].name, table.markers[second].name
         raise InputError(f"{path}: markers {a} and {b} lie on each other, which leaves no scale; track them again")
     scale = abs(table.markers[second].station - table.markers[first].station) / apart
     # The mirror turns an image's left-handed pair (x right, y down) into a right-handed one with z up.
