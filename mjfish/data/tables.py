@@ -19,7 +19,7 @@ import pyarrow.parquet
 from mjfish import bounded
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import columns
-from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors import InputError, UnknownNameError, located
 
 SUFFIXES = (".csv", ".parquet")
 #: Numbers that a table may have; as float64 they fill 256 MiB.
@@ -70,15 +70,16 @@ def write_table(path: str | Path, table: Mapping[str, FloatArray]) -> None:
         table: columns of equal length by header, e.g. ``surge [m/s]``.
 
     Raises:
-        InputError: columns of unequal length, a wrong suffix, or the file cannot be written.
+        InputError: columns of unequal length, a wrong suffix, more than is read, or the file cannot be written.
     """
     path = Path(path)
     check_suffix(path)
     shapes = {header: np.shape(values) for header, values in table.items()}
     if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
         raise InputError(f"{path}: columns of shapes {shapes}, expected one-dimensional columns of one length")
+    check_size(sum(map(np.size, table.values())), path)
     write = _write_csv if path.suffix.lower() == ".csv" else _write_parquet
-    with atomic_file(path) as file:
+    with atomic_file(path) as file, located(str(path)):
         write(file, table)
 
 
@@ -111,7 +112,10 @@ def _write_csv(file: BinaryIO, table: Mapping[str, FloatArray]) -> None:
     rows = zip(*(np.asarray(values, dtype=np.float64).tolist() for values in table.values()), strict=True)
     # repr is the shortest text that reads back as the same float.
     lines = [",".join(table), *(",".join(map(repr, row)) for row in rows)]
-    file.write(("\n".join(lines) + "\n").encode("utf-8"))
+    text = ("\n".join(lines) + "\n").encode("utf-8")
+    if len(text) > bounded.TABLE:
+        raise InputError(f"{len(text)} bytes of CSV, expected {bounded.TABLE} at most; write Parquet")
+    file.write(text)
 
 
 def _write_parquet(file: BinaryIO, table: Mapping[str, FloatArray]) -> None:

@@ -21,7 +21,7 @@ INPUTS = 10_000
 @pytest.mark.parametrize("name", NAMES)
 def test_what_leads_to_new_branches_is_read_or_refused(name: str, tmp_path: Path) -> None:
     inputs = INPUTS // 20 if name in SLOW else INPUTS
-    limits = [f"-runs={inputs}", "-seed=1", "-timeout=60", "-rss_limit_mb=1000", "-print_final_stats=1"]
+    limits = [f"-runs={inputs}", "-seed=1", "-timeout=60", "-rss_limit_mb=850", "-print_final_stats=1"]
     command = [sys.executable, str(Path(__file__).with_name("fuzz.py")), name, str(tmp_path / "fuzzed"), *limits]
     paths = [str(ROOT), str(ROOT / "tests"), str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]
     done = subprocess.run(

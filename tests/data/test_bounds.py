@@ -139,6 +139,18 @@ def test_a_table_of_more_numbers_than_are_read_is_refused(
         read_table(path)
 
 
+def test_no_table_is_written_that_would_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = {"time [s]": tables.np.arange(10.0)}
+    monkeypatch.setattr(tables, "MOST_NUMBERS", 9)
+    with pytest.raises(InputError, match=r"run\.parquet: has 10 numbers, expected 9 at most; cut it"):
+        write_table(tmp_path / "run.parquet", table)
+    monkeypatch.setattr(tables, "MOST_NUMBERS", 10)
+    monkeypatch.setattr(bounded, "TABLE", 48)
+    with pytest.raises(InputError, match=r"run\.csv: 49 bytes of CSV, expected 48 at most; write Parquet"):
+        write_table(tmp_path / "run.csv", table)
+    assert not list(tmp_path.iterdir())
+
+
 def test_json_that_is_no_result_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "diagnosis.json"
     for content, complaint in (
