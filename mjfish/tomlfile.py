@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import tomlkit
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from mjfish import bounded
 from mjfish.errors import InputError
 
 
@@ -52,7 +53,9 @@ def read(path: Path, model: type[T]) -> T:
 def table(path: Path) -> dict[str, Any]:
     """Return the TOML file `path` as it stands, or raise `InputError`."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(bounded.read_text(path, bounded.SETTINGS, "give a TOML file"))
+    except InputError:
+        raise
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -100,6 +103,10 @@ def parse(raw: object, model: type[T], place: str) -> T:
         return model.model_validate(frozen(raw), strict=True)
     except ValidationError as error:
         raise InputError(complaints(place, error)) from None
+    except RecursionError:
+        raise InputError(
+            f"{place}: tables are nested too deep, expected those of {model.__name__}; flatten them"
+        ) from None
 
 
 def complaints(place: str, error: ValidationError) -> str:
@@ -131,5 +138,5 @@ def _complaint(place: str, item: object) -> str:
         text = f"one table, expected a list of them; write [[{name}]] in place of [{name}]"
     if item["type"] in ("model_type", "dict_type") and isinstance(found, tuple):
         text = f"a list of tables, expected one; write [{name}] in place of [[{name}]]"
-    shown = f" (found {found!r})" if isinstance(found, (int, float, str, bool)) else ""
+    shown = f" (found {found!r:.200})" if isinstance(found, (int, float, str, bool)) else ""
     return ": ".join(part for part in (place, key, text + shown) if part)

@@ -20,6 +20,7 @@ UNITS = {
     "surge_acceleration": "m/s2", "sway_acceleration": "m/s2",
 }  # fmt: skip
 
+_LONGEST_SHOWN = 40
 _HEADER = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?")
 _JOINT = re.compile(r"joint_([1-9][0-9]{0,3})")
 #: What to multiply by where a header shows a unit that is not SI.
@@ -57,20 +58,27 @@ def header(name: str) -> str:
     return f"{name} [{unit(name)}]"
 
 
+def short(text: str) -> str:
+    """Return the beginning of what stood in a file, for messages."""
+    line = text.replace("\n", " ")
+    return line if len(line) <= _LONGEST_SHOWN else f"{line[:_LONGEST_SHOWN]}..."
+
+
 def parse(headers: Sequence[str], path: Path) -> list[str]:
     """Return the column names of the headers of the file `path`.
 
     Raises:
         InputError: a header without unit, in a wrong unit, unknown, or given twice.
     """
-    names = [_name(text.strip(), number, path) for number, text in enumerate(headers, start=1)]
-    for index, name in enumerate(names):
-        if name in names[:index]:
+    numbers: dict[str, int] = {}
+    for number, text in enumerate(headers, start=1):
+        name = _name(text.strip(), number, path)
+        first = numbers.setdefault(name, number)
+        if first != number:
             raise InputError(
-                f"{path}: columns {names.index(name) + 1} and {index + 1} are both '{header(name)}', expected one; "
-                "remove the wrong one"
+                f"{path}: columns {first} and {number} are both '{header(name)}', expected one; remove the wrong one"
             )
-    return names
+    return list(numbers)
 
 
 def _name(text: str, number: int, path: Path) -> str:
@@ -78,7 +86,7 @@ def _name(text: str, number: int, path: Path) -> str:
     match = _HEADER.fullmatch(text)
     name, found = (match[1], match[2]) if match else (text, None)
     expected = unit(name)
-    place = f"{path}: column {number} '{text}'"
+    place = f"{path}: column {number} '{short(text)}'"
     if expected is None:
         raise InputError(f"{place}: unknown column; {_suggestion(name)}")
     if found is None or not found.strip():

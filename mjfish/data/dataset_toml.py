@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -69,6 +70,9 @@ def _sensor_sigma(value: float) -> float:
 def _path(name: str) -> str:
     if not name or "\0" in name:
         raise ValueError("expected the name of a file; correct it")
+    # By the name alone: a link in the folder is the user's own word.
+    if Path(name).anchor or Path(os.path.normpath(name)).parts[0] == os.pardir:
+        raise ValueError("leaves the folder of the dataset, expected a file in it; copy it there, or link to it")
     return name
 
 
@@ -150,7 +154,7 @@ class SensorTable(Table):
 
 
 class TrialTable(Table):
-    """One entry of ``[[trials]]``; `file` is relative to the folder of dataset.toml.
+    """One entry of ``[[trials]]``; `file` is in the folder of dataset.toml, or below it.
 
     `file` may be left out where there are `sensors` and a drive: the times of the longest sensor are then the run's.
 
@@ -274,7 +278,7 @@ class DatasetTable(Table):
 
     schema_: Literal[1] = Field(alias="schema")
     name: Annotated[str, Field(min_length=1)]
-    fish: Annotated[str, Field(min_length=1)]
+    fish: Annotated[str, Field(min_length=1), AfterValidator(_path)]
     clock: Clock = "synchronised"
     noise: Noise | None = None
     tank: TankTable | None = None

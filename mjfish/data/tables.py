@@ -16,12 +16,17 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
+from mjfish import bounded
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import columns
-from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors import InputError, UnknownNameError, located
 
 SUFFIXES = (".csv", ".parquet")
-_LONGEST_SHOWN = 40
+#: Numbers that a table may have; as float64 they fill 256 MiB.
+MOST_NUMBERS = 2**25
+#: Largest number that is taken for a measured one: float64 holds the squares and products of such.
+LARGEST = 1e15
+_REMEDY = "save it again as a table of numbers"
 
 
 def read_table(path: str | Path, *, missing: Collection[str] = ()) -> dict[str, FloatArray]:
@@ -44,8 +49,10 @@ def read_table(path: str | Path, *, missing: Collection[str] = ()) -> dict[str, 
         table = read(path, missing)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; correct its name or put it there") from None
-    except (OSError, UnicodeDecodeError, csv.Error, pa.ArrowException) as error:
-        raise InputError(f"{path}: cannot be read: {error}; save it again as a table of numbers") from None
+    except InputError:
+        raise
+    except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
+        raise InputError(f"{path}: cannot be read: {error}; {_REMEDY}") from None
     if not next(iter(table.values())).size:
         raise InputError(f"{path}: has a header and no rows; expected a row for every sample")
     for name, values in table.items():
@@ -63,15 +70,16 @@ def write_table(path: str | Path, table: Mapping[str, FloatArray]) -> None:
         table: columns of equal length by header, e.g. ``surge [m/s]``.
 
     Raises:
-        InputError: columns of unequal length, a wrong suffix, or the file cannot be written.
+        InputError: columns of unequal length, a wrong suffix, more than is read, or the file cannot be written.
     """
     path = Path(path)
     check_suffix(path)
     shapes = {header: np.shape(values) for header, values in table.items()}
     if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
         raise InputError(f"{path}: columns of shapes {shapes}, expected one-dimensional columns of one length")
+    check_size(sum(map(np.size, table.values())), path)
     write = _write_csv if path.suffix.lower() == ".csv" else _write_parquet
-    with atomic_file(path) as file:
+    with atomic_file(path) as file, located(str(path)):
         write(file, table)
 
 
@@ -104,7 +112,10 @@ def _write_csv(file: BinaryIO, table: Mapping[str, FloatArray]) -> None:
     rows = zip(*(np.asarray(values, dtype=np.float64).tolist() for values in table.values()), strict=True)
     # repr is the shortest text that reads back as the same float.
     lines = [",".join(table), *(",".join(map(repr, row)) for row in rows)]
-    file.write(("\n".join(lines) + "\n").encode("utf-8"))
+    text = ("\n".join(lines) + "\n").encode("utf-8")
+    if len(text) > bounded.TABLE:
+        raise InputError(f"{len(text)} bytes of CSV, expected {bounded.TABLE} at most; write Parquet")
+    file.write(text)
 
 
 def _write_parquet(file: BinaryIO, table: Mapping[str, FloatArray]) -> None:
@@ -141,10 +152,14 @@ def read_columns(
         UnknownNameError: no column of a name.
     """
     text = read_text(path, about)
-    found = [cell.strip() for cell in _first_row(text)] if header else list(names)
+    found = [cell.strip() for cell in first_row(text, path)] if header else list(names)
     for name in names:
         if name not in found:
             raise UnknownNameError(f"column in {path}", name, found, "or correct it in the mapping file")
+        if found.count(name) > 1:
+            raise InputError(
+                f"{path}: {found.count(name)} columns '{columns.short(name)}', expected one; rename the others"
+            )
     first_line = 2 if header else 1 + skipped
     cells = _cells(text, found, path, first_line, about)
     if cells.num_rows < fewest:
@@ -155,13 +170,14 @@ def read_columns(
     result = {}
     for name in names:
         column = f"column {found.index(name) + 1} ({name}){read_as}"
-        values = _numbers(cells.column(name), path, column, missing=missing, first_line=first_line)
+        values = _numbers(cells.column(found.index(name)), path, column, missing=missing, first_line=first_line)
         result[name] = values
-        wrong = np.flatnonzero(np.isinf(values) if missing else ~np.isfinite(values))
+        wrong = np.flatnonzero(np.abs(values) > LARGEST if missing else ~(np.abs(values) <= LARGEST))
         if wrong.size:
             row = row_name(path, int(wrong[0]), first_line)
             raise InputError(
-                f"{row}, {column}: {values[wrong[0]]}, expected a finite number; correct it or cut the track there"
+                f"{row}, {column}: {values[wrong[0]]}, expected a finite number up to {LARGEST:g}; correct it or cut "
+                "the track there"
             )
     return result
 
@@ -183,7 +199,7 @@ def read_text(path: Path, about: str = "") -> str:
 def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
     """Parse every cell as text first: only so can a message show what stood in the file."""
     text = _text(path)
-    headers = _first_row(text)
+    headers = first_row(text, path)
     if not headers:
         raise InputError(f"{path}: line 1 is empty, expected the headers of the columns; remove the lines above them")
     if len(headers) == 1 and (";" in text or "\t" in text):
@@ -196,14 +212,20 @@ def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
     }
 
 
-def _first_row(text: str) -> list[str]:
-    return next(csv.reader([text.partition("\n")[0]]))
+def first_row(text: str, path: Path) -> list[str]:
+    """Return the cells of the first line of a text."""
+    try:
+        return next(csv.reader([text.partition("\n")[0]]))
+    except csv.Error as error:
+        raise InputError(f"{path}: line 1 cannot be read: {error}; {_REMEDY}") from None
 
 
 def _cells(text: str, names: Sequence[str], path: Path, first_line: int = 2, about: str = "") -> pa.Table:
     """Return the cells as text; the rows begin at a line, from 1."""
-    if text.count("\n") + 1 < first_line:
+    lines = text.count("\n") + 1
+    if lines < first_line:
         return pa.table({name: pa.array([], pa.string()) for name in names})
+    check_size(lines * len(names), path)
     ragged: list[Any] = []
 
     def note(row: Any) -> str:
@@ -217,25 +239,24 @@ def _cells(text: str, names: Sequence[str], path: Path, first_line: int = 2, abo
             parse_options=pa.csv.ParseOptions(ignore_empty_lines=False, invalid_row_handler=note),
             convert_options=pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
         )
-    except pa.ArrowInvalid:
+    except pa.ArrowInvalid as error:
         if not ragged:
-            raise
+            raise InputError(f"{path}: cannot be read: {error}; {about or _REMEDY}") from None
         row = ragged[0]
         raise InputError(
             f"{row_name(path, row.number - first_line, first_line)}: {row.actual_columns} cells, expected "
-            f"{row.expected_columns} ({names[0]} to {names[-1]}); found '{_short(row.text)}'; "
+            f"{row.expected_columns} ({names[0]} to {names[-1]}); found '{columns.short(row.text)}'; "
             f"{about or 'complete or remove the row'}"
         ) from None
 
 
 def _text(path: Path) -> str:
-    raw = path.read_bytes()
+    remedy = "save what is wanted as UTF-8 CSV of one run"
     try:
-        text = raw.decode("utf-8-sig")
+        text = bounded.read_text(path, bounded.TABLE, remedy, encoding="utf-8-sig", rows=True).rstrip()
     except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
+        line = error.object[: error.start].count(b"\n") + 1
         raise InputError(f"{path}: line {line} is no UTF-8 text; save the file as UTF-8 CSV") from None
-    text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip()
     if not text:
         raise InputError(f"{path}: the file is empty; expected a header line and a row for every sample")
     return text
@@ -261,27 +282,25 @@ def _number(cell: str, where: str) -> float:
         return float(cell) if "_" not in cell else float("no number")
     except ValueError:
         raise InputError(
-            f"{where}: '{_short(cell)}' is not a number such as -0.25; correct it or remove the row"
+            f"{where}: '{columns.short(cell)}' is not a number such as -0.25; correct it or remove the row"
         ) from None
-
-
-def _short(text: str) -> str:
-    line = text.replace("\n", " ")
-    return line if len(line) <= _LONGEST_SHOWN else f"{line[:_LONGEST_SHOWN]}..."
 
 
 def _read_parquet(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:
     with pa.parquet.ParquetFile(path, page_checksum_verification=True) as file:
+        schema = file.schema_arrow
+        if not schema.names:
+            raise InputError(f"{path}: has no columns; expected '{columns.header('time')}' and what was measured")
+        names = columns.parse(schema.names, path)
+        for name, kind in zip(names, schema.types, strict=True):
+            if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):
+                raise InputError(
+                    f"{path}: column '{columns.header(name)}' has type {kind}, expected float64; convert it"
+                )
+        check_size(file.metadata.num_rows * len(names), path)
         table = file.read(use_threads=False)
-    if not table.num_columns:
-        raise InputError(f"{path}: has no columns; expected '{columns.header('time')}' and what was measured")
-    names = columns.parse(table.column_names, path)
     result = {}
     for name, cells in zip(names, table.columns, strict=True):
-        if not (pa.types.is_floating(cells.type) or pa.types.is_integer(cells.type)):
-            raise InputError(
-                f"{path}: column '{columns.header(name)}' has type {cells.type}, expected float64; convert it"
-            )
         if cells.null_count and name not in missing:
             row = row_name(path, int(np.argmax(cells.is_null().to_numpy())))
             _number("", f"{row}, column '{columns.header(name)}'")
@@ -289,13 +308,19 @@ def _read_parquet(path: Path, missing: Collection[str]) -> dict[str, FloatArray]
     return result
 
 
+def check_size(numbers: int, path: Path) -> None:
+    """Refuse a file with more numbers than memory should hold."""
+    if numbers > MOST_NUMBERS:
+        raise InputError(f"{path}: has {numbers} numbers, expected {MOST_NUMBERS} at most; cut it into shorter runs")
+
+
 def check_finite(name: str, values: FloatArray, path: Path) -> None:
-    """Refuse a column with a NaN or an infinity, naming the first row."""
-    wrong = np.flatnonzero(~np.isfinite(values))
+    """Refuse a column with a NaN, an infinity or a number that is none of a measurement, naming the first row."""
+    wrong = np.flatnonzero(~(np.abs(values) <= LARGEST))
     if wrong.size:
         raise InputError(
             f"{row_name(path, int(wrong[0]))}, column '{columns.header(name)}': {values[wrong[0]]}, expected a finite "
-            f"number; fill in or remove the row ({wrong.size} of {values.size} rows are like this)"
+            f"number up to {LARGEST:g}; fill in or remove the row ({wrong.size} of {values.size} rows are like this)"
         )
 
 

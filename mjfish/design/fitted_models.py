@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -10,7 +9,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import TypeAdapter
 
+from mjfish import bounded
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.data.filters import restored_filter
@@ -21,7 +22,7 @@ from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import guesses, off_null
 from mjfish.diagnosis.result import SCHEMA
 from mjfish.effects import Effect, catalogue
-from mjfish.errors import InputError
+from mjfish.errors import InputError, MjfishError
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.identification import first_sigma
@@ -163,12 +164,7 @@ def load_diagnosis(
         InputError: the file cannot be read, is no diagnosis, is of another schema, or is one of another dataset.
     """
     remedy = f"write it by 'mjfish diagnose DATASET --json {path}'"
-    try:
-        raw = json.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; {remedy}") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as JSON: {error}; {remedy}") from None
+    raw = bounded.read_json(Path(path), remedy)
     try:
         if raw["schema"] != SCHEMA:
             raise InputError(f"{path}: has the schema {raw['schema']}, expected {SCHEMA}; {remedy} of this version")
@@ -178,7 +174,9 @@ def load_diagnosis(
                 "belongs"
             )
         return _restored(raw, dataset, catalogue() if effects is None else effects, jobs)
-    except (KeyError, TypeError, AttributeError) as error:
+    except MjfishError:
+        raise
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, StopIteration) as error:
         raise InputError(f"{path}: is no diagnosis: {error} is missing or wrong; {remedy}") from None
 
 
@@ -188,10 +186,7 @@ def _restored(
     ranked = [c["name"] for c in sorted(raw["candidates"], key=lambda c: -c["statistic"]) if c["parameters"]]
     named = list(raw["alternatives"][0]) if raw["causes"] else []  # a learned form goes by its mechanism there
     question = _open_question(raw["verdict"], raw["rivals"], named, ranked)
-    models = [
-        FittedModel(**{**saved, "causes": tuple(saved["causes"]), "at_bound": tuple(saved["at_bound"])})
-        for saved in raw["fits"]
-    ]
+    models = TypeAdapter(list[FittedModel]).validate_python(raw["fits"])
     known = FittedModels.undiagnosed(dataset, effects, jobs)
     fitted, _ = known.dataset.split()
     compared = raw["problem"]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import tomllib
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -32,7 +31,7 @@ _LIST = "RECORD.md"
 def write_next_run(dataset: Dataset, plan: Plan, folder: Path) -> Path:
     """Write what the best run of a plan needs, whole or not at all.
 
-    ``dataset.toml`` names the recordings that are there, where they are, and the one to come, `NAME.csv` beside it:
+    ``dataset.toml`` names the recordings that are there, which are copied, and the one to come, `NAME.csv` beside it:
     once that is measured, the folder is the dataset to diagnose again. ``NAME.command.csv`` has the joint angles to be
     driven, ``RECORD.md`` says what to do and what to record.
 
@@ -55,27 +54,33 @@ def write_next_run(dataset: Dataset, plan: Plan, folder: Path) -> Path:
             f"{dataset.name}: was not read from a dataset.toml, which the new one is made from; save it first"
         )
     folder = folder.resolve()
-    raw = tomllib.loads(dataset.source.read_text(encoding="utf-8"))
+    raw = tomlfile.table(dataset.source)
     shipped = raw["fish"] in fishes.shipped()
     own_fish = load_fish(raw["fish"], relative_to=dataset.source.parent)  # as its file has it, without [start]
     with new_folder(folder) as partial:
         if not shipped:
             raw["fish"] = _FISH
             (partial / _FISH).write_text(fish_toml.text(own_fish), encoding="utf-8")
-        raw["trials"] = _trials(raw["trials"], dataset, dataset.source.parent.resolve(), run, folder)
+        for name in _files(raw["trials"]):
+            (partial / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(dataset.source.parent / name, partial / name)
+        raw["trials"] = _trials(raw["trials"], dataset, run)
         (partial / FILE).write_text(tomlfile.text(raw), encoding="utf-8")
         (partial / _LIST).write_text("\n".join(_list(plan, run)) + "\n", encoding="utf-8")
         write_table(partial / f"{run.name}.command.csv", _command(dataset.fish.cpg, run))
     return folder / FILE
 
 
-def _trials(
-    entries: list[dict[str, Any]], dataset: Dataset, home: Path, run: Run, folder: Path
-) -> list[dict[str, Any]]:
+def _files(entries: list[dict[str, Any]]) -> set[str]:
+    """Return the names of all files of trials."""
+    told = [*entries, *(sensor for entry in entries for sensor in entry.get("sensors", ()))]
+    return {table[key] for table in told for key in ("file", "errors") if key in table}
+
+
+def _trials(entries: list[dict[str, Any]], dataset: Dataset, run: Run) -> list[dict[str, Any]]:
     """Return old and new trials, every role written out: a trial more would else move the split."""
     _, held = dataset.split()
     for entry, trial in zip(entries, dataset.trials, strict=True):
-        entry["file"] = Path(os.path.relpath(home / entry["file"], folder)).as_posix()
         entry["role"] = "held_out" if trial in held else "fit"
     drive = [{"start": s.start, "omega": s.omega, "bias": list(s.bias)} for s in run.trial.drive]
     return [*entries, {"name": run.name, "file": f"{run.name}.csv", "role": "fit", "drive": drive}]

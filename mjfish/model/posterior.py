@@ -19,7 +19,6 @@ elliptical slice sampling, which moves on ellipses inside the bounds and leaves 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,8 +26,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mjfish import files, tomlfile
+from mjfish import bounded, files, tomlfile
 from mjfish.arrays import FloatArray
+from mjfish.data.tables import LARGEST
 from mjfish.effects import catalogue, of_fish
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, UnknownNameError
@@ -44,6 +44,8 @@ from mjfish.tomlfile import Table
 _MOVES = 1000
 #: Halvings of an arc after which a draw stays where it is: bounds as near as rounding.
 _HALVINGS = 60
+#: Largest correlation that may be rounding.
+_ROUNDED = 1.0 + 1e-6
 #: Where draws begin: this share of a standard deviation inside the bounds, at most this share of their width.
 _INSIDE, _INSIDE_WIDTH = 0.1, 0.25
 _FILE = "diagnosis.json"
@@ -120,6 +122,16 @@ class Posterior:
         if shapes - {count} or raw.runs < 1:
             raise InputError(f"{place}: expected {count} numbers of each kind, one a name, and a run; {_REMEDY}")
         mean, covariance, scatter = (np.array(values) for values in (raw.mean, raw.covariance, raw.scatter))
+        variance = np.diag(covariance)
+        if (
+            max(np.abs(covariance).max(initial=0.0), np.abs(scatter).max(initial=0.0)) > LARGEST
+            or (variance < 0.0).any()
+            or (np.abs(covariance) > _ROUNDED * np.sqrt(np.outer(variance, variance))).any()
+        ):
+            raise InputError(
+                f"{place}: a negative variance, a correlation above 1, or a number above {LARGEST:g} in covariance or "
+                f"scatter; {_REMEDY}"
+            )
         return cls(model, raw.names, mean, covariance, scatter, raw.runs)
 
     def draw(self, n: int, rng: np.random.Generator) -> FloatArray:
@@ -220,12 +232,7 @@ def sample(
 def _read(path: Path, effects: Mapping[str, Effect]) -> Posterior:
     """Read the posterior in the JSON of a diagnosis or an identification."""
     path = path / _FILE if path.is_dir() else path
-    try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; {_REMEDY}") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as JSON: {error}; {_REMEDY}") from None
+    raw = bounded.read_json(path, _REMEDY)
     saved = raw.get("posterior") if isinstance(raw, dict) else None
     if saved is None:
         raise InputError(f"{path}: has no posterior, as of a fit that diverged or another version; {_REMEDY}")

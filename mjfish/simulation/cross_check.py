@@ -22,7 +22,7 @@ from typing import Literal
 
 import numpy as np
 
-from mjfish import ode
+from mjfish import bounded, ode
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.drive import cpg, modes
@@ -416,7 +416,10 @@ def _read(folder: Path | None, case: Case) -> FloatArray | None:
         return None
     path = folder / f"{case.name}.csv"
     try:
-        return np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+        text = bounded.read_text(path, bounded.TABLE, "name the folder of reference trajectories", rows=True)
+        return np.loadtxt(text.split("\n"), delimiter=",", skiprows=1, ndmin=2)
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path}: no reference trajectory: {error}; name the folder that holds {case.name}.csv"

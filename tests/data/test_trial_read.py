@@ -63,12 +63,14 @@ def test_start_table_widens_bounds_beyond_those_of_the_fish(tmp_path: Path) -> N
     assert (head.start, head.low, head.high, head.default) == (0.5, 0.2, 3.0, 0.2)
 
 
-def test_noise_is_optional_and_files_may_lie_elsewhere(tmp_path: Path) -> None:
+def test_noise_is_optional_and_files_may_lie_below_or_be_links(tmp_path: Path) -> None:
     toml = TOML.replace("[noise]\nsurge = 0.01\nsway = 0.01\nyaw_rate = 0.05\n", "")
-    toml = toml.replace('"cpg.csv"', '"../cpg.csv"').replace('"measured.csv"', f'"{tmp_path}/measured.csv"')
+    toml = toml.replace('"cpg.csv"', '"runs/../runs/cpg.csv"').replace('"measured.csv"', '"..measured.csv"')
     write_folder(tmp_path)
-    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "runs").mkdir(parents=True)
     (tmp_path / "inner" / "dataset.toml").write_text(toml)
+    (tmp_path / "inner" / "runs" / "cpg.csv").symlink_to(tmp_path / "cpg.csv")
+    (tmp_path / "inner" / "..measured.csv").symlink_to(tmp_path / "measured.csv")
     dataset = trial.load_dataset(tmp_path / "inner" / "dataset.toml")
     assert dataset.noise is None
     assert len(dataset.trials) == 2

@@ -61,7 +61,7 @@ CPG_FILE: dict[str, tuple[Edit, tuple[str, ...]]] = {
     ),
     "empty line": (lines(lambda all_: [*all_[:7], "", *all_[7:]]), ("row 7 (line 8)", "is empty", "remove the row")),
     "headers not in line 1": (lambda text: "\n" + text, ("line 1 is empty", "remove the lines above")),
-    "endless line": (lambda _: "x" * 200_000, ("cannot be read: field larger", "save it again")),
+    "endless line": (lambda _: "x" * 200_000, ("line 1 cannot be read: field larger", "save it again")),
     "semicolons": (lambda text: text.replace(",", ";"), ("line 1", "no commas", "separate the columns by commas")),
     "gap": (
         lines(lambda all_: all_[:11] + all_[14:]),
@@ -135,6 +135,20 @@ TOML_FILE: dict[str, tuple[Edit, tuple[str, ...]]] = {
     "trial file absent": (swap('"cpg.csv"', '"gone.csv"'), ("trials.1: ", "gone.csv: no such file", "put it there")),
     "trial file of no name": (swap('"cpg.csv"', '""'), ("trials.1.file: ", "name of a file", "correct it")),
     "trial file with a null": (swap("cpg.csv", "c\\u0000.csv"), ("trials.1.file: ", "name of a file", "correct it")),
+    "trial file above": (
+        swap('"cpg.csv"', '"runs/../../cpg.csv"'),
+        ("trials.1.file: leaves the folder", "copy it there"),
+    ),
+    "trial file of the system": (swap('"cpg.csv"', '"/etc/passwd"'), ("trials.1.file: leaves the folder", "or link")),
+    "errors above": (
+        swap('"cpg.csv"', '"cpg.csv"\nerrors = "../cpg.errors.parquet"'),
+        ("trials.1.errors: leaves the folder",),
+    ),
+    "sensor file above": (
+        swap('"held_out"', '"held_out"\n[[trials.sensors]]\nkind = "gyro"\nfile = "../gyro.csv"'),
+        ("trials.2.sensors.1.file: leaves the folder",),
+    ),
+    "fish above": (swap('"pike"', '"../pike.toml"'), (": fish: leaves the folder", "copy it there")),
     "trial file of another kind": (swap('"cpg.csv"', '"cpg.xlsx"'), ("trials.1: ", "'.xlsx'", ".csv or .parquet")),
     "start below its bounds": (swap("c_d.head = 1.5", "c_d.head = 0.0"), (": start: c_d.head: start 0", "bounds")),
     "start with empty bounds": (

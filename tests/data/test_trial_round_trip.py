@@ -14,7 +14,7 @@ from mjfish.data import Dataset, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Fish, load_fish
 
-finite = st.floats(allow_nan=False, allow_infinity=False)
+finite = st.floats(-1e15, 1e15)
 biases = st.tuples(*[st.floats(-3.0, 3.0)] * 4)
 
 

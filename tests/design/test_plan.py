@@ -114,7 +114,7 @@ def test_a_signature_that_a_refit_absorbs_has_no_detectable_size() -> None:
 
 
 def test_the_folder_is_a_dataset_once_its_run_is_measured(dataset: Dataset, best_plan: Plan, tmp_path: Path) -> None:
-    """Old trials where they are, roles as they were; the new one with its drive, to be fitted."""
+    """Old trials are copied, roles as they were; the new one with its drive, to be fitted."""
     noted = load_dataset(save(dataset, tmp_path / "old").parent)
     file = write_next_run(noted, best_plan, tmp_path / "deep" / "next")
     best = best_plan.runs[0].run
@@ -124,6 +124,8 @@ def test_the_folder_is_a_dataset_once_its_run_is_measured(dataset: Dataset, best
     new = swum(best.trial, NAMES[0], TRUTH)
     columns = dict(zip(("surge [m/s]", "sway [m/s]", "yaw_rate [rad/s]"), new.velocity.T, strict=True))
     write_table(file.parent / f"{best.name}.csv", {"time [s]": new.time, **columns})
+    for recording in (tmp_path / "old").glob("*.csv"):
+        recording.unlink()
     whole = load_dataset(file)
     assert [trial.name for trial in whole.trials] == ["v1", "v3", best.name]
     assert [trial.role for trial in whole.trials] == ["fit", "fit", "fit"]

@@ -15,9 +15,14 @@ from mcap_ros2.decoder import DecoderFactory
 
 from mjfish.arrays import FloatArray
 from mjfish.data.importers.unknown import describe, is_bag
+from mjfish.data.tables import LARGEST
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 
 _YAW = "yaw"
+#: Messages that are read of a bag, and rows that they may stand for.
+MOST = 2_000_000
+#: Latest time of a message [ns]: in the year 2116; differences of such times are whole numbers of 64 bits.
+_LATEST = 2**62
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +32,7 @@ class Messages:
     Attributes:
         stamps: (n,) times of their headers [ns], whole numbers; 0 where there is none.
         logged: (n,) times at which they were recorded [ns].
-        fields: (n,) by name; NaN where a message has no number there.
+        fields: (n,) by name; NaN where a message has no number there, an infinite one, or one beyond all measurement.
     """
 
     stamps: np.ndarray[Any, np.dtype[np.int64]]
@@ -70,11 +75,13 @@ def read_messages(path: Path, wanted: Mapping[str, Sequence[str]]) -> dict[str, 
             raise UnknownNameError(f"topic in {path}", topic, [f"{name} ({kind})" for name, kind in known.items()])
     rows: dict[str, list[tuple[int, int, list[float]]]] = {topic: [] for topic in wanted}
     entries: dict[str, set[str]] = {topic: set() for topic in wanted}
-    for topic, logged, message in _decoded(path, list(wanted)):
+    for count, (topic, logged, message) in enumerate(_decoded(path, list(wanted))):
+        if count == MOST:
+            raise InputError(f"{path}: has more than {MOST} messages of these topics; cut it by 'mcap filter'")
         place = f"{path}: topic {topic} ({known[topic]})"
         entries[topic].update(getattr(message, "name", ()))
         values = [_value(message, field, place) for field in wanted[topic]]
-        rows[topic].append((_stamp(message), logged, values))
+        rows[topic].append((_stamp(message, place), _nanoseconds(logged, place), values))
     for topic, found in rows.items():
         if not found:
             raise InputError(f"{path}: topic {topic} has no message, expected one a frame; record it, or name another")
@@ -89,6 +96,7 @@ def _messages(
 ) -> Messages:
     stamps, logged, values = zip(*rows, strict=True)
     table = np.array(values)
+    table[np.abs(table) > LARGEST] = np.nan
     for field, column in zip(fields, table.T, strict=True):
         if np.isnan(column).all() and entries:
             raise UnknownNameError(f"field in {place}:", field.rpartition(".")[2], entries)
@@ -124,10 +132,21 @@ def _damaged(path: Path, error: Exception) -> MjfishError:
     return InputError(f"{path}: cannot be read as MCAP, it breaks off or is damaged ({why}); mend it by 'mcap recover'")
 
 
-def _stamp(message: Any) -> int:
+def _stamp(message: Any, place: str) -> int:
     """Return the time of a message's header [ns]; 0 where it has none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)
+    sec, nanosec = getattr(stamp, "sec", 0), getattr(stamp, "nanosec", 0)
+    if not (isinstance(sec, int) and isinstance(nanosec, int)):
+        raise InputError(f"{place}: header.stamp is no time of ROS 2, expected whole numbers sec and nanosec; mend it")
+    return _nanoseconds(sec * 10**9 + nanosec, place)
+
+
+def _nanoseconds(time: int, place: str) -> int:
+    if abs(time) > _LATEST:
+        raise InputError(
+            f"{place}: a message at {1e-9 * time:.3g} s, expected a time since 1970; leave that message out"
+        )
+    return time
 
 
 def _value(message: Any, field: str, place: str) -> float:

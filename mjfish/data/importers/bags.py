@@ -22,7 +22,7 @@ from scipy.interpolate import Akima1DInterpolator
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
-from mjfish.data.importers.bag_messages import Messages, read_messages, topics
+from mjfish.data.importers.bag_messages import MOST, Messages, read_messages, topics
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import Columns, import_poses, import_velocities
 from mjfish.data.importers.unknown import bag_example
@@ -182,6 +182,11 @@ def _rows(
     if missed.any():
         longest = 1e-9 * float(np.diff(time).max())
         notes.append(f"{rows.name}: {int(missed.sum())} messages lost, longest gap {longest:.3f} s")
+    if missed.sum(dtype=np.float64) > MOST:
+        raise InputError(
+            f"{path}: {rows.name} has {len(time)} messages, one every {1e-9 * rows.step:.3g} s, over "
+            f"{1e-9 * float(time[-1] - time[0]):.3g} s; cut the bag to the run"
+        )
     number = np.concatenate([[0], np.cumsum(missed + 1)])
     own = np.full(int(number[-1]) + 1, -1)
     own[number] = inside

@@ -9,7 +9,6 @@ Nature Neuroscience 21.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from mjfish.data import Dataset
 from mjfish.data.importers.mapping import MarkersMap
 from mjfish.data.importers.markers import import_markers
 from mjfish.data.importers.report import ImportReport
-from mjfish.data.tables import read_columns, read_text
+from mjfish.data.tables import first_row, read_columns, read_text
 from mjfish.errors import InputError, UnknownNameError
 
 _HEADS = ("scorer", "bodyparts", "coords")
@@ -60,7 +59,7 @@ def read_tracks(path: Path, table: MarkersMap) -> FloatArray:
 
 def _body_parts(path: Path) -> list[str]:
     """Return the body parts of a file that is laid out as DeepLabCut does."""
-    heads = list(csv.reader(read_text(path).split("\n")[: len(_HEADS)]))
+    heads = [first_row(line, path) for line in read_text(path).split("\n")[: len(_HEADS)]]
     if [row[:1] for row in heads[1:2]] == [["individuals"]]:
         raise InputError(f"{path}: has tracks of several animals; export those of one")
     if [row[:1] for row in heads] != [[head] for head in _HEADS] or tuple(heads[2][1:4]) != _COORDINATES:

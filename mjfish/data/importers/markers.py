@@ -22,7 +22,7 @@ from mjfish.data.importers.report import FileReport, ImportReport
 from mjfish.data.importers.smoothing import Basis, Fit, beat_frequency, smooth
 from mjfish.data.importers.trials import Recording, assign_roles, check_distinct, record, with_noise
 from mjfish.data.tables import read_columns
-from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish
 
 #: A point is off where it is this many sigma from where it belongs.
@@ -191,7 +191,8 @@ def fit_track(measured: FloatArray, marked: Marked, rate: float, path: Path) -> 
     dropped: list[int] = []
     exchanged, mended = 0, False
     while True:
-        fit, chain = _fit(marked.without(dropped, measured), marked, rate)
+        with located(str(path)):
+            fit, chain = _fit(marked.without(dropped, measured), marked, rate)
         if not mended:
             mended = True
             put_back, found = undo_exchanges(measured, fit)
@@ -364,9 +365,12 @@ def metres(path: Path, raw: FloatArray, table: MarkersMap, marked: Marked) -> tu
     if len(raw) < fewest:
         raise InputError(f"{path}: has {len(raw)} frames, expected {fewest} or more; give a longer track")
     first, second = marked.base
-    apart = float(np.nanmedian(np.hypot(*(raw[:, second] - raw[:, first]).T)))
+    distance = np.hypot(*(raw[:, second] - raw[:, first]).T)
+    a, b = table.markers[first].name, table.markers[second].name
+    if not np.isfinite(distance).any():
+        raise InputError(f"{path}: markers {a} and {b} are never seen at once, which leaves no scale; track them again")
+    apart = float(np.nanmedian(distance))
     if not apart > 0.0:
-        a, b = table.markers[first].name, table.markers[second].name
         raise InputError(f"{path}: markers {a} and {b} lie on each other, which leaves no scale; track them again")
     scale = abs(table.markers[second].station - table.markers[first].station) / apart
     # The mirror turns an image's left-handed pair (x right, y down) into a right-handed one with z up.

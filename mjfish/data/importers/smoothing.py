@@ -39,6 +39,7 @@ from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.errors import InputError
 
 _DEGREE = 5
 #: Knots a beat, and the widest and the narrowest distance of knots [s].
@@ -480,7 +481,20 @@ def smooth(seen: Observation, basis: Basis, beat: float | None, start: FloatArra
         beat: to begin with [Hz]; None without harmonics.
         start: (n, coordinates) to begin with.
         sigma: of the points, to begin with; rather too large.
+
+    Raises:
+        InputError: the points are so far apart, or the times so uneven, that no motion can be fitted.
     """
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            return _smoothed(seen, basis, beat, start, sigma)
+    except (FloatingPointError, np.linalg.LinAlgError) as error:
+        raise InputError(
+            f"cannot be smoothed ({error}), expected the path of a swimming fish; look for numbers or times far off"
+        ) from None
+
+
+def _smoothed(seen: Observation, basis: Basis, beat: float | None, start: FloatArray, sigma: float) -> Fit:
     measured = seen.measured
     there: BoolArray = np.asarray(np.isfinite(measured).all(axis=2))
     rough = np.pad(basis.roughness(), (0, basis.size - basis.splines))
@@ -530,7 +544,7 @@ def _weights(seen: Observation, basis: Basis, state: State, there: BoolArray, *,
 
 
 #: Frequencies among which the beat is searched [Hz].
-_SLOWEST, _FASTEST = 0.15, 6.0
+SLOWEST, FASTEST = 0.15, 6.0
 #: Share of a motion's variance that a beat with one overtone must explain.
 _PERIODIC = 0.7
 
@@ -545,9 +559,9 @@ def beat_frequency(time: FloatArray, lateral: FloatArray) -> tuple[float, bool]:
         design = np.column_stack([np.ones_like(time), share, *waves])
         return float(np.square(lateral - design @ np.linalg.lstsq(design, lateral)[0]).sum())
 
-    slowest = max(_SLOWEST, 1.0 / float(np.ptp(time)))
+    slowest = max(SLOWEST, 1.0 / float(np.ptp(time)))
     step = 0.1 / float(np.ptp(time))
-    trials = np.arange(slowest, _FASTEST, step)
+    trials = np.arange(slowest, FASTEST, step)
     best = float(trials[int(np.argmin([left(trial) for trial in trials]))])
     refined = float(minimize_scalar(left, bounds=(max(best - step, 0.5 * slowest), best + step), method="bounded").x)
     periodic = left(refined, 2) < (1.0 - _PERIODIC) * max(left(refined, 0), 1e-300)

@@ -28,7 +28,7 @@ from mjfish.data.importers.mapping import (
 )
 from mjfish.data.importers.markers import HARMONICS
 from mjfish.data.importers.report import Cut, FileReport, ImportReport
-from mjfish.data.importers.smoothing import Basis, Fit, MeasuredCoordinates, beat_frequency, smooth
+from mjfish.data.importers.smoothing import FASTEST, SLOWEST, Basis, Fit, MeasuredCoordinates, beat_frequency, smooth
 from mjfish.data.importers.trials import (
     BEATS,
     SECONDS,
@@ -42,7 +42,7 @@ from mjfish.data.importers.trials import (
     with_noise,
 )
 from mjfish.data.tables import read_columns
-from mjfish.errors import InputError
+from mjfish.errors import InputError, located
 from mjfish.fish import Fish
 
 M = TypeVar("M", PosesMap, VelocitiesMap)
@@ -138,12 +138,16 @@ def _import_pose_table(path: Path, source: _Source[PosesMap]) -> _Imported:
     columns = source.read(path, table.time, [table.x, table.y, table.yaw, *angle_columns(table)])
     numbers = columns.numbers
     _check_rows(numbers, table.time, path, _FEWEST_POSES)
+    for name in (table.x, table.y, table.yaw, *angle_columns(table)):
+        if not np.isfinite(numbers[name]).any():
+            raise InputError(f"{path}: column '{name}' has no number, expected what was tracked; name another column")
     time = increasing(numbers[table.time] * TIMES[table.time_unit], path)
     pose = _at_nose(table, np.column_stack([numbers[name] for name in (table.x, table.y, table.yaw)]))
     joints = measured_angles(table, numbers, source.fish, source.file)
     measured = pose if joints is None else np.column_stack([pose, joints])
     count = 0 if joints is None else joints.shape[1]
-    fit = _fit(time, measured)
+    with located(str(path)):
+        fit = _fit(time, measured)
     seen: BoolArray = np.asarray(np.isfinite(measured).all(axis=1))
     name = path.stem.removeprefix(table.prefix)
     recording = record(fit, count, seen, {int(frame): "pose" for frame in np.flatnonzero(~seen)}, name, path)
@@ -182,7 +186,18 @@ def increasing(time: FloatArray, path: Path, headers: int = 1) -> FloatArray:
         raise InputError(
             f"{path}: row {int(wrong[0]) + 2 + headers}: its time is not after that of the row before; sort the rows"
         )
+    check_length(time, path)
     return readonly(time)
+
+
+def check_length(time: FloatArray, path: Path) -> None:
+    """Refuse a record whose times cannot show a beat: too short, or with too few rows for its length."""
+    rows, seconds = len(time), float(np.ptp(time))
+    if rows < 2.0 * SLOWEST * seconds or seconds * FASTEST <= 1.0:
+        raise InputError(
+            f"{path}: {rows} rows over {seconds:g} s, expected those of a fish that beats at {SLOWEST:g} to "
+            f"{FASTEST:g} Hz; correct the times, or their unit"
+        )
 
 
 def _at_nose(table: PosesMap, raw: FloatArray) -> FloatArray:
@@ -314,6 +329,11 @@ def _velocity_run(path: Path, source: _Source[VelocitiesMap]) -> _VelocityRun:
 
 def _stretches(trial: Trial, complete: BoolArray, path: Path) -> list[tuple[int, int]]:
     """Return the stretches of complete rows that are long enough for a trial."""
+    if complete.sum() < _FEWEST_VELOCITIES:
+        raise InputError(
+            f"{path}: has {complete.sum()} complete rows, expected {_FEWEST_VELOCITIES} or more; record longer"
+        )
+    check_length(trial.time[complete], path)
     beat, periodic = beat_frequency(trial.time[complete], trial.velocity[complete, 2])
     seconds = BEATS / beat if periodic else SECONDS
     fewest = max(int(np.ceil(seconds / float(np.median(np.diff(trial.time))))), _FEWEST_VELOCITIES)
@@ -366,6 +386,7 @@ def _velocity_trial(path: Path, source: _Source[VelocitiesMap]) -> tuple[Trial, 
     if not np.all(np.diff(time) > 0.0):
         row = int(np.flatnonzero(np.diff(time) <= 0.0)[0]) + 3
         raise InputError(f"{path}: row {row}, column '{table.time}': not after the row before; sort the rows by time")
+    check_length(time, path)
     trial = Trial(
         name=path.stem.removeprefix(table.prefix),
         role=None,

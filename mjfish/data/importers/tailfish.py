@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish import tomlfile
+from mjfish import bounded, tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.data.dataset_toml import GaussianTable, filter_of
@@ -31,6 +31,7 @@ from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.smoothing import beat_frequency
 from mjfish.data.importers.tables import increasing, velocity_report
 from mjfish.data.importers.trials import assign_roles, check_distinct
+from mjfish.data.tables import LARGEST
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import load_fish
@@ -125,7 +126,10 @@ def _read(path: Path) -> FloatArray:
         InputError: it cannot be read, or is no such table.
     """
     try:
-        table = np.loadtxt(path, ndmin=2)
+        text = bounded.read_text(path, bounded.TABLE, "give the text file of a run", rows=True)
+        table = np.loadtxt(text.split("\n"), ndmin=2)
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}; correct its name") from None
     except ValueError as error:
@@ -135,7 +139,10 @@ def _read(path: Path) -> FloatArray:
             f"{path}: {len(table)} rows of {table.shape[1]} numbers, expected {_FEWEST} rows or more of seven: "
             f"{', '.join(_COLUMNS)}"
         )
-    if not np.all(np.isfinite(table)):
-        row, column = np.argwhere(~np.isfinite(table))[0]
-        raise InputError(f"{path}: row {row + 1}, {_COLUMNS[column]}: no finite number; correct or remove the row")
+    wrong = np.argwhere(~(np.abs(table) <= LARGEST))
+    if len(wrong):
+        row, column = wrong[0]
+        raise InputError(
+            f"{path}: row {row + 1}, {_COLUMNS[column]}: no finite number up to {LARGEST:g}; correct or remove the row"
+        )
     return np.asarray(table, dtype=np.float64)
