@@ -19,8 +19,8 @@ _HEAD = """\
 
 <!-- Written by tools/schema_page.py from mjfish/schemas. -->
 
-What mjfish reads and writes for other programs has a [JSON Schema](https://json-schema.org), draft 2020-12. The schemas are
-in the package, one file a version:
+What mjfish reads and writes for other programs has a [JSON Schema](https://json-schema.org), draft 2020-12. The schemas
+are in the package, one file a version:
 
 ```python
 import json
