@@ -8,7 +8,7 @@ TEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 STAMP := $(VENV)/.installed
 PIP := bin/python -m pip install --quiet --disable-pip-version-check
 # Beside what mjfish needs, in an environment that runs the fast tests and nothing else.
-TOOLS := pytest pytest-timeout pytest-xdist hypothesis jsonschema gymnasium
+TOOLS := pytest pytest-timeout pytest-xdist hypothesis jsonschema gymnasium 'mujoco[sysid]'
 
 .PHONY: env demo test test-slow test-oldest test-newest real check docs format bench clean
 
