@@ -6,8 +6,11 @@ BIN := $(VENV)/bin
 # Tests differ a hundredfold in length: who is done takes from the other.
 TEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 STAMP := $(VENV)/.installed
+PIP := bin/python -m pip install --quiet --disable-pip-version-check
+# Beside what mjfish needs, in an environment that runs the fast tests and nothing else.
+TOOLS := pytest pytest-timeout pytest-xdist hypothesis jsonschema gymnasium 'mujoco[sysid]'
 
-.PHONY: env demo test test-slow real check docs format bench clean
+.PHONY: env demo test test-slow test-oldest test-newest real check docs format bench clean
 
 env: $(STAMP)
 
@@ -25,6 +28,18 @@ test: env
 
 test-slow: env
 	$(TEST) -m slow
+
+# The oldest of every dependency that is promised, and the newest that there is, in environments of their own.
+test-oldest:
+	$(PYTHON) -m venv $(VENV)-oldest
+	$(VENV)-oldest/$(PIP) -r requirements-oldest.lock
+	$(VENV)-oldest/$(PIP) --no-deps --editable .
+	OPENBLAS_NUM_THREADS=1 $(VENV)-oldest/bin/python -m pytest -n 2 --dist worksteal
+
+test-newest:
+	$(PYTHON) -m venv $(VENV)-newest
+	$(VENV)-newest/$(PIP) --upgrade $(TOOLS) --editable .
+	OPENBLAS_NUM_THREADS=1 $(VENV)-newest/bin/python -m pytest -n 2 --dist worksteal
 
 # Measured fish; MJFISH_FISHSIM names the folder of the marker files of srl-ethz/fishsim. Those of the one-joint fish
 # (MJFISH_TAILFISH) are diagnosed by `python -m studies.tail_fish`, in a quarter of an hour.
@@ -50,4 +65,4 @@ bench: env
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/bench.py
 
 clean:
-	rm -rf $(VENV) out build dist
+	rm -rf $(VENV) $(VENV)-oldest $(VENV)-newest out build dist

@@ -11,6 +11,8 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import tempfile
+import warnings
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -39,8 +41,35 @@ def cache_folder() -> Path:
     for source in sources:
         code = compile(source.read_bytes(), "", "exec", dont_inherit=True, optimize=2)
         digest.update(f"{source.relative_to(_PACKAGE)} {_instructions(code)}\n".encode())
-    root = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(root) / "mjfish" / digest.hexdigest()[:16]
+    return _root() / digest.hexdigest()[:16]
+
+
+def _root() -> Path:
+    """Return the folder of all compiled code of this user."""
+    folder = os.environ.get("XDG_CACHE_HOME")
+    return (Path(folder) if folder else Path("~/.cache").expanduser()) / "mjfish"
+
+
+@functools.cache
+def keeps_code() -> bool:
+    """Return whether compiled code is kept on disk; where it cannot be, say so once.
+
+    Nothing else is tried: code in a folder that others write to would be theirs.
+    """
+    if numba.config.CACHE_LOCATOR_CLASSES:
+        return True  # the user's own
+    try:
+        folder = Path(numba.config.CACHE_DIR or _root())
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except (OSError, RuntimeError) as error:  # the latter without any home
+        warnings.warn(
+            f"compiled code cannot be kept ({error}): every start compiles anew, which takes a minute or more; "
+            "set XDG_CACHE_HOME to a folder that you can write to",
+            stacklevel=3,
+        )
+        return False
+    return True
 
 
 def _instructions(code: CodeType) -> tuple[object, ...]:
@@ -88,32 +117,38 @@ def compiled(function: F) -> F:
 
     Functions of a user's own file are compiled anew in every process: what they read from other files is not hashed.
     """
-    ours = Path(function.__code__.co_filename).is_relative_to(_PACKAGE)
+    cache = _is_ours(function) and keeps_code()
     with _CacheDir():
-        dispatcher: F = numba.njit(cache=ours, nogil=True, error_model="numpy")(function)
+        dispatcher: F = numba.njit(cache=cache, nogil=True, error_model="numpy")(function)
     return dispatcher
+
+
+def _is_ours(function: Callable[..., Any]) -> bool:
+    return Path(function.__code__.co_filename).is_relative_to(_PACKAGE)
 
 
 def inlined(function: F) -> F:
     """Compile like `compiled`, but as a part of every compiled function that calls it: for the innermost loops."""
-    ours = Path(function.__code__.co_filename).is_relative_to(_PACKAGE)
+    cache = _is_ours(function) and keeps_code()
     with _CacheDir():
-        make = numba.njit(cache=ours, nogil=True, error_model="numpy", inline="always")
+        make = numba.njit(cache=cache, nogil=True, error_model="numpy", inline="always")
         dispatcher: F = make(function)
     return dispatcher
 
 
 def merged(function: F) -> F:
     """Compile like `compiled`, and let LLVM put it into every function that calls it: typed once, unlike `inlined`."""
+    cache = keeps_code()
     with _CacheDir():
-        dispatcher: F = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True, _nrt=False)(function)
+        dispatcher: F = numba.njit(cache=cache, nogil=True, error_model="numpy", forceinline=True, _nrt=False)(function)
     return dispatcher
 
 
 def borrowing(function: F) -> F:
     """Compile like `compiled`, for functions that allocate nothing: their views of arrays are not counted."""
+    cache = keeps_code()
     with _CacheDir():
-        dispatcher: F = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)(function)
+        dispatcher: F = numba.njit(cache=cache, nogil=True, error_model="numpy", _nrt=False)(function)
     return dispatcher
 
 
@@ -127,8 +162,9 @@ def c_callback(signature: Any, *, cached: bool = True) -> Callable[[Callable[...
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
+        cache = cached and keeps_code()
         with _CacheDir():
-            return numba.cfunc(signature, cache=cached, error_model="numpy")(function)
+            return numba.cfunc(signature, cache=cache, error_model="numpy")(function)
 
     return decorate
 
@@ -141,7 +177,7 @@ class _CacheDir:
 
     def __enter__(self) -> None:
         self._before = numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES
-        if not any(self._before):
+        if not any(self._before) and keeps_code():
             numba.config.CACHE_DIR = str(cache_folder())  # where the file is no file of ours
             numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.SourceLocator,UserProvidedCacheLocator"
 

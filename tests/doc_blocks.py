@@ -9,8 +9,7 @@ import shlex
 from pathlib import Path
 from types import ModuleType
 
-from click.testing import Result
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from mjfish.cli import application
 

@@ -141,3 +141,23 @@ def test_a_users_file_sees_the_edit_of_another_file_that_it_reads(tmp_path: Path
     for slope in ("2.0", "3.0"):
         (tmp_path / "constants.py").write_text(f"SLOPE = {slope}")
         assert _run(tmp_path / "mine.py", code) == slope
+
+
+@pytest.mark.parametrize("home", ["/dev/null", ""])
+def test_where_nothing_can_be_kept_it_runs_and_says_so_once(tmp_path: Path, home: str) -> None:
+    """A home that is no folder, or none at all; numba alone refuses to compile there."""
+    script = (
+        "import pwd\n"
+        "pwd.getpwuid = lambda _: (_ for _ in ()).throw(KeyError())\n"  # a container's user has no entry
+        "import mjfish.effects.linear_drag\n"
+        "from mjfish.compiled import c_callback, compiled, keeps_code\n"
+        "assert not keeps_code()\n"
+        "print(compiled(lambda x: 2.0 * x)(3.0))\n"
+    )
+    environment = {"PYTHONPATH": str(Path(compiling.__file__).parents[1]), "PATH": "", "TMPDIR": str(tmp_path)}
+    environment |= {"HOME": home} if home else {}
+    ran = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    assert ran.stdout == "6.0\n", ran.stderr
+    assert ran.stderr.count("compiled code cannot be kept") == 1
+    assert "set XDG_CACHE_HOME" in ran.stderr
+    assert not list(tmp_path.iterdir())

@@ -16,6 +16,7 @@ import pytest
 from doc_blocks import ROOT, blocks, commands, run_command, run_python
 from gl import skip_without_gl
 from own_recordings import write_recordings
+from schema_check import complaints
 
 import mjfish
 from mjfish.cli import console
@@ -114,6 +115,7 @@ def test_a_newcomer_comes_from_own_csv_files_to_a_verdict(tmp_path: Path) -> Non
     assert "run1" in (tmp_path / "pictures" / "inspection.html").read_text(encoding="utf-8")
     assert "The cause is marker_offset" in diagnosed
     found = json.loads((tmp_path / "found" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert not complaints("diagnosis-2", found)
     offset = found["causes"][0]["parameters"]["along"]
     assert offset["low"] < 0.03 < offset["high"]
     assert found["gain"]["relative_reduction"]["low"] > 0.2

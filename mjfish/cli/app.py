@@ -7,6 +7,7 @@ MuJoCo, scipy. They reach the package through its lazy names, or import inside t
 from __future__ import annotations
 
 import functools
+import warnings
 from collections.abc import Callable
 from typing import Annotated, Any
 
@@ -124,5 +125,6 @@ def application() -> typer.Typer:
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line; a warning is a line of it."""
+    warnings.showwarning = lambda message, *_: console.complain("warning", str(message))
     application()()

@@ -2,6 +2,7 @@
 
 In reading order:
 
+* `supported`: which MuJoCo this needs.
 * `strip_link`, `blunt_link`: what the water must know of a body; `links`: both; `custom_numerics`: the same in an MJCF.
 * `fluid`: `StripFluid`, water on bodies of any model; `coupling_choice`: which coupling is right for which model.
 * `link_force`: the force on one link; `coupling`: added mass in the equation of motion; `reference`: both in NumPy.
@@ -12,10 +13,11 @@ In reading order:
 * `offscreen`: pictures without a window; `viewer`: MuJoCo's own, with sliders.
 """
 
+from mjfish.mujoco import supported  # isort: skip  # first: the others import names that an older MuJoCo has not
 from mjfish.mujoco.blunt_link import BluntLink
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.mjcf import Trim
 from mjfish.mujoco.rollout import SimRollout, simulate
 from mjfish.mujoco.strip_link import StripLink
 
-__all__ = ["BluntLink", "SimRollout", "StripFluid", "StripLink", "Trim", "simulate"]
+__all__ = ["BluntLink", "SimRollout", "StripFluid", "StripLink", "Trim", "simulate", "supported"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from click.testing import Result
+from typer.testing import Result
 
 #: A command line and the exit code to expect in, what it printed out.
 Run = Callable[..., Result]

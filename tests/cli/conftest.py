@@ -8,9 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import Result
 from command_line import Run
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from mjfish.cli import application, console
 

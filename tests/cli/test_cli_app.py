@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -138,6 +139,18 @@ def test_a_users_causes_are_listed_with_the_shipped_ones(run: Run) -> None:
     assert "linear_damping.coefficient [N s/m]" in shown
     assert "right [all else equal]" in shown
     assert "time_offset.offset [s]" in shown
+
+
+def test_a_warning_is_one_line(tmp_path: Path) -> None:
+    """Of a home that nobody can write to."""
+    script = "from mjfish.cli import main; main()"
+    environment = {"HOME": "/dev/null", "TMPDIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-c", script, "effects"], env=environment, capture_output=True, text=True, check=True
+    )
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("warning: compiled code cannot be kept (")
+    assert line.endswith("set XDG_CACHE_HOME to a folder that you can write to")
 
 
 def test_a_file_of_effects_that_cannot_be_used_is_refused(refuse: Callable[[str], str], tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from command_line import Run
 from pike_coefficients import COEFFICIENTS
+from schema_check import complaints
 
 import mjfish
 from mjfish.data import save
@@ -63,6 +64,7 @@ def test_everything_that_can_be_written_is(run: Run, pool: Path, tmp_path: Path)
         "--profile c_d.tail --json out.json --table out.parquet --figures figures --fish mine.toml"
     ).stdout
     told = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    assert not complaints("identification-2", told)
     assert [one["name"] for one in told["profiles"]] == ["c_d.tail"]
     assert "profile of c_d.tail" in shown
     assert set(told["parameters"]) == {"c_m.body", "c_m.tail", "c_d.head", "c_d.body", "c_d.tail"}

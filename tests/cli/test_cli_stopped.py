@@ -14,6 +14,7 @@ import pytest
 from command_line import Run
 from diagnosed import diagnosis
 from numba import njit
+from schema_check import complaints
 
 import mjfish
 from mjfish.cli import console
@@ -58,7 +59,9 @@ def test_ctrl_c_in_another_command_is_one_line(run: Run, monkeypatch: pytest.Mon
 def test_quiet_is_silent_and_json_has_standard_output_alone(run: Run) -> None:
     quiet = run(f"diagnose {DEMO} --quiet")
     assert (quiet.stdout, quiet.stderr) == ("", "")
-    assert json.loads(run(f"diagnose {DEMO} --json -").stdout)["verdict"] == "named"
+    told = json.loads(run(f"diagnose {DEMO} --json -").stdout)
+    assert told["verdict"] == "named"
+    assert not complaints("diagnosis-2", told)
 
 
 @pytest.mark.usefixtures("diagnosed")

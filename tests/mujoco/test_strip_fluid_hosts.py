@@ -9,7 +9,6 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import mujoco
-import mujoco.batch
 import mujoco.rollout
 import numpy as np
 import pytest
@@ -124,8 +123,9 @@ def test_rollout_of_several_models_has_the_water_of_each() -> None:
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("coupling", ["inertia", "xfrc"])
 def test_batch_which_copies_the_model_is_a_loop(coupling: str, threads: int) -> None:
+    batches = pytest.importorskip("mujoco.batch", reason="MuJoCo has batches from 4.0 on")
     fluid = tree(coupling, loaded=True)
-    batch = mujoco.batch.Batch(fluid.model, nsim=3, nthread=threads)
+    batch = batches.Batch(fluid.model, nsim=3, nthread=threads)
     start = stirred(fluid.model)
     batch.bind("qpos")[:], batch.bind("qvel")[:], batch.bind("ctrl")[:] = start.qpos, start.qvel, start.ctrl
     with fluid.installed():

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pyarrow.csv
 import pytest
-from click.testing import Result
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from studies import console
 from studies.table_iv import __main__ as command

@@ -8,9 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import Result
 from doc_blocks import ROOT, blocks
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from studies import console
 from studies.table_iv.__main__ import app
