@@ -1,8 +1,9 @@
 """How fast it is: ratios, each measured within this one run, so that they mean the same on every machine.
 
-    python tools/bench.py [--json FILE]
+    python tools/bench.py [--scale] [--json FILE]
 
-A comparison is one function that returns a `Comparison`; add yours to `COMPARISONS`.
+A comparison is one function that returns a `Comparison`; add yours to `COMPARISONS`. How time and memory grow with the
+number of runs is measured in processes of their own (`bench_scale`); ``--scale`` has all rows of that table.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from rich.table import Table
 
 import bench_identify
 import bench_mujoco
+import bench_scale
 from comparison import Comparison, Side, measure
 from mjfish import ode
 from mjfish.drive import cpg, modes
@@ -62,7 +64,9 @@ def main() -> int:
     """Measure every comparison; print the table; return 1 where a target is missed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--json", type=Path, metavar="FILE", help='write {"ratios": {name: value}, "missed": [name]}')
-    json_file = parser.parse_args().json
+    parser.add_argument("--scale", action="store_true", help="more rows of time and memory over the number of runs")
+    options = parser.parse_args()
+    json_file = options.json
     table = Table(title="Ratios of times: top / bottom")
     for heading in ("name", "top [ms]", "bottom [ms]", "ratio", "target", ""):
         table.add_column(heading, no_wrap=heading != "top [ms]" and heading != "bottom [ms]")
@@ -89,6 +93,10 @@ def main() -> int:
     for name, (seconds, bound) in bench_mujoco.first_use().items():
         missed += [name] if seconds > bound else []
         print(f"{name}: {seconds:.2g} s of at most {bound:g} s: {'met' if seconds <= bound else 'MISSED'}")
+    for name, (value, bound) in bench_scale.over_runs(Console(), every=options.scale).items():
+        ratios[name] = value
+        missed += [name] if value > bound else []
+        print(f"{name}: {value:.3g} of at most {bound:g}: {'met' if value <= bound else 'MISSED'}")
     if json_file is not None:
         json_file.write_text(json.dumps({"ratios": ratios, "missed": missed}, indent=2) + "\n", encoding="utf-8")
     return 1 if missed else 0

@@ -20,6 +20,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
+from rich.table import Table
 
 import mjfish
 from mjfish.data import Dataset, Trial
@@ -38,7 +40,7 @@ _LATE = 1.0
 _HIDDEN = {"fin_lift.slope": 1.0}
 WORKS: dict[str, Callable[[Dataset], str]] = {
     "identify": lambda dataset: mjfish.identify(dataset, starts=4).fit.status,
-    "inspect": lambda dataset: mjfish.inspect(dataset).status,
+    "inspect": lambda dataset: f"{len(mjfish.inspect(dataset).findings)} findings",
     "diagnose": lambda dataset: mjfish.diagnose(dataset).verdict,
     "plan": lambda dataset: plan(dataset).status,
 }
@@ -60,6 +62,44 @@ def measured(work: str, kind: str, runs: int) -> Scaled:
     """Measure one piece of work in a process of its own."""
     done = subprocess.run([sys.executable, __file__, work, kind, str(runs)], check=True, capture_output=True, text=True)
     return Scaled(work, kind, runs, **json.loads(done.stdout.splitlines()[-1]))
+
+
+#: Pieces of work, kinds and numbers of runs: those that are always measured, and those of the whole table.
+_SHORT = (("identify", "driven", (20, 80)), ("diagnose", "driven", (20, 80)))
+_MORE = (
+    ("inspect", "driven", (20, 80)),
+    ("plan", "driven", (20, 80)),
+    ("identify", "filmed", (20, 80)),
+    ("diagnose", "filmed", (20, 80)),
+    ("identify", "filmed", (500,)),
+)
+#: Most times that four times the runs may take, and most memory [GB].
+_RATIO, _MEMORY = 4.6, 2.0
+
+
+def over_runs(console: Console, *, every: bool) -> dict[str, tuple[float, float]]:
+    """Print time and memory over the number of runs; return ratios and memory by name, each with its bound.
+
+    Args:
+        console: where the table goes.
+        every: all rows, not only those that have names.
+    """
+    table = Table(title="Time and memory over the number of runs of 10 s at 50 Hz")
+    for heading in ("work", "runs", "time [s]", "memory [GB]", "exponent", "status"):
+        table.add_column(heading, no_wrap=True)
+    found = {}
+    for work, kind, sizes in (*_SHORT, *(_MORE if every else ())):
+        rows = [measured(work, kind, runs) for runs in sizes]
+        for row in rows:
+            power = f"{exponent(rows[0], row):.2f}" if row is not rows[0] else ""
+            numbers = (f"{row.seconds:.3g}", f"{row.gigabytes:.2f}", power, row.status)
+            table.add_row(f"{work}, {kind}", str(row.runs), *numbers)
+        if kind == "driven" and work in ("identify", "diagnose"):
+            small, large = rows
+            found[f"{work}_80_over_20"] = (large.seconds / small.seconds, _RATIO)
+            found[f"{work}_80_gb"] = (large.gigabytes, _MEMORY)
+    console.print(table)
+    return found
 
 
 def exponent(small: Scaled, large: Scaled) -> float:
