@@ -128,9 +128,12 @@ def refits(
         before: refits under another noise; they are continued from where they ended.
         coarse: coarse refits of this evidence that are known already.
     """
-    chosen = sorted(worth_refitting(evidence, effects), key=lambda effect: effect.smooth)  # what takes longest first
     earlier, known, jobs = before or {}, coarse or {}, evidence.problem.jobs
     followed = _floor(earlier) if earlier else 0.0
+    ahead = {name for name, refit in earlier.items() if refit.gain >= followed}
+    worth = worth_refitting(evidence, effects)
+    worth += [effect for effect in effects if effect.name in ahead and effect not in worth]
+    chosen = sorted(worth, key=lambda effect: effect.smooth)  # what takes longest first
     found: dict[str, Refit] = {}
 
     def made_of(alone: Evidence, effect: Effect) -> Refit:
@@ -152,6 +155,18 @@ def refits(
             made[effect.name] = next(results)
             done += 1
         found.update(made)
+    return found
+
+
+def other_refits(evidence: Evidence, effects: Sequence[Effect], progress: Progress = silent) -> dict[str, Refit]:
+    """Refit with every formula that can be identified, whatever its score: a few steps each."""
+    alone, jobs = with_jobs(evidence, 1), evidence.problem.jobs
+    chosen = [effect for effect in effects if not effect.learned and not evidence.unidentifiable(effect.name)]
+    results = refit_in_parallel(lambda effect: refit_with(alone, effect), chosen, jobs)
+    found = {}
+    for done, effect in enumerate(chosen):
+        progress(f"refitting with {effect.name}", done / len(chosen))
+        found[effect.name] = next(results)
     return found
 
 

@@ -76,18 +76,8 @@ def test_a_hidden_effect_is_named_with_its_size_and_gains_on_held_out_trials(eff
     _assert_found(effect)
 
 
-#: Strong ones that are not named yet: so strong that the noise is estimated with the misfit in it.
-UNNAMED = {"roll_loss": "the noise takes up the misfit before the formula is tried"}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "effect",
-    [
-        pytest.param(effect, marks=[pytest.mark.xfail(reason=UNNAMED[effect])] if effect in UNNAMED else [])
-        for effect in sorted(set(STRONG) - set(OF_EACH_DOMAIN))
-    ],
-)
+@pytest.mark.parametrize("effect", sorted(set(STRONG) - set(OF_EACH_DOMAIN)))
 def test_the_other_hidden_effects_are_named_too(effect: str) -> None:
     _assert_found(effect, by_mechanism=True)
 
