@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import math
-import resource
 import subprocess
 import sys
 import time
@@ -24,6 +23,7 @@ from rich.console import Console
 from rich.table import Table
 
 import mjfish
+from fit_cost import peak_megabytes
 from mjfish.data import Dataset, Trial
 from mjfish.design import plan
 from mjfish.drive import cpg
@@ -133,7 +133,7 @@ def main() -> None:
     start = time.perf_counter()
     status = WORKS[work](data)
     seconds = time.perf_counter() - start
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
+    peak = peak_megabytes() * 2**20 / 1e9
     print(json.dumps({"seconds": seconds, "gigabytes": peak, "status": status}))
 
 

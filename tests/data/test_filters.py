@@ -75,7 +75,7 @@ def test_derivatives_and_samples_that_count_go_with_the_filter() -> None:
     plain = Problem(Model(fish), trials, Noise.white(SIGMA), jobs=1)
     smoothed = replace(plain, smoothing=Differentiator(9, 2))
     x, step = smoothed.start(), 1e-4
-    slopes = smoothed.sensitivities(x)[0]
+    slopes = smoothed.slopes(x).velocity[0]
     column = [p.name for p in smoothed.parameters].index("c_d.tail")
     up, down = x.copy(), x.copy()
     up[column] += step
