@@ -16,7 +16,7 @@ from mjfish.drive import modes
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.threads import threaded
+from mjfish.executors import threaded
 from studies.table_iv.misfit import STEP, Fitted, RangeProblem
 from studies.table_iv.ranges import Ranges, published, trials
 from studies.table_iv.reasons import UNIT, Reason, reasons
