@@ -10,7 +10,7 @@ import multiprocessing
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing.connection import wait
 from typing import TypeVar
@@ -31,13 +31,23 @@ def fan_out(function: Callable[[T], R], tasks: Sequence[T], executor: Executor) 
 
     Where the caller stops, tasks that have not begun are dropped.
     """
-    places = {executor.submit(function, task): place for place, task in enumerate(tasks)}
+    places = {_submitted(function, task, executor): place for place, task in enumerate(tasks)}
     try:
         for future in as_completed(places):
             yield places[future], future
     finally:
         for future in places:
             future.cancel()
+
+
+def _submitted(function: Callable[[T], R], task: T, executor: Executor) -> Future[R]:
+    """Submit a task; a worker that ended before it was asked is an answer as well."""
+    try:
+        return executor.submit(function, task)
+    except BrokenExecutor as error:
+        broken: Future[R] = Future()
+        broken.set_exception(error)
+        return broken
 
 
 def threaded(function: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Iterator[R]:

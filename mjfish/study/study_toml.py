@@ -18,47 +18,47 @@ from mjfish.estimation.settings import Loss, Weights
 from mjfish.fish import Fish, load_fish
 from mjfish.tomlfile import Table
 
-Name = Annotated[str, Field(min_length=1)]
 Seed = Annotated[int, Field(ge=0)]
 #: A number, which TOML may write without a point.
 Number = Annotated[float, BeforeValidator(lambda value: float(value) if type(value) is int else value)]
 
 
-class Generated(Table):
+class Named(Table):
+    """An entry with a name, by which tables and summaries call it."""
+
+    name: Annotated[str, Field(min_length=1)]
+
+
+class Generated(Named):
     """One entry of ``[[generate]]``, see `mjfish.generate`: noise in m/s, m/s and rad/s, rate in Hz, duration in s."""
 
-    name: Name
     fish: str = "pike"
     modes: Annotated[tuple[Literal[tuple(MODES)], ...], Field(min_length=1)]  # type: ignore[valid-type]
-    effects: dict[str, dict[str, Number]] = {}
-    values: dict[str, Number] = {}
+    effects: Annotated[dict[str, dict[str, Number]], Field(default_factory=dict)]
+    values: Annotated[dict[str, Number], Field(default_factory=dict)]
     noise: Annotated[tuple[Number, ...], Field(min_length=3, max_length=3)] = (0.01, 0.01, 0.05)
     rate: Positive = 50.0
     duration: Positive = DURATION
     held_out: tuple[str, ...] = ()
 
 
-class Folder(Table):
+class Folder(Named):
     """One entry of ``[[folder]]``: a dataset's folder, from that of the study's file."""
 
-    name: Name
-    path: Name
+    path: Annotated[str, Field(min_length=1)]
 
 
-class Identify(Table):
+class Identify(Named):
     """One entry of ``[[identify]]``, see `mjfish.estimation.Settings`."""
 
-    name: Name
     free: tuple[str, ...] = ("*",)
     loss: Loss = "linear"
     weights: Weights = "noise"
     starts: Annotated[int, Field(ge=1)] = 16
 
 
-class Diagnose(Table):
+class Diagnose(Named):
     """One entry of ``[[diagnose]]``."""
-
-    name: Name
 
 
 class Study(Table):
@@ -87,11 +87,8 @@ def read_study(path: Path) -> Study:
     """
     study = tomlfile.read(path, Study)
     with located(str(path)):
-        _check_names(
-            "dataset", "[[generate]] or [[folder]]", [entry.name for entry in (*study.generate, *study.folder)]
-        )
-        settings = (*study.identify, *study.diagnose)
-        _check_names("setting", "[[identify]] or [[diagnose]]", [entry.name for entry in settings])
+        _check_names("dataset", "[[generate]] or [[folder]]", (*study.generate, *study.folder))
+        _check_names("setting", "[[identify]] or [[diagnose]]", (*study.identify, *study.diagnose))
         if len(set(study.seeds)) < len(study.seeds):
             raise InputError("seeds: one is given twice; give each once")
         for generated in study.generate:
@@ -107,7 +104,8 @@ def read_study(path: Path) -> Study:
     return study
 
 
-def _check_names(what: str, where: str, names: Sequence[str]) -> None:
+def _check_names(what: str, where: str, entries: Sequence[Named]) -> None:
+    names = [entry.name for entry in entries]
     if not names:
         raise InputError(f"there is no {what}; add one by {where}")
     for name in names:
@@ -121,7 +119,7 @@ def fish_of(generated: Generated, home: Path) -> Fish:
 
 
 def acting(generated: Generated, fish: Fish) -> tuple[list[Effect], dict[str, float]]:
-    """Return the effects that act in a generated dataset, and the values of coefficients and of their parameters by full name."""
+    """Return the effects that act in a generated dataset, and all values that are given, by full name."""
     known = of_fish(catalogue(), fish)
     for name in generated.values:
         if name.partition(".")[0] in known:
