@@ -56,12 +56,12 @@ def threaded(function: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Itera
         yield from map(function, tasks)
         return
     with ThreadPoolExecutor(jobs) as pool:
-        early: dict[int, R] = {}
+        early: dict[int, Future[R]] = {}
         following = 0
         for place, future in fan_out(function, tasks, pool):
-            early[place] = future.result()
+            early[place] = future
             while following in early:
-                yield early.pop(following)
+                yield early.pop(following).result()
                 following += 1
 
 
