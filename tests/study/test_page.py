@@ -23,7 +23,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "study.toml").write_text(study)
     (folder / "out").mkdir()
     made, ran, collected = (run_command(line, folder) for line in commands(PAGE)[:3])
-    assert "wrote out/pool" in made
+    assert "with 2 trials" in made
     assert "0 pieces were there, 4 were made, 0 of all failed" in ran
     assert "lagging, drag: 2 converged" in collected
     (shown,) = re.findall(r"The columns of `study.csv`: (.*?)then every estimate", PAGE.read_text(), re.DOTALL)
