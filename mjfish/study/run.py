@@ -98,6 +98,9 @@ class _Run:
         unanswered = []
         while rest:
             lost = self._round(rest, self._executing.jobs)
+            if len(lost) < len(rest):  # new workers go on
+                rest = [piece for piece, _ in lost]
+                continue
             # Those that were running when a worker ended. Each runs alone, to find the one that ends workers.
             suspects, rest = lost[: self._executing.jobs], [piece for piece, _ in lost[self._executing.jobs :]]
             for piece, _ in suspects:
