@@ -8,7 +8,9 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor, Future
 from pathlib import Path
+from typing import Any
 
 import pytest
 from small_study import contents, finish, start, write_study
@@ -121,3 +123,29 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path, made: di
     assert process.returncode == 0, printed
     assert "4 were made, 0 of all failed" in printed
     assert contents(tmp_path / "out") == made
+
+
+class _Breaking(Executor):
+    """Ends without an answer at one piece, and gives none to those after it."""
+
+    def __init__(self) -> None:
+        self._broken = False
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        (piece,) = args
+        self._broken |= (piece.dataset.name, piece.seed) == ("lag", 2)
+        if self._broken:
+            future.set_exception(BrokenExecutor())
+        else:
+            future.set_result(({"outcome": "done", "result": {}}, 0.0))
+        return future
+
+
+def test_a_piece_that_always_ends_its_worker_stays_missing_and_the_rest_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Executing, "executor", lambda *_: _Breaking())
+    ran = run(write_study(tmp_path), tmp_path / "out", executing=Executing(jobs=2))
+    assert (ran.made, ran.failed) == (3, 0)
+    assert ran.unanswered == ("lag, quick, seed 2: its worker ended without an answer (BrokenExecutor)",)
