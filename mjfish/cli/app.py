@@ -27,6 +27,7 @@ from mjfish.cli import (
     render,
     sample,
     simulate,
+    study,
 )
 from mjfish.errors import MjfishError
 
@@ -109,6 +110,7 @@ def application() -> typer.Typer:
         "demo": diagnose.demo,
         "sample": sample.sample,
         "plan": plan.plan,
+        "study": study.study,
         "view": simulate.view,
         "render": render.render,
     }

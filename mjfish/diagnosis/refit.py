@@ -17,8 +17,8 @@ from mjfish.diagnosis.shapes import at_best_shapes
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem, fit
 from mjfish.estimation.smoothness import effective_degrees_of_freedom, smoothed
+from mjfish.executors import threaded
 from mjfish.parameter import Parameter, bounds
-from mjfish.threads import threaded
 
 #: Relative change of the sum of squares at which a refit stops.
 TOLERANCE = 1e-5

@@ -17,6 +17,7 @@ from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
+from mjfish.executors import threaded
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.model.sensitivity import one_sided, with_sensors
@@ -24,7 +25,6 @@ from mjfish.noise import Noise
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior
 from mjfish.serialise import plain
-from mjfish.threads import threaded
 
 #: Residual of a sample that the rollout did not reach, in units of sigma: worse than any honest misfit.
 LOST = 1e3

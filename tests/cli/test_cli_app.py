@@ -31,6 +31,7 @@ COMMANDS = (
     "diagnose",
     "sample",
     "plan",
+    "study",
     "effects",
     "demo",
     "view",

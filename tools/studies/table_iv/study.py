@@ -14,9 +14,9 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.drive import modes
 from mjfish.errors import InputError
+from mjfish.executors import threaded
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.threads import threaded
 from studies.table_iv.misfit import STEP, Fitted, RangeProblem
 from studies.table_iv.ranges import Ranges, published, trials
 from studies.table_iv.reasons import UNIT, Reason, reasons

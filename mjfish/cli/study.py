@@ -1,0 +1,54 @@
+"""``mjfish study``: many datasets, settings and seeds, that can be stopped, divided and gone on with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mjfish.cli import console
+from mjfish.errors import InputError
+
+if TYPE_CHECKING:
+    from mjfish.study import Shard
+
+
+def study(
+    file: Annotated[Path, typer.Argument(metavar="STUDY.TOML", help="The study.")],
+    out: Annotated[Path, typer.Option(help="Folder of the pieces.")],
+    shard: Annotated[str, typer.Option(help="I/N: only the I-th of N shares of the pieces.")] = "1/1",
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    cluster: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler; 'local' starts one with so many --jobs.")
+    ] = None,
+    collect: Annotated[bool, typer.Option("--collect", help="Run nothing: write study.csv and summary.txt.")] = False,
+) -> None:
+    """Run the pieces of a study that are missing in a folder; the same command goes on where it was stopped."""
+    from mjfish import study as studies
+
+    if collect:
+        collected = studies.collect(file, out)
+        console.say(*collected.summary.splitlines(), f"wrote {console.listed(collected.files)}")
+        if collected.missing:
+            raise typer.Exit(console.NOT_GOOD)
+        return
+    with console.progress_bar() as tell:
+        ran = studies.run(file, out, shard=_shard(shard), executing=studies.Executing(jobs, cluster), tell=tell)
+    for damaged in ran.damaged:
+        console.complain("damaged, made anew", damaged)
+    for reason in ran.unanswered:
+        console.complain("missing", reason)
+    console.say(f"{ran.there} pieces were there, {ran.made} were made, {ran.failed} of all failed, in {out}")
+    if ran.unanswered:
+        raise typer.Exit(console.NOT_GOOD)
+
+
+def _shard(text: str) -> Shard:
+    from mjfish.study import Shard
+
+    try:
+        index, count = map(int, text.split("/"))
+    except ValueError:
+        raise InputError(f"--shard: found '{text}', expected I/N, e.g. 1/4; correct it") from None
+    return Shard(index, count)

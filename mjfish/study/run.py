@@ -1,0 +1,156 @@
+"""Run the pieces of a study that are not there yet."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from mjfish.errors import InputError
+from mjfish.executors import cluster, fan_out, processes
+from mjfish.study.lock import locked
+from mjfish.study.pieces import Piece, Shard, pieces_of
+from mjfish.study.store import Store
+from mjfish.study.study_toml import read_study
+
+
+@dataclass(frozen=True)
+class Executing:
+    """Where pieces run.
+
+    Attributes:
+        jobs: processes, or workers of a local cluster; 1 without a cluster: this process.
+        cluster: address of a Dask scheduler, ``local`` for one of one's own; None: none.
+    """
+
+    jobs: int = 1
+    cluster: str | None = None
+
+    def executor(self, jobs: int) -> AbstractContextManager[Executor]:
+        """Return an executor of so many workers."""
+        if self.cluster is not None:
+            return cluster(self.cluster, jobs)
+        return processes(jobs) if self.jobs > 1 else ThreadPoolExecutor(1)
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a run did.
+
+    Attributes:
+        there: pieces that were there before.
+        made: pieces that were made.
+        failed: of all of these, those that failed.
+        damaged: files that were damaged, and are made anew, each with what was wrong.
+        unanswered: pieces whose worker ended without an answer, each with the reason; they are still missing.
+    """
+
+    there: int = 0
+    made: int = 0
+    failed: int = 0
+    damaged: tuple[str, ...] = ()
+    unanswered: tuple[str, ...] = ()
+
+
+def run(
+    file: Path,
+    out: Path,
+    *,
+    shard: Shard = Shard(),  # noqa: B008 - frozen
+    executing: Executing = Executing(),
+    tell: Callable[[str, float], None] = lambda _what, _done: None,
+) -> Ran:
+    """Run the pieces of a study that are missing in a folder; each is written when it is done.
+
+    Args:
+        file: of the study.
+        out: folder; made where it is not there.
+        shard: share of the pieces.
+        executing: where they run; the files have the same bytes wherever.
+        tell: called with what is being done and the share that is done.
+
+    Raises:
+        InputError: the study breaks its schema, another run is at these pieces, or the folder cannot be written.
+    """
+    pieces = shard.of(pieces_of(read_study(file), file.resolve().parent))
+    store = Store(out)
+    store.make()
+    with locked(out, shard):
+        return _Run(store, executing, tell).run(pieces)
+
+
+class _Run:
+    """A run under way."""
+
+    def __init__(self, store: Store, executing: Executing, tell: Callable[[str, float], None]) -> None:
+        self._store, self._executing, self._tell = store, executing, tell
+        self._there = self._made = self._failed = 0
+
+    def run(self, pieces: Sequence[Piece]) -> Ran:
+        rest, damaged = self._missing(pieces)
+        self._total = len(rest)
+        unanswered = []
+        while rest:
+            lost = self._round(rest, self._executing.jobs)
+            if len(lost) < len(rest):  # new workers go on
+                rest = [piece for piece, _ in lost]
+                continue
+            # Those that were running when a worker ended. Each runs alone, to find the one that ends workers.
+            suspects, rest = lost[: self._executing.jobs], [piece for piece, _ in lost[self._executing.jobs :]]
+            for piece, _ in suspects:
+                unanswered += [f"{_name(piece)}: {reason}" for _, reason in self._round([piece], 1)]
+        return Ran(self._there, self._made, self._failed, tuple(damaged), tuple(unanswered))
+
+    def _missing(self, pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
+        """Return the pieces that are not there, each once, and what is wrong with damaged files."""
+        missing, damaged = [], []
+        for piece in {piece.key: piece for piece in pieces}.values():
+            try:
+                content = self._store.read(piece)
+            except InputError as error:
+                content = None
+                damaged.append(str(error).removesuffix("; delete it"))
+            if content is None:
+                missing.append(piece)
+            else:
+                self._there += 1
+                self._failed += content["outcome"] == "failed"
+        return missing, damaged
+
+    def _round(self, pieces: Sequence[Piece], jobs: int) -> list[tuple[Piece, str]]:
+        """Run pieces and write what comes of them; return those without an answer, with the reason, in their order."""
+        lost = {}
+        self._tell(f"{self._made} of {self._total} pieces", self._made / self._total)
+        with self._executing.executor(jobs) as executor:
+            for place, future in fan_out(answer, pieces, executor):
+                try:
+                    outcome, seconds = future.result()
+                except Exception as error:
+                    lost[place] = f"its worker ended without an answer ({type(error).__name__})"
+                    continue
+                self._store.write(pieces[place], outcome, seconds)
+                self._made += 1
+                self._failed += outcome["outcome"] == "failed"
+                self._tell(f"{self._made} of {self._total} pieces", self._made / self._total)
+        return [(pieces[place], lost[place]) for place in sorted(lost)]
+
+
+def answer(piece: Piece) -> tuple[dict[str, Any], float]:
+    """Return what came of a piece, its error where it failed, and how long it took [s]."""
+    begun = time.perf_counter()
+    try:
+        with threadpool_limits(1, "blas"):
+            outcome = {"outcome": "done", "result": piece.result()}
+    except (Exception, SystemExit) as error:
+        outcome = {"outcome": "failed", "reason": f"{type(error).__name__}: {error}"}
+    return outcome, time.perf_counter() - begun
+
+
+def _name(piece: Piece) -> str:
+    return f"{piece.dataset.name}, {piece.setting.name}, seed {piece.seed}"

@@ -1,0 +1,66 @@
+"""The folder of a study: a file a piece, under the hash of its input, and the run times beside them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mjfish import bounded
+from mjfish.errors import InputError
+from mjfish.files import json_text, make_folder, write_json
+from mjfish.study.pieces import Piece, digest
+
+#: Of the file of a piece.
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Store:
+    """Pieces in a folder.
+
+    Attributes:
+        folder: has ``pieces/HASH.json`` and ``seconds/HASH.json``. Times stand apart, so that a piece has the same
+            bytes whenever it is made.
+    """
+
+    folder: Path
+
+    def make(self) -> None:
+        """Make the folders, or raise `InputError`."""
+        for kind in ("pieces", "seconds"):
+            make_folder(self.folder / kind)
+
+    def path(self, piece: Piece) -> Path:
+        """Return the file of a piece."""
+        return self.folder / "pieces" / f"{piece.key}.json"
+
+    def write(self, piece: Piece, outcome: dict[str, Any], seconds: float) -> None:
+        """Write what came of a piece, whole or not at all, or raise `InputError`."""
+        write_json(self.folder / "seconds" / f"{piece.key}.json", {"seconds": round(seconds, 3)})
+        content = json.loads(json_text({"schema": SCHEMA, "input": piece.input, **outcome}))
+        write_json(self.path(piece), {**content, "sha256": digest(content)})
+
+    def read(self, piece: Piece) -> dict[str, Any] | None:
+        """Return what came of a piece; None where that is not known yet.
+
+        Raises:
+            InputError: the file is damaged: it cannot be read, or its hash does not fit.
+        """
+        path = self.path(piece)
+        if not path.exists():
+            return None
+        content = bounded.read_json(path, "delete it")
+        own = content.pop("sha256", None) if isinstance(content, dict) else None
+        if own is None or own != digest(content) or content.get("input") != json.loads(json_text(piece.input)):
+            raise InputError(f"{path}: its content does not fit its hash; delete it")
+        return dict(content)
+
+    def seconds(self, piece: Piece) -> float | None:
+        """Return how long a piece took [s]; None where nothing says it."""
+        try:
+            seconds = bounded.read_json(self.folder / "seconds" / f"{piece.key}.json", "delete it")["seconds"]
+        except (InputError, LookupError, TypeError):
+            return None
+        return float(seconds) if isinstance(seconds, (int, float)) else None

@@ -1,0 +1,230 @@
+"""A study finishes what is missing, and nothing else; what is wrong with it is said."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_study import SMALL, contents, write_study
+from typer.testing import CliRunner
+
+import mjfish
+from mjfish.cli import application
+from mjfish.data import save
+from mjfish.errors import InputError, MjfishError
+from mjfish.study import Piece, Shard, collect, pieces_of, read_study, run
+from mjfish.study.lock import locked
+
+DIAGNOSE = SMALL.partition("[[identify]]")[0] + '[[diagnose]]\nname = "cause"\n'
+
+
+def _fill(out: Path, made: dict[str, bytes]) -> None:
+    (out / "pieces").mkdir(parents=True)
+    for name, raw in made.items():
+        (out / "pieces" / name).write_bytes(raw)
+
+
+def test_only_missing_pieces_are_made_and_have_the_same_bytes(tmp_path: Path, made: dict[str, bytes]) -> None:
+    out = tmp_path / "out"
+    _fill(out, made)
+    (out / "pieces" / min(made)).unlink()
+    ran = run(write_study(tmp_path), out)
+    assert (ran.there, ran.made, ran.damaged) == (3, 1, ())
+    assert contents(out) == made
+    assert not list(out.glob("*.lock"))
+
+
+def test_damaged_pieces_are_made_anew_and_said(tmp_path: Path, made: dict[str, bytes]) -> None:
+    """One that is cut off, and one in which a digit is another."""
+    out = tmp_path / "out"
+    _fill(out, made)
+    first, second, third, _ = sorted(made)
+    (out / "pieces" / first).write_bytes(made[first][:-200])
+    (out / "pieces" / second).write_bytes(made[second].replace(b'"estimate": ', b'"estimate": 1', 1))
+    (out / "pieces" / third).write_bytes(made[first])
+    ran = run(write_study(tmp_path), out)
+    assert (ran.there, ran.made) == (1, 3)
+    assert all(any(name in said for said in ran.damaged) for name in (first, second, third))
+    assert contents(out) == made
+
+
+def test_two_shares_make_the_whole(tmp_path: Path, made: dict[str, bytes]) -> None:
+    file = write_study(tmp_path)
+    assert run(file, tmp_path / "out", shard=Shard(1, 2)).made == 2
+    assert run(file, tmp_path / "out", shard=Shard(2, 2)).made == 2
+    assert contents(tmp_path / "out") == made
+
+
+def test_a_piece_that_fails_is_stored_with_its_reason_and_the_rest_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the error is, one of the user or of the program."""
+
+    def result(piece: Piece) -> dict[str, Any]:
+        if piece.seed == 1:
+            raise ZeroDivisionError("by nothing") if piece.dataset.name == "lag" else SystemExit(3)
+        return {"status": "converged", "parameters": {}}
+
+    monkeypatch.setattr(Piece, "result", result)
+    file, out = write_study(tmp_path), tmp_path / "out"
+    assert run(file, out).failed == 2
+    ran = run(file, out)
+    assert (ran.there, ran.made, ran.failed) == (4, 0, 2)
+    assert "ZeroDivisionError: by nothing" in "".join(raw.decode() for raw in contents(out).values())
+    assert "4 of 4 pieces are done, 2 of them failed" in collect(file, out).summary
+
+
+def test_what_is_wrong_with_a_dataset_fails_its_piece(tmp_path: Path) -> None:
+    text = SMALL.replace("seeds = [1, 2]", "").replace("effects = {", 'values = { "c_d.nose" = 1.0 }\neffects = {')
+    ran = run(write_study(tmp_path, text), tmp_path / "out")
+    assert (ran.made, ran.failed) == (2, 1)
+
+
+def _holder(host: str, pid: int) -> str:
+    return json.dumps({"pid": pid, "host": host, "shard": [1, 1]})
+
+
+def test_two_runs_into_one_folder_are_refused(tmp_path: Path) -> None:
+    """Also where they share some pieces only; shares without a common piece run side by side."""
+    with locked(tmp_path, Shard(1, 2)):
+        for other in (Shard(1, 2), Shard(), Shard(3, 4)):
+            with pytest.raises(InputError, match=f"process {os.getpid()} on .* is at work"), locked(tmp_path, other):
+                pass
+        with locked(tmp_path, Shard(2, 2)):
+            pass
+    with locked(tmp_path, Shard()):
+        pass
+
+
+def test_the_lock_of_a_process_that_ended_is_taken_over_and_that_of_another_host_is_not(tmp_path: Path) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    lock = tmp_path / "run-1-of-1.lock"
+    for pid in (ended.pid, os.getpid()):  # the second: a number that was given again, as in containers
+        lock.write_text(_holder(socket.gethostname(), pid))
+        with locked(tmp_path, Shard()):
+            assert json.loads(lock.read_text())["pid"] == os.getpid()
+        lock.write_text(_holder(socket.gethostname(), pid))
+        with locked(tmp_path, Shard(1, 2)):
+            assert not lock.exists()
+    for text in (_holder("elsewhere", ended.pid), _holder(socket.gethostname(), os.getppid()), "{"):
+        lock.write_text(text)
+        with pytest.raises(InputError, match="delete"), locked(tmp_path, Shard()):
+            pass
+        assert lock.read_text() == text
+    assert [path.name for path in tmp_path.iterdir()] == [lock.name]
+
+
+def test_a_folder_that_cannot_be_written_is_a_named_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be made"):
+        run(write_study(tmp_path), tmp_path / "file" / "out")
+
+
+def test_a_full_disk_is_a_named_error_and_the_same_command_goes_on(tmp_path: Path, made: dict[str, bytes]) -> None:
+    """The system refuses files of more than 1000 bytes in place of a full disk."""
+    resource = pytest.importorskip("resource", reason="the limit of a file's size is that of POSIX")
+    file, out = write_study(tmp_path), tmp_path / "out"
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(InputError, match="cannot be written: File too large"):
+            run(file, out)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert contents(out) == {}
+    assert not list(out.glob("*.lock"))
+    assert run(file, out).made == 4
+    assert contents(out) == made
+
+
+def test_the_hash_hangs_on_contents_and_not_on_names(tmp_path: Path) -> None:
+    """A dataset that changes is computed again, one that is renamed is not."""
+    save(mjfish.generate("pike", ["v1"], duration=2.0), tmp_path / "pool")
+    text = '[[folder]]\nname = "mine"\npath = "pool"\n[[identify]]\nname = "quick"\n'
+
+    def key(text: str) -> str:
+        (piece,) = pieces_of(read_study(write_study(tmp_path, text)), tmp_path)
+        return piece.key
+
+    first = key(text)
+    shutil.copytree(tmp_path / "pool", tmp_path / "copy")
+    assert key(text.replace("mine", "yours").replace("pool", "copy")) == first
+    assert key(text + "starts = 2\n") != first
+    table = next((tmp_path / "pool").glob("*.csv"))
+    table.write_text(table.read_text().replace("1", "2", 1))
+    assert key(text) != first
+
+
+FOUND = {
+    "lag": {"verdict": "cannot_tell", "alternatives": [["time_offset"], ["servo_lag"]], "mechanisms": []},
+    "plain": {"verdict": "nothing_wrong", "alternatives": [], "mechanisms": []},
+}
+
+
+def test_the_table_says_what_came_of_each_piece_and_whether_it_is_right(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def result(piece: Piece) -> dict[str, Any]:
+        estimate = {"servo_lag.time_constant": {"estimate": 0.031, "low": 0.02, "high": 0.04}}
+        named = {"verdict": "named", "causes": [{"name": "servo_lag"}], "mechanisms": [{"name": "servo_dynamics"}]}
+        return {**named, "parameters": estimate} if piece.seed == 1 else FOUND[piece.dataset.name]
+
+    monkeypatch.setattr(Piece, "result", result)
+    file, out = write_study(tmp_path, DIAGNOSE), tmp_path / "out"
+    run(file, out)
+    collected = collect(file, out)
+    with (out / "study.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [(row["dataset"], row["seed"], row["outcome"], row["true_causes"], row["right"]) for row in rows] == [
+        ("lag", "1", "named", "servo_lag", "yes"),
+        ("lag", "2", "cannot_tell", "servo_lag", "open"),
+        ("plain", "1", "named", "", "no"),
+        ("plain", "2", "nothing_wrong", "", "yes"),
+    ]
+    assert rows[0]["causes"] == "servo_lag"
+    assert float(rows[0]["servo_lag.time_constant"]) == 0.031
+    assert all(float(row["seconds"]) >= 0.0 for row in rows)
+    assert "lag, cause: 1 named; 1 cannot_tell; right: 1 yes, 0 no, 1 open" in collected.summary
+    assert (out / "summary.txt").read_text() == collected.summary
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("servo_lag", "servo_lug", "unknown effect 'servo_lug'"),
+        ("time_constant", "constant", "unknown parameter of servo_lag 'constant'"),
+        ('"v1"', '"v2"', "generate.1.modes.1"),
+        ('name = "plain"', 'name = "lag"', "two datasets are named 'lag'"),
+        ("[1, 2]", "[1, 1]", "seeds"),
+        ("[[identify]]", "[[folder]]", "unknown key"),
+        ("starts = 1", "starts = 0", "must be at least 1"),
+        ("duration = 2.0", 'fish = "carp"', "unknown fish 'carp'"),
+        ("duration = 2.0", 'values = { "munk_moment.kappa" = 1 }', "write it in the table effects"),
+        (SMALL, '[[identify]]\nname = "quick"', "there is no dataset"),
+        (SMALL, '[[folder]]\nname = "a"\npath = "b"\n[[identify]]\nname = "c"', "holds no dataset.toml"),
+    ],
+)
+def test_what_is_wrong_with_a_study_is_said_with_its_place(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in SMALL
+    file = write_study(tmp_path, SMALL.replace(old, new))
+    with pytest.raises(MjfishError) as caught:
+        read_study(file)
+    assert said in str(caught.value)
+    assert str(file) in str(caught.value)
+
+
+def test_a_share_that_there_is_not_is_refused(tmp_path: Path) -> None:
+    file = write_study(tmp_path)
+    for text in ("3/2", "0/2", "one"):
+        done = CliRunner().invoke(application(), ["study", str(file), "--out", str(tmp_path / "out"), "--shard", text])
+        assert done.exit_code == 2
+        assert "expected I/N" in done.output
