@@ -91,6 +91,7 @@ def _await(condition: Callable[[], bool], seconds: float = 300.0) -> None:
 
 
 @PROCESSES
+@pytest.mark.slow
 def test_a_run_that_is_killed_is_finished_by_the_same_command(tmp_path: Path, made: dict[str, bytes]) -> None:
     """Its workers end with it, its lock is taken over, and what was done stays."""
     arguments = (write_study(tmp_path), "--out", tmp_path / "out", "--jobs", "2")
@@ -114,6 +115,7 @@ def test_a_run_that_is_killed_is_finished_by_the_same_command(tmp_path: Path, ma
 
 
 @PROCESSES
+@pytest.mark.slow
 def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path, made: dict[str, bytes]) -> None:
     process = start(write_study(tmp_path), "--out", tmp_path / "out", "--jobs", "2")
     pieces = tmp_path / "out" / "pieces"
@@ -142,6 +144,7 @@ class _Breaking(Executor):
         return future
 
 
+@pytest.mark.slow
 def test_a_piece_that_always_ends_its_worker_stays_missing_and_the_rest_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

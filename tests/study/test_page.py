@@ -14,6 +14,8 @@ from small_study import contents
 
 PAGE = ROOT / "docs" / "study.md"
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
