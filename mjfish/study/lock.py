@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import socket
+import platform
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,7 +30,7 @@ def locked(folder: Path, shard: Shard) -> Iterator[None]:
     """
     folder = folder.resolve()
     path = folder / f"run-{shard.index}-of-{shard.count}.lock"
-    holder = {"pid": os.getpid(), "host": socket.gethostname(), "shard": [shard.index, shard.count]}
+    holder = {"pid": os.getpid(), "host": platform.node(), "shard": [shard.index, shard.count]}
     with _written(folder, json.dumps(holder) + "\n") as text:
         while not _linked(text, path):
             _bury(path)
@@ -77,7 +77,7 @@ def _bury(path: Path) -> None:
         pid, host = int(holder["pid"]), str(holder["host"])
     except (ValueError, LookupError, TypeError):
         raise InputError(f"{path}: is no lock of a run; delete it") from None
-    if path in _HELD or host != socket.gethostname() or (pid != os.getpid() and _runs(pid)):
+    if path in _HELD or host != platform.node() or (pid != os.getpid() and _runs(pid)):
         raise InputError(
             f"{path.parent}: process {pid} on {host} is at work on these pieces; wait for it, or delete "
             f"{path.name} if it has ended"

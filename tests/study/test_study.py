@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import os
+import platform
 import shutil
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -109,13 +109,13 @@ def test_the_lock_of_a_process_that_ended_is_taken_over_and_that_of_another_host
     ended.wait()
     lock = tmp_path / "run-1-of-1.lock"
     for pid in (ended.pid, os.getpid()):  # the second: a number that was given again, as in containers
-        lock.write_text(_holder(socket.gethostname(), pid))
+        lock.write_text(_holder(platform.node(), pid))
         with locked(tmp_path, Shard()):
             assert json.loads(lock.read_text())["pid"] == os.getpid()
-        lock.write_text(_holder(socket.gethostname(), pid))
+        lock.write_text(_holder(platform.node(), pid))
         with locked(tmp_path, Shard(1, 2)):
             assert not lock.exists()
-    for text in (_holder("elsewhere", ended.pid), _holder(socket.gethostname(), os.getppid()), "{"):
+    for text in (_holder("elsewhere", ended.pid), _holder(platform.node(), os.getppid()), "{"):
         lock.write_text(text)
         with pytest.raises(InputError, match="delete"), locked(tmp_path, Shard()):
             pass
