@@ -108,6 +108,16 @@ class BlockAngular:
         """Return some columns (n, k) with their zeros."""
         return self @ np.eye(self.shape[1])[:, list(columns)]
 
+    @cached_property
+    def _run_of(self) -> IntArray:
+        return _owners([part.rows for part in self.parts], len(self.shared))
+
+    def at(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return some rows of one run: its own columns (m, k), the shared ones (m, s)."""
+        run = int(self._run_of[rows[0]]) if len(rows) else -1
+        own = self.parts[run].block[np.searchsorted(self.parts[run].rows, rows)] if run >= 0 else self.shared[rows, :0]
+        return own, self.shared[rows]
+
     def __matmul__(self, x: FloatArray) -> FloatArray:
         """Return J x (n, ...) of x (p, ...)."""
         result = self.shared @ x[self.places]
@@ -151,7 +161,7 @@ class BlockAngular:
         return replace(self, shared=r[:, None] * self.shared * c[self.places], parts=tuple(parts))
 
     def above(self, rows: FloatArray) -> BlockAngular:
-        """Return the matrix with rows (m, p) below it, each of which is zero in all single runs' columns but one's."""
+        """Return the matrix with more rows (m, p) below it; a row has numbers in the own columns of one run at most."""
         if not len(rows):
             return self
         parts, count = [], len(self.shared)
@@ -167,7 +177,7 @@ class BlockAngular:
         return BlockAngular(np.concatenate([self.shared, rows[:, self.places]]), self.places, tuple(parts))
 
     def top(self, count: int) -> BlockAngular:
-        """Return the matrix of the first `count` rows."""
+        """Return the matrix of its first `count` rows."""
         parts = []
         for part in self.parts:
             kept = part.rows < count
@@ -229,6 +239,14 @@ def block_angular(shared: FloatArray, rows: Sequence[IntArray], blocks: Sequence
     return BlockAngular(shared, np.arange(shared.shape[1]), tuple(parts))
 
 
+def _owners(rows: Sequence[IntArray], count: int) -> IntArray:
+    """Return which run (`count`,) has columns of its own in a row, by the rows of each; -1: none."""
+    found = np.full(count, -1)
+    for run, mine in enumerate(rows):
+        found[mine] = run
+    return found
+
+
 def _joined(first: Part, second: Part) -> Part:
     """Return the columns of two parts of one run as one."""
     rows = np.union1d(first.rows, second.rows)
@@ -272,11 +290,7 @@ class Basis:
 
     @cached_property
     def _run_of(self) -> IntArray:
-        """The run (n,) that has columns of its own in a row, its place in `own`; -1: none."""
-        found = np.full(len(self.shared), -1)
-        for run, (rows, _) in enumerate(self.own):
-            found[rows] = run
-        return found
+        return _owners([rows for rows, _ in self.own], len(self.shared))
 
     def at(self, rows: IntArray) -> tuple[int, FloatArray, FloatArray]:
         """Return some rows of one run: which it is, its own columns (m, k), the shared ones (m, s)."""

@@ -392,8 +392,9 @@ def _linearised(model_estimate: ModelEstimate, runs: Sequence[Run]) -> _Linearis
     jacobian = problem.jacobian(model_estimate.x).chosen(off).scaled(columns=np.array([p.scale for p in free]))
     residual = problem.residual(model_estimate.x)
     new = np.zeros_like(residual)
-    new[: problem.measured] = problem.rows_of(range(model_estimate.fitted, len(problem.trials)))[: problem.measured]
-    step = solve(jacobian.gram(), jacobian.transposed_times(new * residual)[:, None])[:, 0]
+    for rows in problem.trial_rows[model_estimate.fitted :]:
+        new[rows] = residual[rows]
+    step = solve(jacobian.gram(), jacobian.transposed_times(new)[:, None])[:, 0]
     moved = {p.name: float(by) for p, by in zip(free, step, strict=True)}
     menu = on_menu(problem, runs)
     x = menu.start(problem.named(model_estimate.x))

@@ -195,7 +195,7 @@ class Evidence:
         own, block = self.amplitudes_of(name), self.blocks[name]
         psi = np.array([(amplitudes[p.name] - p.default) / p.scale for p in own])
         free = np.flatnonzero(~self.fit.at_bound)
-        move = self.fit.jacobian.chosen(~self.fit.at_bound).solve(self.raw[:, block] @ psi, 1e-8)
+        move = self.jacobian.solve(self.raw[:, block] @ psi, 1e-8)
         values = self.fit.values
         for index, shift in zip(free, move, strict=True):
             p = self.fit.parameters[index]

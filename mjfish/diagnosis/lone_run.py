@@ -53,12 +53,11 @@ class _Small:
 def _small(evidence: Evidence, run: int) -> _Small:
     """Return the rows of one run in few numbers."""
     rows = evidence.problem.trial_rows[run]
-    own = next((p for p in evidence.jacobian.parts if p.rows[0] == rows[0]), None)
+    alone, shared = evidence.jacobian.at(rows)
     waves = next(p for p in evidence.waves.columns.parts if p.rows[0] == rows[0])
-    alone = np.zeros((len(rows), 0)) if own is None else own.block[np.isin(own.rows, rows)]
     wave = np.zeros((len(rows), waves.block.shape[1]))
     wave[np.searchsorted(rows, waves.rows)] = waves.block
-    shared, residual = evidence.jacobian.shared[rows], evidence.fit.residual[rows, None]
+    residual = evidence.fit.residual[rows, None]
     first, both = orthonormal(alone), orthonormal(np.hstack([alone, wave]))
     directed = project_out(first, np.hstack([shared, evidence.raw[rows], residual]))
     waved = project_out(both, np.hstack([shared, residual]))

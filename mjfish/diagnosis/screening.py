@@ -141,9 +141,11 @@ def _screened(
 ) -> tuple[Screening, str, Filter | None]:
     """Screen with the smoothing of the problem; return it, a remark on the noise, and the suggested smoothing."""
     refitted = _under_the_stated_noise(problem, baseline, slopes, candidates, stated, part(progress, 0.05, 0.1))
-    noise, remark = noise_of(problem, baseline, slopes.velocity, stated, patterns=False)
     if refitted:
-        noise, remark = _noise_beside(_leader(refitted), candidates, stated)
+        best = _leader(refitted)
+        noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1], stated)
+    else:
+        noise, remark = noise_of(problem, baseline, slopes.velocity, stated, patterns=False)
     test = _NominalTest(candidates, slopes, rng, progress)
     seen = test.run(problem, baseline, noise)
     if seen.p_wrong >= ALARM:  # a noise estimate that includes patterns common to all runs may absorb a misfit
@@ -158,8 +160,7 @@ def _screened(
     else:
         best = _leader(refitted)
         refitted[best.names[-1]] = best = refined(best, best.fit.sse)
-        others = tuple(effect for effect in candidates if effect.name not in best.names)
-        beside = signatures(best.problem, best.fit.values, others).velocity
+        others, beside = _beside(best, candidates)
         noise, remark = noise_of(best.problem, best.fit, beside, stated)
         smoothing = smoothing_of(best.problem, best.fit, noise, others, beside)
         before, seen = seen, test.repeat(seen, noise)
@@ -203,10 +204,10 @@ def _leader(found: Mapping[str, Refit]) -> Refit:
     return max(found.values(), key=lambda refit: refit.gain)
 
 
-def _noise_beside(best: Refit, candidates: tuple[Effect, ...], stated: FloatArray | None) -> tuple[Noise, str]:
-    """Return the noise with a cause in the model, and a remark on it."""
+def _beside(best: Refit, candidates: tuple[Effect, ...]) -> tuple[tuple[Effect, ...], list[FloatArray]]:
+    """Return the candidates that a refit lacks, and their signatures (n_r, 3, k) there, a trial each."""
     others = tuple(effect for effect in candidates if effect.name not in best.names)
-    return noise_of(best.problem, best.fit, signatures(best.problem, best.fit.values, others).velocity, stated)
+    return others, signatures(best.problem, best.fit.values, others).velocity
 
 
 @dataclass(frozen=True, eq=False)

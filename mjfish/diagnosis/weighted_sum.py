@@ -28,6 +28,7 @@ noise is known but for a factor e^h, h ~ N(0, doubt^2), P is the mean over h of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -123,7 +124,7 @@ class Ridge:
     @property
     def total(self) -> float:
         """The sum of the weights."""
-        return self.variance * self._log_determinant(self.variance)[1]
+        return self.variance * self._at_variance[1]
 
     def statistic(self, score: FloatArray) -> float:
         """Return T of a score (k,), in the order that `of` was given."""
@@ -137,7 +138,11 @@ class Ridge:
         """Return K, K', K'' at s."""
         a = self.variance
         value, first, second = self._log_determinant((1.0 - 2.0 * s) * a)
-        return 0.5 * (self._log_determinant(a)[0] - value), a * first, -2.0 * a**2 * second
+        return 0.5 * (self._at_variance[0] - value), a * first, -2.0 * a**2 * second
+
+    @cached_property
+    def _at_variance(self) -> tuple[float, float, float]:
+        return self._log_determinant(self.variance)
 
     def _log_determinant(self, c: float) -> tuple[float, float, float]:
         """Return f(c) = ln det(1 + c I), f', f''.

@@ -55,13 +55,11 @@ def reduced(problem: Problem, fit: Fit) -> Reduced:
     have no columns.
     """
     jacobian = fit.jacobian.chosen(~fit.at_bound).top(problem.samples)
-    own = {int(part.rows[0]): part.block for part in jacobian.parts if len(part.rows)}
     blocks = blocks_of(problem, fit.residual)
     bases, factors, residual, left = [], [], [], []
     for block in blocks:
-        columns, e = jacobian.shared[block.rows], fit.residual[block.rows]
-        alone = own.get(int(block.rows[0]), columns[:, :0]) if len(block.rows) else columns[:, :0]
-        q_own, _ = np.linalg.qr(alone)
+        alone, columns = jacobian.at(block.rows)
+        e, (q_own, _) = fit.residual[block.rows], np.linalg.qr(alone)
         columns = project_out(q_own, columns)
         full = np.concatenate([columns, np.zeros((max(columns.shape[1] - len(columns), 0), columns.shape[1]))])
         q, r = np.linalg.qr(full)

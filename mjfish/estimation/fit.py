@@ -124,7 +124,6 @@ def fit(
     inside = 1e-6 * (high - low)
     x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
 
-    prior, mean = problem.prior_root, problem.prior_mean
     turned = _Turned(problem, scale) if loss == "linear" else _Rows(problem, scale)
     large = loss == "linear" and len(scale) > _EXACT
     with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
@@ -151,7 +150,7 @@ def fit(
     weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
     if loss != "linear":
         residual, jacobian = residual * weight, jacobian.scaled(rows=weight)
-    triangle = jacobian.above(prior).factors.triangle
+    triangle = jacobian.above(turned.prior).factors.triangle
     return Fit(
         parameters=parameters,
         x=x,
@@ -165,7 +164,7 @@ def fit(
         message=divergence or str(solution.message),
         evaluations=int(solution.nfev),
         cost=2.0 * float(solution.cost),
-        penalty=float(np.sum((prior @ x - mean) ** 2)),
+        penalty=float(np.sum((turned.prior @ x - turned.mean) ** 2)),
     )
 
 
@@ -199,10 +198,11 @@ _ABOVE = 1e-12
 
 
 class _Turned(_Rows):
-    """The same times Q' of the derivative J = Q R: (p + 1,), Q' e and the length of what is left of e, and -R.
+    """Residual e and derivative turned by Q', with J = Q R at the point.
 
-    Both are found at once, for Q is that of the point. The optimiser goes on from points below the least sum of squares
-    alone: others have no derivative. The point of the least is kept, for a fit ends there.
+    The residual has p + 1 numbers: Q'e, and the length of what is left of e. The derivative is -R, with a row of zeros.
+    Both are computed at once. A point that is not below the least sum of squares gets no derivative: the optimiser
+    never goes on from there. The point of the least is kept, for the fit ends there.
     """
 
     def __init__(self, problem: Problem, scale: FloatArray) -> None:

@@ -73,7 +73,7 @@ def _stood_in_for(problem: Problem, fit: Fit) -> BoolArray:
         if problem.priors and p.name in problem.model.fish.coefficient_names:
             others = ~held
             others[k] = False
-            alone = fit.jacobian @ np.eye(len(held))[k]
+            alone = fit.jacobian.of_columns([k])[:, 0]
             own = span(fit.jacobian.chosen(others)).off(alone)
             held[k] = float(own @ own) * fit.x[k] ** 2 < 1.0
     return held

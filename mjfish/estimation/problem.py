@@ -434,13 +434,6 @@ class Problem:
             rows[i].append(np.arange(part.start, part.stop))
         return [np.concatenate(own) for own in rows]
 
-    def rows_of(self, trials: Collection[int]) -> BoolArray:
-        """Return which rows (n,) of a whitened residual some trials have: of velocities and of sensors."""
-        counted = np.zeros(self.measured + len(self.known), dtype=np.bool_)
-        for i in trials:
-            counted[self.trial_rows[i]] = True
-        return counted
-
     def start(self, given: Mapping[str, float] | None = None) -> FloatArray:
         """Return the start vector: `given` by name where it has one, else each parameter's declared start."""
         return np.array([(given or {}).get(p.name, p.start) for p in self.parameters])

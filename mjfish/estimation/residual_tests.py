@@ -515,11 +515,6 @@ class Absorbed:
         """Return V'u (s, d) of columns u (n, 3, d) of one trial: what the shared directions take of them."""
         return np.asarray(np.einsum("nck,ncd->kd", self.shared[r][0], columns[self.masks[r]]))
 
-    def clear(self, columns: list[FloatArray]) -> list[FloatArray]:
-        """Return u - W J (J'W J)^+ J'u of columns u, given as blocks (n_r, 3, d), one a trial."""
-        taken = sum(self.shared_share(r, block) for r, block in enumerate(columns))
-        return [self.own_cleared(r, block) - self.weighed(r, len(block)) @ taken for r, block in enumerate(columns)]
-
 
 def absorbed(problem: Problem, fit: Fit) -> Absorbed:
     """Return what `fit` took out of the residuals of `problem`: directions of parameters off their bounds."""

@@ -250,12 +250,11 @@ class _Others:
     @classmethod
     def of(cls, problem: Problem, fit: Fit) -> _Others:
         jacobian = fit.jacobian.chosen(~fit.at_bound).top(problem.samples)
-        own = {int(part.rows[0]): part.block for part in jacobian.parts if len(part.rows)}
         velocities, factors = [], []
         for rows in problem.rows_by_trial():
-            shared, e = jacobian.shared[rows], fit.residual[rows]
-            basis, _ = np.linalg.qr(own.get(rows.start, shared[:, :0]))
-            shared, e = project_out(basis, shared), project_out(basis, e)
+            own, shared = jacobian.at(np.arange(rows.start, rows.stop))
+            basis, _ = np.linalg.qr(own)
+            shared, e = project_out(basis, shared), project_out(basis, fit.residual[rows])
             q, r = np.linalg.qr(shared)
             velocities.append((e, shared))
             factors.append((r, q.T @ e))

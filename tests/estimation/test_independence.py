@@ -141,7 +141,7 @@ def test_cleared_columns_see_of_the_noise_what_the_residual_shows(pike: Fish) ->
     noise = Autoregressive(readonly(SIGMA), readonly([[0.5, 0.2], [0.3, 0.1], [-0.4, 0.0]]))
     posed = problem(dataset, noise=noise)
     one = fit(posed, posed.start(TRUTH), evaluations=1)
-    clear = absorbed(posed, one).clear
+    taken = absorbed(posed, one)
     rng = np.random.default_rng(26)
     noises = [rng.standard_normal((len(trial.time), 3)) for trial in dataset.trials]
     columns = [rng.standard_normal((len(trial.time), 3, 4)) for trial in dataset.trials]
@@ -151,7 +151,9 @@ def test_cleared_columns_see_of_the_noise_what_the_residual_shows(pike: Fish) ->
     step = np.linalg.lstsq(rows, white, rcond=None)[0]
     left = [v - j[:, :, ~one.at_bound] @ step for v, j in zip(noises, slopes.velocity, strict=True)]
     direct = sum(np.einsum("ncd,nc->d", u, e) for u, e in zip(columns, left, strict=True))
-    through = sum(np.einsum("ncd,nc->d", u, v) for u, v in zip(clear(columns), noises, strict=True))
+    common = sum(taken.shared_share(r, u) for r, u in enumerate(columns))
+    cleared = [taken.own_cleared(r, u) - taken.weighed(r, len(u)) @ common for r, u in enumerate(columns)]
+    through = sum(np.einsum("ncd,nc->d", u, v) for u, v in zip(cleared, noises, strict=True))
     np.testing.assert_allclose(through, direct, rtol=1e-7)
 
 
