@@ -193,8 +193,8 @@ class _Rows:
         return self.problem.residual(y * self.scale), self.problem.jacobian(y * self.scale)
 
 
-#: A sum of squares above the least by this share cannot be below it but for rounding.
-_ABOVE = 1e-12
+#: A sum of squares above the least by this share cannot be below it but for rounding; and what is then added to it.
+_ABOVE, _BEYOND_DOUBT = 1e-12, 1e-9
 
 
 class _Turned(_Rows):
@@ -202,7 +202,8 @@ class _Turned(_Rows):
 
     The residual has p + 1 numbers: Q'e, and the length of what is left of e. The derivative is -R, with a row of zeros.
     Both are computed at once. A point that is not below the least sum of squares gets no derivative: the optimiser
-    never goes on from there. The point of the least is kept, for the fit ends there.
+    never goes on from there, for the sum of squares of what it sees is that of e to the last digits. The point of the
+    least is kept, for the fit ends there.
     """
 
     def __init__(self, problem: Problem, scale: FloatArray) -> None:
@@ -216,12 +217,12 @@ class _Turned(_Rows):
         whole, turned = super().residual(y), np.zeros(len(y) + 1)
         square = float(whole @ whole)
         if square >= self._least * (1.0 + _ABOVE):
-            turned[-1] = np.sqrt(square)
+            turned[-1] = np.sqrt(square * (1.0 + _BEYOND_DOUBT))
             return turned
         jacobian = self.problem.jacobian(y * self.scale)
         factors = jacobian.above(self.prior).factors
         inside = factors.basis.coordinates(whole)
-        turned[: len(inside)], turned[-1] = inside, np.linalg.norm(factors.basis.off(whole))
+        turned[: len(inside)], turned[-1] = inside, np.sqrt(max(square - float(inside @ inside), 0.0))
         rows = np.zeros((len(turned), len(y)))
         rows[: len(inside)] = -factors.triangle * self.scale
         self._rows = {y.tobytes(): rows}
