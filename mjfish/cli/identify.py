@@ -100,15 +100,15 @@ def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:
 
 
 def _profiles(result: Identification, names: list[str], tell: Any) -> list[Profile]:
-    from mjfish.estimation.intervals import profile
+    from mjfish.estimation.intervals import profiles
 
     if result.assessment is None or result.problem is None:
         return []
-    profiles = []
-    for done, name in enumerate(names):
-        tell(f"profiling {name}", done / len(names))
-        profiles.append(profile(result.problem, result.fit, name, known=result.assessment.intervals))
-    return profiles
+    found: list[Profile] = []
+    for profile in profiles(result.problem, result.fit, names, known=result.assessment.intervals):
+        found.append(profile)
+        tell("profiling", len(found) / len(names))
+    return found
 
 
 def _write(result: Identification, profiles: list[Profile], outputs: dict[str, Path]) -> list[Path]:

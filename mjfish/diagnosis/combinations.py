@@ -17,7 +17,8 @@ import numpy as np
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
-from mjfish.diagnosis.refit import Refit, made_smooth, refined, refit_with
+from mjfish.diagnosis.refit import made_smooth, refined, refit_with
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.select import GOODNESS, Goodness, Standing, standings
 from mjfish.effects.effect import Effect
 

@@ -24,7 +24,7 @@ from mjfish.diagnosis.lone_run import lone_run
 from mjfish.diagnosis.missing_force import missing_force
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.provenance import provenance
-from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, KnownNumber, Overlay
 from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.select import Goodness, standings

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
@@ -21,7 +22,14 @@ from mjfish.noise.autoregressive import FLOOR
 from mjfish.parameter import Parameter
 
 
-def nominal_problem(dataset: Dataset, trials: tuple[Trial, ...], noise: Noise, *, jobs: int | None = None) -> Problem:
+def nominal_problem(
+    dataset: Dataset,
+    trials: tuple[Trial, ...],
+    noise: Noise,
+    *,
+    jobs: int | None = None,
+    executor: Executor | None = None,
+) -> Problem:
     """Return the problem of a dataset's fish on some of its trials.
 
     A cause of whose parameters something is known (`Dataset.known`) is a part of the nominal model.
@@ -31,6 +39,7 @@ def nominal_problem(dataset: Dataset, trials: tuple[Trial, ...], noise: Noise, *
         trials: of it, that are fitted.
         noise: gives the weights.
         jobs: threads; None: one per processor.
+        executor: see `Problem`.
 
     Raises:
         UnknownNameError: something is known of a number that there is not.
@@ -47,6 +56,7 @@ def nominal_problem(dataset: Dataset, trials: tuple[Trial, ...], noise: Noise, *
         nominal=nominal,
         sensor_sigma=_first_sensor_sigma(dataset, trials),
         jobs=jobs or os.cpu_count() or 1,
+        executor=executor,
     )
     if not dataset.known:
         return problem
