@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
@@ -28,7 +27,6 @@ def nominal_problem(
     noise: Noise,
     *,
     jobs: int | None = None,
-    executor: Executor | None = None,
 ) -> Problem:
     """Return the problem of a dataset's fish on some of its trials.
 
@@ -39,7 +37,6 @@ def nominal_problem(
         trials: of it, that are fitted.
         noise: gives the weights.
         jobs: threads; None: one per processor.
-        executor: see `Problem`.
 
     Raises:
         UnknownNameError: something is known of a number that there is not.
@@ -56,7 +53,6 @@ def nominal_problem(
         nominal=nominal,
         sensor_sigma=_first_sensor_sigma(dataset, trials),
         jobs=jobs or os.cpu_count() or 1,
-        executor=executor,
     )
     if not dataset.known:
         return problem
