@@ -8,9 +8,12 @@ the package and the dates of its files do not count.
 
 from __future__ import annotations
 
+import copyreg
 import functools
 import hashlib
+import importlib
 import os
+import sys
 import tempfile
 import warnings
 from collections.abc import Callable
@@ -21,6 +24,7 @@ from typing import Any, TypeVar
 
 import numba
 from numba.core.caching import _CacheLocator
+from numba.core.registry import CPUDispatcher
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -121,6 +125,21 @@ def compiled(function: F) -> F:
     with _CacheDir():
         dispatcher: F = numba.njit(cache=cache, nogil=True, error_model="numpy")(function)
     return dispatcher
+
+
+def _by_name(dispatcher: Any) -> Any:
+    """Return how a compiled function is pickled: of this package by its name, of others as numba does it."""
+    function = dispatcher.py_func
+    if getattr(sys.modules[function.__module__], function.__name__, None) is dispatcher and _is_ours(function):
+        return _named, (function.__module__, function.__name__)
+    return dispatcher.__reduce__()
+
+
+def _named(module: str, name: str) -> Any:
+    return getattr(importlib.import_module(module), name)
+
+
+copyreg.pickle(CPUDispatcher, _by_name)
 
 
 def _is_ours(function: Callable[..., Any]) -> bool:

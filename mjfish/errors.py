@@ -35,6 +35,10 @@ class UnknownNameError(MjfishError, LookupError):
         super().__init__(f"unknown {kind} '{name}'; known: {listed}{'; ' + remedy if remedy else ''}")
 
 
+class WorkerError(MjfishError, RuntimeError):
+    """A worker, another process or another machine, ended without an answer."""
+
+
 class ParameterError(MjfishError, ValueError):
     """A parameter outside its bounds, or given a value that is no number."""
 

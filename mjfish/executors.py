@@ -1,7 +1,7 @@
 """Work side by side, by one map over an executor: threads, processes, or the workers of a Dask cluster.
 
 Compiled rollouts leave Python's lock to others, so that threads serve within a fit or a diagnosis. Processes and
-clusters serve whole fits.
+clusters serve whole fits: what they work on is sent to them by cloudpickle, which knows closures and causes of a user.
 """
 
 from __future__ import annotations
@@ -9,13 +9,17 @@ from __future__ import annotations
 import multiprocessing
 import os
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing.connection import wait
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from mjfish.errors import InputError
+import cloudpickle
+from threadpoolctl import threadpool_limits
+
+from mjfish.errors import InputError, WorkerError
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -50,19 +54,69 @@ def _submitted(function: Callable[[T], R], task: T, executor: Executor) -> Futur
         return broken
 
 
-def threaded(function: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Iterator[R]:
-    """Yield what `function` returns of each task, in their order, by so many threads."""
-    if jobs <= 1 or len(tasks) < 2:
-        yield from map(function, tasks)
-        return
-    with ThreadPoolExecutor(jobs) as pool:
-        early: dict[int, Future[R]] = {}
-        following = 0
-        for place, future in fan_out(function, tasks, pool):
-            early[place] = future
-            while following in early:
-                yield early.pop(following).result()
-                following += 1
+def completed(
+    function: Callable[[T], R], tasks: Sequence[T], jobs: int, executor: Executor | None = None
+) -> Iterator[tuple[int, Callable[[], R]]]:
+    """Yield the place of each task and how to get what `function` returns of it, in the order of completion.
+
+    Args:
+        function: its result must not depend on where it runs.
+        tasks: one argument each.
+        jobs: threads, where there is no executor.
+        executor: its workers get function and task by cloudpickle, and work with one thread.
+
+    Getting it raises `WorkerError` where a worker ended without an answer, and an error of `function` as it is.
+    """
+    if executor is not None:
+        sent = cloudpickle.dumps(function)
+        for place, answer in fan_out(_answer, [(sent, cloudpickle.dumps(task)) for task in tasks], executor):
+            yield place, partial(_opened, answer)
+    elif jobs <= 1 or len(tasks) < 2:
+        yield from ((place, partial(function, task)) for place, task in enumerate(tasks))
+    else:
+        with ThreadPoolExecutor(jobs) as pool:
+            yield from ((place, future.result) for place, future in fan_out(function, tasks, pool))
+
+
+def mapped(function: Callable[[T], R], tasks: Sequence[T], jobs: int, executor: Executor | None = None) -> Iterator[R]:
+    """Yield what `function` returns of each task, in their order; see `completed`."""
+    return in_order(completed(function, tasks, jobs, executor))
+
+
+def in_order(pairs: Iterable[tuple[int, Callable[[], R]]]) -> Iterator[R]:
+    """Yield the results of `completed` by their places; an error is raised in its place."""
+    early: dict[int, Callable[[], R]] = {}
+    following = 0
+    for place, get in pairs:
+        early[place] = get
+        while following in early:
+            yield early.pop(following)()
+            following += 1
+
+
+def _opened(future: Future[bytes]) -> Any:
+    """Return what a worker returned, or raise what it raised."""
+    try:
+        answer = future.result()
+    except Exception as error:
+        raise WorkerError(
+            f"a worker ended without an answer ({type(error).__name__}): it was killed, lacks memory, or cannot be "
+            "reached; run the same command again, with fewer workers if it lacks memory"
+        ) from error
+    found, raised = cloudpickle.loads(answer)
+    if raised is not None:
+        raise raised
+    return found
+
+
+def _answer(sent: tuple[bytes, bytes]) -> bytes:
+    """Return what a function returns of a task, or what it raised; both are sent as bytes."""
+    with threadpool_limits(1, "blas"):
+        function, task = map(cloudpickle.loads, sent)
+        try:
+            return bytes(cloudpickle.dumps((function(task), None)))
+        except Exception as error:
+            return bytes(cloudpickle.dumps((None, error)))
 
 
 @contextmanager

@@ -222,6 +222,27 @@ def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
     assert "20 fish" in printed
 
 
+def test_the_page_of_long_diagnoses_runs(tmp_path: Path) -> None:
+    """The second time, finished refits are found."""
+    (tmp_path / "out").mkdir()
+    made, diagnosed = commands(ROOT / "docs" / "many-runs.md")
+    run_command(made, tmp_path)
+    first = run_command(diagnosed, tmp_path)
+    kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "out" / "kept").iterdir()}
+    assert len(kept) > 10
+    assert max(file.stat().st_size for file in kept) < 10_000
+    assert run_command(diagnosed, tmp_path) == first
+    assert {file: file.stat().st_mtime_ns for file in (tmp_path / "out" / "kept").iterdir()} == kept
+
+
+@pytest.mark.slow
+def test_the_script_for_processes_runs(tmp_path: Path) -> None:
+    (script,) = blocks(ROOT / "docs" / "many-runs.md", "python")
+    (tmp_path / "script.py").write_text(script)
+    done = subprocess.run([sys.executable, tmp_path / "script.py"], capture_output=True, text=True, check=True)
+    assert done.stdout == "named\n"
+
+
 def test_the_page_of_the_next_experiment_runs(tmp_path: Path) -> None:
     """Bench first, the best repeat in the table and below the best run, a folder that lacks one recording."""
     page = ROOT / "docs" / "plan.md"

@@ -6,14 +6,16 @@ The consoles print text as it is: brackets, as in units, are not markup. Styles 
 from __future__ import annotations
 
 import math
+import os
 import shutil
 import sys
 import textwrap
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -41,6 +43,12 @@ _NARROWEST = 40
 _ENDLESS = 10_000
 #: Seconds between lines of progress.
 _EVERY = 20.0
+
+#: Option of commands whose work may go to other machines.
+Cluster = Annotated[
+    str | None,
+    typer.Option(help="Address of a Dask scheduler whose workers take the work; 'local' starts one with --jobs."),
+]
 
 out = Console(highlight=False, markup=False, emoji=False)
 err = Console(highlight=False, markup=False, emoji=False, stderr=True)
@@ -100,6 +108,23 @@ def stoppable() -> Iterator[list[Path]]:
         kept = f"kept: {listed(written)}" if written else "nothing was written"
         complain("stopped", kept)
         raise typer.Exit(STOPPED) from None
+
+
+@contextmanager
+def workers(cluster: str | None, jobs: int | None) -> Iterator[Executor | None]:
+    """Yield the executor of a Dask cluster, None where none is asked for.
+
+    Args:
+        cluster: address of its scheduler; ``local`` starts one.
+        jobs: workers of a local one; None: one a processor.
+    """
+    if cluster is None:
+        yield None
+        return
+    from mjfish import executors
+
+    with executors.cluster(cluster, jobs or os.cpu_count() or 1) as executor:
+        yield executor
 
 
 def check_json(path: Path | None) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.padding import Padding
@@ -54,6 +54,11 @@ def diagnose(
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the simulated null distributions, and of the splits.", min=0)] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
+    cluster: console.Cluster = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Folder where finished refits are kept: the same command goes on where it was stopped."),
+    ] = None,
     verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show nothing but errors.")] = False,
 ) -> None:
@@ -63,20 +68,24 @@ def diagnose(
         if file is not None:
             check_file(file)
     console.check_json(json_)
-    for folder in (curves, out):
+    for folder in (curves, out, resume):
         if folder is not None:
             check_folder(folder)
     if extended is not None and extended.suffix != ".toml":
         raise InputError(f"--extended: {extended} ends in '{extended.suffix}', expected .toml; rename it")
     with console.stoppable() as written:
-        with console.progress_bar("reading the data", quiet=quiet) as tell:
+        with (
+            console.progress_bar("reading the data", quiet=quiet) as tell,
+            console.workers(cluster, jobs) as executor,
+        ):
             measured, divided = mjfish.load_dataset(dataset), None
+            means: Any = {"seed": seed, "jobs": jobs, "executor": executor, "resume": resume, "progress": tell}
             if splits is None:
-                result = mjfish.diagnose(measured, effects=known, seed=seed, jobs=jobs, progress=tell)
+                result = mjfish.diagnose(measured, effects=known, **means)
             else:
                 from mjfish.diagnosis import diagnose_splits
 
-                divided = diagnose_splits(measured, splits, effects=known, seed=seed, jobs=jobs, progress=tell)
+                divided = diagnose_splits(measured, splits, effects=known, **means)
                 result = divided.diagnosis
         if out is not None:
             make_folder(out)

@@ -41,6 +41,7 @@ def identify(
     figures: Annotated[Path | None, typer.Option(help="Folder for figures, HTML.")] = None,
     fish: Annotated[Path | None, typer.Option(help="Write the identified fish, .toml or .xml (MuJoCo).")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
+    cluster: console.Cluster = None,
 ) -> None:
     """Fit the hydrodynamic coefficients to all fit trials at once, say what the data say, score held-out trials."""
     from mjfish.data.tables import check_suffix
@@ -69,8 +70,10 @@ def identify(
     for name in profiled or []:
         if name not in known:
             raise UnknownNameError("free parameter of --profile", name, known)
-    with console.progress_bar() as tell:
-        result = mjfish.identify(measured, settings, jobs=jobs, tell=lambda done: tell("fitting", done))
+    with console.progress_bar() as tell, console.workers(cluster, jobs) as executor:
+        result = mjfish.identify(
+            measured, settings, jobs=jobs, executor=executor, tell=lambda done: tell("fitting", done)
+        )
         profiles = _profiles(result, profiled or [], tell)
     _show(result, profiles)
     outputs = {"json": json_, "table": table, "figures": figures, "fish": fish}
@@ -100,15 +103,15 @@ def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:
 
 
 def _profiles(result: Identification, names: list[str], tell: Any) -> list[Profile]:
-    from mjfish.estimation.intervals import profile
+    from mjfish.estimation.intervals import profiles
 
     if result.assessment is None or result.problem is None:
         return []
-    profiles = []
-    for done, name in enumerate(names):
-        tell(f"profiling {name}", done / len(names))
-        profiles.append(profile(result.problem, result.fit, name, known=result.assessment.intervals))
-    return profiles
+    found: list[Profile] = []
+    for profile in profiles(result.problem, result.fit, names, known=result.assessment.intervals):
+        found.append(profile)
+        tell("profiling", len(found) / len(names))
+    return found
 
 
 def _write(result: Identification, profiles: list[Profile], outputs: dict[str, Path]) -> list[Path]:

@@ -19,9 +19,7 @@ def study(
     out: Annotated[Path, typer.Option(help="Folder of the pieces.")],
     shard: Annotated[str, typer.Option(help="I/N: only the I-th of N shares of the pieces.")] = "1/1",
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
-    cluster: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler; 'local' starts one with so many --jobs.")
-    ] = None,
+    cluster: console.Cluster = None,
     collect: Annotated[bool, typer.Option("--collect", help="Run nothing: write study.csv and summary.txt.")] = False,
 ) -> None:
     """Run the pieces of a study that are missing in a folder; the same command goes on where it was stopped."""

@@ -11,13 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from mjfish.diagnosis.evidence import Evidence, gather
+from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
-from mjfish.diagnosis.refit import Refit, made_smooth, refined, refit_with
+from mjfish.diagnosis.refit import made_smooth, refined, refit_with
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.select import GOODNESS, Goodness, Standing, standings
 from mjfish.effects.effect import Effect
 
@@ -134,7 +137,7 @@ def find_small_addition(
         seen = [effect for effect in after.candidates if after.scored(effect.name)]
         enough = [effect for effect in seen if after.statistic(effect.name) > _HALF_OF_IT * excess]
         for effect in sorted(enough, key=lambda effect: -after.worth(effect.name))[:_ADDED]:
-            names = tuple(sorted((*base.names, effect.name)))
+            names = _with(base, effect)
             refit = _followed(refit_with(after, effect, gained=base.gain), base.fit.sse - excess)
             beyond = [other for other in others if other.mechanism != effect.mechanism]
             left = gather(refit.problem, refit.fit, beyond).saturated_excess()
@@ -202,18 +205,23 @@ def _extended(
     for base in bases:
         taken = learnable.intersection(base.mechanisms)  # two forms of one mechanism are one cause
         after = gather(base.problem, base.fit, [effect for effect in candidates if effect.mechanism not in taken])
-        for effect in shortlist(after, rng):
-            names = tuple(sorted((*base.names, effect.name)))
-            if names not in known:
-                refit = refit_with(after, effect, gained=base.gain)
-                if names not in found or refit.gain > found[names].gain:
-                    found[names] = refit
+        new = [effect for effect in shortlist(after, rng) if _with(base, effect) not in known]
+        for effect, refit in zip(new, extended(partial(refit_with, gained=base.gain), new, after), strict=True):
+            names = _with(base, effect)
+            if names not in found or refit.gain > found[names].gain:
+                found[names] = refit
     if found:
         top = max(refit.gain for refit in found.values())
         floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
         least = min(refit.fit.sse for refit in found.values())
-        found = {names: _followed(refit, least) if refit.gain >= floor else refit for names, refit in found.items()}
+        near = {names: refit for names, refit in found.items() if refit.gain >= floor}
+        found.update(zip(near, followed(partial(_followed, least=least), [*near.values()]), strict=True))
     return found
+
+
+def _with(base: Refit, effect: Effect) -> Names:
+    """Return the names of a set with one more cause, sorted."""
+    return tuple(sorted((*base.names, effect.name)))
 
 
 def _followed(refit: Refit, least: float) -> Refit:

@@ -25,7 +25,7 @@ from mjfish.arrays import FloatArray, orthonormal, project_out
 from mjfish.block_angular import Basis, BlockAngular, IntArray, block_angular, span
 from mjfish.data import Trial
 from mjfish.diagnosis.by_run import ByRun
-from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.estimation import Problem
 
 #: A held-out run that is left with a mean square above this, whatever its own numbers are, does not count.

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 
 from mjfish.arrays import FloatArray, RecordArray
 from mjfish.data import Trial
-from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect
 from mjfish.effects.beat_amplitude import KC_FLOOR, TAU, keulegan_carpenter

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +24,8 @@ from mjfish.diagnosis.isolability import isolability
 from mjfish.diagnosis.lone_run import lone_run
 from mjfish.diagnosis.missing_force import missing_force
 from mjfish.diagnosis.progress import Progress, part, silent
-from mjfish.diagnosis.provenance import provenance
-from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.provenance import identity, provenance
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, KnownNumber, Overlay
 from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.select import Goodness, standings
@@ -43,6 +44,7 @@ from mjfish.estimation.residual import Score
 from mjfish.estimation.scatter import scatter
 from mjfish.inspection import Inspection, inspect, inspect_fit
 from mjfish.inspection.known_numbers import contradicted
+from mjfish.kept import Kept
 from mjfish.model import Model
 from mjfish.model.posterior import Posterior
 
@@ -60,6 +62,8 @@ def diagnose(
     effects: Mapping[str, Effect] | None = None,
     seed: int = 0,
     jobs: int | None = None,
+    executor: Executor | None = None,
+    resume: str | Path | None = None,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Find out what is wrong with the simulation of a dataset, name the cause, and measure the gain.
@@ -73,6 +77,10 @@ def diagnose(
         effects: candidates by name; None: the shipped catalogue.
         seed: of the simulated null distributions and the bootstrap; the same seed gives the same answer.
         jobs: threads; None: one per processor. The answer does not depend on it.
+        executor: `concurrent.futures.Executor` that takes the refits in place of the threads, such as one of Dask. The
+            answer does not depend on it.
+        resume: folder for finished refits; made where it is not there. A diagnosis that was stopped finds them there,
+            and gives the same answer. None: they are kept nowhere.
         progress: called with what is being done and the share that is done.
 
     Returns:
@@ -80,7 +88,9 @@ def diagnose(
         held-out trials, rivals, findings about the data, and both models.
 
     Raises:
-        InputError: the dataset cannot be read, has too few numbers, or no effect applies to it.
+        InputError: the dataset cannot be read, has too few numbers, or no effect applies to it; the folder of `resume`
+            cannot be written.
+        WorkerError: a worker of the executor ended without an answer.
 
     Example:
         >>> import mjfish
@@ -92,15 +102,25 @@ def diagnose(
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
     with threadpool_limits(1, "blas"):  # small matrices: more threads only wait for each other
-        return _diagnosed(dataset, effects, seed, jobs, progress)
+        candidates = tuple(of_fish(catalogue() if effects is None else effects, dataset.fish).values())
+        kept = None if resume is None else Kept(Path(resume), identity(dataset, candidates, seed))
+        return _diagnosed(dataset, candidates, seed, _Means(jobs, executor, kept), progress)
+
+
+@dataclass(frozen=True)
+class _Means:
+    """What a diagnosis works with; see `Problem`."""
+
+    jobs: int | None
+    executor: Executor | None
+    kept: Kept | None
 
 
 def _diagnosed(
-    dataset: Dataset, effects: Mapping[str, Effect] | None, seed: int, jobs: int | None, progress: Progress
+    dataset: Dataset, candidates: tuple[Effect, ...], seed: int, means: _Means, progress: Progress
 ) -> Diagnosis:
     rng = np.random.default_rng(seed)
     check_velocities(dataset, "a diagnosis")
-    candidates = tuple(of_fish(catalogue() if effects is None else effects, dataset.fish).values())
     known = {effect.name: effect for effect in candidates}
     progress("testing the data", 0.0)
     checks = inspect(dataset, known)
@@ -108,7 +128,8 @@ def _diagnosed(
     fitted, held = dataset.split()
     stated = None if dataset.noise is None else np.asarray(dataset.noise)
     sigma = stated if stated is not None else first_sigma(fitted)
-    problem = nominal_problem(dataset, fitted, Noise.white(sigma), jobs=jobs)
+    problem = nominal_problem(dataset, fitted, Noise.white(sigma), jobs=means.jobs)
+    problem = replace(problem, executor=means.executor, kept=means.kept)
     reasons = {
         effect.name: _PART if effect.name in problem.nominal else effect.not_applicable(dataset)
         for effect in candidates

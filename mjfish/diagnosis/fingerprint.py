@@ -12,7 +12,7 @@ import numpy as np
 from scipy import optimize, stats
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects.effect import Fingerprint
 from mjfish.estimation import Problem
 from mjfish.estimation.omnibus import beat_phase

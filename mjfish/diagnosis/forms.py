@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -19,8 +20,10 @@ import numpy as np
 from mjfish.block_angular import span
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
 from mjfish.diagnosis.evidence import DETECTED, Evidence, gather, p_value_of
+from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.isolability import prior_precision
-from mjfish.diagnosis.refit import Refit, made_smooth, refit_in_parallel, refit_with, with_jobs
+from mjfish.diagnosis.refit import made_smooth, refit_with
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
 from mjfish.estimation import Fit
@@ -75,24 +78,26 @@ def refit_learned_forms(
     """
     if not learned:
         return {}
-    jobs, known = evidence.problem.jobs, set(clear)
+    known = set(clear)
     share = _NEAR if known else _PROMISING
-    alone = with_jobs(gather(evidence.problem, evidence.fit, learned), 1)
+    scored = gather(evidence.problem, evidence.fit, learned)
     times = _TIMES if known else np.inf
-    seen = [effect for effect in learned if effect.mechanism in known or promising(effect, alone, refits, share, times)]
+    seen = [
+        effect for effect in learned if effect.mechanism in known or promising(effect, scored, refits, share, times)
+    ]
 
-    def begun(effect: Effect) -> Refit:
-        formulas = [refit for refit in refits.values() if refit.mechanisms == (effect.mechanism,)]
-        return refit_with(alone, effect, formulas=formulas)
-
-    coarse = [*refit_in_parallel(begun, seen, jobs)]
+    formulas = [[refit for refit in refits.values() if refit.mechanisms == (e.mechanism,)] for e in seen]
+    coarse = [*extended(_begun, seen, scored, formulas)]
     best = max((refit.gain for refit in [*refits.values(), *coarse]), default=0.0)
     least_share = [_RIVAL if known and refit.mechanisms[0] not in known else _RUNNING for refit in coarse]
     running = [refit for refit, share in zip(coarse, least_share, strict=True) if refit.gain >= share * best]
     least = evidence.fit.sse - best
-    threads = jobs if len(running) == 1 else 1
-    results = refit_in_parallel(lambda refit: made_smooth(with_jobs(refit, threads), least), running, jobs)
+    results = followed(partial(made_smooth, best=least), running)
     return {refit.names[0]: refit for refit in results}
+
+
+def _begun(evidence: Evidence, effect: Effect, formulas: Sequence[Refit]) -> Refit:
+    return refit_with(evidence, effect, formulas=formulas)
 
 
 def promising(

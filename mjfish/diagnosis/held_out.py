@@ -12,7 +12,7 @@ from scipy import stats
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
-from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.estimation.residual import Score, held_out_covariance_root, predict_held_out
 
 Key = TypeVar("Key", bound=Hashable)

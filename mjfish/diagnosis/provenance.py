@@ -8,10 +8,13 @@ import platform
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from mjfish import fish_toml
 from mjfish.data import Dataset
@@ -38,6 +41,23 @@ def provenance(dataset: Dataset, candidates: Sequence[Effect], seed: int) -> dic
             name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in inputs.items() if path.is_file()
         },
     }
+
+
+def identity(dataset: Dataset, candidates: Sequence[Effect], seed: int) -> dict[str, Any]:
+    """Return all that a diagnosis hangs on as plain data, hashes in place of arrays and files."""
+    own = {name: _summed(getattr(dataset, name)) for name in ("trials", "noise", "clock", "known", "filter")}
+    return {**provenance(dataset, candidates, seed), "effects": [effect.name for effect in candidates], "dataset": own}
+
+
+def _summed(value: Any) -> Any:
+    """Return a part of a dataset as plain data, hashes in place of arrays; where files lie does not matter."""
+    if isinstance(value, np.ndarray):
+        return [list(value.shape), hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
+    if is_dataclass(value):
+        return {entry.name: _summed(getattr(value, entry.name)) for entry in fields(value) if entry.name != "source"}
+    if isinstance(value, Mapping):
+        return {key: _summed(item) for key, item in value.items()}
+    return [_summed(item) for item in value] if isinstance(value, (tuple, list)) else repr(value)
 
 
 def _own(candidates: Sequence[Effect]) -> list[Path]:

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence, p_value_of
+from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.integration_step import finer
 from mjfish.diagnosis.progress import Progress, silent
+from mjfish.diagnosis.refit_result import TOLERANCE, Refit
 from mjfish.diagnosis.shapes import at_best_shapes
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem, fit
-from mjfish.estimation.smoothness import effective_degrees_of_freedom, smoothed
-from mjfish.executors import threaded
+from mjfish.estimation.smoothness import smoothed
 from mjfish.parameter import Parameter, bounds
 
-#: Relative change of the sum of squares at which a refit stops.
-TOLERANCE = 1e-5
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
 COARSE = (4, 6)
 #: And of one that is continued under another noise, where it is a contender: contenders are followed further anyway.
@@ -51,67 +49,6 @@ _BEST = 5
 _HIDDEN, _NEAR = 0.9, 20.0
 
 
-@dataclass(frozen=True, eq=False)
-class Refit:
-    """Causes fitted together with the coefficients.
-
-    Attributes:
-        effects: the causes, the last one added last.
-        problem: of the extended model.
-        fit: its result.
-        gain: fall of the sum of squares against the fit of the nominal model, LR.
-    """
-
-    effects: tuple[Effect, ...]
-    problem: Problem
-    fit: Fit
-    gain: float
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the causes."""
-        return tuple(effect.name for effect in self.effects)
-
-    @property
-    def learned(self) -> bool:
-        """Whether the form of a cause is learned."""
-        return any(effect.learned for effect in self.effects)
-
-    @property
-    def mechanisms(self) -> tuple[str, ...]:
-        """Names of the mechanisms of the causes, sorted."""
-        return tuple(sorted({effect.mechanism for effect in self.effects}))
-
-    @functools.cached_property
-    def degrees_of_freedom(self) -> float:
-        """Number of parameters that the causes add; a shape to which the fit does not respond is not counted.
-
-        Of a learned form, the effective number: priors take the place of data.
-        """
-        responds = {p.name for p, own in zip(self.fit.parameters, self.fit.jacobian.lengths, strict=True) if own > 0.0}
-        formulas = (p for effect in self.effects if not effect.learned for p in effect.parameters)
-        learned = [p.name for effect in self.effects if effect.learned for p in effect.parameters]
-        plain = sum(not p.shape or p.name in responds for p in formulas)
-        return plain + effective_degrees_of_freedom(self.problem, self.fit, learned) if learned else plain
-
-    @property
-    def adjusted(self) -> float:
-        """The gain less two for every parameter beyond the first: what sets of different size compare on."""
-        return self.gain - 2.0 * (self.degrees_of_freedom - 1)
-
-    def less(self, out: Effect) -> Refit:
-        """Refit without one of several causes, from where the others and the coefficients are."""
-        kept = tuple(effect for effect in self.effects if effect.name != out.name)
-        left = tuple(effect for effect in self.problem.model.effects if effect.name != out.name)
-        problem = replace(self.problem, model=replace(self.problem.model, effects=left))
-        here = fit(problem, problem.start(self.fit.values), tolerance=TOLERANCE)
-        return Refit(kept, problem, here, self.gain + self.fit.sse - here.sse)
-
-    def parameter_values(self) -> dict[str, float]:
-        """Return the estimates of the causes' parameters by name."""
-        return {p.name: self.fit.values[p.name] for effect in self.effects for p in effect.parameters}
-
-
 def refits(
     evidence: Evidence,
     effects: Sequence[Effect],
@@ -128,41 +65,43 @@ def refits(
         before: refits under another noise; they are continued from where they ended.
         coarse: coarse refits of this evidence that are known already.
     """
-    earlier, known, jobs = before or {}, coarse or {}, evidence.problem.jobs
-    followed = _floor(earlier) if earlier else 0.0
-    ahead = {name for name, refit in earlier.items() if refit.gain >= followed}
+    earlier, known = before or {}, coarse or {}
+    floor = _floor(earlier) if earlier else 0.0
+    ahead = {name for name, refit in earlier.items() if refit.gain >= floor}
     worth = worth_refitting(evidence, effects)
     worth += [effect for effect in effects if effect.name in ahead and effect not in worth]
     chosen = sorted(worth, key=lambda effect: effect.smooth)  # what takes longest first
     found: dict[str, Refit] = {}
-
-    def made_of(alone: Evidence, effect: Effect) -> Refit:
-        if effect.name in earlier:
-            refit = earlier[effect.name]
-            return _taken_on(alone, refit, _ON if refit.gain >= followed else 1)
-        if effect.name in known:
-            return known[effect.name]
-        return refit_with(alone, effect, formulas=[found[name] for name in effect.limits if name in found])
-
     done = 0
     for general in (False, True):
         round_of = [effect for effect in chosen if bool(effect.limits) == general and _may_explain(effect, found)]
-        alone = with_jobs(evidence, jobs if len(round_of) == 1 else 1)
-        results = refit_in_parallel(functools.partial(made_of, alone), round_of, jobs)
+        new = [effect for effect in round_of if effect.name in earlier or effect.name not in known]
+        given = [
+            (earlier.get(effect.name), floor, [found[name] for name in effect.limits if name in found])
+            for effect in new
+        ]
+        results = extended(_made_of, new, evidence, given)
         made = {}
         for effect in round_of:
             progress(f"refitting with {effect.name}", done / len(chosen))
-            made[effect.name] = next(results)
+            made[effect.name] = next(results) if effect in new else known[effect.name]
             done += 1
         found.update(made)
     return found
 
 
+def _made_of(evidence: Evidence, effect: Effect, given: tuple[Refit | None, float, Sequence[Refit]]) -> Refit:
+    """Refit with a cause, from its earlier refit if it has one: longer where that explained more than `floor`."""
+    earlier, floor, formulas = given
+    if earlier is None:
+        return refit_with(evidence, effect, formulas=formulas)
+    return _taken_on(evidence, earlier, _ON if earlier.gain >= floor else 1)
+
+
 def other_refits(evidence: Evidence, effects: Sequence[Effect], progress: Progress = silent) -> dict[str, Refit]:
     """Refit with every formula that can be identified, whatever its score: a few steps each."""
-    alone, jobs = with_jobs(evidence, 1), evidence.problem.jobs
     chosen = [effect for effect in effects if not effect.learned and not evidence.unidentifiable(effect.name)]
-    results = refit_in_parallel(lambda effect: refit_with(alone, effect), chosen, jobs)
+    results = extended(refit_with, chosen, evidence)
     found = {}
     for done, effect in enumerate(chosen):
         progress(f"refitting with {effect.name}", done / len(chosen))
@@ -189,8 +128,8 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
     found = tried_afresh(found)
     floor = _floor(found)
     running = {name: refit for name, refit in found.items() if refit.gain >= floor}
-    least, jobs = min(refit.fit.sse for refit in found.values()), next(iter(found.values())).problem.jobs
-    results = refit_in_parallel(lambda refit: refined(with_jobs(refit, 1), least), [*running.values()], jobs)
+    least = min(refit.fit.sse for refit in found.values())
+    results = followed(functools.partial(refined, best=least), [*running.values()])
     result = dict(found)
     for done, name in enumerate(running):
         progress(f"refining the fit with {name}", done / len(running))
@@ -212,15 +151,15 @@ def tried_afresh(found: Mapping[str, Refit]) -> dict[str, Refit]:
         return dict(found)
 
     def tried(refit: Refit) -> Refit:
-        problem = with_jobs(refit, 1).problem
+        problem = refit.problem
         starts = [problem.start(refit.parameter_values()), *other_minima(refit.fit, problem, fits=False)]
         fits = [fit(problem, start, tolerance=TOLERANCE, evaluations=_TRY) for start in starts]
         best = min([refit.fit, *fits], key=lambda each: each.objective)
         return replace(refit, fit=best, gain=refit.gain + refit.fit.sse - best.sse)
 
     formulas = {name: refit for name, refit in found.items() if not refit.learned}
-    jobs = next(iter(found.values())).problem.jobs
-    return {**found, **dict(zip(formulas, refit_in_parallel(tried, [*formulas.values()], jobs), strict=True))}
+    results = followed(tried, [*formulas.values()])
+    return {**found, **dict(zip(formulas, results, strict=True))}
 
 
 def _floor(found: Mapping[str, Refit]) -> float:
@@ -243,9 +182,8 @@ def refit_nonsmooth(evidence: Evidence, effects: Sequence[Effect]) -> tuple[floa
 
     [Davies1977] R. Davies, Biometrika 64.
     """
-    jobs, tried = evidence.problem.jobs, [effect for effect in effects if not effect.smooth]
-    alone = with_jobs(evidence, 1)
-    results = refit_in_parallel(lambda effect: refit_with(alone, effect), tried, jobs)
+    tried = [effect for effect in effects if not effect.smooth]
+    results = extended(refit_with, tried, evidence)
     found = dict(zip((effect.name for effect in tried), results, strict=True))
     chances = [p_value_of(refit.gain, refit.degrees_of_freedom + 1) for refit in found.values()]
     return min([1.0, *(len(found) * p for p in chances)]), found
@@ -263,12 +201,9 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     }
     if max(scores.values(), default=0.0) < _SMALL:
         shaped = [e for e in effects if e.name in scores and e.smooth and any(p.shape for p in e.parameters)]
-        alone = with_jobs(evidence, 1)
-        best = threaded(
-            lambda effect: at_best_shapes(alone, effect, first_alone=True)[0], shaped, evidence.problem.jobs
-        )
-        for effect, there in zip(shaped, best, strict=True):
-            scores[effect.name] = max(scores[effect.name], there.worth(effect.name))
+        best = evidence.problem.mapped(functools.partial(_best_worth, evidence), shaped)
+        for effect, worth in zip(shaped, best, strict=True):
+            scores[effect.name] = max(scores[effect.name], worth)
     ranked = sorted((effect for effect in effects if effect.name in scores), key=lambda effect: -scores[effect.name])
     if not ranked:
         return []
@@ -280,6 +215,11 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
         or not effect.smooth
         or (scores[effect.name] > close and evidence.confounded(effect.name) > _HIDDEN)
     ]
+
+
+def _best_worth(evidence: Evidence, problem: Problem, effect: Effect) -> float:
+    """Return what a candidate is worth at the best values of its first shape."""
+    return at_best_shapes(replace(evidence, problem=problem), effect, first_alone=True)[0].worth(effect.name)
 
 
 def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Sequence[Refit] = ()) -> Refit:
@@ -328,7 +268,7 @@ def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
 
     From where it ended, or from next to nothing of the cause where that is better under this noise.
     """
-    problem = replace(refit.problem, noise=evidence.problem.noise, jobs=1)
+    problem = replace(refit.problem, noise=evidence.problem.noise, jobs=evidence.problem.jobs)
     idle = {p.name: p.low for p in problem.declared.values()}
     nothing = problem.start({**idle, **evidence.fit.values})
     start = min((refit.fit.x, nothing), key=lambda x: float(np.sum(problem.rough.residual(x) ** 2)))
@@ -594,17 +534,3 @@ def off_null(effect: Effect, visible: Mapping[str, float] | None = None) -> dict
             off = min(effect.least * p.scale, _OFF_VISIBLE * (visible or {}).get(p.name, np.inf))
             lifted[p.name] = p.rebound(low=p.low + off, start=max(p.start, p.low + off))
     return lifted
-
-
-T = TypeVar("T")
-
-
-def refit_in_parallel(make: Callable[[T], Any], tasks: Sequence[T], jobs: int) -> Iterator[Any]:
-    """Yield the refit that `make` makes of each task, in their order; its problem gets all the threads back."""
-    for refit in threaded(make, tasks, jobs):
-        yield with_jobs(refit, jobs)
-
-
-def with_jobs(fitted: Any, jobs: int) -> Any:
-    """Return an evidence or a refit whose problem has so many threads."""
-    return replace(fitted, problem=replace(fitted.problem, jobs=jobs))

@@ -15,11 +15,12 @@ from mjfish.data.filters import Filter
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, under
 from mjfish.diagnosis.integration_step import resolved
 from mjfish.diagnosis.progress import Progress, part
-from mjfish.diagnosis.refit import Refit, far_off, other_refits, refined, refit_nonsmooth, refits, settled, tried_afresh
+from mjfish.diagnosis.refit import far_off, other_refits, refined, refit_nonsmooth, refits, settled, tried_afresh
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
-from mjfish.estimation.fit import hypercube
+from mjfish.estimation.fit import hypercube, scouted
 from mjfish.estimation.noise_of_fit import noise_of, saturated, smoothing_of
 from mjfish.estimation.problem import Slopes
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
@@ -122,9 +123,9 @@ def nominal_fit(problem: Problem, start: FloatArray) -> Fit:
     first = fit(problem, start, tolerance=1e-6)
     if first.status == "converged" and first.cost < _EXPLAINED * len(first.residual):
         return first
-    scouts = [fit(problem, x, tolerance=1e-3, evaluations=_SCOUT) for x in hypercube(problem, _STARTS - 1, seed=0)]
-    best = min(scouts, key=lambda scout: np.inf if scout.status == "diverged" else scout.cost)
-    if best.status == "diverged" or best.cost > _PROMISING * first.cost:
+    points = [*hypercube(problem, _STARTS - 1, seed=0)]
+    best = min(problem.mapped(scouted, points, tolerance=1e-3, evaluations=_SCOUT), key=lambda scout: scout.cost)
+    if not best.cost <= _PROMISING * first.cost:
         return first
     other = fit(problem, best.x, tolerance=1e-6)
     return other if other.status != "diverged" and other.cost < first.cost else first

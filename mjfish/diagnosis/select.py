@@ -28,7 +28,7 @@ from mjfish.diagnosis.by_run import Drawn
 from mjfish.diagnosis.constancy import linearised
 from mjfish.diagnosis.evidence import gather, tail
 from mjfish.diagnosis.held_out import HeldOut
-from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.sign_flips import flipped_p
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import without_form

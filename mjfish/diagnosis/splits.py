@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -196,6 +197,8 @@ def diagnose_splits(
     effects: Mapping[str, Effect] | None = None,
     seed: int = 0,
     jobs: int | None = None,
+    executor: Executor | None = None,
+    resume: str | Path | None = None,
     progress: Progress = silent,
 ) -> Splits:
     """Diagnose a dataset, and again with its runs divided anew so many times.
@@ -206,9 +209,10 @@ def diagnose_splits(
     Args:
         dataset: three runs or more, or the folder of ``dataset.toml``.
         count: splits to draw, each at most once; where fewer are possible, all of them.
-        effects: see `mjfish.diagnose`, as for the next two.
+        effects: see `mjfish.diagnose`.
         seed: of the drawn splits, and of each diagnosis.
         jobs: threads of each diagnosis; one is made after the other.
+        executor, resume: see `mjfish.diagnose`.
         progress: called with what is being done and the share that is done.
 
     Returns:
@@ -239,7 +243,7 @@ def diagnose_splits(
 
     def made(divided: Dataset, k: int, what: str) -> Diagnosis:
         told = part(_prefixed(progress, what), k / total, 1.0 / total)
-        return diagnose(divided, effects=effects, seed=seed, jobs=jobs, progress=told)
+        return diagnose(divided, effects=effects, seed=seed, jobs=jobs, executor=executor, resume=resume, progress=told)
 
     declared = made(dataset, 0, "as divided")
     rows = {own: _row(declared, declared=True)}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from mjfish.diagnosis.combinations import leaves_little
 from mjfish.diagnosis.evidence import p_value_of
 from mjfish.diagnosis.held_out import Confirmation
-from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Verdict
 from mjfish.diagnosis.select import LEFT, RESEMBLES, Standing
 from mjfish.effects.mechanism import MECHANISMS

@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 
+import cloudpickle
+
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, MjfishError, UnknownNameError, located
 from mjfish.fish import Fish
@@ -65,6 +67,7 @@ def _from_file(path: Path, _stamp: int) -> list[Effect]:
         raise InputError("not a Python file; a file of effects ends in .py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
+    cloudpickle.register_pickle_by_value(module)  # workers lack the file
     try:
         spec.loader.exec_module(module)
         found = _effects_in(module)

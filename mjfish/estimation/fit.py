@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 from scipy import optimize, sparse, special
@@ -48,6 +48,7 @@ class Fit:
         message: of the optimiser; which trial diverged, when and with which parameters, where one did.
         evaluations: of the residual.
         cost: what was minimised: `sse`, or its robust form.
+        ended: (p,) where the optimiser ended, each in units of its parameter's scale: there derivatives are taken.
     """
 
     parameters: tuple[Parameter, ...]
@@ -63,6 +64,7 @@ class Fit:
     evaluations: int
     cost: float = math.nan
     penalty: float = 0.0
+    ended: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def objective(self) -> float:
@@ -143,7 +145,39 @@ def fit(
             f_scale=loss_scale,
         )
     x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
-    residual, jacobian = turned.at(np.asarray(solution.x))
+    end = End(
+        x,
+        np.asarray(solution.x),
+        at_bound,
+        "converged" if solution.status > 0 else "stopped",
+        str(solution.message),
+        int(solution.nfev),
+        2.0 * float(solution.cost),
+    )
+    return _fit_at(problem, turned, end, loss, loss_scale)
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """Where an optimiser ended; the rest of a `Fit`, whose attributes these are, follows from the problem."""
+
+    x: FloatArray
+    ended: FloatArray
+    at_bound: BoolArray
+    status: Literal["converged", "stopped"]
+    message: str
+    evaluations: int
+    cost: float
+
+
+def fit_at(problem: Problem, end: End) -> Fit:
+    """Return the `fit` of a problem by squares that is known to have ended there, to the last bit."""
+    return _fit_at(problem, _Turned(problem, np.array([p.scale for p in problem.parameters])), end, "linear", 1.0)
+
+
+def _fit_at(problem: Problem, turned: _Rows, end: End, loss: Loss, loss_scale: float) -> Fit:
+    residual, jacobian = turned.at(end.ended)
+    x, at_bound = end.x, end.at_bound
     if at_bound.any():  # putting an estimate onto its bound is a move too small for a Jacobian
         residual = problem.residual(x)
     divergence = problem.divergence(x) if np.abs(residual).max(initial=0.0) >= LOST else ""
@@ -152,7 +186,7 @@ def fit(
         residual, jacobian = residual * weight, jacobian.scaled(rows=weight)
     triangle = jacobian.above(turned.prior).factors.triangle
     return Fit(
-        parameters=parameters,
+        parameters=problem.parameters,
         x=x,
         sse=float(residual @ residual),
         residual=residual,
@@ -160,11 +194,12 @@ def fit(
         covariance=covariance(triangle, at_bound),
         reach=np.sqrt(np.diag(covariance(triangle, np.zeros_like(at_bound)))),
         at_bound=at_bound,
-        status="diverged" if divergence else ("converged" if solution.status > 0 else "stopped"),
-        message=divergence or str(solution.message),
-        evaluations=int(solution.nfev),
-        cost=2.0 * float(solution.cost),
+        status="diverged" if divergence else end.status,
+        message=divergence or end.message,
+        evaluations=end.evaluations,
+        cost=end.cost,
         penalty=float(np.sum((turned.prior @ x - turned.mean) ** 2)),
+        ended=end.ended,
     )
 
 
@@ -316,27 +351,43 @@ def multistart(
         loss, loss_scale: as in `fit`.
         tell: called with the share that is done.
     """
+    robust = {"loss": loss, "loss_scale": loss_scale}
+    if starts == 1:
+        best = fit(problem, **robust)  # type: ignore[arg-type]
+        return MultiStart(best, np.array([_cost(best)]), best.x[None], float(best.status != "diverged"))
     points = [problem.start(), *hypercube(problem, starts - 1, seed)]
+    short = {**robust, "tolerance": _SCOUT_TOLERANCE, "evaluations": _SCOUT}
     scouts = []
-    for done, point in enumerate(points):
+    for scout in problem.mapped(scouted, points, **short):
+        scouts.append(scout)
         if tell is not None:
-            tell(done / len(points))
-        short = {} if starts == 1 else {"tolerance": _SCOUT_TOLERANCE, "evaluations": _SCOUT}
-        scouts.append(fit(problem, point, loss=loss, loss_scale=loss_scale, **short))  # type: ignore[arg-type]
-    costs = np.array([_cost(scout) for scout in scouts])
+            tell(len(scouts) / (len(points) + 1))
+    costs = np.array([scout.cost for scout in scouts])
     order = int(np.argmin(costs))
-    best, evaluations = scouts[order], sum(scout.evaluations for scout in scouts)
-    if starts > 1:
-        best = fit(problem, best.x, loss=loss, loss_scale=loss_scale)
-        costs[order] = min(costs[order], _cost(best))
-        evaluations += best.evaluations
+    best = fit(problem, scouts[order].x, **robust)  # type: ignore[arg-type]
+    costs[order] = min(costs[order], _cost(best))
     slack = max(SAME * float(costs.min()), 1.0)
     return MultiStart(
-        best=replace(best, evaluations=evaluations),
+        best=replace(best, evaluations=best.evaluations + sum(scout.evaluations for scout in scouts)),
         costs=costs,
         optima=np.array([scout.x for scout in scouts]),
         reached=float(np.mean(np.isfinite(costs) & (costs <= costs.min() + slack))),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Scout:
+    """What is kept of a fit on its way: where it ended (p,), its cost, infinite where it diverged, its evaluations."""
+
+    x: FloatArray
+    cost: float
+    evaluations: int
+
+
+def scouted(problem: Problem, start: FloatArray, **settings: Any) -> Scout:
+    """Return where a `fit` from a start, with these settings, ends."""
+    found = fit(problem, start, **settings)
+    return Scout(found.x, _cost(found), found.evaluations)
 
 
 def hypercube(problem: Problem, count: int, seed: int) -> FloatArray:

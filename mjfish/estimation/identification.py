@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
@@ -278,6 +279,7 @@ def identify(
     *,
     starts: int | None = None,
     jobs: int | None = None,
+    executor: Executor | None = None,
     tell: Callable[[float], None] | None = None,
 ) -> Identification:
     """Fit the nine coefficients to all fit trials at once ([Yu2016] eq. (21)).
@@ -290,6 +292,7 @@ def identify(
         settings: of the fit (`mjfish.estimation.Settings`); None: everything free, 16 starts.
         starts: number of starts, in place of that of the settings.
         jobs: threads; the result does not depend on them.
+        executor: `concurrent.futures.Executor` that takes the starts in place of the threads, such as one of Dask.
         tell: called with the share of the starts that is done.
 
     Returns:
@@ -312,7 +315,7 @@ def identify(
     dataset = aligned(dataset if isinstance(dataset, Dataset) else load_dataset(dataset))
     trials, held = dataset.split()
     stated = dataset.noise
-    problem = pose(dataset, settings, jobs=jobs)
+    problem = replace(pose(dataset, settings, jobs=jobs), executor=executor)
     robust = {"loss": settings.loss, "loss_scale": settings.loss_scale}
     many = multistart(problem, settings.starts, seed=settings.seed, tell=tell, **robust)  # type: ignore[arg-type]
     solution = many.best

@@ -18,7 +18,7 @@ sandwich's interval ([Kent1982] for one parameter), and where it is not, an inte
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -293,6 +293,18 @@ def profile(
         status="better_optimum" if better else ("ok" if sides == {"crossed"} else "open"),
         better=dict(zip(names, values.tolist(), strict=True)) if better else {},
     )
+
+
+def profiles(
+    problem: Problem, fitted: Fit, names: Sequence[str], *, known: Intervals | None = None, level: float = 0.95
+) -> Iterator[Profile]:
+    """Yield the `profile` of each of these parameters, side by side."""
+    known = known or intervals(problem, fitted, level=level)
+    return problem.mapped(_profiled, names, fitted=fitted, known=known, level=level)
+
+
+def _profiled(problem: Problem, name: str, *, fitted: Fit, known: Intervals, level: float) -> Profile:
+    return profile(problem, fitted, name, level=level, known=known)
 
 
 @dataclass(frozen=True, eq=False)

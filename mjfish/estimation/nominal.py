@@ -21,7 +21,13 @@ from mjfish.noise.autoregressive import FLOOR
 from mjfish.parameter import Parameter
 
 
-def nominal_problem(dataset: Dataset, trials: tuple[Trial, ...], noise: Noise, *, jobs: int | None = None) -> Problem:
+def nominal_problem(
+    dataset: Dataset,
+    trials: tuple[Trial, ...],
+    noise: Noise,
+    *,
+    jobs: int | None = None,
+) -> Problem:
     """Return the problem of a dataset's fish on some of its trials.
 
     A cause of whose parameters something is known (`Dataset.known`) is a part of the nominal model.

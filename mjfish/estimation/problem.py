@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,14 +18,18 @@ from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
-from mjfish.executors import threaded
+from mjfish.executors import mapped
 from mjfish.frames import CHANNELS, UNITS
+from mjfish.kept import Kept
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.model.sensitivity import one_sided, with_sensors
 from mjfish.noise import Noise
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior
 from mjfish.serialise import plain
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 #: Residual of a sample that the rollout did not reach, in units of sigma: worse than any honest misfit.
 LOST = 1e3
@@ -102,6 +107,8 @@ class Problem:
         prior_sds: of learned priors, by name; those of others, and where it has none, are the declared ones.
         sensor_sigma: (c,) of every sensor whose sigma is not stated, by name.
         jobs: threads.
+        executor: takes whole fits in place of the threads; None: they do those as well.
+        kept: where finished refits of a diagnosis are kept; None: nowhere.
     """
 
     model: Model
@@ -118,6 +125,23 @@ class Problem:
     prior_sds: Mapping[str, float] = field(default_factory=dict)
     sensor_sigma: Mapping[str, FloatArray] = field(default_factory=dict)
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
+    executor: Executor | None = None
+    kept: Kept | None = None
+
+    @property
+    def alone(self) -> Problem:
+        """The problem for one worker of many."""
+        return replace(self, jobs=1, executor=None, kept=None)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process gets: a problem for one worker."""
+        return {**vars(self), "jobs": 1, "executor": None, "kept": None}
+
+    def mapped(self, function: Callable[..., R], tasks: Sequence[T], **settings: Any) -> Iterator[R]:
+        """Yield what `function` returns of this problem, each task and the settings, in the order of the tasks."""
+        single = self.executor is None and len(tasks) == 1
+        worker = partial(function, self if single else self.alone, **settings)
+        return mapped(worker, tasks, self.jobs, self.executor)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -324,7 +348,7 @@ class Problem:
                 names[p.name.rpartition(":")[0]].append(k)
         own = [np.array(names[trial.name], dtype=np.intp) for trial in self.trials]
         tasks = [(trial, [chosen[k] for k in (*shared, *mine)]) for trial, mine in zip(self.trials, own, strict=True)]
-        found = list(threaded(lambda task: self._slopes(task[0], here, task[1]), tasks, self.jobs))
+        found = list(mapped(lambda task: self._slopes(task[0], here, task[1]), tasks, self.jobs))
         velocity = [
             np.nan_to_num(one.velocity if trial.measured.all() else one.velocity * trial.measured[:, None])[
                 self.mask(i)
@@ -462,7 +486,7 @@ class Problem:
 
     def _run(self, x: FloatArray) -> list[_Predicted]:
         values = self.named(x)
-        return list(threaded(self._predict, [(trial, values) for trial in self.trials], self.jobs))
+        return list(mapped(self._predict, [(trial, values) for trial in self.trials], self.jobs))
 
     def _predict(self, task: tuple[Trial, dict[str, float]]) -> _Predicted:
         prediction = self.prediction(*task)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, overload
 
+import cloudpickle
 import numpy as np
 from llvmlite import ir
 from numba import carray, from_dtype, literal_unroll, types
@@ -74,6 +75,7 @@ class Load:
     Attributes:
         address: of ``void(link*, parameters*, force*)``.
         callback: keeps the code alive.
+        functions: that were compiled: the load, and its gradient or None.
         fields: names of the fields of a link that it reads.
         memory: hidden states it has on each link.
         shared: whether it has them once for the whole fish; their rates are then the sums over the links.
@@ -83,10 +85,15 @@ class Load:
 
     address: int
     callback: Any
+    functions: tuple[Callable[..., Any], Callable[..., Any] | None]
     fields: frozenset[str] = frozenset(LINK.names or ())
     memory: int = 0
     shared: bool = False
     gradient: int = 0
+
+    def __reduce__(self) -> Any:
+        """Return how another process gets it: it compiles the functions anew, once."""
+        return _from_another_process, (cloudpickle.dumps(self.functions), self.memory, self.shared)
 
     @property
     def placed(self) -> bool:
@@ -105,6 +112,12 @@ class Load:
         for name in self.fields - MOVING:
             read[column(name) : column(name) + int(np.prod(LINK[name].shape))] = True
         return read
+
+
+@functools.cache
+def _from_another_process(functions: bytes, memory: int, shared: bool) -> Load:
+    function, gradient = cloudpickle.loads(functions)
+    return load(function, memory=memory, shared=shared, gradient=gradient)
 
 
 @overload
@@ -165,14 +178,15 @@ def load(
 
     callback = c_callback(_SIGNATURE, cached=False)(remembering if memory else plain)
     if gradient is None:
-        return Load(callback.address, callback, fields_read(function), memory, shared)
+        return Load(callback.address, callback, (function, None), fields_read(function), memory, shared)
     slopes = compiled(gradient)
 
     def sloping(link: Any, parameters: Any, out: Any) -> None:
         slopes(carray(link, 1)[0], carray(parameters, PARAMETERS), carray(out, (3, SLOPES)))
 
     slope = c_callback(_SIGNATURE, cached=False)(sloping)
-    return Load(callback.address, (callback, slope), fields_read(function), memory, shared, slope.address)
+    functions, kept = (function, gradient), (callback, slope)
+    return Load(callback.address, kept, functions, fields_read(function), memory, shared, slope.address)
 
 
 def fields_read(function: Callable[..., Any]) -> frozenset[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,6 +17,7 @@ from mjfish.data.dataset_toml import FILE
 from mjfish.diagnosis import diagnose
 from mjfish.errors import InputError
 from mjfish.estimation import Settings, identify
+from mjfish.hashed import digest
 from mjfish.simulation import generate
 from mjfish.study.study_toml import Diagnose, Folder, Generated, Identify, Study, acting, fish_of
 
@@ -119,12 +119,6 @@ def pieces_of(study: Study, home: Path) -> list[Piece]:
     datasets: tuple[Generated | Folder, ...] = (*study.generate, *study.folder)
     settings: tuple[Identify | Diagnose, ...] = (*study.identify, *study.diagnose)
     return [Piece(dataset, setting, seed, home) for dataset in datasets for setting in settings for seed in study.seeds]
-
-
-def digest(content: Any) -> str:
-    """Return the SHA-256 of plain data, as JSON with sorted keys."""
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _contents(folder: Path) -> dict[str, str]:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mjfish import bounded
+from mjfish import bounded, hashed
 from mjfish.errors import InputError
 from mjfish.files import json_text, make_folder, write_json
-from mjfish.study.pieces import Piece, digest
+from mjfish.study.pieces import Piece
 
 #: Of the file of a piece.
 SCHEMA = 1
@@ -39,8 +39,7 @@ class Store:
     def write(self, piece: Piece, outcome: dict[str, Any], seconds: float) -> None:
         """Write what came of a piece, whole or not at all, or raise `InputError`."""
         write_json(self.folder / "seconds" / f"{piece.key}.json", {"seconds": round(seconds, 3)})
-        content = json.loads(json_text({"schema": SCHEMA, "input": piece.input, **outcome}))
-        write_json(self.path(piece), {**content, "sha256": digest(content)})
+        hashed.write(self.path(piece), {"schema": SCHEMA, "input": piece.input, **outcome})
 
     def read(self, piece: Piece) -> dict[str, Any] | None:
         """Return what came of a piece; None where that is not known yet.
@@ -49,13 +48,10 @@ class Store:
             InputError: the file is damaged: it cannot be read, or its hash does not fit.
         """
         path = self.path(piece)
-        if not path.exists():
-            return None
-        content = bounded.read_json(path, "delete it")
-        own = content.pop("sha256", None) if isinstance(content, dict) else None
-        if own is None or own != digest(content) or content.get("input") != json.loads(json_text(piece.input)):
-            raise InputError(f"{path}: its content does not fit its hash; delete it")
-        return dict(content)
+        content = hashed.read(path)
+        if content is not None and content.get("input") != json.loads(json_text(piece.input)):
+            raise InputError(f"{path}: it is of another piece; delete it")
+        return content
 
     def seconds(self, piece: Piece) -> float | None:
         """Return how long a piece took [s]; None where nothing says it."""

@@ -12,7 +12,8 @@ from mjfish.arrays import orthonormal, project_out
 from mjfish.data import Sensor, Trial
 from mjfish.diagnosis.constancy import linearised
 from mjfish.diagnosis.evidence import gather, whitened_omnibus
-from mjfish.diagnosis.refit import Refit, refined, refit_with
+from mjfish.diagnosis.refit import refined, refit_with
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.select import GOODNESS, Goodness, Standing, sharp_p, tolerated
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit

@@ -17,7 +17,7 @@ from mjfish.arrays import FloatArray
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.curves import MeasuredCurve
 from mjfish.diagnosis.held_out import gain
-from mjfish.diagnosis.refit import TOLERANCE
+from mjfish.diagnosis.refit_result import TOLERANCE
 from mjfish.drive.modes import MODES
 from mjfish.effects import catalogue, find
 from mjfish.estimation import fit

@@ -12,7 +12,7 @@ import pytest
 from mjfish.diagnosis import forms as module
 from mjfish.diagnosis.evidence import DETECTED
 from mjfish.diagnosis.forms import left_by_others, named_mechanisms, staying
-from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish

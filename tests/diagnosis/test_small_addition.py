@@ -10,7 +10,8 @@ import pytest
 from mjfish.diagnosis.combinations import MENDED, find_small_addition
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import Confirmation, HeldOut
-from mjfish.diagnosis.refit import Refit, refined, refit_with
+from mjfish.diagnosis.refit import refined, refit_with
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import load_fish

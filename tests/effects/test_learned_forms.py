@@ -14,7 +14,8 @@ from recovery import NOISE, TRUTH
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
-from mjfish.diagnosis.refit import TOLERANCE, Refit, off_null
+from mjfish.diagnosis.refit import off_null
+from mjfish.diagnosis.refit_result import TOLERANCE, Refit
 from mjfish.effects import find
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.smoothness import smoothed

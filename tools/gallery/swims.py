@@ -10,7 +10,7 @@ import numpy as np
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Tank, Trial
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
-from mjfish.diagnosis.refit import Refit
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.drive import modes
 from mjfish.effects import Effect
 from mjfish.estimation import Noise, fit
