@@ -29,6 +29,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from mjfish.arrays import RANK, BoolArray, FloatArray
 
@@ -208,24 +209,52 @@ class BlockAngular:
 
     def solve(self, y: FloatArray, rank: float) -> FloatArray:
         """Return J^+ y (p,) of y (n,): singular values below the share `rank` of the largest count as zero."""
-        factors = self.factors
-        return np.asarray(np.linalg.lstsq(factors.triangle, factors.basis.coordinates(y), rcond=rank)[0])
+        return self.factors.solve(y, rank)
+
+    def sparse(self, count: int) -> sparse.csr_array:
+        """Return the matrix without its zeros, as one of `count` rows: nothing is in those behind its own."""
+        pieces = [(np.arange(len(self.shared)), self.places, self.shared)]
+        pieces += [(part.rows, part.columns, part.block) for part in self.parts]
+        rows = np.concatenate([np.repeat(at, len(columns)) for at, columns, _ in pieces])
+        places = np.concatenate([np.tile(columns, len(at)) for at, columns, _ in pieces])
+        values = np.concatenate([block.ravel() for _, _, block in pieces])
+        return sparse.csr_array((values, (rows, places)), shape=(count, self.shape[1]))
+
+    def inverses(self, rank: float) -> tuple[list[Inverse], Inverse, float]:
+        """Return the inverses of the diagonal blocks of a triangle, by run, of the shared one, and the least size.
+
+        This is the share `rank` of the largest singular value of any.
+        """
+        own = [Inverse.of(part.block) for part in self.parts]
+        shared = Inverse.of(self.shared[sum(len(part.rows) for part in self.parts) :])
+        return own, shared, rank * max(1e-100, *(one.sizes.max(initial=0.0) for one in (shared, *own)))
+
+    def inverse_gram(self, rank: float) -> FloatArray:
+        """Return (R'R)^-1 (p, p) of a triangle; singular values below the share `rank` of the largest count as that."""
+        own, shared, least = self.inverses(rank)
+        root, moved = shared.floored(least)[0], np.zeros((self.shape[1], len(self.places)))
+        moved[self.places] = np.eye(len(self.places))
+        result = np.zeros((self.shape[1], self.shape[1]))
+        for part, one in zip(self.parts, own, strict=True):
+            alone, inverse = one.floored(least)
+            result[np.ix_(part.columns, part.columns)] = alone @ alone.T
+            moved[part.columns] = -inverse @ self.shared[part.rows]
+        moved = moved @ root
+        return np.asarray(result + moved @ moved.T)
 
     @cached_property
     def factors(self) -> Factors:
         """The factorisation J = Q R."""
-        left, owns, rows = self.shared.copy(), [], []
+        left, owns, tops, parts, count = self.shared.copy(), [], [], [], 0
         for part in self.parts:
-            q, r = np.linalg.qr(part.block)
-            tops = q.T @ left[part.rows]
-            left[part.rows] -= q @ tops
+            q, r = _own_factors(part.block)
+            tops.append(q.T @ left[part.rows])
+            left[part.rows] -= q @ tops[-1]
             owns.append((part.rows, q))
-            rows.append(np.zeros((len(r), self.shape[1])))
-            rows[-1][:, part.columns], rows[-1][:, self.places] = r, tops
+            parts.append(Part(np.arange(count, count + len(r)), part.columns, r))
+            count += len(r)
         q, r = np.linalg.qr(left)
-        rows.append(np.zeros((len(r), self.shape[1])))
-        rows[-1][:, self.places] = r
-        return Factors(Basis(tuple(owns), q), np.concatenate(rows))
+        return Factors(Basis(tuple(owns), q), BlockAngular(np.concatenate([*tops, r]), self.places, tuple(parts)))
 
 
 def block_angular(shared: FloatArray, rows: Sequence[IntArray], blocks: Sequence[FloatArray]) -> BlockAngular:
@@ -339,17 +368,72 @@ class Basis:
         return float(total)
 
 
+def _own_factors(block: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return Q (m, rank) and R (rank, k) of a run's own columns: shared ones lose nothing but what is in their span."""
+    q, r = np.linalg.qr(block)
+    pivots = np.abs(np.diag(r))
+    if pivots.min(initial=np.inf) > RANK * pivots.max(initial=0.0):
+        return q, r
+    q, sizes, right = np.linalg.svd(block, full_matrices=False)
+    kept = sizes > RANK * sizes.max(initial=0.0)
+    return q[:, kept], sizes[kept, None] * right[kept]
+
+
 @dataclass(frozen=True, eq=False)
 class Factors:
     """A factorisation J = Q R.
 
     Attributes:
         basis: Q.
-        triangle: (rank of Q, p) R: R'R = J'J.
+        triangle: (rank of Q, p) R: R'R = J'J, of block angular form, rows of single runs first.
     """
 
     basis: Basis
-    triangle: FloatArray
+    triangle: BlockAngular
+
+    def solve(self, y: FloatArray, rank: float) -> FloatArray:
+        """Return J^+ y (p,) of y (n,): singular values below the share `rank` of the largest count as zero."""
+        r, right = self.triangle, self.basis.coordinates(y)
+        inverses, shared, least = r.inverses(rank)
+        found = np.zeros(r.shape[1])
+        count = len(r.shared) - len(shared.left)
+        found[r.places] = shared.times(right[count:], least)
+        right = right[:count] - r.shared[:count] @ found[r.places]
+        for part, inverse in zip(r.parts, inverses, strict=True):
+            found[part.columns] = inverse.times(right[part.rows], least)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Inverse:
+    """The inverse of a small matrix U diag(s) V'.
+
+    Attributes:
+        left: (m, r) U.
+        sizes: (r,) s.
+        right: (k, k) V'; rows behind the first r are directions that the matrix does not see.
+    """
+
+    left: FloatArray
+    sizes: FloatArray
+    right: FloatArray
+
+    @classmethod
+    def of(cls, block: FloatArray) -> Inverse:
+        """Return the inverse of a matrix (m, k)."""
+        left, sizes, right = np.linalg.svd(block)
+        return cls(left[:, : len(sizes)], sizes, right)
+
+    def times(self, y: FloatArray, least: float) -> FloatArray:
+        """Return the inverse times y (m,); singular values below `least` count as zero."""
+        kept = np.flatnonzero(self.sizes > least)
+        return np.asarray(self.right[kept].T @ ((self.left.T @ y)[kept] / self.sizes[kept]))
+
+    def floored(self, least: float) -> tuple[FloatArray, FloatArray]:
+        """Return V diag(1 / s) (k, k) and the inverse (k, m); singular values below `least` count as that."""
+        sizes = np.concatenate([self.sizes, np.zeros(len(self.right) - len(self.sizes))])
+        turned = self.right.T / np.maximum(sizes, least)
+        return turned, turned[:, : len(self.sizes)] @ self.left.T
 
 
 def span(columns: BlockAngular) -> Basis:
