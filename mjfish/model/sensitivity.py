@@ -104,8 +104,10 @@ def with_sensors(
         ],
         with_rates=bool(trial.sensors),
     )  # fmt: skip
-    every = np.zeros((len(times), tangents.shape[1], len(names)))
-    every[:, :, moving] = tangents
+    every = tangents
+    if len(moving) < len(names):
+        every = np.zeros((len(times), tangents.shape[1], len(names)))
+        every[:, :, moving] = tangents
     along, *beside = np.split(every, np.cumsum([len(clock) for clock in clocks])[:-1])
     along, times = along[:, :STATES], times[: len(along)]
     ahead = rollout.rate_at(times) * (run.time < run.motion.time[-1])[:, None]
