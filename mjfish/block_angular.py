@@ -23,7 +23,7 @@ decomposition, Linear Algebra and its Applications 34.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -244,7 +244,11 @@ class BlockAngular:
 
     @cached_property
     def factors(self) -> Factors:
-        """The factorisation J = Q R."""
+        """The factorisation J = Q R, kept as long as the matrix is: Q is as large."""
+        return self.factorised()
+
+    def factorised(self) -> Factors:
+        """Return the factorisation J = Q R."""
         left, owns, tops, parts, count = self.shared.copy(), [], [], [], 0
         for part in self.parts:
             q, r = _own_factors(part.block)
@@ -312,6 +316,12 @@ class Basis:
         for rows, q in self.own:
             left[rows] -= q @ (q.T @ y[rows])
         return np.asarray(left)
+
+    def off_at(self, rows: IntArray, y: FloatArray, coordinates: FloatArray) -> FloatArray:
+        """Return some rows of one run of what `off` returns of y (n, ...), with its `coordinates`."""
+        run, own, shared = self.at(rows)
+        mine, common = coordinates[self.places_of(run)], coordinates[self.places_of(None)]
+        return np.asarray(y[rows] - shared @ common - own @ mine)
 
     def explained(self, y: FloatArray) -> float:
         """Return |Q' y|^2 of y (n,)."""
@@ -442,20 +452,65 @@ def span(columns: BlockAngular) -> Basis:
     Directions below `mjfish.arrays.RANK` of the strongest are numerical dust: of a run's own columns, then of what
     these leave of the shared ones.
     """
+    left = columns.shared * _scale(columns)[columns.places]
+    owns = tuple(_own_bases(columns, left))
+    return Basis(owns, _leading(left, least=1.0))
+
+
+def explained(columns: BlockAngular, y: FloatArray) -> tuple[float, int]:
+    """Return |Q' y|^2 of y (n,) and the rank of Q, the `span` of the columns, of which the own part is not kept."""
+    left, total, rank = columns.shared * _scale(columns)[columns.places], 0.0, 0
+    for rows, q in _own_bases(columns, left):
+        total += float(np.sum((q.T @ y[rows]) ** 2))
+        rank += q.shape[1]
+    q = _leading(left, least=1.0)
+    return total + float(np.sum((q.T @ y) ** 2)), rank + q.shape[1]
+
+
+def _scale(columns: BlockAngular) -> FloatArray:
+    """Return by what the columns (p,) must be multiplied to have length 1; 0 of those of nothing."""
     lengths = columns.lengths
-    scale = np.where(lengths > 1e-300, 1.0 / np.maximum(lengths, 1e-300), 0.0)
-    left, owns = columns.shared * scale[columns.places], []
+    return np.where(lengths > 1e-300, 1.0 / np.maximum(lengths, 1e-300), 0.0)
+
+
+def _own_bases(columns: BlockAngular, left: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield rows and basis of each run's own columns; they are taken out of the shared ones, `left` (n, s)."""
+    scale = _scale(columns)
     for part in columns.parts:
         q = _leading(part.block * scale[part.columns])
         for _ in range(2):  # once leaves rounding of what it takes out
             left[part.rows] -= q @ (q.T @ left[part.rows])
-        owns.append((part.rows, q))
-    return Basis(tuple(owns), _leading(left, least=1.0))
+        yield part.rows, q
+
+
+#: Rows that are factorised at a time.
+_ROWS = 4096
 
 
 def _leading(columns: FloatArray, least: float = 0.0) -> FloatArray:
-    """Return the left singular vectors of what is not dust beside the largest singular value, or beside `least`."""
+    """Return the left singular vectors of what is not dust beside the largest singular value, or beside `least`.
+
+    Many rows are factorised block by block, in the memory of `columns`, which are overwritten: B_i = Q_i R_i, and with
+    the singular vectors U_i of all R_i, stacked, those of all B_i are Q_i U_i.
+    """
     if columns.shape[1] == 0:
         return np.zeros((len(columns), 0))
-    left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left[:, singular > RANK * max(float(singular.max(initial=0.0)), least)])
+    if len(columns) <= max(_ROWS, 2 * columns.shape[1]):
+        left, singular, _ = np.linalg.svd(columns, full_matrices=False)
+        return np.asarray(left[:, _solid(singular, least)])
+    blocks, triangles = [slice(at, at + _ROWS) for at in range(0, len(columns), _ROWS)], []
+    for block in blocks:
+        q, r = np.linalg.qr(columns[block])
+        columns[block, : q.shape[1]] = q
+        triangles.append(r)
+    left, singular, _ = np.linalg.svd(np.concatenate(triangles), full_matrices=False)
+    left = left[:, _solid(singular, least)]
+    ends = np.cumsum([0, *map(len, triangles)])
+    for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
+        columns[block, : left.shape[1]] = columns[block, : last - first] @ left[first:last]
+    return columns[:, : left.shape[1]]
+
+
+def _solid(singular: FloatArray, least: float) -> BoolArray:
+    """Return which singular values are not dust."""
+    return np.asarray(singular > RANK * max(float(singular.max(initial=0.0)), least))

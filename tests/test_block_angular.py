@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import orthonormal
-from mjfish.block_angular import BlockAngular, Part, span
+from mjfish.block_angular import BlockAngular, Part, explained, span
 
 RUNS, ROWS, OWN, SHARED = 3, 8, 2, 4
 
@@ -82,6 +82,30 @@ def test_the_span_is_that_of_the_columns(twin: bool) -> None:
     y = np.random.default_rng(3).standard_normal((len(j.shared), 2))
     np.testing.assert_allclose(basis.off(y), y - dense @ (dense.T @ y), atol=1e-12)
     assert basis.explained(y[:, 0]) == pytest.approx(float(np.sum((dense.T @ y[:, 0]) ** 2)))
+
+
+def test_what_a_span_explains_needs_no_basis_of_single_runs() -> None:
+    j, y = _matrix(twin=True), np.random.default_rng(3).standard_normal(RUNS * ROWS)
+    total, rank = explained(j, y)
+    assert rank == span(j).rank
+    assert total == pytest.approx(span(j).explained(y), rel=1e-12)
+
+
+def test_the_span_of_many_rows_is_made_block_by_block() -> None:
+    """Of 9001 rows in three blocks, the last one shorter; a column that depends on others counts once."""
+    columns = np.random.default_rng(5).standard_normal((9001, 5))
+    columns[:, 4] = columns[:, :2] @ [1.0, -1e3] + 1e-13 * columns[:, 3]
+    kept = columns.copy()
+    basis = span(BlockAngular.of(columns))
+    np.testing.assert_array_equal(columns, kept)
+    np.testing.assert_allclose(basis.shared.T @ basis.shared, np.eye(4), atol=1e-13)
+    np.testing.assert_allclose(basis.off(columns), 0.0, atol=1e-10)
+
+
+def test_rows_of_what_is_off_the_span() -> None:
+    j, y = _matrix(), np.random.default_rng(3).standard_normal((RUNS * ROWS, 2))
+    basis, rows = span(j), j.parts[1].rows[2:5]
+    np.testing.assert_allclose(basis.off_at(rows, y, basis.coordinates(y)), basis.off(y)[rows], atol=1e-13)
 
 
 def test_columns_of_nothing_have_no_span() -> None:

@@ -153,7 +153,7 @@ def fit(
     weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
     if loss != "linear":
         residual, jacobian = residual * weight, jacobian.scaled(rows=weight)
-    triangle = jacobian.above(turned.prior).factors.triangle
+    triangle = jacobian.above(turned.prior).factorised().triangle
     every = covariance(triangle, np.zeros_like(at_bound))
     return Fit(
         parameters=parameters,
@@ -219,7 +219,7 @@ class _Turned(_Rows):
             turned[-1] = np.sqrt(square)
             return turned
         jacobian = self.problem.jacobian(y * self.scale)
-        factors = jacobian.above(self.prior).factors
+        factors = jacobian.above(self.prior).factorised()
         inside = factors.basis.coordinates(whole)
         turned[: len(inside)], turned[-1] = inside, np.linalg.norm(factors.basis.off(whole))
         self._rows = {y.tobytes(): factors.triangle.scaled(columns=-self.scale)}
@@ -269,7 +269,7 @@ def covariance(rows: BlockAngular, at_bound: BoolArray) -> FloatArray:
     """
     free = np.flatnonzero(~at_bound)
     result = np.zeros((len(at_bound), len(at_bound)))
-    result[np.ix_(free, free)] = rows.chosen(~at_bound).factors.triangle.inverse_gram(1e-10)
+    result[np.ix_(free, free)] = rows.chosen(~at_bound).factorised().triangle.inverse_gram(1e-10)
     return result
 
 

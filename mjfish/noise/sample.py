@@ -104,15 +104,13 @@ class NoiseSample:
     def without(self, columns: BlockAngular) -> NoiseSample:
         """Return what is left when further columns (3 n, k), divided by `scale`, are taken out."""
         before, rows = self.columns, self.rows
-        basis = span(before.beside(columns))
+        basis = span(before.beside(columns) if before.shape[1] else columns)
         scaled = np.concatenate([(block / self.scale).ravel() for block in self.residuals])
         left = basis.off(scaled)
-        parts = [basis.at(mine) for mine in rows]
-        own, shared = [q for _, q, _ in parts], [q for _, _, q in parts]
-        taken, apart = (
-            [block.reshape(len(block) // 3, 3, block.shape[1]) * self.scale[:, None] for block in blocks]
-            for blocks in (shared, own)
-        )
+        taken, apart = [], []
+        for _, own, shared in map(basis.at, rows):
+            taken.append(shared.reshape(len(shared) // 3, 3, shared.shape[1]) * self.scale[:, None])
+            apart.append(own.reshape(len(own) // 3, 3, own.shape[1]) * self.scale[:, None])
         residuals = [left[mine].reshape(-1, 3) * self.scale for mine in rows]
         lost = self.lost + (basis.rank - before.shape[1]) / 3.0
         return replace(self, residuals=residuals, span=taken, apart=apart, lost=lost)
