@@ -483,34 +483,37 @@ def _own_bases(columns: BlockAngular, left: FloatArray) -> Iterator[tuple[IntArr
         yield part.rows, q
 
 
+def _leading(columns: FloatArray, least: float = 0.0) -> FloatArray:
+    """Return the left singular vectors of what is not dust beside the largest singular value, or beside `least`.
+
+    They may take the memory of `columns`, which are then overwritten.
+    """
+    if columns.shape[1] == 0:
+        return np.zeros((len(columns), 0))
+    left, singular = left_vectors(columns)
+    return left[:, : np.count_nonzero(singular > RANK * max(float(singular.max(initial=0.0)), least))]
+
+
 #: Rows that are factorised at a time.
 _ROWS = 4096
 
 
-def _leading(columns: FloatArray, least: float = 0.0) -> FloatArray:
-    """Return the left singular vectors of what is not dust beside the largest singular value, or beside `least`.
+def left_vectors(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the left singular vectors (n, k) and the singular values (k,) of columns (n, k), which are overwritten.
 
-    Many rows are factorised block by block, in the memory of `columns`, which are overwritten: B_i = Q_i R_i, and with
-    the singular vectors U_i of all R_i, stacked, those of all B_i are Q_i U_i.
+    Many rows are factorised block by block, in the memory of the columns: B_i = Q_i R_i, and with the singular vectors
+    U_i of all R_i, stacked, those of all B_i are Q_i U_i.
     """
-    if columns.shape[1] == 0:
-        return np.zeros((len(columns), 0))
-    if len(columns) <= max(_ROWS, 2 * columns.shape[1]):
+    if len(columns) <= max(_ROWS, 2 * columns.shape[1]) or not columns.shape[1]:
         left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-        return np.asarray(left[:, _solid(singular, least)])
-    blocks, triangles = [slice(at, at + _ROWS) for at in range(0, len(columns), _ROWS)], []
+        return left, singular
+    blocks, triangles = [columns[at : at + _ROWS] for at in range(0, len(columns), _ROWS)], []
     for block in blocks:
-        q, r = np.linalg.qr(columns[block])
-        columns[block, : q.shape[1]] = q
+        q, r = np.linalg.qr(block)
+        block[:, : q.shape[1]] = q
         triangles.append(r)
     left, singular, _ = np.linalg.svd(np.concatenate(triangles), full_matrices=False)
-    left = left[:, _solid(singular, least)]
     ends = np.cumsum([0, *map(len, triangles)])
     for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
-        columns[block, : left.shape[1]] = columns[block, : last - first] @ left[first:last]
-    return columns[:, : left.shape[1]]
-
-
-def _solid(singular: FloatArray, least: float) -> BoolArray:
-    """Return which singular values are not dust."""
-    return np.asarray(singular > RANK * max(float(singular.max(initial=0.0)), least))
+        block[:] = block[:, : last - first] @ left[first:last]
+    return columns, singular

@@ -44,7 +44,7 @@ class _Chain(NamedTuple):
     sin: float
 
 
-@cached(0.2e9)
+@cached(0.1e9)
 def joint_motion(cpg: Cpg, segments: tuple[DriveSegment, ...], duration: float, step: float) -> JointMotion:
     """Integrate the CPG and sample the joint motion on the half-step grid.
 

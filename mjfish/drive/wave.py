@@ -66,7 +66,7 @@ def travelling(lengths: Sequence[float]) -> Wave:
     return Wave(1.0, tuple(amplitude), tuple(-2.0 * np.pi * place), (0.0,) * len(place), ramp=1.0)
 
 
-@cached(0.2e9)
+@cached(0.1e9)
 def joint_motion(wave: Wave, start: float, end: float, step: float) -> JointMotion:
     """Sample the joint motion on the half-step grid, rates and accelerations exactly.
 

@@ -287,7 +287,7 @@ def joint_motion(asked: JointMotion, trial: Trial, servos: Servos) -> JointMotio
     return asked if trial.joints_measured or not servos else _driven(asked, servos)
 
 
-@cached(0.2e9)
+@cached(0.1e9)
 def _driven(motion: JointMotion, servos: Servos) -> JointMotion:
     for effect, values in servos:
         motion = effect.drive(motion, dict(values))

@@ -289,7 +289,7 @@ def _rows_of_number(
     )
 
 
-@sized_cache(lambda rates: rates.nbytes, 0.1e9)
+@sized_cache(lambda rates: rates.nbytes, 0.05e9)
 def _of_drive(asked: JointMotion, servos: Active, p: Parameter, value: float) -> FloatArray:
     """Return rates of angle, rate and acceleration (3, n, 3, joints)."""
 
@@ -302,7 +302,7 @@ def _of_drive(asked: JointMotion, servos: Active, p: Parameter, value: float) ->
     return readonly(difference(moves, p, value))
 
 
-@sized_cache(lambda rates: rates.nbytes, 0.1e9)
+@sized_cache(lambda rates: rates.nbytes, 0.05e9)
 def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Active, short: str, step: float) -> FloatArray:
     """Return rates of angle, rate and acceleration (3, n, 3, joints) by the frequency or the phase of a wave."""
 
