@@ -23,12 +23,13 @@ decomposition, Linear Algebra and its Applications 34.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from mjfish.arrays import RANK, BoolArray, FloatArray
 
@@ -208,24 +209,56 @@ class BlockAngular:
 
     def solve(self, y: FloatArray, rank: float) -> FloatArray:
         """Return J^+ y (p,) of y (n,): singular values below the share `rank` of the largest count as zero."""
-        factors = self.factors
-        return np.asarray(np.linalg.lstsq(factors.triangle, factors.basis.coordinates(y), rcond=rank)[0])
+        return self.factors.solve(y, rank)
+
+    def sparse(self, count: int) -> sparse.csr_array:
+        """Return the matrix without its zeros, as one of `count` rows: nothing is in those behind its own."""
+        pieces = [(np.arange(len(self.shared)), self.places, self.shared)]
+        pieces += [(part.rows, part.columns, part.block) for part in self.parts]
+        rows = np.concatenate([np.repeat(at, len(columns)) for at, columns, _ in pieces])
+        places = np.concatenate([np.tile(columns, len(at)) for at, columns, _ in pieces])
+        values = np.concatenate([block.ravel() for _, _, block in pieces])
+        return sparse.csr_array((values, (rows, places)), shape=(count, self.shape[1]))
+
+    def inverses(self, rank: float) -> tuple[list[Inverse], Inverse, float]:
+        """Return the inverses of the diagonal blocks of a triangle, by run, of the shared one, and the least size.
+
+        This is the share `rank` of the largest singular value of any.
+        """
+        own = [Inverse.of(part.block) for part in self.parts]
+        shared = Inverse.of(self.shared[sum(len(part.rows) for part in self.parts) :])
+        return own, shared, rank * max(1e-100, *(one.sizes.max(initial=0.0) for one in (shared, *own)))
+
+    def inverse_gram(self, rank: float) -> FloatArray:
+        """Return (R'R)^-1 (p, p) of a triangle; singular values below the share `rank` of the largest count as that."""
+        own, shared, least = self.inverses(rank)
+        root, moved = shared.floored(least)[0], np.zeros((self.shape[1], len(self.places)))
+        moved[self.places] = np.eye(len(self.places))
+        result = np.zeros((self.shape[1], self.shape[1]))
+        for part, one in zip(self.parts, own, strict=True):
+            alone, inverse = one.floored(least)
+            result[np.ix_(part.columns, part.columns)] = alone @ alone.T
+            moved[part.columns] = -inverse @ self.shared[part.rows]
+        moved = moved @ root
+        return np.asarray(result + moved @ moved.T)
 
     @cached_property
     def factors(self) -> Factors:
-        """The factorisation J = Q R."""
-        left, owns, rows = self.shared.copy(), [], []
+        """The factorisation J = Q R, kept as long as the matrix is: Q is as large."""
+        return self.factorised()
+
+    def factorised(self) -> Factors:
+        """Return the factorisation J = Q R."""
+        left, owns, tops, parts, count = self.shared.copy(), [], [], [], 0
         for part in self.parts:
-            q, r = np.linalg.qr(part.block)
-            tops = q.T @ left[part.rows]
-            left[part.rows] -= q @ tops
+            q, r = _own_factors(part.block)
+            tops.append(q.T @ left[part.rows])
+            left[part.rows] -= q @ tops[-1]
             owns.append((part.rows, q))
-            rows.append(np.zeros((len(r), self.shape[1])))
-            rows[-1][:, part.columns], rows[-1][:, self.places] = r, tops
+            parts.append(Part(np.arange(count, count + len(r)), part.columns, r))
+            count += len(r)
         q, r = np.linalg.qr(left)
-        rows.append(np.zeros((len(r), self.shape[1])))
-        rows[-1][:, self.places] = r
-        return Factors(Basis(tuple(owns), q), np.concatenate(rows))
+        return Factors(Basis(tuple(owns), q), BlockAngular(np.concatenate([*tops, r]), self.places, tuple(parts)))
 
 
 def block_angular(shared: FloatArray, rows: Sequence[IntArray], blocks: Sequence[FloatArray]) -> BlockAngular:
@@ -284,6 +317,12 @@ class Basis:
             left[rows] -= q @ (q.T @ y[rows])
         return np.asarray(left)
 
+    def off_at(self, rows: IntArray, y: FloatArray, coordinates: FloatArray) -> FloatArray:
+        """Return some rows of one run of what `off` returns of y (n, ...), with its `coordinates`."""
+        run, own, shared = self.at(rows)
+        mine, common = coordinates[self.places_of(run)], coordinates[self.places_of(None)]
+        return np.asarray(y[rows] - shared @ common - own @ mine)
+
     def explained(self, y: FloatArray) -> float:
         """Return |Q' y|^2 of y (n,)."""
         return float(np.sum(self.coordinates(y) ** 2))
@@ -339,17 +378,72 @@ class Basis:
         return float(total)
 
 
+def _own_factors(block: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return Q (m, rank) and R (rank, k) of a run's own columns: shared ones lose nothing but what is in their span."""
+    q, r = np.linalg.qr(block)
+    pivots = np.abs(np.diag(r))
+    if pivots.min(initial=np.inf) > RANK * pivots.max(initial=0.0):
+        return q, r
+    q, sizes, right = np.linalg.svd(block, full_matrices=False)
+    kept = sizes > RANK * sizes.max(initial=0.0)
+    return q[:, kept], sizes[kept, None] * right[kept]
+
+
 @dataclass(frozen=True, eq=False)
 class Factors:
     """A factorisation J = Q R.
 
     Attributes:
         basis: Q.
-        triangle: (rank of Q, p) R: R'R = J'J.
+        triangle: (rank of Q, p) R: R'R = J'J, of block angular form, rows of single runs first.
     """
 
     basis: Basis
-    triangle: FloatArray
+    triangle: BlockAngular
+
+    def solve(self, y: FloatArray, rank: float) -> FloatArray:
+        """Return J^+ y (p,) of y (n,): singular values below the share `rank` of the largest count as zero."""
+        r, right = self.triangle, self.basis.coordinates(y)
+        inverses, shared, least = r.inverses(rank)
+        found = np.zeros(r.shape[1])
+        count = len(r.shared) - len(shared.left)
+        found[r.places] = shared.times(right[count:], least)
+        right = right[:count] - r.shared[:count] @ found[r.places]
+        for part, inverse in zip(r.parts, inverses, strict=True):
+            found[part.columns] = inverse.times(right[part.rows], least)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Inverse:
+    """The inverse of a small matrix U diag(s) V'.
+
+    Attributes:
+        left: (m, r) U.
+        sizes: (r,) s.
+        right: (k, k) V'; rows behind the first r are directions that the matrix does not see.
+    """
+
+    left: FloatArray
+    sizes: FloatArray
+    right: FloatArray
+
+    @classmethod
+    def of(cls, block: FloatArray) -> Inverse:
+        """Return the inverse of a matrix (m, k)."""
+        left, sizes, right = np.linalg.svd(block)
+        return cls(left[:, : len(sizes)], sizes, right)
+
+    def times(self, y: FloatArray, least: float) -> FloatArray:
+        """Return the inverse times y (m,); singular values below `least` count as zero."""
+        kept = np.flatnonzero(self.sizes > least)
+        return np.asarray(self.right[kept].T @ ((self.left.T @ y)[kept] / self.sizes[kept]))
+
+    def floored(self, least: float) -> tuple[FloatArray, FloatArray]:
+        """Return V diag(1 / s) (k, k) and the inverse (k, m); singular values below `least` count as that."""
+        sizes = np.concatenate([self.sizes, np.zeros(len(self.right) - len(self.sizes))])
+        turned = self.right.T / np.maximum(sizes, least)
+        return turned, turned[:, : len(self.sizes)] @ self.left.T
 
 
 def span(columns: BlockAngular) -> Basis:
@@ -358,20 +452,68 @@ def span(columns: BlockAngular) -> Basis:
     Directions below `mjfish.arrays.RANK` of the strongest are numerical dust: of a run's own columns, then of what
     these leave of the shared ones.
     """
+    left = columns.shared * _scale(columns)[columns.places]
+    owns = tuple(_own_bases(columns, left))
+    return Basis(owns, _leading(left, least=1.0))
+
+
+def explained(columns: BlockAngular, y: FloatArray) -> tuple[float, int]:
+    """Return |Q' y|^2 of y (n,) and the rank of Q, the `span` of the columns, of which the own part is not kept."""
+    left, total, rank = columns.shared * _scale(columns)[columns.places], 0.0, 0
+    for rows, q in _own_bases(columns, left):
+        total += float(np.sum((q.T @ y[rows]) ** 2))
+        rank += q.shape[1]
+    q = _leading(left, least=1.0)
+    return total + float(np.sum((q.T @ y) ** 2)), rank + q.shape[1]
+
+
+def _scale(columns: BlockAngular) -> FloatArray:
+    """Return by what the columns (p,) must be multiplied to have length 1; 0 of those of nothing."""
     lengths = columns.lengths
-    scale = np.where(lengths > 1e-300, 1.0 / np.maximum(lengths, 1e-300), 0.0)
-    left, owns = columns.shared * scale[columns.places], []
+    return np.where(lengths > 1e-300, 1.0 / np.maximum(lengths, 1e-300), 0.0)
+
+
+def _own_bases(columns: BlockAngular, left: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield rows and basis of each run's own columns; they are taken out of the shared ones, `left` (n, s)."""
+    scale = _scale(columns)
     for part in columns.parts:
         q = _leading(part.block * scale[part.columns])
         for _ in range(2):  # once leaves rounding of what it takes out
             left[part.rows] -= q @ (q.T @ left[part.rows])
-        owns.append((part.rows, q))
-    return Basis(tuple(owns), _leading(left, least=1.0))
+        yield part.rows, q
 
 
 def _leading(columns: FloatArray, least: float = 0.0) -> FloatArray:
-    """Return the left singular vectors of what is not dust beside the largest singular value, or beside `least`."""
+    """Return the left singular vectors of what is not dust beside the largest singular value, or beside `least`.
+
+    They may take the memory of `columns`, which are then overwritten.
+    """
     if columns.shape[1] == 0:
         return np.zeros((len(columns), 0))
-    left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left[:, singular > RANK * max(float(singular.max(initial=0.0)), least)])
+    left, singular = left_vectors(columns)
+    return left[:, : np.count_nonzero(singular > RANK * max(float(singular.max(initial=0.0)), least))]
+
+
+#: Rows that are factorised at a time.
+_ROWS = 4096
+
+
+def left_vectors(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the left singular vectors (n, k) and the singular values (k,) of columns (n, k), which are overwritten.
+
+    Many rows are factorised block by block, in the memory of the columns: B_i = Q_i R_i, and with the singular vectors
+    U_i of all R_i, stacked, those of all B_i are Q_i U_i.
+    """
+    if len(columns) <= max(_ROWS, 2 * columns.shape[1]) or not columns.shape[1]:
+        left, singular, _ = np.linalg.svd(columns, full_matrices=False)
+        return left, singular
+    blocks, triangles = [columns[at : at + _ROWS] for at in range(0, len(columns), _ROWS)], []
+    for block in blocks:
+        q, r = np.linalg.qr(block)
+        block[:, : q.shape[1]] = q
+        triangles.append(r)
+    left, singular, _ = np.linalg.svd(np.concatenate(triangles), full_matrices=False)
+    ends = np.cumsum([0, *map(len, triangles)])
+    for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
+        block[:] = block[:, : last - first] @ left[first:last]
+    return columns, singular

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.block_angular import Basis, BlockAngular, Part, span
+from mjfish.block_angular import Basis, BlockAngular, Part, explained, span
 from mjfish.diagnosis.sign_flips import tail_of_flips
 from mjfish.diagnosis.weighted_sum import Ridge, weighted_tail
 
@@ -39,22 +39,18 @@ class ByRun:
     basis: Basis
     columns: BlockAngular
 
-    @cached_property
-    def joint(self) -> Basis:
-        """Basis of the span of J and W."""
-        return span(self.jacobian.beside(self.columns))
-
     def statistic(self, cleared: FloatArray) -> tuple[float, int]:
         """Return u' I^+ u and the rank of I, of a residual (n,) that J explains nothing of."""
-        return self.joint.explained(cleared), self.joint.rank - self.basis.rank
+        both, rank = explained(self.jacobian.beside(self.columns), cleared)
+        return both, rank - self.basis.rank
 
     def flipped_p(self, cleared: FloatArray) -> float:
         """Return the p value of the statistic over all flips of signs."""
-        return tail_of_flips(self.joint, self.basis, cleared)
+        return tail_of_flips(span(self.jacobian.beside(self.columns)), self.basis, cleared)
 
     def fitted(self, cleared: FloatArray) -> FloatArray:
         """Return what the columns explain (n,) of a residual."""
-        return np.asarray(cleared - self.joint.off(cleared))
+        return np.asarray(cleared - span(self.jacobian.beside(self.columns)).off(cleared))
 
     @cached_property
     def blocks(self) -> tuple[tuple[FloatArray, FloatArray], ...]:

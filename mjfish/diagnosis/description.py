@@ -174,8 +174,9 @@ def _halves(evidence: Evidence, rng: np.random.Generator) -> list[list[int]]:
     if len(rows) < 2:
         return [_pursuit(evidence.score, evidence.information)]
     z = evidence.cleared
-    scores = [evidence.signatures[r].T @ z[r] for r in rows]
-    informations = [evidence.signatures[r].T @ evidence.signatures[r] for r in rows]
+    signatures = evidence.signatures
+    scores = [signatures[r].T @ z[r] for r in rows]
+    informations = [signatures[r].T @ signatures[r] for r in rows]
     chosen = []
     for _ in range(_PAIRS):
         order = rng.permutation(len(rows))

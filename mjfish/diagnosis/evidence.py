@@ -108,7 +108,6 @@ class Evidence:
         score: (d,) u = S^' z, all candidates' amplitudes stacked, amplitudes in units of their scale.
         information: (d, d) S^' S^.
         raw: (n, d) S~, before the projection.
-        signatures: (n, d) S^.
         coefficients: orthonormal basis of the span of J.
     """
 
@@ -120,8 +119,12 @@ class Evidence:
     score: FloatArray
     information: FloatArray
     raw: FloatArray
-    signatures: FloatArray
     coefficients: Basis
+
+    @property
+    def signatures(self) -> FloatArray:
+        """S^ (n, d), made anew: it is as large as `raw`."""
+        return self.coefficients.off(self.raw)
 
     @cached_property
     def _every_coefficient(self) -> Basis:
@@ -242,7 +245,12 @@ class Evidence:
 
     def omnibus_p(self) -> float:
         """Return the p value of the omnibus basis, which knows no cause."""
-        return tail(*self.waves.statistic(self.cleared))
+        return tail(*self._omnibus)
+
+    @cached_property
+    def _omnibus(self) -> tuple[float, int]:
+        """Statistic and rank of the omnibus basis."""
+        return self.waves.statistic(self.cleared)
 
     def common(self) -> tuple[float, int]:
         """Return statistic and rank of the omnibus waves that are the same in all runs, from start to end.
@@ -263,13 +271,14 @@ class Evidence:
 
         Under white noise it is the omnibus test. Where the noise is far smaller at some frequencies, it asks there.
         """
-        energy = np.array([own.reshape(len(CHANNELS), -1).mean(axis=1) for own in self.waves.energy])
+        waves = self.waves
+        energy = np.array([own.reshape(len(CHANNELS), -1).mean(axis=1) for own in waves.energy])
         size = 1.0 / np.sqrt(np.maximum(energy.mean(axis=0), 1e-300))
         parts = tuple(
             replace(part, block=part.block * np.repeat(size, part.block.shape[1] // len(size)))
-            for part in self.waves.columns.parts
+            for part in waves.columns.parts
         )
-        scaled = replace(self.waves, columns=replace(self.waves.columns, parts=parts))
+        scaled = replace(waves, columns=replace(waves.columns, parts=parts))
         return scaled.drawn(self.cleared, self.problem.noise.doubt)
 
     def saturated_excess(self) -> float:
@@ -279,7 +288,7 @@ class Evidence:
 
     def omnibus_excess(self) -> float:
         """Return what the omnibus basis explains beyond chance."""
-        statistic, rank = self.waves.statistic(self.cleared)
+        statistic, rank = self._omnibus
         return statistic - rank
 
     @cached_property
@@ -287,9 +296,9 @@ class Evidence:
         """The derivatives J by the free parameters that are not at a bound."""
         return self.fit.jacobian.chosen(~self.fit.at_bound)
 
-    @cached_property
+    @property
     def waves(self) -> ByRun:
-        """The omnibus basis beside the free parameters."""
+        """The omnibus basis beside the free parameters, made anew: it has as many columns a run as there are waves."""
         return ByRun(self.jacobian, self.coefficients, whitened_omnibus(self.problem))
 
     def _degrees_of_freedom(self, name: str) -> int:
@@ -314,17 +323,20 @@ def gather(
     coefficients = span(fit.jacobian.chosen(~fit.at_bound))
     z = coefficients.off(fit.residual)
     raw = problem.rows(signatures(problem, fit.values, kept) if known_signatures is None else known_signatures).shared
-    projected = coefficients.off(raw)
+    inside, score, information = coefficients.coordinates(raw), np.zeros(raw.shape[1]), np.zeros((raw.shape[1],) * 2)
+    for rows in (*problem.trial_rows, *np.arange(problem.measured, len(raw))[:, None]):
+        left = coefficients.off_at(rows, raw, inside)
+        score += left.T @ z[rows]
+        information += left.T @ left
     return Evidence(
         problem=problem,
         fit=fit,
         candidates=kept,
         amplitudes=amplitudes,
         cleared=z,
-        score=projected.T @ z,
-        information=projected.T @ projected,
+        score=score,
+        information=information,
         raw=raw,
-        signatures=projected,
         coefficients=coefficients,
     )
 

@@ -148,8 +148,8 @@ def left_by_others(formula: Refit, learned: Refit) -> float:
     slopes = learned.fit.jacobian.of_columns(at) * scales
     fit, names = formula.fit, {p.name for effect in formula.effects for p in effect.parameters}
     coefficients = np.array([p.name not in names for p in fit.parameters]) & ~fit.at_bound
-    beyond = (span(fit.jacobian.chosen(kept)).off(slopes) @ forms for kept in (coefficients, ~fit.at_bound))
-    strength, left = (np.sum(part**2, axis=0) for part in beyond)
+    beyond = (span(fit.jacobian.chosen(kept)).off(slopes) for kept in (coefficients, ~fit.at_bound))
+    strength, left = (np.sum((np.linalg.qr(part, mode="r") @ forms) ** 2, axis=0) for part in beyond)
     return formula.gain * float(np.quantile(left / np.maximum(strength, 1e-300), _UNSEEN))
 
 

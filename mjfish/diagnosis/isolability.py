@@ -71,12 +71,14 @@ def isolability(evidence: Evidence, learned: Sequence[Effect] = ()) -> Isolabili
         learned: causes of learned form; without one, a mechanism has its formulas only.
     """
     effects = (*evidence.candidates, *learned)
-    raw, left = amplitude_signatures(evidence, learned)
-    return isolated(left.T @ left, np.sum(raw**2, axis=0), effects)
+    energy, left = amplitude_signatures(evidence, learned)
+    return isolated(left.T @ left, energy, effects)
 
 
 def amplitude_signatures(evidence: Evidence, learned: Sequence[Effect]) -> tuple[FloatArray, FloatArray]:
-    """Return the signatures (n, d) of all amplitudes, of formulas, then of learned forms; and beyond the coefficients.
+    """Return, of the signatures of all amplitudes, of formulas, then of learned forms, the squared lengths (d,).
+
+    And what the coefficients leave of them (n, d).
 
     Those of a cause that is not smooth at its null are the change of the prediction by one scale of the amplitude.
     """
@@ -88,7 +90,10 @@ def amplitude_signatures(evidence: Evidence, learned: Sequence[Effect]) -> tuple
     nominal = problem.rough.residual(fit.x) if rough else fit.residual
     for effect, block in rough:
         raw[:, block] = nominal[:, None] - _stepped(problem.rough, fit, effect)
-    return raw, evidence.coefficients.off(raw)
+    energy, inside = np.einsum("nd,nd->d", raw, raw), evidence.coefficients.coordinates(raw)
+    for rows in (*problem.trial_rows, *np.arange(problem.measured, len(raw))[:, None]):
+        raw[rows] = evidence.coefficients.off_at(rows, raw, inside)
+    return energy, raw
 
 
 def _stepped(problem: Problem, fit: Fit, effect: Effect) -> FloatArray:

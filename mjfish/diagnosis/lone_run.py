@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mjfish.arrays import FloatArray, orthonormal, principal_axes, project_out
+from mjfish.block_angular import Part
 from mjfish.diagnosis.evidence import Evidence, tail
 from mjfish.diagnosis.select import GOODNESS
 
@@ -29,7 +30,8 @@ def lone_run(evidence: Evidence) -> int | None:
     runs = len(evidence.problem.trials)
     if runs < _FEWEST:
         return None
-    small = [_small(evidence, i) for i in range(runs)]
+    every = evidence.waves.columns.parts
+    small = [_small(evidence, i, every) for i in range(runs)]
     known = _known(evidence)
     alone = [i for i in range(runs) if _least_p([*small[:i], *small[i + 1 :], known], evidence) >= GOODNESS]
     return alone[0] if len(alone) == 1 else None
@@ -50,11 +52,11 @@ class _Small:
     waves: int
 
 
-def _small(evidence: Evidence, run: int) -> _Small:
-    """Return the rows of one run in few numbers."""
+def _small(evidence: Evidence, run: int, every: Sequence[Part]) -> _Small:
+    """Return the rows of one run in few numbers; `every` has the omnibus waves of all."""
     rows = evidence.problem.trial_rows[run]
     alone, shared = evidence.jacobian.at(rows)
-    waves = next(p for p in evidence.waves.columns.parts if p.rows[0] == rows[0])
+    waves = next(part for part in every if part.rows[0] == rows[0])
     wave = np.zeros((len(rows), waves.block.shape[1]))
     wave[np.searchsorted(rows, waves.rows)] = waves.block
     residual = evidence.fit.residual[rows, None]

@@ -80,7 +80,6 @@ def _scored(evidence: Evidence, effect: Effect, tried: Sequence[dict[str, float]
             score=projected.T @ evidence.cleared,
             information=projected.T @ projected,
             raw=raw,
-            signatures=projected,
         )
 
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, orthonormal
+from mjfish.arrays import FloatArray
+from mjfish.block_angular import BlockAngular, span
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.estimation.omnibus import beat_phase
@@ -59,8 +60,7 @@ def locate(evidence: Evidence, directed: bool) -> Where:
     """
     problem = evidence.problem
     z = evidence.cleared
-    span = orthonormal(evidence.signatures) if directed else None
-    systematic = evidence.waves.fitted(z) if span is None else span @ (span.T @ z)
+    systematic = z - span(BlockAngular.of(evidence.signatures)).off(z) if directed else evidence.waves.fitted(z)
     energy = (systematic[: problem.samples] ** 2).reshape(-1, 3)
     labels = [_labels(problem.model.fish.cpg, trial) for trial in problem.trials]
     counted = [problem.mask(i) for i in range(len(problem.trials))]

@@ -9,7 +9,6 @@ accelerations come from the right-hand side and its time derivative, never from 
 
 from __future__ import annotations
 
-import functools
 import itertools
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -18,7 +17,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, merged
-from mjfish.drive.motion import JointMotion, grid
+from mjfish.drive.motion import JointMotion, cached, grid
 from mjfish.errors import InputError
 from mjfish.fish import Cpg
 
@@ -45,7 +44,7 @@ class _Chain(NamedTuple):
     sin: float
 
 
-@functools.lru_cache(maxsize=256)
+@cached(0.1e9)
 def joint_motion(cpg: Cpg, segments: tuple[DriveSegment, ...], duration: float, step: float) -> JointMotion:
     """Integrate the CPG and sample the joint motion on the half-step grid.
 

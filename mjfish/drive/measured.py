@@ -10,6 +10,7 @@ costs 1.4 of them: plain cross-validation now and then takes white noise for mot
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,14 +38,18 @@ def joint_motion(time: FloatArray, angle: FloatArray, step: float, *, late: floa
         step: longest integration step [s].
         late: by how much the joints are behind the record [s]; where they begin they stand still as long.
     """
+    return sampled([smoothing_spline(time, column) for column in angle.T], time, step, late=late)
+
+
+def sampled(splines: Sequence[BSpline], time: FloatArray, step: float, *, late: float = 0.0) -> JointMotion:
+    """Sample splines of all joints on the half-step grid; arguments as in `joint_motion`."""
     boundaries = grid(np.array([time[0], time[-1]]), step)
-    splines = [smoothing_spline(time, angle[:, joint]) for joint in range(angle.shape[1])]
     stages = np.stack([boundaries[:-1], 0.5 * (boundaries[:-1] + boundaries[1:]), boundaries[1:]], axis=1)
-    sampled = [
+    motion = [
         np.stack([spline(np.maximum(stages - late, time[0]), nu=order) for spline in splines], axis=-1)
         for order in range(3)
     ]
-    return JointMotion(time=boundaries, angle=sampled[0], rate=sampled[1], acceleration=sampled[2])
+    return JointMotion(time=boundaries, angle=motion[0], rate=motion[1], acceleration=motion[2])
 
 
 def smoothing_spline(time: FloatArray, signal: FloatArray) -> BSpline:

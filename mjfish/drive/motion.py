@@ -9,12 +9,17 @@ from __future__ import annotations
 
 import functools
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ParamSpec
 
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.compiled import compiled
+from mjfish.sized_cache import SizedCache, sized_cache
+
+P = ParamSpec("P")
 
 #: Smallest jump of a joint's rate between two steps [rad/s]: rounding is none.
 _JUMP = 1e-9
@@ -45,6 +50,11 @@ class JointMotion:
     def joints(self) -> int:
         """Number of joints."""
         return int(self.angle.shape[2])
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the motion with its `trigonometry`."""
+        return int(self.time.nbytes + 5 * self.angle.nbytes)
 
     @functools.cached_property
     def trigonometry(self) -> tuple[FloatArray, FloatArray]:
@@ -81,6 +91,11 @@ class JointMotion:
         angle = np.stack([self.angle[:, pair] for pair in pairs], axis=1).reshape(-1, 2, self.joints)
         rate = np.stack([self.rate[:, pair] for pair in pairs], axis=1).reshape(-1, 2, self.joints)
         return nodes, angle, rate
+
+
+def cached(limit: float) -> Callable[[Callable[P, JointMotion]], SizedCache[P, JointMotion]]:
+    """Return a decorator that keeps the motions that a function returns, up to `limit` bytes of them."""
+    return sized_cache(lambda motion: motion.nbytes, limit)
 
 
 #: Shortest step after a break [s]: a servo that follows a step of the drive does so within milliseconds.

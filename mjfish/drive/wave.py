@@ -8,14 +8,13 @@ rate or acceleration; without a ramp r = 1, and the fish is swimming when the re
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.drive.motion import JointMotion, grid
+from mjfish.drive.motion import JointMotion, cached, grid
 from mjfish.errors import InputError
 
 
@@ -67,7 +66,7 @@ def travelling(lengths: Sequence[float]) -> Wave:
     return Wave(1.0, tuple(amplitude), tuple(-2.0 * np.pi * place), (0.0,) * len(place), ramp=1.0)
 
 
-@functools.lru_cache(maxsize=256)
+@cached(0.1e9)
 def joint_motion(wave: Wave, start: float, end: float, step: float) -> JointMotion:
     """Sample the joint motion on the half-step grid, rates and accelerations exactly.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg
 
 from mjfish.arrays import FloatArray, project_out
 from mjfish.estimation.fit import Fit
@@ -27,8 +26,8 @@ class Reduced:
         found: covariance of the residuals in time.
         bases: Q_r (n_r, 3, k) of every trial.
         factors: (trials, k, p) R_r.
-        residual: (trials k,) Q_r' e_r.
-        omega: (trials k, trials k) Q_r' Omega_r Q_r on its diagonal.
+        residual: (trials, k) Q_r' e_r.
+        omega: (trials, k, k) Q_r' Omega_r Q_r.
     """
 
     trials: tuple[str, ...]
@@ -42,10 +41,6 @@ class Reduced:
     def common(self) -> FloatArray:
         """Columns (trials k, p) of parameters that all trials share."""
         return self.factors.reshape(-1, self.factors.shape[2])
-
-    def split(self, place: int) -> FloatArray:
-        """Return the column of one parameter as one column a trial (trials k, trials)."""
-        return linalg.block_diag(*self.factors[:, :, place, None])
 
 
 def reduced(problem: Problem, fit: Fit) -> Reduced:
@@ -73,7 +68,7 @@ def reduced(problem: Problem, fit: Fit) -> Reduced:
     found = serial_apart([block for block, _ in left], [both for _, both in left])
     middles = [found.quadratic_of(r, q) for r, q in enumerate(bases)]
     names = tuple(block.trial for block in blocks)
-    return Reduced(names, found, tuple(bases), np.array(factors), np.concatenate(residual), linalg.block_diag(*middles))
+    return Reduced(names, found, tuple(bases), np.array(factors), np.array(residual), np.array(middles))
 
 
 def span(columns: FloatArray) -> FloatArray:

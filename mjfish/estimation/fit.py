@@ -28,6 +28,8 @@ _AT_BOUND = 1e-4
 _MAX_EVALUATIONS = 100
 #: Parameters up to which the step is by a singular value decomposition; by LSMR, whose time is linear in them, beyond.
 _EXACT = 400
+#: LSMR to the last digits: steps, and so their number, are then those of the exact solver.
+_EXACTLY = {"atol": 1e-12, "btol": 1e-12, "regularize": False}
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,17 +128,18 @@ def fit(
     inside = 1e-6 * (high - low)
     x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
 
-    turned = _Turned(problem, scale) if loss == "linear" else _Rows(problem, scale)
     large = loss == "linear" and len(scale) > _EXACT
+    turned = _Turned(problem, scale, large) if loss == "linear" else _Rows(problem, scale)
     with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
         solution = optimize.least_squares(
             turned.residual,
             x0 / scale,
-            jac=turned.sparse_jacobian if large else turned.jacobian,
+            jac=turned.jacobian,
             bounds=(low / scale, high / scale),
             method="trf",
             x_scale="jac",
             tr_solver="lsmr" if large else "exact",
+            tr_options={**_EXACTLY, "maxiter": 10 * len(scale)} if large else {},
             ftol=tolerance,
             xtol=1e-8,
             gtol=1e-10,
@@ -172,7 +175,8 @@ class End:
 
 def fit_at(problem: Problem, end: End) -> Fit:
     """Return the `fit` of a problem by squares that is known to have ended there, to the last bit."""
-    return _fit_at(problem, _Turned(problem, np.array([p.scale for p in problem.parameters])), end, "linear", 1.0)
+    turned = _Turned(problem, np.array([p.scale for p in problem.parameters]), large=False)
+    return _fit_at(problem, turned, end, "linear", 1.0)
 
 
 def _fit_at(problem: Problem, turned: _Rows, end: End, loss: Loss, loss_scale: float) -> Fit:
@@ -184,15 +188,16 @@ def _fit_at(problem: Problem, turned: _Rows, end: End, loss: Loss, loss_scale: f
     weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
     if loss != "linear":
         residual, jacobian = residual * weight, jacobian.scaled(rows=weight)
-    triangle = jacobian.above(turned.prior).factors.triangle
+    triangle = jacobian.above(turned.prior).factorised().triangle
+    every = covariance(triangle, np.zeros_like(at_bound))
     return Fit(
         parameters=problem.parameters,
         x=x,
         sse=float(residual @ residual),
         residual=residual,
         jacobian=jacobian,
-        covariance=covariance(triangle, at_bound),
-        reach=np.sqrt(np.diag(covariance(triangle, np.zeros_like(at_bound)))),
+        covariance=covariance(triangle, at_bound) if at_bound.any() else every,
+        reach=np.sqrt(np.diag(every)),
         at_bound=at_bound,
         status="diverged" if divergence else end.status,
         message=divergence or end.message,
@@ -215,13 +220,9 @@ class _Rows:
         x = y * self.scale
         return np.concatenate([self.problem.residual(x), self.mean - self.prior @ x])
 
-    def jacobian(self, y: FloatArray) -> FloatArray:
+    def jacobian(self, y: FloatArray) -> FloatArray | sparse.csr_array:
         """Return its derivative at y (p,)."""
         return -self.problem.jacobian(y * self.scale).above(self.prior).dense() * self.scale
-
-    def sparse_jacobian(self, y: FloatArray) -> sparse.csr_array:
-        """Return the same without its zeros."""
-        return sparse.csr_array(self.jacobian(y))
 
     def at(self, y: FloatArray) -> tuple[FloatArray, BlockAngular]:
         """Return the residual and the derivative of the prediction, by x and without priors, at a point y (p,)."""
@@ -241,10 +242,10 @@ class _Turned(_Rows):
     least is kept, for the fit ends there.
     """
 
-    def __init__(self, problem: Problem, scale: FloatArray) -> None:
+    def __init__(self, problem: Problem, scale: FloatArray, large: bool) -> None:
         super().__init__(problem, scale)
-        self._least = np.inf
-        self._rows: dict[bytes, FloatArray] = {}
+        self._large, self._least = large, np.inf
+        self._rows: dict[bytes, BlockAngular] = {}
         self._best: tuple[FloatArray, FloatArray, BlockAngular] | None = None
 
     def residual(self, y: FloatArray) -> FloatArray:
@@ -255,19 +256,20 @@ class _Turned(_Rows):
             turned[-1] = np.sqrt(square * (1.0 + _BEYOND_DOUBT))
             return turned
         jacobian = self.problem.jacobian(y * self.scale)
-        factors = jacobian.above(self.prior).factors
+        factors = jacobian.above(self.prior).factorised()
         inside = factors.basis.coordinates(whole)
         turned[: len(inside)], turned[-1] = inside, np.sqrt(max(square - float(inside @ inside), 0.0))
-        rows = np.zeros((len(turned), len(y)))
-        rows[: len(inside)] = -factors.triangle * self.scale
-        self._rows = {y.tobytes(): rows}
+        self._rows = {y.tobytes(): factors.triangle.scaled(columns=-self.scale)}
         if square < self._least:
             self._least, self._best = square, (y.copy(), whole[: len(whole) - len(self.mean)], jacobian)
         return turned
 
-    def jacobian(self, y: FloatArray) -> FloatArray:
-        """Return its derivative at y (p,), the last point that was below all before."""
-        return self._rows[y.tobytes()]
+    def jacobian(self, y: FloatArray) -> FloatArray | sparse.csr_array:
+        """Return its derivative at y (p,), the last point that was below all before; without its zeros if large."""
+        rows = self._rows[y.tobytes()]
+        if self._large:
+            return rows.sparse(len(y) + 1)
+        return np.pad(rows.dense(), ((0, len(y) + 1 - len(rows.shared)), (0, 0)))
 
     def at(self, y: FloatArray) -> tuple[FloatArray, BlockAngular]:
         """Return the residual and the derivative of the prediction, by x and without priors, at a point y (p,)."""
@@ -295,13 +297,16 @@ def _settle(x: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArr
     return np.where(at_low, low, np.where(at_high, high, x)), at_low | at_high
 
 
-def covariance(triangle: FloatArray, at_bound: BoolArray) -> FloatArray:
-    """Return (R' R)^+ of the parameters off their bounds; directions that the data do not move get a huge variance."""
+def covariance(rows: BlockAngular, at_bound: BoolArray) -> FloatArray:
+    """Return (R' R)^-1 of the parameters off their bounds; directions that the data do not move get a huge variance.
+
+    Args:
+        rows: R, or any matrix whose factor it is.
+        at_bound: (p,) which parameters rest on a bound: theirs is zero.
+    """
     free = np.flatnonzero(~at_bound)
     result = np.zeros((len(at_bound), len(at_bound)))
-    _, singular, right = np.linalg.svd(triangle[:, free], full_matrices=False)
-    floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-100))
-    result[np.ix_(free, free)] = (right.T / floor**2) @ right
+    result[np.ix_(free, free)] = rows.chosen(~at_bound).factorised().triangle.inverse_gram(1e-10)
     return result
 
 

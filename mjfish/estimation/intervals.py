@@ -146,7 +146,7 @@ def _sandwich(
     of one run are those of its rows.
     """
     factors = jacobian.chosen(free).factors
-    left, singular, right = np.linalg.svd(factors.triangle, full_matrices=False)
+    left, singular, right = np.linalg.svd(factors.triangle.dense(), full_matrices=False)
     floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-100))
     turned = (left / floor) @ right
     covariance, degrees_of_freedom = np.zeros((len(free), len(free))), np.ones(len(free))

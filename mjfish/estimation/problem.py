@@ -347,21 +347,28 @@ class Problem:
             if ":" in p.name:
                 names[p.name.rpartition(":")[0]].append(k)
         own = [np.array(names[trial.name], dtype=np.intp) for trial in self.trials]
-        tasks = [(trial, [chosen[k] for k in (*shared, *mine)]) for trial, mine in zip(self.trials, own, strict=True)]
-        found = list(mapped(lambda task: self._slopes(task[0], here, task[1]), tasks, self.jobs))
-        velocity = [
-            np.nan_to_num(one.velocity if trial.measured.all() else one.velocity * trial.measured[:, None])[
-                self.mask(i)
-            ]
-            for i, (trial, one) in enumerate(zip(self.trials, found, strict=True))
-        ]
-        every = [block for one in found for block in one.sensors]
-        sensors = [
-            np.nan_to_num(block)[self.sensor_mask(i, sensor)] / self.sigma_of(sensor)[:, None]
-            for (i, sensor), block in zip(self.sensors, every, strict=True)
-        ]
-        sensors = [block.reshape(block.shape[0] * block.shape[1], block.shape[2]) for block in sensors]
-        return Slopes(shared, own, velocity, sensors)
+
+        def counted(index: int) -> _Predicted:
+            asked = [chosen[k] for k in (*shared, *own[index])]
+            return self._counted(index, self._slopes(self.trials[index], here, asked))
+
+        found = list(mapped(counted, range(len(self.trials)), self.jobs))
+        return Slopes(shared, own, [one.velocity for one in found], [block for one in found for block in one.sensors])
+
+    def _counted(self, index: int, found: _Predicted) -> _Predicted:
+        """Return the derivatives of one trial (n_r, 3, k) of counted samples, and whitened ones (m, k) of its sensors.
+
+        Zero where not measured, or not reached.
+        """
+        trial = self.trials[index]
+        velocity = np.nan_to_num(found.velocity[self.mask(index)], copy=False)
+        if not trial.measured.all():
+            velocity *= trial.measured[:, None]
+        sensors = (
+            np.nan_to_num(block)[self.sensor_mask(index, sensor)] / self.sigma_of(sensor)[:, None]
+            for sensor, block in zip(trial.sensors, found.sensors, strict=True)
+        )
+        return _Predicted(velocity, tuple(b.reshape(b.shape[0] * b.shape[1], b.shape[2]) for b in sensors))
 
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:
         """Return the derivatives (n, 3, k), (m, c, k) of one trial's prediction by parameters of it or shared."""

@@ -64,12 +64,11 @@ def _deviations(small: Reduced, places: Sequence[int], widest: FloatArray) -> Fl
     runs, rows, _ = small.factors.shape
     random = small.factors[:, :, places]
     fixed = span(small.common).reshape(runs, rows, -1)
-    omega = np.array([small.omega[r * rows : (r + 1) * rows, r * rows : (r + 1) * rows] for r in range(runs)])
-    least = max(_LEAST * float(np.einsum("rii->r", omega).mean()) / rows, 1e-300)
-    omega += least * np.eye(rows)
+    least = max(_LEAST * float(np.einsum("rii->r", small.omega).mean()) / rows, 1e-300)
+    omega = small.omega + least * np.eye(rows)
     told = np.einsum("rki,rki->i", random, np.linalg.solve(omega, random)) / runs
     unit = 1.0 / np.maximum(told, 1.0 / widest**2)  # squared error of a typical run
-    y = small.residual.reshape(runs, rows, 1)
+    y = small.residual[:, :, None]
 
     def objective(share: FloatArray) -> tuple[float, FloatArray]:
         """Return -2 log L and its gradient by tau^2 in these units."""

@@ -9,7 +9,7 @@ need e to be stationary, but is much the noisier of the two.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,7 +120,7 @@ class Serial:
         """Return the sum over blocks of A_r' Omega_r A_r (k, k), for A_r of (n, 3, k)."""
         return np.asarray(sum(self.quadratic_of(r, a) for r, a in enumerate(columns)))
 
-    def degrees_of_freedom(self, columns: Sequence[FloatArray], *, total: bool = False) -> FloatArray:
+    def degrees_of_freedom(self, columns: Iterable[FloatArray], *, total: bool = False) -> FloatArray:
         """Return how many degrees of freedom (k,) the diagonal of `quadratic` has, by Satterthwaite.
 
         Args:

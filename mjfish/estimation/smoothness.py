@@ -83,7 +83,7 @@ def effective_degrees_of_freedom(problem: Problem, found: Fit, names: Sequence[s
     It is their number less tr((J'J + S)^-1 R'R) of their priors R, which is |R V / s|^2 with [J; R] = U s V'.
     """
     free = np.flatnonzero(~found.at_bound)
-    stacked = found.jacobian.above(problem.prior_root).chosen(~found.at_bound).factors.triangle
+    stacked = found.jacobian.above(problem.prior_root).chosen(~found.at_bound).factors.triangle.dense()
     lengths = np.maximum(np.linalg.norm(stacked, axis=0), 1e-300)
     _, singular, right = np.linalg.svd(stacked / lengths, full_matrices=False)
     kept = singular > _RANK * singular.max(initial=0.0)

@@ -95,8 +95,7 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
         return Stability(0.0, (0.0, 0.0), 1.0, (), 1.0, 1.0, None, alpha, f"{nothing}: there is nothing to compare")
     small = reduced(problem, fit)
     alone = [_moved(fit.parameters[k].name, float(fit.x[k]), small, place) for place, k in enumerate(shared)]
-    columns = np.concatenate([small.split(place) for place in range(len(shared))], axis=1)
-    statistic, degrees_of_freedom, p_value = _f_test(small, columns)
+    statistic, degrees_of_freedom, p_value = _f_test(small, small.factors)
     ranked = tuple(sorted(alone, key=lambda test: (test.p_value, -test.statistic)))
     p_value_of_first = min(1.0, len(ranked) * ranked[0].p_value)
     p_value_combined = min(1.0, 2.0 * min(p_value, p_value_of_first))
@@ -116,42 +115,85 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
 
 
 def _f_test(small: Reduced, columns: FloatArray) -> tuple[float, tuple[float, float], float]:
-    """Return F, its degrees of freedom and its p value, of columns (trials k, m) beside the common ones."""
-    length = np.linalg.norm(columns, axis=0)
-    left = columns[:, length > 0.0] / length[length > 0.0]
-    common = span(small.common)
-    left = left - common @ (common.T @ left)
-    basis, singular, _ = np.linalg.svd(left, full_matrices=False)
-    basis = basis[:, singular > RANK]
-    if basis.shape[1] == 0:
+    """Return F, its degrees of freedom and its p value, of columns that differ between trials beside the common ones.
+
+    With bases C of the common columns, U_r of those of each trial, and D of what all U leave of C,
+
+        P = U U' + D D' - C C',
+
+    of which no more is made than blocks of single trials: C and D are few columns.
+
+    Args:
+        small: residual and common columns.
+        columns: (trials, k, m) of every trial.
+    """
+    length = np.linalg.norm(columns, axis=1, keepdims=True)
+    u, singular, _ = np.linalg.svd(columns / np.where(length > 0.0, length, 1.0), full_matrices=False)
+    u = u * (singular > RANK)[:, None, :]
+    c = _common(small.common, small)
+    left, sizes, _ = np.linalg.svd(_beside(u, c).reshape(-1, c.shape[2]), full_matrices=False)
+    d = left[:, sizes > RANK].reshape(*c.shape[:2], -1)
+    if np.count_nonzero(singular > RANK) + d.shape[2] == c.shape[2]:
         return 0.0, (0.0, 0.0), 1.0
-    weights = np.maximum(np.linalg.eigvalsh(basis.T @ small.omega @ basis), 0.0)
-    total = max(float(weights.sum()), 1e-300)
-    parts = [q @ part for q, part in zip(small.bases, np.split(basis, len(small.bases)), strict=True)]
-    first = float(total**2 / max(float(weights @ weights), 1e-300))
+    few = np.concatenate([d, c], axis=2)
+    sign = np.repeat([1.0, -1.0], [d.shape[2], c.shape[2]])
+    own, mixed, rest = (np.swapaxes(a, 1, 2) @ small.omega @ b for a, b in ((u, u), (u, few), (few, few)))
+    both = rest.sum(axis=0)
+    total = max(float(np.einsum("rii->", own) + np.diag(both) @ sign), 1e-300)
+    square = np.sum(own**2) + 2.0 * np.sum(mixed**2 @ sign) + sign @ both**2 @ sign
+    first = float(total**2 / max(float(square), 1e-300))
+    values, vectors = np.linalg.eigh(u @ np.swapaxes(u, 1, 2) + (few * sign) @ np.swapaxes(few, 1, 2))
+    roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    parts = (q @ root for q, root in zip(small.bases, roots, strict=True))
     second = max(float(small.found.degrees_of_freedom(parts, total=True)[0]), 1.0)
-    statistic = float(np.sum((basis.T @ small.residual) ** 2)) / total
+    inside = np.einsum("rki,rk->i", few, small.residual)
+    explained = np.sum(np.einsum("rki,rk->ri", u, small.residual) ** 2) + inside**2 @ sign
+    statistic = max(float(explained), 0.0) / total
     return statistic, (first, second), float(stats.f.sf(statistic, first, second))
 
 
+def _common(columns: FloatArray, small: Reduced) -> FloatArray:
+    """Return an orthonormal basis (trials, k, c) of columns (trials k, m)."""
+    return span(columns).reshape(*small.residual.shape, -1)
+
+
+def _beside(own: FloatArray, columns: FloatArray) -> FloatArray:
+    """Return columns (trials, k, c) less their part in the bases (trials, k, m) of every trial."""
+    for _ in range(2):  # once leaves rounding of what it takes out
+        columns = columns - own @ (np.swapaxes(own, 1, 2) @ columns)
+    return columns
+
+
 def _moved(name: str, value: float, small: Reduced, place: int) -> Moved:
-    """Return the test of one coefficient, and its estimates by trial, all others common: one Gauss-Newton step."""
-    columns = small.split(place)
+    """Return the test of one coefficient, and its estimates by trial, all others common: one Gauss-Newton step.
+
+    Minimised is |y - diag_r(d_r) x - O b|, O the columns of the others: b of what all d_r leave, then x_r run by run.
+    """
+    columns = small.factors[:, :, place, None]
     statistic, degrees_of_freedom, p_value = _f_test(small, columns)
-    others = span(np.delete(small.common, place, axis=1))
-    moving = np.linalg.norm(columns, axis=0) > 0.0
-    own = columns[:, moving] - others @ (others.T @ columns[:, moving])
-    steps = np.linalg.pinv(own)
-    estimates = value + steps @ small.residual
-    errors = np.sqrt(np.maximum(np.einsum("ik,kl,il->i", steps, small.omega, steps), 0.0))
+    length = np.linalg.norm(columns[:, :, 0], axis=1)
+    moving, size = length > 0.0, np.where(length > 0.0, length, 1.0)
+    u = columns / size[:, None, None]
+    others = _common(np.delete(small.common, place, axis=1), small)
+    left, singular, right = np.linalg.svd(_beside(u, others).reshape(-1, others.shape[2]), full_matrices=False)
+    solid = singular > RANK
+    steps = (left[:, solid] @ (right[solid] / singular[solid, None])).reshape(others.shape)  # of b, transposed
+    along = np.einsum("rki,rko->ro", u, others) / size[:, None]
+    alone = np.einsum("rki,rk->r", u, small.residual) / size
+    estimates = value + alone - along @ np.einsum("rko,rk->o", steps, small.residual)
+    weighed = small.omega @ u
+    variance = np.einsum("rki,rki->r", u, weighed) / size**2
+    variance -= 2.0 * np.einsum("ro,rko,rki->r", along, steps, weighed) / size
+    variance += np.einsum("ro,op,rp->r", along, np.einsum("rko,rkl,rlp->op", steps, small.omega, steps), along)
+    errors = np.sqrt(np.maximum(variance, 0.0))
     names = [trial for trial, moves in zip(small.trials, moving, strict=True) if moves]
     return Moved(
         name=name,
         statistic=statistic,
         degrees_of_freedom=degrees_of_freedom,
         p_value=p_value,
-        estimates=dict(zip(names, estimates.tolist(), strict=True)),
-        errors=dict(zip(names, errors.tolist(), strict=True)),
+        estimates=dict(zip(names, estimates[moving].tolist(), strict=True)),
+        errors=dict(zip(names, errors[moving].tolist(), strict=True)),
     )
 
 

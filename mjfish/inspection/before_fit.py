@@ -70,7 +70,7 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     noise = pooled(lines)
     found += frequencies
     found += [finding for trial in trials for finding in unresolved(trial)]
-    found += copies(trials, held, noise)
+    found += copies(trials, held, noise, lines)
     found += _against_simulation(dataset, fine, noise)
     harmless = ("copies", "joints", "sampling")
     misread = {name for finding in found if not finding.code.startswith(harmless) for name in finding.trials}

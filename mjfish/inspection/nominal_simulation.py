@@ -36,6 +36,8 @@ from mjfish.model import Model
 _CLOCK_SHIFTS = np.arange(-6, 7) * 0.01
 #: Fewest samples a beat in which a motion can be recognised.
 _SAMPLES_A_BEAT = 5.0
+#: A run of a CPG that lasts longer than this [s] is not simulated.
+_LONGEST = 4.0 * 3600.0
 #: Frequencies [Hz] between which recorded joints beat, of any fish.
 _PLAUSIBLE = (0.03, 30.0)
 #: By how much (of 3) a hypothesis must correlate better than the channels as they are, and how well at least.
@@ -92,7 +94,7 @@ def sampled_enough(trial: Trial) -> bool:
     if not trial.drive:
         return True
     beat = 2.0 * np.pi / max(segment.omega for segment in trial.drive)
-    return bool(trial.step * _SAMPLES_A_BEAT < beat and trial.time[-1] < 600.0)
+    return bool(trial.step * _SAMPLES_A_BEAT < beat and trial.time[-1] < _LONGEST)
 
 
 def time_factor(trial: Trial) -> float:
@@ -486,7 +488,7 @@ def sampling(trials: Sequence[Trial], enough: Sequence[bool]) -> Iterator[Findin
         "blocks",
         f"{'all trials' if len(coarse) == len(trials) else 'trials ' + ', '.join(t.name for t in coarse)}, time",
         f"'{trial.name}' has a sample every {step:.4g} s, {beat / step:.2g} a beat, for {trial.time[-1]:.4g} s",
-        "5 samples a beat or more, and minutes at most",
+        "5 samples a beat or more, and hours at most",
         "multiply the times by 0.001 if they are in ms; else record faster",
         trials=tuple(trial.name for trial in coarse),
     )

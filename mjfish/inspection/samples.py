@@ -6,6 +6,7 @@ do so best in that trial (least squares with Huber weights): periodic swimming i
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence, Sized
 from dataclasses import dataclass
 from itertools import combinations
@@ -13,6 +14,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.spatial import cKDTree
 
 from mjfish.arrays import BoolArray, FloatArray, robust_sigma
 from mjfish.data import Trial
@@ -39,6 +41,8 @@ _BLOCK = 4
 _SHARED = 3
 #: Data whose noise is below this share of their range in every channel are simulated, or smoothed until none is left.
 _SILENT = 2e-4
+#: A row is loud beyond this many sigma in a channel; noise about two such rows is alike within this distance, in sigma.
+_LOUD, _ALIKE = 2.2, 2.0
 #: Two repeats differ by sqrt(2) sigma; a copy that was rounded or resaved, by less than this many sigma.
 _NEAR = 0.3
 #: Least share of the shorter of the two that must overlap.
@@ -230,21 +234,25 @@ def _longest(same: BoolArray) -> tuple[int, int]:
     return int(starts[longest]), int(ends[longest] - starts[longest])
 
 
-def copies(trials: Sequence[Trial], held: Sequence[str], sigma: FloatArray) -> Iterator[Finding]:
+def copies(
+    trials: Sequence[Trial], held: Sequence[str], sigma: FloatArray, lines: Sequence[Interpolated]
+) -> Iterator[Finding]:
     """Find pairs of trials that share rows, or that are closer than their own noise.
 
     Args:
         trials: of the dataset.
         held: names of those held out.
         sigma: (3,) noise that a smooth line through single recordings leaves (`interpolated`).
+        lines: those lines, of trials that have one.
     """
     if not trials:
         return
-    blocks = [_blocks(trial) for trial in trials]
     ranges = np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0)
     silent = bool(np.all(sigma < _SILENT * ranges))
-    for (i, a), (j, b) in combinations(enumerate(trials), 2):
-        blocks_shared = len(blocks[i] & blocks[j])
+    sharing = _shared_blocks(trials)
+    near = set() if silent else _recurring(trials, lines)
+    for i, j in sorted(near | sharing.keys()):
+        a, b, blocks_shared = trials[i], trials[j], sharing[i, j]
         shared = blocks_shared + _BLOCK - 1
         close = blocks_shared < _SHARED and not silent and _close(a, b, sigma)
         if blocks_shared < _SHARED and not close:
@@ -275,12 +283,51 @@ def copies(trials: Sequence[Trial], held: Sequence[str], sigma: FloatArray) -> I
         )
 
 
-def _blocks(trial: Trial) -> set[bytes]:
-    """Return every four rows that follow each other, but those at rest."""
+def _shared_blocks(trials: Sequence[Trial]) -> Counter[tuple[int, int]]:
+    """Return how many blocks pairs of trials have in common, of those pairs that have any."""
+    having: dict[int, list[int]] = {}
+    for i, trial in enumerate(trials):
+        for block in _blocks(trial):
+            having.setdefault(block, []).append(i)
+    return Counter(pair for own in having.values() if len(own) > 1 for pair in combinations(own, 2))
+
+
+def _blocks(trial: Trial) -> set[int]:
+    """Return every four rows that follow each other, but those at rest, as hashes."""
     values = trial.velocity + 0.0  # minus zero is zero
     moving = np.any(values != 0.0, axis=1)
     starts = range(len(values) - _BLOCK + 1)
-    return {values[k : k + _BLOCK].tobytes() for k in starts if moving[k : k + _BLOCK].all()}
+    return {hash(values[k : k + _BLOCK].tobytes()) for k in starts if moving[k : k + _BLOCK].all()}
+
+
+def _recurring(trials: Sequence[Trial], lines: Sequence[Interpolated]) -> set[tuple[int, int]]:
+    """Return the pairs of trials in which the same noise recurs, so often and so far apart that it may be no chance.
+
+    Three rows with a loud one between are looked up among all others in a tree: to compare every trial with every other
+    takes the square of their number. Of a trial without a line, that is a short one, all pairs are returned.
+    """
+    known = {id(line.trial): line for line in lines}
+    found = {
+        (min(i, j), max(i, j))
+        for i, trial in enumerate(trials) if id(trial) not in known
+        for j in range(len(trials)) if j != i
+    }  # fmt: skip
+    noise, places = [np.zeros((0, 9))], [np.zeros((0, 2), dtype=np.intp)]
+    for i, trial in enumerate(trials):
+        if (line := known.get(id(trial))) is None:
+            continue
+        scaled = line.misfit / line.sigma
+        loud = 1 + np.flatnonzero(np.any(np.abs(scaled[1:-1]) > _LOUD, axis=1))
+        loud = loud[line.rows[loud + 1] - line.rows[loud - 1] == 2]
+        noise.append(scaled[loud[:, None] + np.arange(-1, 2)].reshape(-1, 9))
+        places.append(np.column_stack([np.full(len(loud), i), line.rows[loud]]))
+    at = np.concatenate(places)
+    pairs = cKDTree(np.concatenate(noise)).query_pairs(_ALIKE, output_type="ndarray")
+    (i, first), (j, second) = (at[pairs[:, side]].T for side in (0, 1))
+    shifts = np.column_stack([i, j, second - first])[i != j]
+    shifts = np.where((shifts[:, 0] > shifts[:, 1])[:, None], shifts[:, [1, 0, 2]] * [1, 1, -1], shifts)
+    seen, counts = np.unique(shifts, axis=0, return_counts=True)
+    return found | {(int(i), int(j)) for i, j, _ in seen[counts >= _SHARED]}
 
 
 def _close(a: Trial, b: Trial, sigma: FloatArray) -> bool:

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.drive import cpg as hopf
 from mjfish.drive import measured, wave
-from mjfish.drive.motion import JointMotion
+from mjfish.drive.motion import JointMotion, cached
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Cpg, Fish, Link
@@ -24,6 +25,7 @@ from mjfish.hydro.outline import outlines
 from mjfish.model.sensing import moments, read
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
 from mjfish.parameter import Parameter
+from mjfish.sized_cache import sized_cache
 
 #: At both ends of measured joint angles, where a shifted clock would ask for motion that nobody saw [s].
 MARGIN = 0.1
@@ -38,6 +40,8 @@ _RECOIL = 0.25
 _FINEST = 5.0
 
 
+#: Effects between what the joints are asked for and what they do, with their values by short names.
+Servos = tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...]
 #: Effects that act, with their parameters by short names; loads of a run, with their numbers.
 ActiveEffects = tuple[tuple[Effect, Values], ...]
 LoadsOfRun = tuple[tuple[Load, tuple[float, ...]], ...]
@@ -178,7 +182,7 @@ class Model:
         return Prepared(
             active=active,
             fish=fish,
-            motion=joint_motion(self.fish.cpg, trial, servos, step),
+            motion=joint_motion(asked_motion(self.fish.cpg, trial, step), trial, servos),
             coefficients={name: values[name] for name in self.fish.coefficient_names},
             loads=loads_of(active, trial),
             velocity=begun,
@@ -249,12 +253,10 @@ def headed(state: FloatArray, trial: Trial) -> FloatArray:
     return state
 
 
-@functools.lru_cache(maxsize=256)
 def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
     """Return the joint motion a trial asks for: the spline of its measured angles, or the CPG's."""
     if trial.joint_angle is not None:
-        held = 0.5 * trial.step if trial.commanded else 0.0  # a staircase is late by half a step, on average
-        return measured.joint_motion(trial.time, trial.joint_angle, step, late=held)
+        return _measured_motion(trial, step)
     if trial.wave is not None:
         end = float(trial.time[-1]) + LEAD
         return wave.joint_motion(trial.wave, 0.0 if trial.starts_at_rest else float(trial.time[0]), end, step)
@@ -264,18 +266,31 @@ def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
     return hopf.joint_motion(cpg, trial.drive, duration, step)
 
 
-@functools.lru_cache(maxsize=128)
-def joint_motion(
-    cpg: Cpg | None, trial: Trial, servos: tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...], step: float
-) -> JointMotion:
+@cached(0.5e9)
+def _measured_motion(trial: Trial, step: float) -> JointMotion:
+    held = 0.5 * trial.step if trial.commanded else 0.0  # a staircase is late by half a step, on average
+    return measured.sampled(_splines(trial), trial.time, step, late=held)
+
+
+@sized_cache(lambda splines: sum(int(spline.c.nbytes + spline.t.nbytes) for spline in splines), 0.1e9)
+def _splines(trial: Trial) -> tuple[BSpline, ...]:
+    """Return the splines of the measured joint angles; they are kept longer than the far larger motions."""
+    angle = np.zeros((0, 0)) if trial.joint_angle is None else trial.joint_angle
+    return tuple(measured.smoothing_spline(trial.time, column) for column in angle.T)
+
+
+def joint_motion(asked: JointMotion, trial: Trial, servos: Servos) -> JointMotion:
     """Return the joint motion that the joints got: the one asked for, through every effect of domain ``drive``.
 
     Measured joint angles are what the joints got; nothing comes in between.
     """
-    motion = asked_motion(cpg, trial, step)
-    if not trial.joints_measured:
-        for effect, values in servos:
-            motion = effect.drive(motion, dict(values))
+    return asked if trial.joints_measured or not servos else _driven(asked, servos)
+
+
+@cached(0.1e9)
+def _driven(motion: JointMotion, servos: Servos) -> JointMotion:
+    for effect, values in servos:
+        motion = effect.drive(motion, dict(values))
     return motion
 
 
@@ -299,7 +314,6 @@ def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, f
     return float(step / 2.0 ** min(octaves, _FINEST))
 
 
-@functools.lru_cache(maxsize=256)
 def _tail_speed(links: tuple[Link, ...], motion: JointMotion) -> float:
     """Return the largest sideways speed [m/s] of the middle of the last link, for a head held and a body straight."""
     lengths = np.array([link.length for link in links])

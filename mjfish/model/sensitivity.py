@@ -28,6 +28,7 @@ from mjfish.ode.equation import STATES, TAIL, tail_of
 from mjfish.ode.rollout import Conditions, Rollout
 from mjfish.ode.tangents import Direction, simulate_tangents
 from mjfish.parameter import Parameter
+from mjfish.sized_cache import sized_cache
 
 #: Effects with their values by short name.
 Active = tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...]
@@ -103,8 +104,10 @@ def with_sensors(
         ],
         with_rates=bool(trial.sensors),
     )  # fmt: skip
-    every = np.zeros((len(times), tangents.shape[1], len(names)))
-    every[:, :, moving] = tangents
+    every = tangents
+    if len(moving) < len(names):
+        every = np.zeros((len(times), tangents.shape[1], len(names)))
+        every[:, :, moving] = tangents
     along, *beside = np.split(every, np.cumsum([len(clock) for clock in clocks])[:-1])
     along, times = along[:, :STATES], times[: len(along)]
     ahead = rollout.rate_at(times) * (run.time < run.motion.time[-1])[:, None]
@@ -227,7 +230,7 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         links, tail = rows[:, :-TAIL], rows[0, -TAIL:]
     if effect.overrides("drive") and not at.trial.joints_measured:
         servos = tuple(active for active in at.kept(effect) if active[0].domain == "drive")
-        motion = _of_drive(Same(at.model.fish.cpg), at.trial, servos, p, at.values[name], at.run.step)
+        motion = _of_drive(asked_motion(at.model.fish.cpg, at.trial, at.run.step), servos, p, at.values[name])
     if effect.load is not None:
         loads = np.zeros((len(at.loaded), PARAMETERS))
         loads[at.loaded.index(effect.name), [own.short for own in effect.parameters].index(short)] = 1.0
@@ -286,14 +289,12 @@ def _rows_of_number(
     )
 
 
-@functools.lru_cache(maxsize=128)
-def _of_drive(
-    cpg: Same[Cpg | None], trial: Trial, servos: Active, p: Parameter, value: float, step: float
-) -> FloatArray:
+@sized_cache(lambda rates: rates.nbytes, 0.05e9)
+def _of_drive(asked: JointMotion, servos: Active, p: Parameter, value: float) -> FloatArray:
     """Return rates of angle, rate and acceleration (3, n, 3, joints)."""
 
     def moves(at_value: float) -> FloatArray:
-        motion = asked_motion(cpg.thing, trial, step)
+        motion = asked
         for effect, own in _replaced(servos, p, at_value):
             motion = effect.drive(motion, dict(own))
         return np.stack([motion.angle, motion.rate, motion.acceleration])
@@ -301,7 +302,7 @@ def _of_drive(
     return readonly(difference(moves, p, value))
 
 
-@functools.lru_cache(maxsize=64)
+@sized_cache(lambda rates: rates.nbytes, 0.05e9)
 def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Active, short: str, step: float) -> FloatArray:
     """Return rates of angle, rate and acceleration (3, n, 3, joints) by the frequency or the phase of a wave."""
 

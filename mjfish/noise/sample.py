@@ -17,7 +17,7 @@ import numpy as np
 from scipy import signal, stats
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out, robust_sigma
-from mjfish.block_angular import BlockAngular, IntArray, block_angular, span
+from mjfish.block_angular import BlockAngular, IntArray, block_angular, left_vectors, span
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Autoregressive, Noise, estimate, grid
 
@@ -104,15 +104,13 @@ class NoiseSample:
     def without(self, columns: BlockAngular) -> NoiseSample:
         """Return what is left when further columns (3 n, k), divided by `scale`, are taken out."""
         before, rows = self.columns, self.rows
-        basis = span(before.beside(columns))
+        basis = span(before.beside(columns) if before.shape[1] else columns)
         scaled = np.concatenate([(block / self.scale).ravel() for block in self.residuals])
         left = basis.off(scaled)
-        parts = [basis.at(mine) for mine in rows]
-        own, shared = [q for _, q, _ in parts], [q for _, _, q in parts]
-        taken, apart = (
-            [block.reshape(len(block) // 3, 3, block.shape[1]) * self.scale[:, None] for block in blocks]
-            for blocks in (shared, own)
-        )
+        taken, apart = [], []
+        for _, own, shared in map(basis.at, rows):
+            taken.append(shared.reshape(len(shared) // 3, 3, shared.shape[1]) * self.scale[:, None])
+            apart.append(own.reshape(len(own) // 3, 3, own.shape[1]) * self.scale[:, None])
         residuals = [left[mine].reshape(-1, 3) * self.scale for mine in rows]
         lost = self.lost + (basis.rank - before.shape[1]) / 3.0
         return replace(self, residuals=residuals, span=taken, apart=apart, lost=lost)
@@ -162,7 +160,8 @@ class NoiseSample:
         The product of the lengths is the root of det X' X; what the columns of all trials share with the `own` ones of
         each counts once.
         """
-        parts, lengths, longest = [], [], 0.0
+        lengths, longest, rows = [], 0.0, self.rows
+        both = np.zeros((sum(block.size for block in self.residuals), 1 + self.span[0].shape[2]))
         for i, (trial, mask) in enumerate(zip(self.trials, self.masks, strict=True)):
             taken = [self.residuals[i][:, :, None], self.span[i], self.apart[i]]
             taken.append(self.span[i][:, :, :0] if self.own is None else self.own[i])
@@ -173,13 +172,11 @@ class NoiseSample:
             more, sizes, _ = np.linalg.svd(project_out(q, apart), full_matrices=False)
             solid = sizes > _DUST * np.linalg.norm(apart, axis=0).max(initial=0.0)
             lengths.append(sizes[solid])
-            parts.append(project_out(more[:, solid], project_out(q, joint)))
+            both[rows[i]] = project_out(more[:, solid], project_out(q, joint))
             longest = max(longest, float(np.linalg.norm(joint[:, 1:], axis=0).max(initial=0.0)))
-        both = np.concatenate(parts)
-        z, x = both[:, 0], both[:, 1:]
-        q, sizes, _ = np.linalg.svd(x[:, np.linalg.norm(x, axis=0) > 0.0], full_matrices=False)
+        q, sizes = left_vectors(both[:, 1:])
         solid = sizes > _DUST * longest
-        z = project_out(q[:, solid], z[:, None])
+        z = project_out(q[:, solid], both[:, :1])
         return z.reshape(-1, 3), np.concatenate([*lengths, sizes[solid]])
 
 

@@ -94,13 +94,15 @@ class Rollout:
 
     @classmethod
     def of(cls, motion: JointMotion, states: FloatArray, rates: FloatArray, done: int) -> Rollout:
-        """Return what `integrate` wrote, of which `done` steps are good, in the forward frame."""
+        """Return what `integrate` wrote, of which `done` steps are good, in the forward frame; turns it in place."""
         kept = max(done, 1)
         ok = done == len(motion.time) - 1
+        states[:kept, :, :STATES] *= TO_FORWARD
+        rates[:kept, :, :STATES] *= TO_FORWARD
         return cls(
             motion=motion,
-            state=states[:kept, :, :STATES] * TO_FORWARD,
-            derivative=rates[:kept, :, :STATES] * TO_FORWARD,
+            state=np.ascontiguousarray(states[:kept, :, :STATES]),
+            derivative=np.ascontiguousarray(rates[:kept, :, :STATES]),
             memory=states[:kept, :, STATES:],
             status="ok" if ok else "diverged",
             message="" if ok else f"diverged at {motion.time[done]:.3f} s",

@@ -141,10 +141,11 @@ def simulate_tangents(
     done = integrate_tangents(
         system, joints_of(motion), motion.time, jumps, start, changed, samples, workspace, states, rates
     )
-    found = np.empty((len(time), rows, len(ordered)))
-    found[order[:, None], :, np.array(motion_first, dtype=np.int64)] = np.moveaxis(samples.values, 1, 2)[
-        :, : len(ordered)
-    ]
+    found = samples.values[:, :, : len(ordered)]
+    if motion_first != sorted(motion_first):
+        found = found[:, :, np.argsort(motion_first)]
+    if np.any(np.diff(order) < 0):  # of hours of samples a copy is large
+        found = found[np.argsort(order)]
     found[time > motion.time[-1] + 1e-9] = np.nan
     found *= np.tile(TO_FORWARD, rows // STATES)[:, None]
     found[time < motion.time[0], STATES:] = 0.0  # the fish waits for its start

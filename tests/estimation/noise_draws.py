@@ -67,7 +67,7 @@ class Draws:
             x = x + np.linalg.lstsq(self.jacobian(x), self.problem.residual(x) + noise)[0]
         residual = self.problem.residual(x) + noise
         jacobian = self.jacobian(x)
-        spread = covariance(jacobian, self.base.at_bound)
+        spread = covariance(BlockAngular.of(jacobian), self.base.at_bound)
         return replace(
             self.base,
             x=x,

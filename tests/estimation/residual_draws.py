@@ -25,7 +25,7 @@ def coloured(rng: np.random.Generator, samples: int, phi: float) -> FloatArray:
 def at(posed: Problem, x: FloatArray) -> Fit:
     """Return a fit that ended at `x`, whatever the data say."""
     jacobian, free = posed.jacobian(x), np.zeros(len(x), dtype=np.bool_)
-    spread = covariance(jacobian.dense(), free)
+    spread = covariance(jacobian, free)
     whitened = posed.residual(x)
     return Fit(
         posed.parameters, x, float(whitened @ whitened), whitened, jacobian, spread, np.sqrt(np.diag(spread)), free,

@@ -180,7 +180,7 @@ def test_the_optimiser_never_goes_on_from_a_point_without_a_derivative() -> None
     )
     off = 1.0 + np.linalg.lstsq(matrix.dense(), measured)[0]
     for seed in range(200):
-        turned, draw = _Turned(posed, np.ones(3)), np.random.default_rng(seed)
+        turned, draw = _Turned(posed, np.ones(3), large=False), np.random.default_rng(seed)
         here = turned.residual(off + 1e-8 * draw.normal(size=3))
         for _ in range(5):
             there = off + 1e-8 * draw.normal(size=3)

@@ -25,7 +25,7 @@ def fitted(pike: Fish) -> Fit:
 
 def _with(fitted: Fit, jacobian: FloatArray, sse: float | None = None) -> Fit:
     """Return the fit with another Jacobian, and its covariance."""
-    spread = covariance(jacobian, fitted.at_bound)
+    spread = covariance(BlockAngular.of(jacobian), fitted.at_bound)
     return replace(
         fitted,
         jacobian=BlockAngular.of(jacobian),

@@ -84,7 +84,7 @@ def _of_one(residual: FloatArray, slope: FloatArray) -> Reduced:
     """Return one coefficient in runs of one number each, with errors of size one."""
     nothing: Any = None
     names = tuple(f"run{k}" for k in range(len(slope)))
-    return Reduced(names, nothing, (), slope[:, None, None], residual, np.eye(len(slope)))
+    return Reduced(names, nothing, (), slope[:, None, None], residual[:, None], np.ones((len(slope), 1, 1)))
 
 
 def test_scatter_is_never_wider_than_the_bounds() -> None:

@@ -10,8 +10,9 @@ from bad_data import good, only, rows, spoiled, velocity, wrong
 
 from mjfish.arrays import readonly
 from mjfish.data import Trial
+from mjfish.drive import modes
 from mjfish.inspection import EVERYTHING, Inspection, inspect
-from mjfish.inspection.nominal_simulation import time_factor
+from mjfish.inspection.nominal_simulation import sampled_enough, time_factor
 from mjfish.model import Model
 
 
@@ -161,3 +162,10 @@ def test_gaps_that_are_declared_are_no_fault() -> None:
         return replace(rows(lambda _: keep)(trial), gaps=True)
 
     assert wrong(inspect(spoiled(lost))) == []
+
+
+def test_an_hour_of_a_drive_is_not_in_another_unit() -> None:
+    time = np.arange(180_000) / 50.0
+    hour = Trial("a", None, readonly(time), readonly(np.zeros((len(time), 3))), modes.drive("v1"))
+    assert sampled_enough(hour)
+    assert time_factor(hour) == 1.0
