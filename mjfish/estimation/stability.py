@@ -131,8 +131,9 @@ def _f_test(small: Reduced, columns: FloatArray) -> tuple[float, tuple[float, fl
     u, singular, _ = np.linalg.svd(columns / np.where(length > 0.0, length, 1.0), full_matrices=False)
     u = u * (singular > RANK)[:, None, :]
     c = _common(small.common, small)
-    left, sizes, _ = np.linalg.svd(_beside(u, c).reshape(-1, c.shape[2]), full_matrices=False)
-    d = left[:, sizes > RANK].reshape(*c.shape[:2], -1)
+    trials, rows, count = c.shape
+    left, sizes, _ = np.linalg.svd(_beside(u, c).reshape(trials * rows, count), full_matrices=False)
+    d = left[:, sizes > RANK].reshape(trials, rows, np.count_nonzero(sizes > RANK))
     if np.count_nonzero(singular > RANK) + d.shape[2] == c.shape[2]:
         return 0.0, (0.0, 0.0), 1.0
     few = np.concatenate([d, c], axis=2)
@@ -154,7 +155,8 @@ def _f_test(small: Reduced, columns: FloatArray) -> tuple[float, tuple[float, fl
 
 def _common(columns: FloatArray, small: Reduced) -> FloatArray:
     """Return an orthonormal basis (trials, k, c) of columns (trials k, m)."""
-    return span(columns).reshape(*small.residual.shape, -1)
+    basis = span(columns)
+    return basis.reshape(*small.residual.shape, basis.shape[1])
 
 
 def _beside(own: FloatArray, columns: FloatArray) -> FloatArray:
