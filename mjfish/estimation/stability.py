@@ -131,9 +131,8 @@ def _f_test(small: Reduced, columns: FloatArray) -> tuple[float, tuple[float, fl
     u, singular, _ = np.linalg.svd(columns / np.where(length > 0.0, length, 1.0), full_matrices=False)
     u = u * (singular > RANK)[:, None, :]
     c = _common(small.common, small)
-    trials, rows, count = c.shape
-    left, sizes, _ = np.linalg.svd(_beside(u, c).reshape(trials * rows, count), full_matrices=False)
-    d = left[:, sizes > RANK].reshape(trials, rows, np.count_nonzero(sizes > RANK))
+    left, sizes, _ = np.linalg.svd(_stacked(_beside(u, c)), full_matrices=False)
+    d = left[:, sizes > RANK].reshape(*c.shape[:2], np.count_nonzero(sizes > RANK))
     if np.count_nonzero(singular > RANK) + d.shape[2] == c.shape[2]:
         return 0.0, (0.0, 0.0), 1.0
     few = np.concatenate([d, c], axis=2)
@@ -159,6 +158,12 @@ def _common(columns: FloatArray, small: Reduced) -> FloatArray:
     return basis.reshape(*small.residual.shape, basis.shape[1])
 
 
+def _stacked(columns: FloatArray) -> FloatArray:
+    """Return columns (trials, k, c), which may be none, as (trials k, c)."""
+    trials, rows, count = columns.shape
+    return columns.reshape(trials * rows, count)
+
+
 def _beside(own: FloatArray, columns: FloatArray) -> FloatArray:
     """Return columns (trials, k, c) less their part in the bases (trials, k, m) of every trial."""
     for _ in range(2):  # once leaves rounding of what it takes out
@@ -177,7 +182,7 @@ def _moved(name: str, value: float, small: Reduced, place: int) -> Moved:
     moving, size = length > 0.0, np.where(length > 0.0, length, 1.0)
     u = columns / size[:, None, None]
     others = _common(np.delete(small.common, place, axis=1), small)
-    left, singular, right = np.linalg.svd(_beside(u, others).reshape(-1, others.shape[2]), full_matrices=False)
+    left, singular, right = np.linalg.svd(_stacked(_beside(u, others)), full_matrices=False)
     solid = singular > RANK
     steps = (left[:, solid] @ (right[solid] / singular[solid, None])).reshape(others.shape)  # of b, transposed
     along = np.einsum("rki,rko->ro", u, others) / size[:, None]
