@@ -27,14 +27,15 @@ def study(
     """Run the pieces of a study that are missing in a folder; the same command goes on where it was stopped."""
     from mjfish import study as studies
 
+    cases = studies.read_cases(file)
     if collect:
-        collected = studies.collect(file, out)
+        collected = studies.collect(cases, out)
         console.say(*collected.summary.splitlines(), f"wrote {console.listed(collected.files)}")
         if collected.missing:
             raise typer.Exit(console.NOT_GOOD)
         return
     with console.progress_bar() as tell:
-        ran = studies.run(file, out, shard=_shard(shard), executing=studies.Executing(jobs, cluster), tell=tell)
+        ran = studies.run(cases, out, shard=_shard(shard), executing=studies.Executing(jobs, cluster), tell=tell)
     for damaged in ran.damaged:
         console.complain("damaged, made anew", damaged)
     for reason in ran.unanswered:

@@ -32,35 +32,38 @@ class Store:
         for kind in ("pieces", "seconds"):
             make_folder(self.folder / kind)
 
-    def path(self, piece: Piece) -> Path:
-        """Return the file of a piece."""
-        return self.folder / "pieces" / f"{piece.key}.json"
-
     def write(self, piece: Piece, outcome: dict[str, Any], seconds: float) -> None:
         """Write what came of a piece, whole or not at all, or raise `InputError`."""
-        write_json(self.folder / "seconds" / f"{piece.key}.json", {"seconds": round(seconds, 3)})
+        write_json(self._file("seconds", piece.key), {"seconds": round(seconds, 3)})
         content = json.loads(json_text({"schema": SCHEMA, "input": piece.input, **outcome}))
-        write_json(self.path(piece), {**content, "sha256": digest(content)})
+        write_json(self._file("pieces", piece.key), {**content, "sha256": digest(content)})
 
-    def read(self, piece: Piece) -> dict[str, Any] | None:
-        """Return what came of a piece; None where that is not known yet.
+    def keys(self) -> list[str]:
+        """Return the hashes of all pieces that are there."""
+        return sorted(path.stem for path in (self.folder / "pieces").glob("*.json"))
+
+    def read(self, key: str) -> dict[str, Any] | None:
+        """Return what came of the piece of a hash; None where that is not known yet.
 
         Raises:
             InputError: the file is damaged: it cannot be read, or its hash does not fit.
         """
-        path = self.path(piece)
+        path = self._file("pieces", key)
         if not path.exists():
             return None
         content = bounded.read_json(path, "delete it")
         own = content.pop("sha256", None) if isinstance(content, dict) else None
-        if own is None or own != digest(content) or content.get("input") != json.loads(json_text(piece.input)):
+        if own is None or own != digest(content) or digest(content.get("input")) != key:
             raise InputError(f"{path}: its content does not fit its hash; delete it")
         return dict(content)
 
-    def seconds(self, piece: Piece) -> float | None:
+    def seconds(self, key: str) -> float | None:
         """Return how long a piece took [s]; None where nothing says it."""
         try:
-            seconds = bounded.read_json(self.folder / "seconds" / f"{piece.key}.json", "delete it")["seconds"]
+            seconds = bounded.read_json(self._file("seconds", key), "delete it")["seconds"]
         except (InputError, LookupError, TypeError):
             return None
         return float(seconds) if isinstance(seconds, (int, float)) else None
+
+    def _file(self, kind: str, key: str) -> Path:
+        return self.folder / kind / f"{key}.json"

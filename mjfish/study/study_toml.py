@@ -65,11 +65,13 @@ class Study(Table):
     """A study.
 
     Attributes:
+        schema_: version of this file.
         seeds: of the noise of generated datasets, of the starts of an identification, and of a diagnosis.
         generate, folder: the datasets.
         identify, diagnose: what is done with each.
     """
 
+    schema_: Annotated[Literal[1], Field(alias="schema")]
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1)] = (0,)
     generate: tuple[Generated, ...] = ()
     folder: tuple[Folder, ...] = ()

@@ -10,6 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-c", "from mjfish.cli import main; main()", "study"]
 SMALL = """
+schema = 1
 seeds = [1, 2]
 
 [[generate]]

@@ -16,7 +16,7 @@ import pytest
 from small_study import contents, finish, start, write_study
 
 from mjfish.executors import threaded
-from mjfish.study import run
+from mjfish.study import read_cases, run
 from mjfish.study.run import Executing
 
 DASK = importlib.util.find_spec("distributed") is not None
@@ -69,7 +69,7 @@ def test_a_scheduler_that_does_not_answer_is_a_named_error(tmp_path: Path) -> No
 def test_without_dask_a_cluster_is_a_named_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ValueError, match=r"mjfish\[cluster\]"):
-        run(write_study(tmp_path), tmp_path / "out", executing=Executing(cluster="local"))
+        run(read_cases(write_study(tmp_path)), tmp_path / "out", executing=Executing(cluster="local"))
 
 
 def _workers(pid: int) -> list[int]:
@@ -149,6 +149,6 @@ def test_a_piece_that_always_ends_its_worker_stays_missing_and_the_rest_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Executing, "executor", lambda *_: _Breaking())
-    ran = run(write_study(tmp_path), tmp_path / "out", executing=Executing(jobs=2))
+    ran = run(read_cases(write_study(tmp_path)), tmp_path / "out", executing=Executing(jobs=2))
     assert (ran.made, ran.failed) == (3, 0)
     assert ran.unanswered == ("lag, quick, seed 2: its worker ended without an answer (BrokenExecutor)",)
