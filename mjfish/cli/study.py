@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -34,8 +37,15 @@ def study(
         if collected.missing:
             raise typer.Exit(console.NOT_GOOD)
         return
-    with console.progress_bar() as tell:
-        ran = studies.run(cases, out, shard=_shard(shard), executing=studies.Executing(jobs, cluster), tell=tell)
+    executing = studies.Executing(jobs, cluster)
+    try:
+        with _stopped_by_sigterm(), console.progress_bar() as tell:
+            ran = studies.run(cases, out, shard=_shard(shard), executing=executing, tell=tell)
+    except KeyboardInterrupt:
+        console.complain(
+            "stopped", f"the pieces that are done are kept in {out}; the same command goes on"
+        )
+        raise typer.Exit(console.STOPPED) from None
     for damaged in ran.damaged:
         console.complain("damaged, made anew", damaged)
     for reason in ran.unanswered:
@@ -43,6 +53,16 @@ def study(
     console.say(f"{ran.there} pieces were there, {ran.made} were made, {ran.failed} of all failed, in {out}")
     if ran.unanswered:
         raise typer.Exit(console.NOT_GOOD)
+
+
+@contextmanager
+def _stopped_by_sigterm() -> Iterator[None]:
+    """Take SIGTERM, which schedulers of jobs send at a time limit, as Ctrl-C: the lock is released."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _shard(text: str) -> Shard:
