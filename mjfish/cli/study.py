@@ -42,9 +42,7 @@ def study(
         with _stopped_by_sigterm(), console.progress_bar() as tell:
             ran = studies.run(cases, out, shard=_shard(shard), executing=executing, tell=tell)
     except KeyboardInterrupt:
-        console.complain(
-            "stopped", f"the pieces that are done are kept in {out}; the same command goes on"
-        )
+        console.complain("stopped", f"the pieces that are done are kept in {out}; the same command goes on")
         raise typer.Exit(console.STOPPED) from None
     for damaged in ran.damaged:
         console.complain("damaged, made anew", damaged)
