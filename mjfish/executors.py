@@ -12,11 +12,12 @@ import multiprocessing
 import os
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing.connection import wait
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from mjfish.errors import InputError
 
@@ -123,21 +124,21 @@ def _silenced() -> Iterator[None]:
 
 
 class NoClusterError(InputError):
-    """There is no Dask, no scheduler that answers, or no worker."""
+    """There is no Dask, or no scheduler that answers."""
 
 
 @contextmanager
 def cluster(address: str, jobs: int) -> Iterator[Executor]:
     """Yield an executor of the workers of a Dask scheduler.
 
-    Where the scheduler or the last worker goes, futures are cancelled.
+    Where the scheduler goes, futures are cancelled; where the last worker goes, they wait for another.
 
     Args:
         address: of the scheduler, such as ``tcp://node1:8786``; ``local`` starts one on the loopback interface.
         jobs: workers of a local cluster, a process each.
 
     Raises:
-        NoClusterError: ``distributed`` is not installed, no scheduler answers, or it has no workers.
+        NoClusterError: ``distributed`` is not installed, or no scheduler answers.
     """
     try:
         from distributed import Client, LocalCluster
@@ -148,7 +149,8 @@ def cluster(address: str, jobs: int) -> Iterator[Executor]:
     with _silenced(), contextlib.ExitStack() as stack:
         if address == LOCAL:
             own = LocalCluster(
-                host="127.0.0.1", n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None,
+                host="127.0.0.1", n_workers=jobs, threads_per_worker=1, processes=True,
+                dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL, preload=_UNDISTURBED,
             )  # fmt: skip
             stack.enter_context(own)
@@ -161,4 +163,16 @@ def cluster(address: str, jobs: int) -> Iterator[Executor]:
             raise NoClusterError(
                 f"--cluster: no scheduler answers at {address}: {reason}; start one, or use --jobs"
             ) from None
+        over = threading.Event()
+        stack.callback(over.set)
+        threading.Thread(target=_warn_without_workers, args=(client, address, over), daemon=True).start()
         yield client.get_executor(pure=False)
+
+
+def _warn_without_workers(client: Any, address: str, over: threading.Event) -> None:
+    """Say, once, that a scheduler has no workers: tasks wait for one."""
+    while not over.wait(_PATIENCE):
+        with contextlib.suppress(Exception):  # a scheduler that has gone is told by the tasks
+            if not client.nthreads() and not over.is_set():
+                warnings.warn(f"--cluster: {address} has no workers; the work waits for one", stacklevel=1)
+                return

@@ -25,15 +25,19 @@ def study(
     cluster: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler; 'local' starts one with so many --jobs.")
     ] = None,
-    collect: Annotated[bool, typer.Option("--collect", help="Run nothing: write study.csv and summary.txt.")] = False,
+    collect: Annotated[bool, typer.Option("--collect", help="Run nothing: write a table, a page, a summary.")] = False,
 ) -> None:
     """Run the pieces of a study that are missing in a folder; the same command goes on where it was stopped."""
     from mjfish import study as studies
 
     cases = studies.read_cases(file)
     if collect:
+        from mjfish.reporting.html.study import write_study
+
         collected = studies.collect(cases, out)
-        console.say(*collected.summary.splitlines(), f"wrote {console.listed(collected.files)}")
+        write_study(collected, out / "study.html")
+        written = console.listed([*collected.files, out / "study.html"])
+        console.say(*collected.summary.splitlines(), f"wrote {written}")
         if collected.missing:
             raise typer.Exit(console.NOT_GOOD)
         return

@@ -16,6 +16,7 @@ from mjfish.diagnosis import diagnose
 from mjfish.errors import InputError
 from mjfish.estimation import Settings, identify
 from mjfish.files import is_file
+from mjfish.model import Model
 from mjfish.simulation import generate
 from mjfish.study.pieces import Piece
 from mjfish.study.study_toml import Diagnose, Folder, Generated, Identify, acting, fish_of, read_study
@@ -73,6 +74,14 @@ class Case(Piece):
         mechanisms = [{name: one[name] for name in ("name", "level", "form")} for one in found["mechanisms"]]
         kept = {name: found[name] for name in _OF_DIAGNOSIS}
         return {**kept, "mechanisms": mechanisms, "parameters": found["coefficients"]["extended"]}
+
+    def truth(self) -> dict[str, float]:
+        """Return the values with which a dataset was generated, by full name; none of one that was not."""
+        if isinstance(self.dataset, Folder):
+            return {}
+        fish = fish_of(self.dataset, self.home)
+        effects, values = acting(self.dataset, fish)
+        return Model(fish, tuple(effects)).values(values)
 
     def _load(self) -> Dataset:
         if isinstance(self.dataset, Folder):

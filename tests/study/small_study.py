@@ -64,6 +64,11 @@ def printed_by(process: subprocess.Popen[str]) -> str:
     return "".join(process.communicate(timeout=500))
 
 
+def said_by(printed: str) -> list[str]:
+    """Return what was printed but for the lines of progress."""
+    return [line for line in printed.splitlines() if not line.endswith("%)")]
+
+
 def finish(*arguments: str | Path) -> tuple[int, str]:
     """Run ``mjfish study``; return its exit code, and what it printed."""
     process = start(*arguments)
