@@ -42,7 +42,7 @@ def write_study(folder: Path, text: str = SMALL) -> Path:
 
 def contents(out: Path) -> dict[str, bytes]:
     """Return the bytes of every piece by its name."""
-    return {path.name: path.read_bytes() for path in (out / "pieces").iterdir()}
+    return {path.name: path.read_bytes() for path in (out / "pieces").glob("*.json")}
 
 
 def start(*arguments: str | Path) -> subprocess.Popen[str]:

@@ -237,3 +237,15 @@ def test_a_run_stops_at_once_where_it_is_asked_to(
     assert contents(out).items() <= made.items()
     assert {path.name for path in out.iterdir()} == {"pieces", "seconds"}
     assert not any(map(running, workers))
+
+
+def test_a_second_run_is_refused_while_the_first_is_at_work(tmp_path: Path) -> None:
+    file, out = write_study(tmp_path, LONG), tmp_path / "out"
+    with _ending(_started(out, file)) as first:
+        code, printed = finish(file, "--out", out)
+        assert code == 2, printed
+        (said,) = said_by(printed)
+        assert f"process {first.pid} on " in said
+        assert first.poll() is None
+    code, printed = finish(file, "--out", out, "--shard", "1/4")
+    assert code == 0, printed

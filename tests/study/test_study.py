@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import os
 import platform
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
+from tempfile import mkstemp
 from typing import Any
 
 import pytest
+from schema_check import complaints
 from small_study import SMALL, contents, write_study
 from typer.testing import CliRunner
 
@@ -146,6 +150,30 @@ def test_a_full_disk_is_a_named_error_and_the_same_command_goes_on(tmp_path: Pat
     assert contents(out) == made
 
 
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EACCES, errno.EROFS], ids=errno.errorcode.get)
+def test_a_disk_that_takes_no_more_is_a_named_error_and_what_is_done_is_kept(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, made: dict[str, bytes]
+) -> None:
+    """From the fourth file on, after the lock and a piece with its time."""
+    cases, out, files = read_cases(write_study(tmp_path)), tmp_path / "out", []
+
+    def refused(*arguments: Any, **options: Any) -> tuple[int, str]:
+        files.append(options)
+        if len(files) > 3:
+            raise OSError(number, os.strerror(number))
+        return mkstemp(*arguments, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tempfile, "mkstemp", refused)
+        with pytest.raises(InputError, match=f"cannot be written: {os.strerror(number)}; choose a folder"):
+            run(cases, out)
+    assert len(contents(out)) == 1
+    assert contents(out).items() <= made.items()
+    assert {path.name for path in out.iterdir()} == {"pieces", "seconds"}
+    assert run(cases, out).made == 3
+    assert contents(out) == made
+
+
 def test_the_hash_hangs_on_contents_and_not_on_names(tmp_path: Path) -> None:
     """A dataset that changes is computed again, one that is renamed is not."""
     save(mjfish.generate("pike", ["v1"], duration=2.0), tmp_path / "pool")
@@ -174,7 +202,7 @@ def test_the_table_says_what_came_of_each_piece_and_whether_it_is_right(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def result(piece: Case) -> dict[str, Any]:
-        estimate = {"servo_lag.time_constant": {"estimate": 0.031, "low": 0.02, "high": 0.04}}
+        estimate = {"servo_lag.time_constant": {"estimate": 0.031, "low": 0.02, "high": 0.04, "unit": "s"}}
         named = {"verdict": "named", "causes": [{"name": "servo_lag"}], "mechanisms": [{"name": "servo_dynamics"}]}
         return {**named, "parameters": estimate} if piece.seed == 1 else FOUND[piece.dataset.name]
 
@@ -195,6 +223,39 @@ def test_the_table_says_what_came_of_each_piece_and_whether_it_is_right(
     assert all(float(row["seconds"]) >= 0.0 for row in rows)
     assert "lag, cause: 1 named; 1 cannot_tell; right: 1 yes, 0 no, 1 open" in collected.summary
     assert (out / "summary.txt").read_text() == collected.summary
+
+
+@pytest.mark.slow
+def test_a_real_diagnosis_is_a_piece_with_its_row(tmp_path: Path) -> None:
+    text = """
+    schema = 1
+    seeds = [5]
+    [[generate]]
+    name = "lag"
+    modes = ["v1", "v3", "v5", "v1-v5", "v5-v1", "v3-t2"]
+    noise = [0.006, 0.006, 0.05]
+    held_out = ["v3", "v5-v1"]
+    effects = { servo_lag = { time_constant = 0.03 } }
+    [[diagnose]]
+    name = "cause"
+    """
+    cases, out = read_cases(write_study(tmp_path, text)), tmp_path / "out"
+    assert run(cases, out).failed == 0
+    (piece,) = contents(out).values()
+    assert not complaints("piece-1", json.loads(piece))
+    collected = collect(cases, out)
+    (row,) = collected.rows
+    assert (row["outcome"], row["causes"], row["true_causes"], row["right"]) == (
+        "named",
+        "servo_lag",
+        "servo_lag",
+        "yes",
+    )
+    lag = "servo_lag.time_constant"
+    assert (row[f"{lag} true"], collected.units[lag]) == (0.03, "s")
+    assert row[f"{lag} low"] < row[lag] < row[f"{lag} high"]
+    assert row[lag] == pytest.approx(0.03, rel=0.05)
+    assert "lag, cause: 1 named; right: 1 yes, 0 no, 0 open" in collected.summary
 
 
 @pytest.mark.parametrize(
