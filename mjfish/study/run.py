@@ -146,7 +146,8 @@ class _Run:
                 try:
                     outcome, seconds = future.result()
                 except Exception as error:
-                    lost[place] = f"its worker ended without an answer ({type(error).__name__})"
+                    said = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
+                    lost[place] = f"its worker gave no answer ({said})"
                     continue
                 self._store.write(pieces[place], outcome, seconds)
                 self._made += 1

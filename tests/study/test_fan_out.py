@@ -80,7 +80,7 @@ class _Breaking(Executor):
         (piece,) = args
         self._broken |= (piece.dataset.name, piece.seed) == ("lag", 2)
         if self._broken:
-            future.set_exception(BrokenExecutor())
+            future.set_exception(BrokenExecutor("it ended"))
         else:
             future.set_result(({"outcome": "done", "result": {}}, 0.0))
         return future
@@ -93,4 +93,4 @@ def test_a_piece_that_always_ends_its_worker_stays_missing_and_the_rest_is_made(
     monkeypatch.setattr(Executing, "executor", lambda *_: _Breaking())
     ran = run(read_cases(write_study(tmp_path)), tmp_path / "out", executing=Executing(jobs=2))
     assert (ran.made, ran.failed) == (3, 0)
-    assert ran.unanswered == ("lag, quick, seed 2: its worker ended without an answer (BrokenExecutor)",)
+    assert ran.unanswered == ("lag, quick, seed 2: its worker gave no answer (BrokenExecutor: it ended)",)

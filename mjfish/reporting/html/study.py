@@ -91,9 +91,9 @@ def _counts(groups: dict[tuple[str, str], list[Row]], key: str, colours: dict[st
             drawn.add_bar(
                 x=own, y=[*range(len(own))], name=value.replace("_", " "), orientation="h", marker_color=COLOURS[colour]
             )
-    return drawn.update_layout(barmode="stack", showlegend=True, hovermode="closest").update_xaxes(
-        title_text="pieces", rangemode="tozero"
-    )
+    return drawn.update_layout(
+        barmode="stack", showlegend=True, legend_traceorder="normal", hovermode="closest"
+    ).update_xaxes(title_text="pieces", rangemode="tozero")
 
 
 def _misses(row: Row, name: str) -> bool | None:
