@@ -6,9 +6,13 @@ clusters serve whole fits: what they work on is sent to them by cloudpickle, whi
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import multiprocessing
 import os
+import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -28,6 +32,8 @@ R = TypeVar("R")
 LOCAL = "local"
 #: Within which a scheduler must answer [s].
 _PATIENCE = 10
+#: Run by the workers of a cluster of one's own: Ctrl-C in a terminal is for all processes, and this one stops them.
+_UNDISTURBED = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 
 
 def fan_out(function: Callable[[T], R], tasks: Sequence[T], executor: Executor) -> Iterator[tuple[int, Future[R]]]:
@@ -125,13 +131,15 @@ def processes(jobs: int) -> Iterator[Executor]:
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent)
     try:
-        yield pool
+        with _killed_on_error():
+            yield pool
     finally:
         pool.shutdown(cancel_futures=True)
 
 
 def _end_with_parent() -> None:
-    """End this process when its parent is gone: the queue alone would let it wait for ever."""
+    """End this process when its parent is gone, and not before: the queue alone would let it wait for ever."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in a terminal is for all processes; the parent stops this one
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
@@ -143,35 +151,82 @@ def _end_with_parent() -> None:
 
 
 @contextmanager
+def _killed_on_error() -> Iterator[None]:
+    """Kill the processes that began in the block where it ends by an error: they may be in the middle of long work."""
+    before = multiprocessing.active_children()
+    try:
+        yield
+    except BaseException:
+        for child in multiprocessing.active_children():
+            if child not in before:
+                child.kill()
+        raise
+
+
+@contextmanager
+def _silenced() -> Iterator[None]:
+    """Keep what Dask logs from the terminal: lost workers and schedulers are told by whoever runs the tasks."""
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in ("distributed", "tornado")]
+    levels = {name: logging.getLogger(name).level for name in names}
+    try:
+        for name in names:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
+
+
+class NoClusterError(InputError):
+    """There is no Dask, or no scheduler that answers."""
+
+
+@contextmanager
 def cluster(address: str, jobs: int) -> Iterator[Executor]:
     """Yield an executor of the workers of a Dask scheduler.
+
+    Where the scheduler goes, futures are cancelled; where the last worker goes, they wait for another.
 
     Args:
         address: of the scheduler, such as ``tcp://node1:8786``; ``local`` starts one on the loopback interface.
         jobs: workers of a local cluster, a process each.
 
     Raises:
-        InputError: ``distributed`` is not installed, or no scheduler answers.
+        NoClusterError: ``distributed`` is not installed, or no scheduler answers.
     """
     try:
         from distributed import Client, LocalCluster
     except ImportError:
-        raise InputError(
+        raise NoClusterError(
             "--cluster: Dask is not installed; install it by `pip install 'mjfish[cluster]'`, or use --jobs"
         ) from None
-    if address == LOCAL:
-        with (
-            LocalCluster(
-                host="127.0.0.1", n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None
-            ) as own,
-            Client(own) as client,
-        ):
-            yield client.get_executor(pure=False)
-        return
-    try:
-        client = Client(address, timeout=_PATIENCE)
-    except (OSError, ValueError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"--cluster: no scheduler answers at {address}: {reason}; start one, or use --jobs") from None
-    with client:
+    with _silenced(), contextlib.ExitStack() as stack:
+        if address == LOCAL:
+            own = LocalCluster(
+                host="127.0.0.1", n_workers=jobs, threads_per_worker=1, processes=True,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL, preload=_UNDISTURBED,
+            )  # fmt: skip
+            stack.enter_context(own)
+            stack.enter_context(_killed_on_error())
+            address = own.scheduler_address
+        try:
+            client = stack.enter_context(Client(address, timeout=_PATIENCE))
+        except (OSError, ValueError) as error:
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise NoClusterError(
+                f"--cluster: no scheduler answers at {address}: {reason}; start one, or use --jobs"
+            ) from None
+        over = threading.Event()
+        stack.callback(over.set)
+        threading.Thread(target=_warn_without_workers, args=(client, address, over), daemon=True).start()
         yield client.get_executor(pure=False)
+
+
+def _warn_without_workers(client: Any, address: str, over: threading.Event) -> None:
+    """Say, once, that a scheduler has no workers: tasks wait for one."""
+    while not over.wait(_PATIENCE):
+        with contextlib.suppress(Exception):  # a scheduler that has gone is told by the tasks
+            if not client.nthreads() and not over.is_set():
+                warnings.warn(f"--cluster: {address} has no workers; the work waits for one", stacklevel=1)
+                return

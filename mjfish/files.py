@@ -79,6 +79,14 @@ def _finite(content: Any) -> Any:
     return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
+def is_file(path: Path) -> bool:
+    """Return whether there is such a file; of a name that the system refuses, such as one too long, there is none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def check_file(path: Path) -> None:
     """Refuse a file that cannot be written; for callers with long work before they write.
 

@@ -30,12 +30,20 @@ from mjfish.estimation.settings import Settings
 from mjfish.fish import load_fish
 from mjfish.inspection import Finding, Inspection
 from mjfish.simulation.synthetic import generate
+from mjfish.study import Study, cases, read_cases, run, study_toml
+from mjfish.study.store import SCHEMA as PIECE
 from mjfish.tomlfile import parse
 
 NAMES = [file.stem for file in schema_page.files()]
 #: Keys below these tables are names of the user's own.
-FREE = ("start", "known", "columns")
+FREE = ("start", "known", "columns", "effects", "servo_lag", "values")
 EXAMPLE = tomllib.loads(blocks(ROOT / "docs" / "datasets.md", "toml")[0])
+STUDY = tomllib.loads(blocks(ROOT / "docs" / "study.md", "toml")[0])
+#: Files that are read, and what reads them.
+READ: dict[str, tuple[dict[str, Any], type[BaseModel]]] = {
+    "dataset-1": (EXAMPLE, DatasetTable),
+    "study-1": (STUDY, Study),
+}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -48,8 +56,9 @@ def test_a_schema_is_one_of_its_dialect_and_says_its_version(name: str) -> None:
 
 
 def test_there_is_a_schema_of_every_version_that_is_written() -> None:
-    (dataset,) = get_args(DatasetTable.model_fields["schema_"].annotation)
-    assert [f"dataset-{dataset}", f"diagnosis-{DIAGNOSIS}", f"identification-{IDENTIFICATION}"] == NAMES
+    (dataset,), (study,) = (get_args(model.model_fields["schema_"].annotation) for _, model in READ.values())
+    written = [f"diagnosis-{DIAGNOSIS}", f"identification-{IDENTIFICATION}", f"piece-{PIECE}"]
+    assert [f"dataset-{dataset}", *written, f"study-{study}"] == NAMES
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -129,9 +138,28 @@ def test_a_written_dataset_follows_its_schema(tmp_path: Path) -> None:
     assert not complaints("dataset-1", tomllib.loads((tmp_path / "dataset.toml").read_text(encoding="utf-8")))
 
 
-def test_the_example_of_the_page_is_accepted_by_schema_and_reader() -> None:
-    assert not complaints("dataset-1", EXAMPLE)
-    parse(EXAMPLE, DatasetTable, "example")
+@pytest.mark.parametrize("name", READ)
+def test_the_example_of_a_page_is_accepted_by_schema_and_reader(name: str) -> None:
+    example, model = READ[name]
+    assert not complaints(name, example)
+    parse(example, model, "example")
+
+
+def test_a_piece_of_a_study_follows_its_schema(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Done and failed, of an identification and of a diagnosis that is made by hand."""
+    text = 'schema = 1\n[[generate]]\nname = "a"\nmodes = ["v1"]\nduration = 2.0\n{}'
+    quick = '[[identify]]\nname = "quick"\nfree = ["c_d.*"]\nstarts = 1\n'
+    other = '[[diagnose]]\nname = "cause"\n[[identify]]\nname = "wrong"\nfree = ["d.*"]\n'
+    (tmp_path / "study.toml").write_text(text.format(quick + other))
+    monkeypatch.setattr(cases, "diagnose", lambda *_, **__: diagnosis())
+    pieces = read_cases(tmp_path / "study.toml")
+    assert run(pieces, tmp_path).failed == 1
+    found = [json.loads((tmp_path / "pieces" / f"{piece.key}.json").read_text()) for piece in pieces]
+    assert [one["outcome"] for one in found] == ["done", "failed", "done"]
+    assert {"verdict", "status"} <= {*found[2]["result"], *found[0]["result"]}
+    for one in found:
+        assert not complaints("piece-1", one)
+        assert complaints("piece-1", {key: value for key, value in one.items() if key not in ("result", "reason")})
 
 
 def _places(part: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
@@ -146,16 +174,21 @@ def _places(part: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str |
             yield from _places(below, (*path, index))
 
 
-@pytest.mark.parametrize("place", tuple(_places(EXAMPLE)), ids=lambda place: ".".join(map(str, place)))
-def test_a_misspelt_key_of_a_dataset_is_refused_by_schema_and_reader(place: tuple[str | int, ...]) -> None:
-    slip = copy.deepcopy(EXAMPLE)
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [(name, place) for name, (example, _) in READ.items() for place in _places(example)],
+    ids=lambda value: value if isinstance(value, str) else ".".join(map(str, value)),
+)
+def test_a_misspelt_key_is_refused_by_schema_and_reader(name: str, place: tuple[str | int, ...]) -> None:
+    example, model = READ[name]
+    slip = copy.deepcopy(example)
     owner: Any = slip
     for step in place[:-1]:
         owner = owner[step]
     owner[f"{place[-1]}x"] = owner.pop(place[-1])
-    assert complaints("dataset-1", slip)
+    assert complaints(name, slip)
     with pytest.raises(InputError):
-        parse(slip, DatasetTable, "example")
+        parse(slip, model, "example")
 
 
 @pytest.mark.parametrize(
@@ -169,7 +202,25 @@ def test_a_wrong_value_of_a_dataset_is_refused_by_schema_and_reader(slip: dict[s
         parse({**EXAMPLE, **slip}, DatasetTable, "example")
 
 
-def test_the_schema_of_a_dataset_has_the_keys_that_are_read() -> None:
+@pytest.mark.parametrize(
+    "slip",
+    [
+        {"schema": 2},
+        {"seeds": []},
+        {"seeds": [-1]},
+        {"generate": [{"name": "a"}]},
+        {"identify": [{"name": "a", "starts": 0}]},
+    ],
+    ids=json.dumps,
+)
+def test_a_wrong_value_of_a_study_is_refused_by_schema_and_reader(slip: dict[str, Any]) -> None:
+    assert complaints("study-1", {**STUDY, **slip})
+    with pytest.raises(InputError):
+        parse({**STUDY, **slip}, Study, "example")
+
+
+def test_the_schemas_have_the_keys_that_are_read() -> None:
+    study = schema("study-1")
     found = schema("dataset-1")
     keys, defs = found["properties"], found["$defs"]
     gaussian, differentiated = keys["filter"]["oneOf"]
@@ -187,6 +238,11 @@ def test_the_schema_of_a_dataset_has_the_keys_that_are_read() -> None:
         dataset_toml.WaveDrive: wave,
         dataset_toml.SensorTable: defs["sensor"],
         dataset_toml.PlaceTable: defs["sensor"]["properties"]["place"],
+        Study: study,
+        study_toml.Generated: study["$defs"]["generate"],
+        study_toml.Folder: study["$defs"]["folder"],
+        study_toml.Identify: study["$defs"]["identify"],
+        study_toml.Diagnose: study["$defs"]["diagnose"],
     }
     for model, part in read.items():
         fields = {field.alias or name: field for name, field in model.model_fields.items() if name != "wave"}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,19 +23,29 @@ def study(
     shard: Annotated[str, typer.Option(help="I/N: only the I-th of N shares of the pieces.")] = "1/1",
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     cluster: console.Cluster = None,
-    collect: Annotated[bool, typer.Option("--collect", help="Run nothing: write study.csv and summary.txt.")] = False,
+    collect: Annotated[bool, typer.Option("--collect", help="Run nothing: write a table, a page, a summary.")] = False,
 ) -> None:
     """Run the pieces of a study that are missing in a folder; the same command goes on where it was stopped."""
     from mjfish import study as studies
 
+    cases = studies.read_cases(file)
     if collect:
-        collected = studies.collect(file, out)
-        console.say(*collected.summary.splitlines(), f"wrote {console.listed(collected.files)}")
+        from mjfish.reporting.html.study import write_study
+
+        collected = studies.collect(cases, out)
+        write_study(collected, out / "study.html")
+        written = console.listed([*collected.files, out / "study.html"])
+        console.say(*collected.summary.splitlines(), f"wrote {written}")
         if collected.missing:
             raise typer.Exit(console.NOT_GOOD)
         return
-    with console.progress_bar() as tell:
-        ran = studies.run(file, out, shard=_shard(shard), executing=studies.Executing(jobs, cluster), tell=tell)
+    executing = studies.Executing(jobs, cluster)
+    try:
+        with _stopped_by_sigterm(), console.progress_bar() as tell:
+            ran = studies.run(cases, out, shard=_shard(shard), executing=executing, tell=tell)
+    except KeyboardInterrupt:
+        console.complain("stopped", f"the pieces that are done are kept in {out}; the same command goes on")
+        raise typer.Exit(console.STOPPED) from None
     for damaged in ran.damaged:
         console.complain("damaged, made anew", damaged)
     for reason in ran.unanswered:
@@ -40,6 +53,16 @@ def study(
     console.say(f"{ran.there} pieces were there, {ran.made} were made, {ran.failed} of all failed, in {out}")
     if ran.unanswered:
         raise typer.Exit(console.NOT_GOOD)
+
+
+@contextmanager
+def _stopped_by_sigterm() -> Iterator[None]:
+    """Take SIGTERM, which schedulers of jobs send at a time limit, as Ctrl-C: the lock is released."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _shard(text: str) -> Shard:

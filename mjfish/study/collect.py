@@ -12,9 +12,9 @@ from mjfish.effects import catalogue
 from mjfish.errors import InputError
 from mjfish.estimation.tables import write_rows
 from mjfish.files import write_text
-from mjfish.study.pieces import Piece, pieces_of
+from mjfish.study.cases import Case
 from mjfish.study.store import Store
-from mjfish.study.study_toml import Generated, read_study
+from mjfish.study.study_toml import Generated
 
 #: Files of a collection.
 TABLE, SUMMARY = "study.csv", "summary.txt"
@@ -25,65 +25,74 @@ class Collected:
     """What was collected.
 
     Attributes:
+        rows: of the table, a piece each.
+        units: of the estimates in them, by full name.
         summary: a line a dataset and setting.
         missing: pieces that are not done, or whose file is damaged.
         files: that were written.
     """
 
+    rows: tuple[dict[str, Any], ...]
+    units: dict[str, str]
     summary: str
     missing: int
     files: tuple[Path, ...]
 
 
-def collect(file: Path, out: Path) -> Collected:
+def collect(cases: Sequence[Case], out: Path) -> Collected:
     """Write a CSV table, a row a piece, and a summary of the pieces of a study that are done in a folder.
 
     Args:
-        file: of the study.
-        out: folder of its pieces.
+        cases: all pieces of the study.
+        out: their folder.
 
     Raises:
-        InputError: the study breaks its schema, or no piece of it is done; the folder cannot be written.
+        InputError: none of them is done; the folder cannot be written.
     """
-    pieces = pieces_of(read_study(file), file.resolve().parent)
     store = Store(out)
     rows: list[dict[str, Any]] = []
-    for piece in pieces:
+    units: dict[str, str] = {}
+    for case in cases:
         try:
-            content = store.read(piece)
+            content = store.read(case.key)
         except InputError:
             content = None
         if content is not None:
-            rows.append(_row(piece, content, store.seconds(piece)))
+            rows.append(_row(case, content, store.seconds(case.key)))
+            units |= {name: one["unit"] for name, one in content.get("result", {}).get("parameters", {}).items()}
     if not rows:
-        raise InputError(f"{out}: holds no piece of {file} that is done; run the study into this folder first")
+        raise InputError(f"{out}: holds no piece of this study that is done; run the study into this folder first")
     names = dict.fromkeys(name for row in rows for name in row)
-    text = "\n".join(_summary(pieces, rows)) + "\n"
+    text = "\n".join(_summary(cases, rows)) + "\n"
     files = (out / TABLE, out / SUMMARY)
     write_rows(files[0], [{name: row.get(name) for name in names} for row in rows])
     write_text(files[1], text)
-    return Collected(text, len(pieces) - len(rows), files)
+    return Collected(tuple(rows), units, text, len(cases) - len(rows), files)
 
 
-def _row(piece: Piece, content: dict[str, Any], seconds: float | None) -> dict[str, Any]:
+def _row(case: Case, content: dict[str, Any], seconds: float | None) -> dict[str, Any]:
     """Return the row of a piece: what was done, what came of it, and the estimates."""
     result = content.get("result", {})
     found = result.get("verdict", result.get("status", content["outcome"]))
-    generated = piece.dataset if isinstance(piece.dataset, Generated) else None
+    generated = case.dataset if isinstance(case.dataset, Generated) else None
     row = {
-        "dataset": piece.dataset.name,
-        "setting": piece.setting.name,
-        "seed": piece.seed,
+        "dataset": case.dataset.name,
+        "setting": case.setting.name,
+        "seed": case.seed,
         "outcome": found,
         "reason": content.get("reason", result.get("message")),
         "causes": ", ".join(cause["name"] for cause in result.get("causes", ())),
         "true_causes": None if generated is None else ", ".join(generated.effects),
         "right": _right(result, generated) if generated is not None and "verdict" in result else None,
         "seconds": seconds,
-        "piece": piece.key,
+        "piece": case.key,
     }
-    for name, value in result.get("parameters", {}).items():
+    estimates = result.get("parameters", {})
+    truth = case.truth() if estimates else {}
+    for name, value in estimates.items():
         row.update({name: value["estimate"], f"{name} low": value["low"], f"{name} high": value["high"]})
+        if name in truth:
+            row[f"{name} true"] = truth[name]
     return row
 
 
@@ -102,11 +111,11 @@ def _mechanisms(causes: Iterable[str]) -> set[str]:
     return {known[name].mechanism if name in known else name for name in causes}
 
 
-def _summary(pieces: Sequence[Piece], rows: Sequence[dict[str, Any]]) -> list[str]:
+def _summary(cases: Sequence[Case], rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return a line for all, then one for each dataset and setting."""
     failed = sum(row["outcome"] == "failed" for row in rows)
-    lines = [f"{len(rows)} of {len(pieces)} pieces are done, {failed} of them failed."]
-    for dataset, setting in dict.fromkeys((piece.dataset.name, piece.setting.name) for piece in pieces):
+    lines = [f"{len(rows)} of {len(cases)} pieces are done, {failed} of them failed."]
+    for dataset, setting in dict.fromkeys((case.dataset.name, case.setting.name) for case in cases):
         own = [row for row in rows if (row["dataset"], row["setting"]) == (dataset, setting)]
         outcomes = Counter(str(row["outcome"]) for row in own)
         right = Counter(row["right"] for row in own if row["right"] is not None)

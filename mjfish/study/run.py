@@ -1,11 +1,11 @@
-"""Run the pieces of a study that are not there yet."""
+"""Run the pieces of work that are not there yet."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,13 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from mjfish.errors import InputError
-from mjfish.executors import cluster, fan_out, processes
+from mjfish.executors import NoClusterError, cluster, fan_out, processes
 from mjfish.study.lock import locked
-from mjfish.study.pieces import Piece, Shard, pieces_of
+from mjfish.study.pieces import Piece, Shard
 from mjfish.study.store import Store
-from mjfish.study.study_toml import read_study
+
+#: What came of a piece, and how long it took [s].
+_Answer = tuple[dict[str, Any], float]
 
 
 @dataclass(frozen=True)
@@ -32,11 +34,11 @@ class Executing:
     jobs: int = 1
     cluster: str | None = None
 
-    def executor(self, jobs: int) -> AbstractContextManager[Executor]:
-        """Return an executor of so many workers."""
+    def executor(self, jobs: int) -> AbstractContextManager[Executor | None]:
+        """Return an executor of so many workers; None where this process does the work."""
         if self.cluster is not None:
             return cluster(self.cluster, jobs)
-        return processes(jobs) if self.jobs > 1 else ThreadPoolExecutor(1)
+        return processes(jobs) if self.jobs > 1 else nullcontext()
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,8 @@ class Ran:
         made: pieces that were made.
         failed: of all of these, those that failed.
         damaged: files that were damaged, and are made anew, each with what was wrong.
-        unanswered: pieces whose worker ended without an answer, each with the reason; they are still missing.
+        unanswered: pieces whose worker ended without an answer, or for which there are no workers any more, with the
+            reason; they are still missing.
     """
 
     there: int = 0
@@ -59,30 +62,29 @@ class Ran:
 
 
 def run(
-    file: Path,
+    pieces: Sequence[Piece],
     out: Path,
     *,
     shard: Shard = Shard(),  # noqa: B008 - frozen
     executing: Executing = Executing(),
     tell: Callable[[str, float], None] = lambda _what, _done: None,
 ) -> Ran:
-    """Run the pieces of a study that are missing in a folder; each is written when it is done.
+    """Run the pieces that are missing in a folder; each is written when it is done.
 
     Args:
-        file: of the study.
+        pieces: all of them.
         out: folder; made where it is not there.
         shard: share of the pieces.
         executing: where they run; the files have the same bytes wherever.
         tell: called with what is being done and the share that is done.
 
     Raises:
-        InputError: the study breaks its schema, another run is at these pieces, or the folder cannot be written.
+        InputError: another run is at these pieces, the folder cannot be written, or there is no cluster.
     """
-    pieces = shard.of(pieces_of(read_study(file), file.resolve().parent))
     store = Store(out)
     store.make()
     with locked(out, shard):
-        return _Run(store, executing, tell).run(pieces)
+        return _Run(store, executing, tell).run(shard.of(pieces))
 
 
 class _Run:
@@ -91,10 +93,21 @@ class _Run:
     def __init__(self, store: Store, executing: Executing, tell: Callable[[str, float], None]) -> None:
         self._store, self._executing, self._tell = store, executing, tell
         self._there = self._made = self._failed = 0
+        self._begun = False
 
     def run(self, pieces: Sequence[Piece]) -> Ran:
-        rest, damaged = self._missing(pieces)
-        self._total = len(rest)
+        missing, damaged = self._missing(pieces)
+        self._total = len(missing)
+        try:
+            unanswered = self._finish(missing)
+        except NoClusterError as error:
+            if not self._begun:
+                raise
+            unanswered = [f"{self._total - self._made} pieces: {error}"]
+        return Ran(self._there, self._made, self._failed, tuple(damaged), tuple(unanswered))
+
+    def _finish(self, rest: Sequence[Piece]) -> list[str]:
+        """Run pieces until each has an answer or ends its worker; return those that do, with the reason."""
         unanswered = []
         while rest:
             lost = self._round(rest, self._executing.jobs)
@@ -104,15 +117,15 @@ class _Run:
             # Those that were running when a worker ended. Each runs alone, to find the one that ends workers.
             suspects, rest = lost[: self._executing.jobs], [piece for piece, _ in lost[self._executing.jobs :]]
             for piece, _ in suspects:
-                unanswered += [f"{_name(piece)}: {reason}" for _, reason in self._round([piece], 1)]
-        return Ran(self._there, self._made, self._failed, tuple(damaged), tuple(unanswered))
+                unanswered += [f"{piece.name}: {reason}" for _, reason in self._round([piece], 1)]
+        return unanswered
 
     def _missing(self, pieces: Sequence[Piece]) -> tuple[list[Piece], list[str]]:
         """Return the pieces that are not there, each once, and what is wrong with damaged files."""
         missing, damaged = [], []
         for piece in {piece.key: piece for piece in pieces}.values():
             try:
-                content = self._store.read(piece)
+                content = self._store.read(piece.key)
             except InputError as error:
                 content = None
                 damaged.append(str(error).removesuffix("; delete it"))
@@ -128,11 +141,13 @@ class _Run:
         lost = {}
         self._tell(f"{self._made} of {self._total} pieces", self._made / self._total)
         with self._executing.executor(jobs) as executor:
-            for place, future in fan_out(answer, pieces, executor):
+            self._begun = True
+            for place, future in _answers(pieces, executor):
                 try:
                     outcome, seconds = future.result()
                 except Exception as error:
-                    lost[place] = f"its worker ended without an answer ({type(error).__name__})"
+                    said = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
+                    lost[place] = f"its worker gave no answer ({said})"
                     continue
                 self._store.write(pieces[place], outcome, seconds)
                 self._made += 1
@@ -141,7 +156,18 @@ class _Run:
         return [(pieces[place], lost[place]) for place in sorted(lost)]
 
 
-def answer(piece: Piece) -> tuple[dict[str, Any], float]:
+def _answers(pieces: Sequence[Piece], executor: Executor | None) -> Iterator[tuple[int, Future[_Answer]]]:
+    """Yield the place of each piece and its answer, in the order of completion."""
+    if executor is not None:
+        yield from fan_out(answer, pieces, executor)
+        return
+    for place, piece in enumerate(pieces):
+        future: Future[_Answer] = Future()
+        future.set_result(answer(piece))
+        yield place, future
+
+
+def answer(piece: Piece) -> _Answer:
     """Return what came of a piece, its error where it failed, and how long it took [s]."""
     begun = time.perf_counter()
     try:
@@ -150,7 +176,3 @@ def answer(piece: Piece) -> tuple[dict[str, Any], float]:
     except (Exception, SystemExit) as error:
         outcome = {"outcome": "failed", "reason": f"{type(error).__name__}: {error}"}
     return outcome, time.perf_counter() - begun
-
-
-def _name(piece: Piece) -> str:
-    return f"{piece.dataset.name}, {piece.setting.name}, seed {piece.seed}"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from mjfish import bounded, hashed
 from mjfish.errors import InputError
-from mjfish.files import json_text, make_folder, write_json
+from mjfish.files import make_folder, write_json
 from mjfish.study.pieces import Piece
 
 #: Of the file of a piece.
@@ -32,31 +31,34 @@ class Store:
         for kind in ("pieces", "seconds"):
             make_folder(self.folder / kind)
 
-    def path(self, piece: Piece) -> Path:
-        """Return the file of a piece."""
-        return self.folder / "pieces" / f"{piece.key}.json"
-
     def write(self, piece: Piece, outcome: dict[str, Any], seconds: float) -> None:
         """Write what came of a piece, whole or not at all, or raise `InputError`."""
-        write_json(self.folder / "seconds" / f"{piece.key}.json", {"seconds": round(seconds, 3)})
-        hashed.write(self.path(piece), {"schema": SCHEMA, "input": piece.input, **outcome})
+        write_json(self._file("seconds", piece.key), {"seconds": round(seconds, 3)})
+        hashed.write(self._file("pieces", piece.key), {"schema": SCHEMA, "input": piece.input, **outcome})
 
-    def read(self, piece: Piece) -> dict[str, Any] | None:
-        """Return what came of a piece; None where that is not known yet.
+    def keys(self) -> list[str]:
+        """Return the hashes of all pieces that are there."""
+        return sorted(path.stem for path in (self.folder / "pieces").glob("*.json"))
+
+    def read(self, key: str) -> dict[str, Any] | None:
+        """Return what came of the piece of a hash; None where that is not known yet.
 
         Raises:
             InputError: the file is damaged: it cannot be read, or its hash does not fit.
         """
-        path = self.path(piece)
+        path = self._file("pieces", key)
         content = hashed.read(path)
-        if content is not None and content.get("input") != json.loads(json_text(piece.input)):
+        if content is not None and hashed.digest(content.get("input")) != key:
             raise InputError(f"{path}: it is of another piece; delete it")
         return content
 
-    def seconds(self, piece: Piece) -> float | None:
+    def seconds(self, key: str) -> float | None:
         """Return how long a piece took [s]; None where nothing says it."""
         try:
-            seconds = bounded.read_json(self.folder / "seconds" / f"{piece.key}.json", "delete it")["seconds"]
+            seconds = bounded.read_json(self._file("seconds", key), "delete it")["seconds"]
         except (InputError, LookupError, TypeError):
             return None
         return float(seconds) if isinstance(seconds, (int, float)) else None
+
+    def _file(self, kind: str, key: str) -> Path:
+        return self.folder / kind / f"{key}.json"

@@ -6,21 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from mjfish import tomlfile
-from mjfish.data.dataset_toml import FILE, Positive
+from mjfish.data.dataset_toml import FILE, Number, Positive
 from mjfish.drive.modes import DURATION, MODES
 from mjfish.effects import Effect, catalogue, find, of_fish
 from mjfish.errors import InputError, located
 from mjfish.estimation import Settings
 from mjfish.estimation.settings import Loss, Weights
+from mjfish.files import is_file
 from mjfish.fish import Fish, load_fish
 from mjfish.tomlfile import Table
 
 Seed = Annotated[int, Field(ge=0)]
-#: A number, which TOML may write without a point.
-Number = Annotated[float, BeforeValidator(lambda value: float(value) if type(value) is int else value)]
 
 
 class Named(Table):
@@ -65,11 +64,13 @@ class Study(Table):
     """A study.
 
     Attributes:
+        schema_: version of this file.
         seeds: of the noise of generated datasets, of the starts of an identification, and of a diagnosis.
         generate, folder: the datasets.
         identify, diagnose: what is done with each.
     """
 
+    schema_: Annotated[Literal[1], Field(alias="schema")]
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1)] = (0,)
     generate: tuple[Generated, ...] = ()
     folder: tuple[Folder, ...] = ()
@@ -96,7 +97,7 @@ def read_study(path: Path) -> Study:
                 fish = fish_of(generated, path.parent)
                 acting(generated, fish)
         for folder in study.folder:
-            if not (path.parent / folder.path / FILE).is_file():
+            if not is_file(path.parent / folder.path / FILE):
                 raise InputError(f"folder {folder.name}: {path.parent / folder.path} holds no {FILE}; correct the path")
         for identify in study.identify:
             with located(f"identify {identify.name}"):

@@ -29,6 +29,9 @@ from mjfish.design import load_diagnosis
 from mjfish.errors import MjfishError
 from mjfish.files import json_text
 from mjfish.model import extended
+from mjfish.study import read_cases
+from mjfish.study.study_toml import Generated, acting
+from mjfish.study.study_toml import fish_of as fish_of_study
 
 #: Most that a file may take, of a processor [s].
 SECONDS = 5.0
@@ -111,7 +114,7 @@ def _arrays(found: Any) -> Any:
 NAMES = (
     "dataset.toml", "cpg.csv", "measured.csv", "tag.csv", "wave.parquet", "fish.toml", "run_1.csv", "map.toml",
     "pose.csv", "track.csv", "Amp20Bias-30.txt", "bag.mcap", "rollout.csv", "diagnosis.json", "planned.json",
-    "film.csv", "markers.toml",
+    "film.csv", "markers.toml", "study.toml",
 )  # fmt: skip
 SLOW = ("pose.csv",)
 STEP = 0.02
@@ -200,6 +203,29 @@ def _parquet(table: Mapping[str, np.ndarray], path: Path) -> bytes:
     return raw
 
 
+_STUDY = """\
+schema = 1
+seeds = [1, 2]
+[[generate]]
+name = "lag"
+fish = "own.toml"
+modes = ["v1", "v3"]
+duration = 2
+noise = [0.006, 0.006, 0.04]
+held_out = ["v3"]
+effects = { servo_lag = { time_constant = 0.03 } }
+values = { "c_d.tail" = 1.8 }
+[[folder]]
+name = "pool"
+path = "."
+[[identify]]
+name = "drag"
+free = ["c_d.*"]
+loss = "huber"
+starts = 2
+[[diagnose]]
+name = "cause"
+"""
 _WAVE = "[wave]\nfrequency = 2.9\namplitude = [0.1, 0.1, 0.1, 0.1]\nphase = [0, 0, 0, 0]\n"
 _VELOCITIES_MAP = (
     'schema = 1\nkind = "velocities"\nfish = "pike"\nprefix = "run_"\ntime = "t"\nsurge = "u"\nsway = "v"\n'
@@ -363,9 +389,21 @@ def readers(folder: Path) -> dict[str, Reader]:
     found += [
         Reader("film.csv", _film(), _points, table, {"markers.toml": film_map}),
         Reader("markers.toml", film_map, _points, toml, {"film.csv": _film()}),
+        Reader("study.toml", _STUDY.encode(), _inputs, toml, own),
     ]
     assert tuple(reader.name for reader in found) == NAMES
     return {reader.name: reader for reader in found}
+
+
+def _inputs(folder: Path) -> list[Any]:
+    """Return the numbers of the effects that act in each piece of a study, whose hash is made on the way."""
+    found = read_cases(folder / "study.toml")
+    assert all(case.key for case in found)
+    return [
+        acting(case.dataset, fish_of_study(case.dataset, folder))[1]
+        for case in found
+        if isinstance(case.dataset, Generated)
+    ]
 
 
 def _rollout(path: Path) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from studies.battery.generator import case as cases
 from studies.battery.generator import draft, forcing, noise, size
 from studies.battery.generator.case import make_case, scaled_case
 from studies.battery.generator.classes import CAUSES
-from studies.battery.generator.truth import open_truth, seal
+from studies.battery.generator.truth import Truth
 from studies.battery.generator.world import FINE
 
 
@@ -123,20 +124,13 @@ def test_the_same_seed_gives_the_same_case_and_splits_never_meet() -> None:
         draft.draft(1_000_000)
 
 
-def test_truths_are_opened_only_as_they_were_sealed(tmp_path: Path) -> None:
+def test_the_seal_of_a_truth_is_that_of_all_of_it() -> None:
     """A truth that was changed after the diagnosis."""
-    truths = [make_case(6, "none").truth, scaled_case(6, "time_offset", 50.0).truth]
-    digest = seal(truths, tmp_path / "truths.json")
-    assert open_truth(tmp_path / "truths.json") == tuple(truths)
-    seal([replace(truths[0], kind="one"), truths[1]], tmp_path / "truths.json")
-    with pytest.raises(InputError, match="changed after"):
-        open_truth(tmp_path / "truths.json", digest)
-    text = (tmp_path / "truths.json").read_text()
-    (tmp_path / "truths.json").write_text(text.replace("time_offset", "servo_lag"))
-    with pytest.raises(InputError, match="changed after"):
-        open_truth(tmp_path / "truths.json")
-    with pytest.raises(InputError, match="no such file"):
-        open_truth(tmp_path / "none.json")
+    truth = scaled_case(6, "time_offset", 50.0).truth
+    back = Truth.of(json.loads(json.dumps(asdict(truth))))
+    assert back == truth
+    assert back.seal == truth.seal
+    assert replace(truth, kind="none").seal != truth.seal
 
 
 def test_force_noise_moves_the_fish_by_its_level() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from mjfish.study import Executing
 from studies.battery import baselines, figures
 from studies.battery.__main__ import tasks
 from studies.battery.answers import Judged, judged, run
@@ -149,7 +150,7 @@ def test_the_battery_holds_at_a_tenth_of_its_size(tmp_path: Path) -> None:
     """Bounds that rates at the bars leave with 99.9 %: 20 quiet cases, 20 single causes, 6 pairs, 6 off the list."""
     first = SEED % 400_000 + 500_000
     drawn = tasks("none:20,one:20,two:6,off_list:6", "open", first, "none")
-    list(run(drawn, tmp_path, jobs=2))
+    run(drawn, tmp_path, executing=Executing(jobs=2))
     cases = judged(tmp_path)
     assert len(cases) == len(drawn)
     alarms = [c for c in cases if c.truth.kind == "none" and c.answer["verdict"] != "nothing_wrong"]

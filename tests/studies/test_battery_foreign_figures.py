@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from mjfish.errors import InputError
 from studies.battery import foreign_figures
-from studies.battery.__main__ import every_form
-from studies.battery.answers import Judged, sealed_answers
+from studies.battery.__main__ import every_form, tasks
+from studies.battery.answers import Answered, Judged, Sealed, judged, run, sealed_answers
 from studies.battery.generator.foreign import FOREIGN
-from studies.battery.generator.truth import Truth, seal
+from studies.battery.generator.truth import Truth
 
 TRUTH = Truth(
     seed=1,
@@ -75,7 +76,7 @@ def _case(
         "alternatives": [list(names) for names in sets],
         "gain": {"held_out": held},
         "floor": 0.3,
-        "cpu": 1.0,
+        "seconds": 1.0,
     }
     return Judged(truth, answer)
 
@@ -175,15 +176,48 @@ def test_every_form_has_a_medium_and_a_weak_case() -> None:
     assert len({task.name for task in made}) == len({task.seed for task in made}) == 2 * len(FOREIGN)
 
 
-def test_hashes_and_answers_are_told_and_no_truth(tmp_path: Path) -> None:
-    """A truth that is committed before the last case is diagnosed."""
-    digest = seal([TRUTH], tmp_path / "truth" / "foreign-1.json")
-    (tmp_path / "answer").mkdir()
-    answer = dict(_case(RIGHT).answer)
-    (tmp_path / "answer" / "foreign-1.json").write_text(json.dumps(answer))
-    (found,) = sealed_answers(tmp_path)
-    assert found["truth"] == digest
-    assert found["mechanisms"] == [
+def test_truths_are_sealed_before_any_diagnosis_and_told_by_their_hash(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A truth that is drawn, or committed, after an answer is known."""
+    order: list[str] = []
+
+    def sealed(piece: Sealed) -> dict[str, Any]:
+        order.append("truth")
+        truth = replace(TRUTH, seed=piece.task.seed)
+        return {"truth": asdict(truth), "seal": truth.seal}
+
+    def answered(_: Answered) -> dict[str, Any]:
+        order.append("answer")
+        return dict(_case(RIGHT).answer)
+
+    monkeypatch.setattr(Sealed, "result", sealed)
+    monkeypatch.setattr(Answered, "result", answered)
+    drawn = tasks("foreign:2", "open", 7, "none")
+    assert run(drawn, tmp_path).made == 2
+    assert run(drawn, tmp_path).there == 2
+    assert order == ["truth", "truth", "answer", "answer"]
+    first, second = judged(tmp_path)
+    assert (first.truth, second.truth) == (replace(TRUTH, seed=7), replace(TRUTH, seed=8))
+    told = sealed_answers(tmp_path)
+    assert [one["truth"] for one in told] == [first.truth.seal, second.truth.seal]
+    assert told[0]["mechanisms"] == [
         {"name": "drag_law", "level": "mechanism", "form": "drag_law", "forms": ["drag_law"]}
     ]
-    assert "crisis" not in json.dumps(found)
+    assert "crisis" not in json.dumps(told)
+    (tmp_path / "truth" / "pieces" / f"{Sealed(drawn[0]).key}.json").unlink()
+    with pytest.raises(InputError, match="is missing"):
+        judged(tmp_path)
+
+
+def test_a_case_that_fails_is_not_left_out_of_the_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A battery that is better for the cases on which the program breaks."""
+
+    def broken(_: Answered) -> dict[str, Any]:
+        raise ZeroDivisionError("by nothing")
+
+    monkeypatch.setattr(Sealed, "result", lambda _: {"truth": asdict(TRUTH), "seal": TRUTH.seal})
+    monkeypatch.setattr(Answered, "result", broken)
+    assert run(every_form(7, "open", ["drag_crisis"]), tmp_path).failed == 2
+    with pytest.raises(InputError, match="failed: ZeroDivisionError: by nothing"):
+        judged(tmp_path)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-c", "from mjfish.cli import main; main()", "study"]
 SMALL = """
+schema = 1
 seeds = [1, 2]
 
 [[generate]]
@@ -39,18 +42,56 @@ def write_study(folder: Path, text: str = SMALL) -> Path:
 
 def contents(out: Path) -> dict[str, bytes]:
     """Return the bytes of every piece by its name."""
-    return {path.name: path.read_bytes() for path in (out / "pieces").iterdir()}
+    return {path.name: path.read_bytes() for path in (out / "pieces").glob("*.json")}
 
 
 def start(*arguments: str | Path) -> subprocess.Popen[str]:
-    """Start ``mjfish study``."""
+    """Start ``mjfish study`` in a session of its own."""
+    return start_python(*COMMAND[1:], *arguments)
+
+
+def start_python(*arguments: str | Path) -> subprocess.Popen[str]:
+    """Start Python in a session of its own, with the paths of this process."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
-    command = [*COMMAND, *map(str, arguments)]
-    return subprocess.Popen(command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    return subprocess.Popen(
+        [sys.executable, *map(str, arguments)],
+        env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+    )  # fmt: skip
+
+
+def printed_by(process: subprocess.Popen[str]) -> str:
+    """Wait for the end of a process; return what it printed."""
+    return "".join(process.communicate(timeout=500))
+
+
+def said_by(printed: str) -> list[str]:
+    """Return what was printed but for the lines of progress."""
+    return [line for line in printed.splitlines() if not line.endswith("%)")]
 
 
 def finish(*arguments: str | Path) -> tuple[int, str]:
     """Run ``mjfish study``; return its exit code, and what it printed."""
     process = start(*arguments)
-    printed = "".join(process.communicate(timeout=500))
+    printed = printed_by(process)
     return process.returncode, printed
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 300.0) -> None:
+    """Wait until a condition holds."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def workers_of(pid: int) -> list[int]:
+    """Return the worker processes of a run."""
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    children = [child for task in tasks for child in (task / "children").read_text().split()]
+    return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+
+
+def running(pid: int) -> bool:
+    """Return whether a process runs."""
+    stat = Path(f"/proc/{pid}/stat")
+    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"

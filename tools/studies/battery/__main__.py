@@ -31,6 +31,7 @@ from mjfish.diagnosis import diagnose  # noqa: E402
 from mjfish.effects import find  # noqa: E402
 from mjfish.fish import load_fish  # noqa: E402
 from mjfish.simulation import generate  # noqa: E402
+from mjfish.study import Executing, Shard  # noqa: E402
 from studies.battery import baselines, figures, foreign_figures  # noqa: E402
 from studies.battery.answers import Task, judged, run, sealed_answers  # noqa: E402
 from studies.battery.generator.draft import PIKE  # noqa: E402
@@ -76,22 +77,22 @@ def run_(
     split: Annotated[str, typer.Option(help="open, calibration or test.")] = "open",
     first: Annotated[int, typer.Option(help="First seed.")] = 0,
     disturbance: Annotated[str, typer.Option(help="Force noise on top: none, forces or drift.")] = "none",
-    jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
     joints: Annotated[int, typer.Option(help="Of the fish; 4 is the pike.")] = PIKE,
-    out: Annotated[Path | None, typer.Option(help="Folder of truths and answers.")] = None,
     forms: Annotated[str, typer.Option(help="Foreign forms instead, medium and weak: names, or all.")] = "",
+    out: Annotated[Path | None, typer.Option(help="Folder of truths and answers.")] = None,
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
+    shard: Annotated[tuple[int, int], typer.Option(help="I N: only the I-th of N shares.")] = (1, 1),
+    cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler; 'local': one of --jobs.")] = None,
 ) -> None:
     """Draw, seal and diagnose cases."""
     folder = out or OUT / (split if disturbance == "none" else disturbance)
     drawn = tasks(cases, split, first, disturbance, joints)
     if forms:
         drawn = every_form(first, split, [] if forms == "all" else forms.split(","))
-    for answer in run(drawn, folder, jobs):
-        task = answer["task"]
-        print(
-            f"{task['kind']:8} {task['seed']:6} {answer['verdict']:14} {answer['cpu']:.1f} s  {answer['message']}",
-            flush=True,
-        )
+    executing = Executing(jobs, cluster)
+    ran = run(drawn, folder, shard=Shard(*shard), executing=executing, tell=lambda what, _: print(what, flush=True))
+    for reason in ran.unanswered:
+        print(f"missing: {reason}")
     _print(folder)
 
 

@@ -1,23 +1,24 @@
-"""Answers to sealed cases: every truth is sealed before its case is diagnosed; a battery stopped half-way goes on."""
+"""Answers to sealed cases, as pieces of a study: every truth is sealed before the first case is diagnosed."""
 
 from __future__ import annotations
 
-import json
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from multiprocessing import get_context
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mjfish.diagnosis import Diagnosis, diagnose
+from mjfish.errors import InputError
+from mjfish.study import Piece, Ran, Store
+from mjfish.study import run as run_pieces
 from studies.battery.generator.case import STRENGTHS, Case, make_case
 from studies.battery.generator.classes import MECHANISMS
 from studies.battery.generator.draft import PIKE
-from studies.battery.generator.truth import Truth, open_truth, seal
+from studies.battery.generator.truth import Truth
 from studies.battery.sparse_regression import sparsest
 
 
@@ -37,7 +38,7 @@ class Task:
 
     @property
     def name(self) -> str:
-        """Name of its files."""
+        """Name of its case."""
         parts = [
             self.kind,
             str(self.seed),
@@ -49,28 +50,52 @@ class Task:
         return "-".join(part for part in parts if part)
 
 
-def run(tasks: Sequence[Task], folder: Path, jobs: int) -> Iterator[dict[str, Any]]:
-    """Draw, seal and diagnose every task whose answer is not in `folder` yet; yield the answers as they come."""
-    (folder / "truth").mkdir(parents=True, exist_ok=True)
-    (folder / "answer").mkdir(exist_ok=True)
-    left = [task for task in tasks if not _answer(folder, task).is_file()]
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(_one, left, [folder] * len(left))
+@dataclass(frozen=True)
+class _OfTask(Piece):
+    """A piece of work on a case, which it draws."""
+
+    task: Task
+
+    @property
+    def name(self) -> str:
+        """Name of the case."""
+        return self.task.name
+
+    @property
+    def input(self) -> dict[str, Any]:
+        """The task, and what is asked of it."""
+        return {type(self).__name__.lower(): vars(self.task), "version": version("mjfish")}
 
 
-def _one(task: Task, folder: Path) -> dict[str, Any]:
-    case = _draw(task)
-    seal([case.truth], folder / "truth" / f"{task.name}.json")
-    begun = time.process_time()
-    answer = {"task": vars(task), **told(diagnose(case.dataset, jobs=1)), "cpu": time.process_time() - begun}
-    answer["floor"] = floor(case)
-    if task.kind == "one":
-        answer["sparse"] = sparsest(case.dataset)
-    target = _answer(folder, task)
-    partial = target.with_suffix(".partial")
-    partial.write_text(json.dumps(answer, indent=1), encoding="utf-8")
-    partial.replace(target)
-    return answer
+class Sealed(_OfTask):
+    """The truth of a case."""
+
+    def result(self) -> dict[str, Any]:
+        """Return the truth as plain data, and its hash."""
+        truth = _draw(self.task, rivals=self.task.kind == "one" and self.task.joints == PIKE).truth
+        return {"truth": dataclasses.asdict(truth), "seal": truth.seal}
+
+
+class Answered(_OfTask):
+    """The diagnosis of a case."""
+
+    def result(self) -> dict[str, Any]:
+        """Return what is judged of it."""
+        case = _draw(self.task)
+        answer = {**told(diagnose(case.dataset, jobs=1)), "floor": floor(case)}
+        return {**answer, "sparse": sparsest(case.dataset)} if self.task.kind == "one" else answer
+
+
+def run(tasks: Sequence[Task], folder: Path, **options: Any) -> Ran:
+    """Draw and seal the truths that are missing in `folder`, then make the diagnoses that are; see `mjfish.study.run`.
+
+    Args:
+        tasks: all of them.
+        folder: of truths and answers.
+        options: of `mjfish.study.run`.
+    """
+    run_pieces([*map(Sealed, tasks)], folder / "truth", **options)
+    return run_pieces([*map(Answered, tasks)], folder / "answer", **options)
 
 
 def floor(case: Case) -> float | None:
@@ -83,16 +108,11 @@ def floor(case: Case) -> float | None:
     return float(np.mean(np.sqrt(np.mean(noise**2, axis=0)) / np.ptp(measured, axis=0)))
 
 
-def _draw(task: Task) -> Case:
+def _draw(task: Task, *, rivals: bool = False) -> Case:
     return make_case(
         task.seed, task.kind, split=task.split, cause=task.cause, strength=task.strength, least=task.least,
-        noise_kind=task.noise, disturbance=task.disturbance,
-        rivals=task.kind == "one" and task.joints == PIKE, joints=task.joints,
+        noise_kind=task.noise, disturbance=task.disturbance, rivals=rivals, joints=task.joints,
     )  # fmt: skip
-
-
-def _answer(folder: Path, task: Task) -> Path:
-    return folder / "answer" / f"{task.name}.json"
 
 
 def told(result: Diagnosis) -> dict[str, Any]:
@@ -151,29 +171,54 @@ class Judged:
         return self.mechanisms == frozenset(MECHANISMS.get(name, name) for name in self.truth.causes)
 
 
-def judged(folder: Path) -> list[Judged]:
-    """Open the truths of all answers in a folder, each checked against its seal."""
+@dataclass(frozen=True)
+class _Done:
+    """An answer, and the truth that is sealed."""
+
+    task: Task
+    sealed: dict[str, Any]
+    answer: dict[str, Any]
+
+
+def _done(folder: Path) -> list[_Done]:
+    """Return all answers of a folder by the names of their cases.
+
+    Raises:
+        InputError: a truth is missing, a file was changed, or a piece failed.
+    """
+    truths, answers = Store(folder / "truth"), Store(folder / "answer")
     found = []
-    for file in sorted((folder / "answer").glob("*.json")):
-        truth = open_truth(folder / "truth" / file.name)[0]
-        found.append(Judged(truth, json.loads(file.read_text(encoding="utf-8"))))
-    return found
+    for key in answers.keys():  # noqa: SIM118 - no dictionary
+        asked = Task(**_read(answers, key)["input"]["answered"])
+        sealed = _read(truths, Sealed(asked).key)["result"]
+        found.append(_Done(asked, sealed, {**_read(answers, key)["result"], "seconds": answers.seconds(key) or 0.0}))
+    return sorted(found, key=lambda one: one.task.name)
+
+
+def _read(store: Store, key: str) -> dict[str, Any]:
+    content = store.read(key)
+    if content is None or content["outcome"] == "failed":
+        reason = "is missing" if content is None else f"failed: {content['reason']}"
+        raise InputError(f"{store.folder}: the piece {key} {reason}; run the battery with this case again")
+    return content
+
+
+def judged(folder: Path) -> list[Judged]:
+    """Open the truths of all answers in a folder, each checked against its hash."""
+    return [Judged(Truth.of(one.sealed["truth"]), one.answer) for one in _done(folder)]
 
 
 def sealed_answers(folder: Path) -> list[dict[str, Any]]:
     """Return, by case, the hash of its sealed truth and the answer in short; truths stay shut."""
-    found = []
-    for file in sorted((folder / "answer").glob("*.json")):
-        answer = json.loads(file.read_text(encoding="utf-8"))
-        beside = folder / "truth" / f"{file.name}.sha256"
-        found.append(
-            {
-                "case": file.stem,
-                "truth": beside.read_text(encoding="utf-8").split()[0],
-                **{key: answer[key] for key in ("verdict", "message", "alternatives", "cpu")},
-                "mechanisms": [
-                    {key: one[key] for key in ("name", "level", "form", "forms")} for one in answer["mechanisms"]
-                ],
-            }
-        )
-    return found
+    return [
+        {
+            "case": one.task.name,
+            "truth": one.sealed["seal"],
+            **{key: one.answer[key] for key in ("verdict", "message", "alternatives", "seconds")},
+            "mechanisms": [
+                {key: mechanism[key] for key in ("name", "level", "form", "forms")}
+                for mechanism in one.answer["mechanisms"]
+            ],
+        }
+        for one in _done(folder)
+    ]

@@ -201,5 +201,5 @@ def line(case: Judged) -> str:
     return (
         f"{case.truth.seed:6} {MECHANISMS[form]:16} {form:18} {case.truth.strength[form]:6.0f} {mark}{claim} "
         f"{case.answer['verdict']}: {said or sets} | gain {share_gained([case]):.0%} {curves} | "
-        f"{case.truth.noise['kind']} | {case.answer['cpu']:.0f} s"
+        f"{case.truth.noise['kind']} | {case.answer['seconds']:.0f} s"
     )

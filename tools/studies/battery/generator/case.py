@@ -2,7 +2,6 @@
 
 case = scaled_case(7, "servo_lag", 120.0, "white")
 diagnose(case.dataset)
-seal([case.truth], "sealed/truths.json")
 """
 
 from __future__ import annotations

@@ -1,16 +1,13 @@
-"""Truths, written before any diagnosis and opened after: JSON in one file, its SHA-256 in another."""
+"""Truths, drawn and hashed before any diagnosis and opened after."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
-
-from mjfish.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -63,44 +60,14 @@ class Truth:
         """Largest correlation of each cause with another one of the list."""
         return {cause: max(own.values(), default=0.0) for cause, own in self.rho.items()}
 
+    @property
+    def seal(self) -> str:
+        """SHA-256 of the truth, to be published before it is opened."""
+        text = json.dumps([dataclasses.asdict(self)], indent=1, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
 
-def seal(truths: Sequence[Truth], path: str | Path) -> str:
-    """Write truths to a JSON file and their SHA-256 beside it (``.sha256``); return the hash."""
-    path = Path(path)
-    text = json.dumps([dataclasses.asdict(truth) for truth in truths], indent=1, sort_keys=True)
-    digest = hashlib.sha256(text.encode()).hexdigest()
-    for target, content in ((path, text), (_beside(path), f"{digest}  {path.name}\n")):
-        partial = target.with_name(f".{target.name}.partial")
-        partial.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(content, encoding="utf-8")
-        partial.replace(target)
-    return digest
-
-
-def open_truth(path: str | Path, digest: str | None = None) -> tuple[Truth, ...]:
-    """Read truths back, having checked them against `digest`, or against the hash beside the file.
-
-    Raises:
-        InputError: a file is absent, or the truths are not those that were sealed.
-    """
-    path = Path(path)
-    for file in (path, _beside(path)):
-        if not file.is_file() and (file == path or digest is None):
-            raise InputError(f"{file}: no such file, expected sealed truths and their hash; correct the path")
-    text = path.read_text(encoding="utf-8")
-    found = hashlib.sha256(text.encode()).hexdigest()
-    expected = _beside(path).read_text(encoding="utf-8").split()[0] if digest is None else digest
-    if found != expected:
-        raise InputError(
-            f"{path}: has the hash {found[:12]}, expected {expected[:12]}; it was changed after the sealing"
-        )
-    return tuple(_truth(entry) for entry in json.loads(text))
-
-
-def _beside(path: Path) -> Path:
-    return path.with_name(f"{path.name}.sha256")
-
-
-def _truth(entry: dict[str, Any]) -> Truth:
-    fitted, held = entry.pop("runs")
-    return Truth(**{**entry, "causes": tuple(entry["causes"]), "runs": (tuple(fitted), tuple(held))})
+    @staticmethod
+    def of(entry: Mapping[str, Any]) -> Truth:
+        """Return the truth of its plain data."""
+        fitted, held = entry["runs"]
+        return Truth(**{**entry, "causes": tuple(entry["causes"]), "runs": (tuple(fitted), tuple(held))})
