@@ -89,12 +89,17 @@ class Noise(Table):
     yaw_rate: Sigma | None = None
 
 
+#: Numbers of a coefficient, as those of a fish.
+Value = Annotated[Number, Field(ge=0.0, le=1e9)]
+High = Annotated[Number, Field(gt=0.0, le=1e9)]
+
+
 class Bounds(Table):
     """Start value and bounds of one coefficient; what is left out stays as the fish declares it."""
 
-    start: NotNegative | None = None
-    low: NotNegative | None = None
-    high: Positive | None = None
+    start: Value | None = None
+    low: Value | None = None
+    high: High | None = None
 
 
 class Drive(Table):

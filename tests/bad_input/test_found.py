@@ -152,6 +152,11 @@ FOUND: dict[str, tuple[str, Edit, str]] = {
         _bag(stamp=("x", "y"), definition="string sec\nstring nanosec"),
         "no time of ROS 2",
     ),
+    "a bound beyond all coefficients": (
+        "dataset.toml",
+        lambda raw: raw.replace(b"high = 3.0", b"high = 1e308", 1),
+        "start.c_d.tail.high: must be at most 1e.09",
+    ),
     "headers of a table that are no text": ("wave.parquet", _no_utf8, "cannot be read|unknown column"),
     "a column of dates": ("wave.parquet", _date, "has type date32"),
     "a covariance of no errors": (
