@@ -23,6 +23,10 @@ class MjfishError(Exception):
     """
 
 
+#: What solvers and optimisers raise where numbers go wrong, `numpy.linalg.LinAlgError` among them.
+NUMERIC = (ArithmeticError, ValueError, RuntimeError)
+
+
 class InputError(MjfishError, ValueError):
     """A file, key, row or argument is not what it must be."""
 
@@ -37,6 +41,12 @@ class UnknownNameError(MjfishError, LookupError):
 
 class ParameterError(MjfishError, ValueError):
     """A parameter outside its bounds, or given a value that is no number."""
+
+
+def reason_of(error: Exception) -> str:
+    """Return what an error says, in one line, with its type where that is none of mjfish's."""
+    said = next(iter(str(error).splitlines()), "")
+    return said if isinstance(error, MjfishError) else f"{type(error).__name__}: {said}".rstrip(": ")
 
 
 @contextlib.contextmanager

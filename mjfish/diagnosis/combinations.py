@@ -9,12 +9,14 @@ the data cannot tell apart are all kept (the lower boundary of [Ferrari2015]).
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mjfish.diagnosis.evidence import Evidence, gather
+from mjfish.diagnosis.failures import tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import Refit, made_smooth, refined, refit_with
@@ -135,7 +137,8 @@ def find_small_addition(
         enough = [effect for effect in seen if after.statistic(effect.name) > _HALF_OF_IT * excess]
         for effect in sorted(enough, key=lambda effect: -after.worth(effect.name))[:_ADDED]:
             names = tuple(sorted((*base.names, effect.name)))
-            refit = _followed(refit_with(after, effect, gained=base.gain), base.fit.sse - excess)
+            refit = tried(functools.partial(refit_with, after, gained=base.gain), effect)
+            refit = tried(functools.partial(followed, least=base.fit.sse - excess), refit)
             beyond = [other for other in others if other.mechanism != effect.mechanism]
             left = gather(refit.problem, refit.fit, beyond).saturated_excess()
             mended = refit.gain - most > MENDED and left < (1.0 - _MOST_OF_IT) * excess
@@ -205,18 +208,19 @@ def _extended(
         for effect in shortlist(after, rng):
             names = tuple(sorted((*base.names, effect.name)))
             if names not in known:
-                refit = refit_with(after, effect, gained=base.gain)
+                refit = tried(functools.partial(refit_with, after, gained=base.gain), effect)
                 if names not in found or refit.gain > found[names].gain:
                     found[names] = refit
     if found:
         top = max(refit.gain for refit in found.values())
         floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
         least = min(refit.fit.sse for refit in found.values())
-        found = {names: _followed(refit, least) if refit.gain >= floor else refit for names, refit in found.items()}
+        further = functools.partial(followed, least=least)
+        found = {n: tried(further, refit) if refit.gain >= floor else refit for n, refit in found.items()}
     return found
 
 
-def _followed(refit: Refit, least: float) -> Refit:
+def followed(refit: Refit, least: float) -> Refit:
     """Follow a coarse refit to its optimum; where the form of the cause added last is learned, with its smoothness."""
     return made_smooth(refit, least) if refit.effects[-1].learned else refined(refit, least)
 
@@ -258,7 +262,7 @@ def _parts(sets: Combinations, known: Mapping[Names, Refit]) -> dict[Names, Refi
         for out in refit.effects:
             names = _less(refit, out.name)
             if names not in known and names not in found:
-                found[names] = refit.less(out)
+                found[names] = tried(functools.partial(Refit.less, out=out), refit)
     return found
 
 

@@ -21,10 +21,12 @@ from scipy import special, stats
 from mjfish.arrays import BoolArray, FloatArray, blocks_of, principal_axes
 from mjfish.block_angular import Basis, BlockAngular, block_angular, span
 from mjfish.diagnosis.by_run import ByRun, Drawn
+from mjfish.diagnosis.failures import CandidatesFailedError, candidate_limit
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.omnibus import HATS, omnibus
 from mjfish.estimation.problem import Slopes
+from mjfish.estimation.time_limit import check_time, limited
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
 
@@ -360,13 +362,23 @@ def signatures(
         values: of its parameters.
         candidates: causes at their null values.
         shapes: of the candidates, where they are not the defaults.
+
+    Raises:
+        CandidatesFailedError: derivatives by amplitudes of some are not finite where the prediction is.
+        PastLimitError: they took longer than all candidates may.
     """
     model = replace(problem.model, effects=(*problem.model.effects, *candidates))
     wide = replace(problem, model=model)
     null = {p.name: p.default for effect in candidates for p in effect.parameters}
     x = wide.start({**null, **(shapes or {}), **values})
     amplitudes = [p for effect in candidates for p in effect.amplitudes()]
-    return wide.slopes(x, only=[p.name for p in amplitudes]).scaled(np.array([p.scale for p in amplitudes]))
+    with limited(candidate_limit() * max(len(candidates), 1)):
+        slopes = wide.slopes(x, only=[p.name for p in amplitudes])
+        check_time()
+    if slopes.lost and shapes is None and not problem.divergence(problem.start(values)):
+        lost = [effect.name for effect in candidates if any(p.name in slopes.lost for p in effect.amplitudes())]
+        raise CandidatesFailedError(dict.fromkeys(lost, "the derivative of the prediction by its sizes is not finite"))
+    return slopes.scaled(np.array([p.scale for p in amplitudes]))
 
 
 def whitened_omnibus(problem: Problem) -> BlockAngular:

@@ -11,11 +11,13 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence, p_value_of
+from mjfish.diagnosis.failures import CandidatesFailedError, Failure, attempted, candidate_limit
 from mjfish.diagnosis.integration_step import finer
 from mjfish.diagnosis.progress import Progress, silent
 from mjfish.diagnosis.shapes import at_best_shapes
 from mjfish.effects.effect import Effect
-from mjfish.estimation import Fit, Problem, fit
+from mjfish.estimation import Fit, Problem
+from mjfish.estimation.fit import fit_or_raise
 from mjfish.estimation.smoothness import effective_degrees_of_freedom, smoothed
 from mjfish.executors import threaded
 from mjfish.parameter import Parameter, bounds
@@ -104,7 +106,7 @@ class Refit:
         kept = tuple(effect for effect in self.effects if effect.name != out.name)
         left = tuple(effect for effect in self.problem.model.effects if effect.name != out.name)
         problem = replace(self.problem, model=replace(self.problem.model, effects=left))
-        here = fit(problem, problem.start(self.fit.values), tolerance=TOLERANCE)
+        here = fit_or_raise(problem, problem.start(self.fit.values), tolerance=TOLERANCE)
         return Refit(kept, problem, here, self.gain + self.fit.sse - here.sse)
 
     def parameter_values(self) -> dict[str, float]:
@@ -214,7 +216,7 @@ def tried_afresh(found: Mapping[str, Refit]) -> dict[str, Refit]:
     def tried(refit: Refit) -> Refit:
         problem = with_jobs(refit, 1).problem
         starts = [problem.start(refit.parameter_values()), *other_minima(refit.fit, problem, fits=False)]
-        fits = [fit(problem, start, tolerance=TOLERANCE, evaluations=_TRY) for start in starts]
+        fits = [fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=_TRY) for start in starts]
         best = min([refit.fit, *fits], key=lambda each: each.objective)
         return replace(refit, fit=best, gain=refit.gain + refit.fit.sse - best.sse)
 
@@ -264,7 +266,7 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     if max(scores.values(), default=0.0) < _SMALL:
         shaped = [e for e in effects if e.name in scores and e.smooth and any(p.shape for p in e.parameters)]
         alone = with_jobs(evidence, 1)
-        best = threaded(
+        best = refit_in_parallel(
             lambda effect: at_best_shapes(alone, effect, first_alone=True)[0], shaped, evidence.problem.jobs
         )
         for effect, there in zip(shaped, best, strict=True):
@@ -296,10 +298,10 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, visible)})
     start, least = best_start(evidence, problem, effect, formulas)
     hopeless = not effect.smooth and least > evidence.fit.sse - _HOPELESS  # no size on the grid explains anything
-    best = fit(problem, start, tolerance=TOLERANCE, evaluations=1 if hopeless else COARSE[not effect.smooth])
+    best = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=1 if hopeless else COARSE[not effect.smooth])
     if effect.learned and not effect.smooth and best.sse > _MISFIT * len(best.residual):  # it has several minima
         starts = [problem.start(values) for values in _like(effect, formulas)]
-        tried = [fit(problem, x, tolerance=TOLERANCE, evaluations=COARSE[True]) for x in starts]
+        tried = [fit_or_raise(problem, x, tolerance=TOLERANCE, evaluations=COARSE[True]) for x in starts]
         best = min([best, *tried], key=lambda each: each.objective)
     return Refit(problem.causes, problem, best, gained + evidence.fit.sse - best.sse)
 
@@ -332,7 +334,7 @@ def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
     idle = {p.name: p.low for p in problem.declared.values()}
     nothing = problem.start({**idle, **evidence.fit.values})
     start = min((refit.fit.x, nothing), key=lambda x: float(np.sum(problem.rough.residual(x) ** 2)))
-    here = fit(problem, start, tolerance=TOLERANCE, evaluations=evaluations)
+    here = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=evaluations)
     return replace(refit, problem=problem, fit=here, gain=evidence.fit.sse - here.sse)
 
 
@@ -365,7 +367,7 @@ def refined(refit: Refit, best: float) -> Refit:
 
 def _restarted(problem: Problem, found: Fit, start: FloatArray, best: float) -> Fit:
     """Return the better of a fit and another one from `start`, which is followed where it comes near the first."""
-    tried = fit(problem, start, tolerance=TOLERANCE, evaluations=_TRY)
+    tried = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=_TRY)
     if tried.objective < _HOPE * found.objective and tried.status != "converged":
         tried = _followed(problem, tried.x, tried.sse, best)
     return min(found, tried, key=lambda each: each.objective)
@@ -376,7 +378,7 @@ def _resolved(refit: Refit) -> Refit:
     problem = finer(refit.problem, refit.fit.x, TOLERANCE)
     if problem is refit.problem:
         return refit
-    result = fit(problem, refit.fit.x, tolerance=TOLERANCE)
+    result = fit_or_raise(problem, refit.fit.x, tolerance=TOLERANCE)
     return replace(refit, problem=problem, fit=result, gain=refit.gain + refit.fit.sse - result.sse)
 
 
@@ -384,7 +386,7 @@ def _followed(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
     """Fit from x, ever finer as long as the result comes near the best."""
     while True:
         tolerance = max(TOLERANCE, _BEHIND * (sse - best) / sse)
-        result = fit(problem, x, tolerance=tolerance, evaluations=_MOST)
+        result = fit_or_raise(problem, x, tolerance=tolerance, evaluations=_MOST)
         behind = _BEHIND * (result.sse - best)
         if tolerance == TOLERANCE or result.status != "converged" or behind > 0.5 * tolerance * result.sse:
             return result
@@ -600,8 +602,17 @@ T = TypeVar("T")
 
 
 def refit_in_parallel(make: Callable[[T], Any], tasks: Sequence[T], jobs: int) -> Iterator[Any]:
-    """Yield the refit that `make` makes of each task, in their order; its problem gets all the threads back."""
-    for refit in threaded(make, tasks, jobs):
+    """Yield the refit that `make` makes of each task, in their order; its problem gets all the threads back.
+
+    Raises:
+        CandidatesFailedError: some failed; raised once all were tried.
+    """
+    limit = candidate_limit()
+    results = threaded(lambda task: attempted(make, task, limit), tasks, jobs)
+    for refit in results:
+        if isinstance(refit, Failure):
+            failures = [refit, *(other for other in results if isinstance(other, Failure))]
+            raise CandidatesFailedError({failure.name: failure.reason for failure in failures})
         yield with_jobs(refit, jobs)
 
 

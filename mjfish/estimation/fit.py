@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.block_angular import BlockAngular
+from mjfish.errors import NUMERIC, MjfishError, reason_of
 from mjfish.estimation.problem import LOST, Problem
 from mjfish.estimation.settings import Loss
 from mjfish.parameter import Parameter, bounds
@@ -26,6 +27,8 @@ Z95 = 1.959963984540054
 #: An estimate this close to a bound, as a share of the range, rests on it.
 _AT_BOUND = 1e-4
 _MAX_EVALUATIONS = 100
+#: Variance of the estimates of a fit that failed.
+_UNKNOWN = 1e200
 #: Parameters up to which the step is by a singular value decomposition; by LSMR, whose time is linear in them, beyond.
 _EXACT = 400
 
@@ -44,8 +47,9 @@ class Fit:
         covariance: (p, p); rows and columns of parameters at a bound are zero.
         reach: (p,) standard errors were no parameter held by its bound: how far one that is might lie from it.
         at_bound: (p,) whether the estimate rests on a bound.
-        status: ``converged`` or ``stopped`` (too many evaluations) or ``diverged``.
-        message: of the optimiser; which trial diverged, when and with which parameters, where one did.
+        status: ``converged`` or ``stopped`` (too many evaluations), ``diverged``, or ``failed``: the optimiser raised
+            an error, or ended before it had converged or used up its evaluations.
+        message: of the optimiser; which trial diverged, when and with which parameters, where one did; the error.
         evaluations: of the residual.
         cost: what was minimised: `sse`, or its robust form.
     """
@@ -58,11 +62,16 @@ class Fit:
     covariance: FloatArray
     reach: FloatArray
     at_bound: BoolArray
-    status: Literal["converged", "stopped", "diverged"]
+    status: Literal["converged", "stopped", "diverged", "failed"]
     message: str
     evaluations: int
     cost: float = math.nan
     penalty: float = 0.0
+
+    @property
+    def lost(self) -> bool:
+        """Whether it says nothing about the data: it diverged or failed."""
+        return self.status in ("diverged", "failed")
 
     @property
     def objective(self) -> float:
@@ -118,12 +127,35 @@ def fit(
         loss, loss_scale: robust loss of each whitened residual; what the result says of the data (`residual`,
             `jacobian`, covariances) is then weighted as the loss weighs it at the optimum.
     """
+    low, high = bounds(problem.parameters)
+    inside = 1e-6 * (high - low)
+    x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
+    try:
+        return _minimised(problem, x0, tolerance, evaluations, loss, loss_scale)
+    except MjfishError:
+        raise
+    except NUMERIC as error:
+        return _failed(problem, x0, reason_of(error))
+
+
+def fit_or_raise(problem: Problem, start: FloatArray, *, tolerance: float, evaluations: int = _MAX_EVALUATIONS) -> Fit:
+    """Fit as `fit` does, for work that cannot go on without: a fit that diverged may be worse than another.
+
+    Raises:
+        FloatingPointError: it failed.
+    """
+    found = fit(problem, start, tolerance=tolerance, evaluations=evaluations)
+    if found.status == "failed":
+        raise FloatingPointError(f"a fit failed: {found.message}")
+    return found
+
+
+def _minimised(
+    problem: Problem, x0: FloatArray, tolerance: float, evaluations: int, loss: Loss, loss_scale: float
+) -> Fit:
     parameters = problem.parameters
     scale = np.array([p.scale for p in parameters])
     low, high = bounds(parameters)
-    inside = 1e-6 * (high - low)
-    x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
-
     turned = _Turned(problem, scale) if loss == "linear" else _Rows(problem, scale)
     large = loss == "linear" and len(scale) > _EXACT
     with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
@@ -150,6 +182,12 @@ def fit(
     weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
     if loss != "linear":
         residual, jacobian = residual * weight, jacobian.scaled(rows=weight)
+    if not np.all(np.isfinite(residual)):
+        raise FloatingPointError("the residual is not finite")
+    early = solution.status <= 0 and solution.nfev < evaluations
+    ended: Literal["converged", "stopped", "failed"] = (
+        "converged" if solution.status > 0 else "failed" if early else "stopped"
+    )
     triangle = jacobian.above(turned.prior).factors.triangle
     return Fit(
         parameters=parameters,
@@ -160,11 +198,32 @@ def fit(
         covariance=covariance(triangle, at_bound),
         reach=np.sqrt(np.diag(covariance(triangle, np.zeros_like(at_bound)))),
         at_bound=at_bound,
-        status="diverged" if divergence else ("converged" if solution.status > 0 else "stopped"),
+        status="diverged" if divergence else ended,
         message=divergence or str(solution.message),
         evaluations=int(solution.nfev),
         cost=2.0 * float(solution.cost),
         penalty=float(np.sum((turned.prior @ x - turned.mean) ** 2)),
+    )
+
+
+def _failed(problem: Problem, x: FloatArray, reason: str) -> Fit:
+    """Return a fit that failed, at its start: as far off as one that diverged, and no derivative known."""
+    count = len(x)
+    residual, free = np.full(problem.measured + len(problem.known), LOST), np.zeros(count, dtype=np.bool_)
+    unknown = np.full(count, _UNKNOWN)
+    return Fit(
+        parameters=problem.parameters,
+        x=x,
+        sse=float(residual @ residual),
+        residual=residual,
+        jacobian=BlockAngular.of(np.zeros((len(residual), count))),
+        covariance=np.diag(unknown),
+        reach=np.sqrt(unknown),
+        at_bound=free,
+        status="failed",
+        message=reason,
+        evaluations=0,
+        cost=float(residual @ residual),
     )
 
 
@@ -215,7 +274,7 @@ class _Turned(_Rows):
         """Return the residual at y (p,)."""
         whole, turned = super().residual(y), np.zeros(len(y) + 1)
         square = float(whole @ whole)
-        if square >= self._least * (1.0 + _ABOVE):
+        if not square < self._least * (1.0 + _ABOVE):  # nor where it is no number
             turned[-1] = np.sqrt(square)
             return turned
         jacobian = self.problem.jacobian(y * self.scale)
@@ -358,4 +417,4 @@ def hypercube(problem: Problem, count: int, seed: int) -> FloatArray:
 
 
 def _cost(fit_: Fit) -> float:
-    return np.inf if fit_.status == "diverged" else fit_.cost
+    return np.inf if fit_.lost else fit_.cost

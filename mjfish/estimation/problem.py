@@ -17,6 +17,7 @@ from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
+from mjfish.estimation.time_limit import check_time
 from mjfish.executors import threaded
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.model import MARGIN, Model, Prediction
@@ -50,12 +51,14 @@ class Slopes:
         own: (k_r,) a trial, places of those that it alone has.
         velocity: (n_r, 3, s + k_r) a trial, of its counted samples, in physical units: shared columns, then its own.
         sensors: (m, s + k_r) rows of each sensor of each trial, whitened.
+        lost: names of parameters whose derivatives are not finite somewhere; they are 0 there.
     """
 
     shared: IntArray
     own: list[IntArray]
     velocity: list[FloatArray]
     sensors: list[FloatArray]
+    lost: frozenset[str] = frozenset()
 
     @property
     def count(self) -> int:
@@ -257,8 +260,8 @@ class Problem:
     def divergence(self, x: FloatArray) -> str:
         """Return which trial diverges, when and with which parameters; empty where none does."""
         predicted = [(trial, self.prediction(trial, self.named(x))) for trial in self.trials]
-        lost = [(trial, rollout) for trial, rollout in predicted if not np.all(np.isfinite(rollout.velocity))]
-        return "; ".join(f"{trial.name} {rollout.message}" for trial, rollout in lost)
+        lost = [(trial, own) for trial, own in predicted if _Predicted(own.velocity, own.sensors).lost]
+        return "; ".join(f"{trial.name} {own.message or 'is predicted as no number'}" for trial, own in lost)
 
     def jacobian(self, x: FloatArray) -> BlockAngular:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `known_rows`."""
@@ -337,10 +340,18 @@ class Problem:
             for (i, sensor), block in zip(self.sensors, every, strict=True)
         ]
         sensors = [block.reshape(block.shape[0] * block.shape[1], block.shape[2]) for block in sensors]
-        return Slopes(shared, own, velocity, sensors)
+        lost = (
+            p.name
+            for (_, chosen_here), one in zip(tasks, found, strict=True)
+            for block in (one.velocity, *one.sensors)
+            for p, finite in zip(chosen_here, np.isfinite(block).all(axis=(0, 1)), strict=True)
+            if not finite
+        )
+        return Slopes(shared, own, velocity, sensors, frozenset(lost))
 
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:
         """Return the derivatives (n, 3, k), (m, c, k) of one trial's prediction by parameters of it or shared."""
+        check_time()
         result = np.zeros((len(trial.time), len(CHANNELS), len(chosen)))
         beside = tuple(np.zeros((*sensor.values.shape, len(chosen))) for sensor in trial.sensors)
         own = {k: p.name.removeprefix(f"{trial.name}:") for k, p in enumerate(chosen)}
@@ -461,10 +472,12 @@ class Problem:
         return parts
 
     def _run(self, x: FloatArray) -> list[_Predicted]:
+        check_time()
         values = self.named(x)
         return list(threaded(self._predict, [(trial, values) for trial in self.trials], self.jobs))
 
     def _predict(self, task: tuple[Trial, dict[str, float]]) -> _Predicted:
+        check_time()
         prediction = self.prediction(*task)
         return _Predicted(self._smoothed(task[0], prediction.velocity), prediction.sensors)
 

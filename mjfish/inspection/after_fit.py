@@ -72,7 +72,7 @@ def inspect_fit(problem: Problem, fit: Fit, effects: Mapping[str, Effect], held:
     Returns:
         Findings; none where the fit diverged, for then nothing can be taken away.
     """
-    if fit.status == "diverged":
+    if fit.lost:
         return Inspection()
     values = {**problem.fixed, **fit.values}
     shared = {p.name: values[p.name] for p in problem.model.parameters}
