@@ -45,8 +45,8 @@ class ParameterError(MjfishError, ValueError):
 
 def reason_of(error: Exception) -> str:
     """Return what an error says, in one line, with its type where that is none of mjfish's."""
-    said = next(iter(str(error).splitlines()), "")
-    return said if isinstance(error, MjfishError) else f"{type(error).__name__}: {said}".rstrip(": ")
+    said, kind = next(iter(str(error).splitlines()), ""), type(error)
+    return said if kind.__module__.startswith("mjfish.") else f"{kind.__name__}: {said}".rstrip(": ")
 
 
 @contextlib.contextmanager

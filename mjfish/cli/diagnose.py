@@ -54,6 +54,9 @@ def diagnose(
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the simulated null distributions, and of the splits.", min=0)] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
+    limit: Annotated[
+        float | None, typer.Option(help="Seconds that one try of a candidate may take; it is left out then.")
+    ] = None,
     verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show nothing but errors.")] = False,
 ) -> None:
@@ -72,11 +75,13 @@ def diagnose(
         with console.progress_bar("reading the data", quiet=quiet) as tell:
             measured, divided = mjfish.load_dataset(dataset), None
             if splits is None:
-                result = mjfish.diagnose(measured, effects=known, seed=seed, jobs=jobs, progress=tell)
+                result = mjfish.diagnose(measured, effects=known, seed=seed, jobs=jobs, limit=limit, progress=tell)
             else:
                 from mjfish.diagnosis import diagnose_splits
 
-                divided = diagnose_splits(measured, splits, effects=known, seed=seed, jobs=jobs, progress=tell)
+                divided = diagnose_splits(
+                    measured, splits, effects=known, seed=seed, jobs=jobs, limit=limit, progress=tell
+                )
                 result = divided.diagnosis
         if out is not None:
             make_folder(out)

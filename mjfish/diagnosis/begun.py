@@ -65,6 +65,7 @@ def _alone(problem: Problem, effect: Effect) -> None:
     """Simulate with one candidate alone; whatever it raises is its own fault."""
     signatures(problem, {}, [effect])
     wide = replace(problem, model=problem.model.extended(effect))
+    _ = wide.prior_root
     wide.residual(wide.start({p.name: p.default + p.scale for p in effect.amplitudes()}))
 
 

@@ -343,9 +343,9 @@ def _unfinished(refits: Mapping[str, Refit], shown: Refit | None) -> dict[str, s
 
 def _status(ended: Iterable[str], failures: Mapping[str, str]) -> str:
     """Return the status of a diagnosis: how the fits of both models ended, and whether a part failed."""
-    if not set(ended) <= {"converged"}:
-        return "fit_not_converged"
-    return "failed" if failures else "ok"
+    if failures:
+        return "failed"
+    return "ok" if set(ended) <= {"converged"} else "fit_not_converged"
 
 
 def _of_sensors(dataset: Dataset) -> Iterator[str]:

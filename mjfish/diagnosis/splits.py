@@ -196,6 +196,7 @@ def diagnose_splits(
     effects: Mapping[str, Effect] | None = None,
     seed: int = 0,
     jobs: int | None = None,
+    limit: float | None = None,
     progress: Progress = silent,
 ) -> Splits:
     """Diagnose a dataset, and again with its runs divided anew so many times.
@@ -209,6 +210,7 @@ def diagnose_splits(
         effects: see `mjfish.diagnose`, as for the next two.
         seed: of the drawn splits, and of each diagnosis.
         jobs: threads of each diagnosis; one is made after the other.
+        limit: see `mjfish.diagnose`.
         progress: called with what is being done and the share that is done.
 
     Returns:
@@ -239,7 +241,7 @@ def diagnose_splits(
 
     def made(divided: Dataset, k: int, what: str) -> Diagnosis:
         told = part(_prefixed(progress, what), k / total, 1.0 / total)
-        return diagnose(divided, effects=effects, seed=seed, jobs=jobs, progress=told)
+        return diagnose(divided, effects=effects, seed=seed, jobs=jobs, limit=limit, progress=told)
 
     declared = made(dataset, 0, "as divided")
     rows = {own: _row(declared, declared=True)}

@@ -138,15 +138,19 @@ def fit(
         return _failed(problem, x0, reason_of(error))
 
 
+class FitFailedError(ArithmeticError):
+    """A fit failed, and there is nothing in its place."""
+
+
 def fit_or_raise(problem: Problem, start: FloatArray, *, tolerance: float, evaluations: int = _MAX_EVALUATIONS) -> Fit:
     """Fit as `fit` does, for work that cannot go on without: a fit that diverged may be worse than another.
 
     Raises:
-        FloatingPointError: it failed.
+        FitFailedError: it failed.
     """
     found = fit(problem, start, tolerance=tolerance, evaluations=evaluations)
     if found.status == "failed":
-        raise FloatingPointError(f"a fit failed: {found.message}")
+        raise FitFailedError(f"a fit failed: {found.message}")
     return found
 
 
@@ -182,8 +186,6 @@ def _minimised(
     weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
     if loss != "linear":
         residual, jacobian = residual * weight, jacobian.scaled(rows=weight)
-    if not np.all(np.isfinite(residual)):
-        raise FloatingPointError("the residual is not finite")
     early = solution.status <= 0 and solution.nfev < evaluations
     ended: Literal["converged", "stopped", "failed"] = (
         "converged" if solution.status > 0 else "failed" if early else "stopped"
@@ -235,9 +237,12 @@ class _Rows:
         self.prior, self.mean = problem.prior_root, problem.prior_mean
 
     def residual(self, y: FloatArray) -> FloatArray:
-        """Return the residual at y (p,)."""
+        """Return the residual at y (p,); refuse one that is not finite, as no rollout gives it."""
         x = y * self.scale
-        return np.concatenate([self.problem.residual(x), self.mean - self.prior @ x])
+        whole = np.concatenate([self.problem.residual(x), self.mean - self.prior @ x])
+        if not np.isfinite(whole).all():
+            raise FloatingPointError("the residual is not finite")
+        return whole
 
     def jacobian(self, y: FloatArray) -> FloatArray:
         """Return its derivative at y (p,)."""
@@ -274,7 +279,7 @@ class _Turned(_Rows):
         """Return the residual at y (p,)."""
         whole, turned = super().residual(y), np.zeros(len(y) + 1)
         square = float(whole @ whole)
-        if not square < self._least * (1.0 + _ABOVE):  # nor where it is no number
+        if square >= self._least * (1.0 + _ABOVE):
             turned[-1] = np.sqrt(square)
             return turned
         jacobian = self.problem.jacobian(y * self.scale)
