@@ -30,7 +30,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mjfish.arrays import RANK, BoolArray, FloatArray
+from mjfish.arrays import RANK, BoolArray, FloatArray, checked
 
 IntArray = NDArray[np.intp]
 
@@ -209,7 +209,7 @@ class BlockAngular:
     def solve(self, y: FloatArray, rank: float) -> FloatArray:
         """Return J^+ y (p,) of y (n,): singular values below the share `rank` of the largest count as zero."""
         factors = self.factors
-        return np.asarray(np.linalg.lstsq(factors.triangle, factors.basis.coordinates(y), rcond=rank)[0])
+        return checked(np.linalg.lstsq(factors.triangle, factors.basis.coordinates(y), rcond=rank)[0])
 
     @cached_property
     def factors(self) -> Factors:
@@ -374,4 +374,4 @@ def _leading(columns: FloatArray, least: float = 0.0) -> FloatArray:
     if columns.shape[1] == 0:
         return np.zeros((len(columns), 0))
     left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left[:, singular > RANK * max(float(singular.max(initial=0.0)), least)])
+    return np.asarray(left[:, checked(singular) > RANK * max(float(singular.max(initial=0.0)), least)])

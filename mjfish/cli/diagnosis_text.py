@@ -24,7 +24,7 @@ _COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow",
 _REMEDIES = {
     "fit_not_converged": "a fit stopped before its optimum, and the numbers may be off; look for a better optimum with "
     "'mjfish identify DATASET --starts 16', and start from it (table [start] of dataset.toml)",
-    "failed": "a part of the diagnosis failed, so that nothing is claimed; mend it, or leave it out, and diagnose again",
+    "failed": "a part of the diagnosis failed, and nothing is claimed; mend it, or leave it out, and diagnose again",
 }
 
 

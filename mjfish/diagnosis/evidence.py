@@ -18,7 +18,7 @@ from itertools import chain, combinations
 import numpy as np
 from scipy import special, stats
 
-from mjfish.arrays import BoolArray, FloatArray, blocks_of, principal_axes
+from mjfish.arrays import BoolArray, FloatArray, blocks_of, checked, principal_axes
 from mjfish.block_angular import Basis, BlockAngular, block_angular, span
 from mjfish.diagnosis.by_run import ByRun, Drawn
 from mjfish.diagnosis.failures import CandidatesFailedError, candidate_limit
@@ -216,7 +216,7 @@ class Evidence:
     def null_draws(self, rng: np.random.Generator) -> FloatArray:
         """Return score vectors (DRAWS, d) ~ N(0, I) as noise alone would give them."""
         values, vectors = np.linalg.eigh(self.information)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        root = vectors * np.sqrt(np.maximum(checked(values), 0.0))
         return np.asarray(rng.standard_normal((DRAWS, len(values))) @ root.T)
 
     def directed_p(self, rng: np.random.Generator) -> float:

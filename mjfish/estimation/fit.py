@@ -15,7 +15,7 @@ from scipy import optimize, sparse, special
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
-from mjfish.arrays import BoolArray, FloatArray
+from mjfish.arrays import BoolArray, FloatArray, checked
 from mjfish.block_angular import BlockAngular
 from mjfish.errors import NUMERIC, MjfishError, reason_of
 from mjfish.estimation.problem import LOST, Problem
@@ -328,7 +328,7 @@ def covariance(triangle: FloatArray, at_bound: BoolArray) -> FloatArray:
     free = np.flatnonzero(~at_bound)
     result = np.zeros((len(at_bound), len(at_bound)))
     _, singular, right = np.linalg.svd(triangle[:, free], full_matrices=False)
-    floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-100))
+    floor = np.maximum(checked(singular), 1e-10 * max(singular.max(initial=0.0), 1e-100))
     result[np.ix_(free, free)] = (right.T / floor**2) @ right
     return result
 

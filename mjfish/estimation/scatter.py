@@ -26,7 +26,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import optimize
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, checked
 from mjfish.estimation.by_trial import Reduced, reduced, span
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
@@ -89,5 +89,6 @@ def _deviations(small: Reduced, places: Sequence[int], widest: FloatArray) -> Fl
         method="L-BFGS-B",
         bounds=[(0.0, w**2 / u) for w, u in zip(widest, unit, strict=True)],
     )
+    checked(np.append(found.x, found.fun))
     share = np.where(found.x > _NONE**2, found.x, 0.0)
     return np.asarray(np.sqrt(share * unit))

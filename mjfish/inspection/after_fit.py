@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from mjfish.arrays import FloatArray, project_out, robust_sigma
+from mjfish.arrays import FloatArray, checked, project_out, robust_sigma
 from mjfish.data import Trial
 from mjfish.effects import Effect
 from mjfish.estimation.fit import Fit
@@ -269,7 +269,7 @@ class _Others:
         """Return how the shared parameters (s,) move without a run; a direction that no other run sees is not moved."""
         kept = [pair for k, pair in enumerate(self.factors) if k != without]
         design, left = (np.concatenate([pair[i] for pair in kept]) for i in (0, 1))
-        return np.asarray(np.linalg.lstsq(design, left, rcond=1e-6)[0])
+        return checked(np.linalg.lstsq(design, left, rcond=1e-6)[0])
 
 
 def _size(residual: FloatArray) -> float:

@@ -103,7 +103,11 @@ def _at_once(solve: Any, most: int) -> Any:
     return optimize.OptimizeResult({**solve(max_nfev=1), "status": 0, "nfev": most})
 
 
-SOLVERS = {"raises": (_singular, "SVD did not converge"), "ends early": (_early, "gave up"), "stops": (_at_once, "stop")}
+SOLVERS = {
+    "raises": (_singular, "SVD did not converge"),
+    "ends early": (_early, "gave up"),
+    "stops": (_at_once, "stop"),
+}
 
 
 @pytest.mark.parametrize(
@@ -342,7 +346,9 @@ def _spoil(patch: pytest.MonkeyPatch, module: str, library: str, function: str, 
 def _no_numbers(found: Any) -> Any:
     """Return a result of a solver with NaN in place of its numbers."""
     if isinstance(found, optimize.OptimizeResult):
-        return optimize.OptimizeResult({**found, "x": _no_numbers(found.x), "fun": np.nan, "success": False, "status": 2})
+        return optimize.OptimizeResult(
+            {**found, "x": _no_numbers(found.x), "fun": np.nan, "success": False, "status": 2}
+        )
     if isinstance(found, tuple):
         kinds = [_no_numbers(part) for part in found]
         return type(found)(*kinds) if hasattr(found, "_fields") else tuple(kinds)
