@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy import stats
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, checked
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.failures import blamed, finite
@@ -130,7 +130,7 @@ class HeldOut:
             return {name: np.zeros(0) for name in refits}
         covariance_root = self.covariance_root(max(refits.values(), key=lambda refit: refit.adjusted))
         basis, size, _ = np.linalg.svd(covariance_root, full_matrices=False)
-        shrink = basis * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+        shrink = basis * (1.0 - 1.0 / np.sqrt(1.0 + checked(size) ** 2))
         residuals = {name: np.concatenate(self.score(residual).whitened) for name, residual in refits.items()}
         white = np.stack([residual - shrink @ (basis.T @ residual) for residual in residuals.values()])
         ends = np.cumsum([len(residual) for residual in self.score(next(iter(refits.values()))).whitened])[:-1]

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from forced import CALLS, names, spoil
 from schema_check import complaints
 from scipy import optimize
 
@@ -290,68 +291,40 @@ def test_an_effect_that_raises_on_held_out_trials_alone_is_a_failure() -> None:
     _assert_told(_diagnosed(True, _broken("reading", reading)), "broken", "ValueError: not in v5")
 
 
-#: Calls of a solver, by the module that makes them.
-CALLS = [
-    ("mjfish.block_angular", "numpy.linalg", ("qr", "svd", "lstsq")),
-    ("mjfish.arrays", "numpy.linalg", ("svd", "eigh")),
-    ("mjfish.estimation.fit", "numpy.linalg", ("svd",)),
-    ("mjfish.estimation.residual", "numpy.linalg", ("eigh",)),
-    ("mjfish.estimation.by_trial", "numpy.linalg", ("qr", "svd")),
-    ("mjfish.estimation.scatter", "numpy.linalg", ("cholesky", "solve", "slogdet")),
-    ("mjfish.estimation.scatter", "scipy.optimize", ("minimize",)),
-    ("mjfish.estimation.smoothness", "numpy.linalg", ("pinv", "svd")),
-    ("mjfish.noise.sample", "numpy.linalg", ("qr", "svd")),
-    ("mjfish.noise.autoregressive", "scipy.linalg", ("solve_toeplitz", "solve_discrete_lyapunov")),
-    ("mjfish.noise.autoregressive", "numpy.linalg", ("eigvalsh",)),
-    ("mjfish.noise.kalman", "numpy.linalg", ("inv", "cholesky", "solve")),
-    ("mjfish.noise.gauss_markov", "scipy.optimize", ("minimize",)),
-    ("mjfish.noise.process", "scipy.optimize", ("minimize",)),
-    ("mjfish.noise.differentiation", "scipy.optimize", ("minimize_scalar",)),
-    ("mjfish.inspection.samples", "numpy.linalg", ("lstsq",)),
-    ("mjfish.inspection.after_fit", "numpy.linalg", ("qr", "lstsq")),
-    ("mjfish.inspection.kinematics", "numpy.linalg", ("lstsq", "pinv")),
-    ("mjfish.diagnosis.evidence", "numpy.linalg", ("pinv", "eigh")),
-    ("mjfish.diagnosis.held_out", "numpy.linalg", ("svd",)),
-    ("mjfish.diagnosis.select", "numpy.linalg", ("eigh",)),
-    ("mjfish.diagnosis.by_run", "numpy.linalg", ("eigh",)),
-    ("mjfish.diagnosis.weighted_sum", "numpy.linalg", ("solve", "slogdet", "eigvalsh")),
-    ("mjfish.diagnosis.weighted_sum", "scipy.optimize", ("brentq",)),
-    ("mjfish.diagnosis.lone_run", "numpy.linalg", ("qr",)),
-    ("mjfish.diagnosis.implausible_noise", "numpy.linalg", ("eigh",)),
-    ("mjfish.diagnosis.missing_force", "numpy.linalg", ("solve", "lstsq")),
-    ("mjfish.diagnosis.fingerprint", "numpy.linalg", ("lstsq", "inv")),
-    ("mjfish.diagnosis.fingerprint", "scipy.optimize", ("curve_fit",)),
-    ("mjfish.diagnosis.description", "numpy.linalg", ("solve", "lstsq")),
-    ("mjfish.diagnosis.forms", "numpy.linalg", ("eigh",)),
+#: A few that every run has, for the fast tests.
+FEW = [
+    ("mjfish.block_angular", "numpy.linalg", "svd"),
+    ("mjfish.diagnosis.evidence", "numpy.linalg", "eigh"),
+    ("mjfish.estimation.scatter", "scipy.optimize", "minimize"),
 ]
+WAYS = ("raises", "no number")
 
 
-def _spoil(patch: pytest.MonkeyPatch, module: str, library: str, function: str, how: str) -> list[int]:
-    """Let a call fail where the module makes it; return a list that grows by every such call."""
-    owner, calls = sys.modules[library], list[int]()
-    honest = getattr(owner, function)
-
-    def spoilt(*given: Any, **options: Any) -> Any:
-        if sys._getframe(1).f_globals["__name__"] != module:
-            return honest(*given, **options)
-        calls.append(1)
-        if how == "raises":
-            raise np.linalg.LinAlgError("forced")
-        return _no_numbers(honest(*given, **options))
-
-    patch.setattr(owner, function, spoilt)
-    return calls
+@pytest.mark.parametrize("how", WAYS)
+@pytest.mark.parametrize("call", FEW, ids=names(FEW))
+def test_where_a_solver_fails_nothing_is_claimed(
+    monkeypatch: pytest.MonkeyPatch, call: tuple[str, str, str], how: str
+) -> None:
+    calls = spoil(monkeypatch, call, how)
+    result = _diagnosed(hidden=False)
+    assert calls
+    assert result.verdict not in CLAIMS
+    assert result.failures
+    assert complaints("diagnosis-2", json.loads(json.dumps(result.to_dict()))) == []
 
 
-def _no_numbers(found: Any) -> Any:
-    """Return a result of a solver with NaN in place of its numbers."""
-    if isinstance(found, optimize.OptimizeResult):
-        return optimize.OptimizeResult(
-            {**found, "x": _no_numbers(found.x), "fun": np.nan, "success": False, "status": 2}
-        )
-    if isinstance(found, tuple):
-        kinds = [_no_numbers(part) for part in found]
-        return type(found)(*kinds) if hasattr(found, "_fields") else tuple(kinds)
-    if isinstance(found, np.ndarray) and not np.issubdtype(found.dtype, np.inexact):
-        return found
-    return found * np.nan if isinstance(found, np.ndarray | float) else found
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("how", WAYS)
+@pytest.mark.parametrize("call", CALLS, ids=names(CALLS))
+def test_whichever_solver_fails_nothing_is_claimed(
+    monkeypatch: pytest.MonkeyPatch, call: tuple[str, str, str], how: str, hidden: bool, found: dict[bool, Diagnosis]
+) -> None:
+    calls = spoil(monkeypatch, call, how)
+    result = _diagnosed(hidden)
+    if calls:
+        assert result.verdict not in CLAIMS
+        assert result.failures
+    else:
+        assert result.to_dict() == found[hidden].to_dict()
