@@ -30,7 +30,7 @@ def readonly(values: ArrayLike) -> FloatArray:
     return array
 
 
-def checked(found: FloatArray) -> FloatArray:
+def checked(found: NDArray[np.floating[Any]]) -> FloatArray:
     """Return what a solver found; refuse NaN, of which every comparison is false, so that it would pass for nothing.
 
     Raises:
@@ -38,7 +38,7 @@ def checked(found: FloatArray) -> FloatArray:
     """
     if np.isnan(found).any():
         raise np.linalg.LinAlgError("a solver found what is no number")
-    return found
+    return np.asarray(found, dtype=np.float64)
 
 
 #: Directions weaker than this share of the strongest are numerical dust.

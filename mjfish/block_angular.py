@@ -209,7 +209,7 @@ class BlockAngular:
     def solve(self, y: FloatArray, rank: float) -> FloatArray:
         """Return J^+ y (p,) of y (n,): singular values below the share `rank` of the largest count as zero."""
         factors = self.factors
-        return checked(np.asarray(np.linalg.lstsq(factors.triangle, factors.basis.coordinates(y), rcond=rank)[0]))
+        return checked(np.linalg.lstsq(factors.triangle, factors.basis.coordinates(y), rcond=rank)[0])
 
     @cached_property
     def factors(self) -> Factors:

@@ -411,7 +411,7 @@ def _autoregressive(phase: FloatArray, power: FloatArray, cost: float) -> float:
     covariance = np.cos(phase[:, None] * lags).T @ power
     for order in (1, 2, 3):
         toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
-        phi = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0]
+        phi = checked(np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0])
         response = np.abs(1.0 - np.exp(-1j * phase[:, None] * lags[1 : order + 1]) @ phi) ** 2
         best = max(best, max(_whittle(power, 1.0 / response, w) for w in _WHITE) - (order + 1) * cost)
     for pole in (0.8, 0.9, 0.95, 0.98, 0.99):
