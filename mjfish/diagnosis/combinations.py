@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.failures import tried
+from mjfish.diagnosis.failures import blamed, tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import Refit, made_smooth, refined, refit_with
@@ -262,7 +262,8 @@ def _parts(sets: Combinations, known: Mapping[Names, Refit]) -> dict[Names, Refi
         for out in refit.effects:
             names = _less(refit, out.name)
             if names not in known and names not in found:
-                found[names] = tried(functools.partial(Refit.less, out=out), refit)
+                with blamed(refit.names[-1]):
+                    found[names] = refit.less(out)
     return found
 
 
