@@ -6,13 +6,15 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from mjfish.arrays import FloatArray
-from mjfish.data import Dataset
+from mjfish.data import Dataset, Trial
 from mjfish.diagnosis.evidence import signatures
 from mjfish.diagnosis.failures import CandidatesFailedError, blamed, raised_in
 from mjfish.diagnosis.isolability import Isolability
 from mjfish.diagnosis.provenance import provenance
-from mjfish.diagnosis.result import Candidate, Diagnosis
+from mjfish.diagnosis.result import Candidate, Diagnosis, Estimate, FittedModel, Overlay
 from mjfish.diagnosis.verdict import Decision, withheld
 from mjfish.effects import Effect
 from mjfish.errors import reason_of
@@ -81,10 +83,19 @@ def failed_remarks(failures: Mapping[str, str]) -> Iterator[str]:
     yield from (f"failed: {part}: {reason}" for part, reason in failures.items())
 
 
+def _unknown(trial: Trial) -> FloatArray:
+    """Return velocities (n, 3) of a prediction that ends where it begins."""
+    velocity = np.full((len(trial.time), 3), np.nan)
+    velocity[0] = trial.velocity[0]
+    return velocity
+
+
 def unfinished_diagnosis(begun: Begun, failures: Mapping[str, str], seed: int) -> Diagnosis:
-    """Return a diagnosis without a comparison: what failed, and nothing else."""
+    """Return a diagnosis without a comparison: what failed, and the nominal model as it was declared, not fitted."""
     problem, nothing = begun.problem, Decision("cannot_tell", (), "Nothing was compared.")
     decision = withheld(nothing, failures)
+    declared = {p.name: Estimate(p.start, p.low, p.high, p.unit) for p in problem.model.parameters}
+    held = begun.dataset.split()[1]
     return Diagnosis(
         dataset=begun.dataset,
         verdict=decision.verdict,
@@ -109,14 +120,16 @@ def unfinished_diagnosis(begun: Begun, failures: Mapping[str, str], seed: int) -
         description=None,
         p_wrong=math.nan,
         gain=None,
-        nominal={},
-        extended={},
+        nominal=declared,
+        extended=declared,
         nominal_model=problem.model,
         extended_model=problem.model,
         posterior=None,
-        overlays=(),
+        overlays=tuple(
+            Overlay(trial, trial in held, _unknown(trial), _unknown(trial)) for trial in begun.dataset.trials
+        ),
         problem=problem,
-        fits=(),
+        fits=(FittedModel((), problem.named(problem.start()), (), math.nan, problem.model.step, converged=False),),
         effects={effect.name: effect for effect in begun.candidates},
         provenance=provenance(begun.dataset, begun.candidates, seed),
     )
