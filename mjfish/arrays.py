@@ -30,6 +30,17 @@ def readonly(values: ArrayLike) -> FloatArray:
     return array
 
 
+def checked(found: NDArray[np.floating[Any]]) -> FloatArray:
+    """Return what a solver found; refuse NaN, of which every comparison is false, so that it would pass for nothing.
+
+    Raises:
+        LinAlgError: a number is none.
+    """
+    if np.isnan(found).any():
+        raise np.linalg.LinAlgError("a solver found what is no number")
+    return np.asarray(found, dtype=np.float64)
+
+
 #: Directions weaker than this share of the strongest are numerical dust.
 RANK = 1e-9
 
@@ -41,7 +52,7 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     if kept.shape[1] == 0:
         return np.zeros((len(columns), 0))
     left, singular, _ = np.linalg.svd(kept, full_matrices=False)
-    return np.asarray(left[:, singular > RANK * singular[0]])
+    return np.asarray(left[:, checked(singular) > RANK * singular[0]])
 
 
 def project_out(basis: FloatArray, columns: FloatArray) -> FloatArray:
@@ -63,7 +74,7 @@ def solve(gram: FloatArray, right: FloatArray, rank: float = _DUST) -> FloatArra
     square = np.diag(gram)
     length = np.where(square > _NOTHING * square.max(initial=1e-300), np.sqrt(np.maximum(square, 1e-300)), np.inf)
     values, vectors = np.linalg.eigh(gram / np.outer(length, length))
-    kept = values > rank * max(float(values[-1]), 1e-300) if len(values) else np.zeros(0, dtype=bool)
+    kept = checked(values) > rank * max(float(values[-1]), 1e-300) if len(values) else np.zeros(0, dtype=bool)
     inner = vectors[:, kept].T @ (right / length[:, None])
     return np.asarray(vectors[:, kept] @ (inner / values[kept, None]) / length[:, None])
 
@@ -77,7 +88,7 @@ def principal_axes(gram: FloatArray) -> FloatArray:
     kept = lengths > 1e-9 * lengths.max(initial=1e-300)
     scaled = gram[np.ix_(kept, kept)] / np.outer(lengths[kept], lengths[kept])
     values, vectors = np.linalg.eigh(scaled)
-    solid = values > 1e-7
+    solid = checked(values) > 1e-7
     axes = np.zeros((len(gram), int(np.count_nonzero(solid))))
     axes[kept] = vectors[:, solid] / np.sqrt(values[solid]) / lengths[kept, None]
     return axes

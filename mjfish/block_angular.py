@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from mjfish.arrays import RANK, BoolArray, FloatArray
+from mjfish.arrays import RANK, BoolArray, FloatArray, checked
 
 IntArray = NDArray[np.intp]
 
@@ -432,7 +432,7 @@ class Inverse:
     def of(cls, block: FloatArray) -> Inverse:
         """Return the inverse of a matrix (m, k)."""
         left, sizes, right = np.linalg.svd(block)
-        return cls(left[:, : len(sizes)], sizes, right)
+        return cls(left[:, : len(sizes)], checked(sizes), right)
 
     def times(self, y: FloatArray, least: float) -> FloatArray:
         """Return the inverse times y (m,); singular values below `least` count as zero."""
@@ -506,7 +506,7 @@ def left_vectors(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     if len(columns) <= max(_ROWS, 2 * columns.shape[1]) or not columns.shape[1]:
         left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-        return left, singular
+        return left, checked(singular)
     blocks, triangles = [columns[at : at + _ROWS] for at in range(0, len(columns), _ROWS)], []
     for block in blocks:
         q, r = np.linalg.qr(block)
@@ -516,4 +516,4 @@ def left_vectors(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     ends = np.cumsum([0, *map(len, triangles)])
     for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
         block[:] = block[:, : last - first] @ left[first:last]
-    return columns, singular
+    return columns, checked(singular)

@@ -23,6 +23,10 @@ class MjfishError(Exception):
     """
 
 
+#: What solvers and optimisers raise where numbers go wrong, `numpy.linalg.LinAlgError` among them.
+NUMERIC = (ArithmeticError, ValueError, RuntimeError)
+
+
 class InputError(MjfishError, ValueError):
     """A file, key, row or argument is not what it must be."""
 
@@ -41,6 +45,12 @@ class WorkerError(MjfishError, RuntimeError):
 
 class ParameterError(MjfishError, ValueError):
     """A parameter outside its bounds, or given a value that is no number."""
+
+
+def reason_of(error: Exception) -> str:
+    """Return what an error says, in one line, with its type where that is none of mjfish's."""
+    said, kind = next(iter(str(error).splitlines()), ""), type(error)
+    return said if kind.__module__.startswith("mjfish.") else f"{kind.__name__}: {said}".rstrip(": ")
 
 
 @contextlib.contextmanager

@@ -109,6 +109,7 @@ def diagnosis(
         alternatives={"named": ((cause,),), "cannot_tell": ((cause,), ("time_offset",))}.get(verdict, ()),
         certain=(cause,) if verdict == "named" else (),
         candidates=_candidates(verdict),
+        failures={},
         best=(cause,) if wrong else (),
         where=_where(names) if wrong else None,
         force=tuple(_force(trial) for trial in (overlay.trial for overlay in overlays)) if wrong else (),

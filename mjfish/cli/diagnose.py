@@ -59,6 +59,9 @@ def diagnose(
         Path | None,
         typer.Option(help="Folder where finished refits are kept: the same command goes on where it was stopped."),
     ] = None,
+    limit: Annotated[
+        float | None, typer.Option(help="Seconds that one try of a candidate may take; it is left out then.")
+    ] = None,
     verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show nothing but errors.")] = False,
 ) -> None:
@@ -79,7 +82,14 @@ def diagnose(
             console.workers(cluster, jobs) as executor,
         ):
             measured, divided = mjfish.load_dataset(dataset), None
-            means: Any = {"seed": seed, "jobs": jobs, "executor": executor, "resume": resume, "progress": tell}
+            means: Any = {
+                "seed": seed,
+                "jobs": jobs,
+                "executor": executor,
+                "resume": resume,
+                "limit": limit,
+                "progress": tell,
+            }
             if splits is None:
                 result = mjfish.diagnose(measured, effects=known, **means)
             else:

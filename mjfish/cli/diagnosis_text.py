@@ -23,7 +23,8 @@ _COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow",
 #: What to do about a status that is not ok.
 _REMEDIES = {
     "fit_not_converged": "a fit stopped before its optimum, and the numbers may be off; look for a better optimum with "
-    "'mjfish identify DATASET --starts 16', and start from it (table [start] of dataset.toml)"
+    "'mjfish identify DATASET --starts 16', and start from it (table [start] of dataset.toml)",
+    "failed": "a part of the diagnosis failed, and nothing is claimed; mend it, or leave it out, and diagnose again",
 }
 
 
@@ -148,6 +149,9 @@ def _remarks(result: Diagnosis) -> Iterator[_Item]:
 def _next(result: Diagnosis, dataset: str) -> str:
     """Return what to do next, in one sentence."""
     program = console.program()
+    if result.failures:
+        part, reason = next(iter(result.failures.items()))
+        return f"mend what failed, {part} first ({reason}), or leave it out, and diagnose again"
     if result.checks.blocks and result.verdict == "cannot_tell":
         return result.checks.blocks[0].remedy
     if result.rivals:
@@ -238,7 +242,9 @@ def _candidates(result: Diagnosis) -> Table:
     title = "Candidates, each fitted together with the coefficients"
     table = console.table(title, headings, ("cause",), box=None, padding=(0, 1, 0, 0))
     for candidate in result.candidates:
-        if candidate.applicable:
+        if candidate.failure:
+            table.add_row(candidate.name, "failed", *([NONE] * 5))
+        elif candidate.applicable:
             scores = (number(candidate.statistic), p_value(candidate.p_value), number(candidate.held_out_gain))
             chances = (p_value(candidate.rival_p), p_value(candidate.fit_p))
             table.add_row(candidate.name, *scores, *chances, percent(candidate.confounded, 2))
@@ -307,7 +313,7 @@ def _undetectable(result: Diagnosis) -> None:
     sizes = [
         f"{name} {number(size, 2)}"
         for candidate in result.candidates
-        if candidate.applicable and candidate.name not in result.undetectable
+        if candidate.applicable and not candidate.failure and candidate.name not in result.undetectable
         for name, size in (candidate.minimum_detectable or {}).items()
     ]
     if sizes:

@@ -12,10 +12,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import methodcaller
 
 import numpy as np
 
 from mjfish.diagnosis.evidence import Evidence, gather
+from mjfish.diagnosis.failures import blamed, tried
 from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
@@ -136,9 +138,11 @@ def find_small_addition(
             continue
         seen = [effect for effect in after.candidates if after.scored(effect.name)]
         enough = [effect for effect in seen if after.statistic(effect.name) > _HALF_OF_IT * excess]
-        for effect in sorted(enough, key=lambda effect: -after.worth(effect.name))[:_ADDED]:
+        added = sorted(enough, key=lambda effect: -after.worth(effect.name))[:_ADDED]
+        coarse = [*extended(partial(refit_with, gained=base.gain), added, after)]
+        fine = followed(partial(to_optimum, least=base.fit.sse - excess), coarse)
+        for effect, refit in zip(added, fine, strict=True):
             names = _with(base, effect)
-            refit = _followed(refit_with(after, effect, gained=base.gain), base.fit.sse - excess)
             beyond = [other for other in others if other.mechanism != effect.mechanism]
             left = gather(refit.problem, refit.fit, beyond).saturated_excess()
             mended = refit.gain - most > MENDED and left < (1.0 - _MOST_OF_IT) * excess
@@ -215,7 +219,7 @@ def _extended(
         floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
         least = min(refit.fit.sse for refit in found.values())
         near = {names: refit for names, refit in found.items() if refit.gain >= floor}
-        found.update(zip(near, followed(partial(_followed, least=least), [*near.values()]), strict=True))
+        found.update(zip(near, followed(partial(to_optimum, least=least), [*near.values()]), strict=True))
     return found
 
 
@@ -224,7 +228,7 @@ def _with(base: Refit, effect: Effect) -> Names:
     return tuple(sorted((*base.names, effect.name)))
 
 
-def _followed(refit: Refit, least: float) -> Refit:
+def to_optimum(refit: Refit, least: float) -> Refit:
     """Follow a coarse refit to its optimum; where the form of the cause added last is learned, with its smoothness."""
     return made_smooth(refit, least) if refit.effects[-1].learned else refined(refit, least)
 
@@ -266,7 +270,8 @@ def _parts(sets: Combinations, known: Mapping[Names, Refit]) -> dict[Names, Refi
         for out in refit.effects:
             names = _less(refit, out.name)
             if names not in known and names not in found:
-                found[names] = refit.less(out)
+                with blamed(refit.names[-1]):
+                    found[names] = tried(methodcaller("less", out), refit)
     return found
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,28 +13,39 @@ from threadpoolctl import threadpool_limits
 
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.data.validation import check_velocities
-from mjfish.diagnosis.combinations import find_combinations, find_small_addition
+from mjfish.diagnosis.begun import Begun, culprits, failed_candidates, failed_remarks, unfinished_diagnosis
+from mjfish.diagnosis.combinations import MEMBER, find_combinations, find_small_addition, to_optimum
 from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.domain import explaining_domain
 from mjfish.diagnosis.evidence import Evidence, p_value_of
+from mjfish.diagnosis.failures import (
+    NOMINAL,
+    CandidatesFailedError,
+    PartFailedError,
+    Parts,
+    blamed,
+    candidates_limited,
+    unfinished,
+)
+from mjfish.diagnosis.fan_out import followed
 from mjfish.diagnosis.fingerprint import fingerprint
 from mjfish.diagnosis.forms import NamedMechanism, named_mechanisms, refit_learned_forms, staying
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.diagnosis.implausible_noise import bursts, too_large
-from mjfish.diagnosis.isolability import isolability
+from mjfish.diagnosis.isolability import Isolability, isolability
 from mjfish.diagnosis.lone_run import lone_run
-from mjfish.diagnosis.missing_force import missing_force
+from mjfish.diagnosis.missing_force import MissingForce, missing_force
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.provenance import identity, provenance
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, KnownNumber, Overlay
 from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.select import Goodness, standings
-from mjfish.diagnosis.verdict import ALARM, Comparison, Decision, decide, message_of
+from mjfish.diagnosis.verdict import ALARM, Comparison, Decision, decide, message_of, withheld
 from mjfish.diagnosis.where import locate
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.effects.mechanism import Domain
-from mjfish.errors import InputError
+from mjfish.errors import NUMERIC, InputError, MjfishError, reason_of
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Z95
@@ -42,7 +54,8 @@ from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.posterior import posterior
 from mjfish.estimation.residual import Score
 from mjfish.estimation.scatter import scatter
-from mjfish.inspection import Inspection, inspect, inspect_fit
+from mjfish.estimation.time_limit import PastLimitError
+from mjfish.inspection import Finding, Inspection, inspect, inspect_fit
 from mjfish.inspection.known_numbers import contradicted
 from mjfish.kept import Kept
 from mjfish.model import Model
@@ -54,6 +67,10 @@ _ROUGH = "Its refit was not followed to its optimum: what it explains is a lower
 
 #: Said of a cause that is a part of the nominal model.
 _PART = "It is a part of the nominal model: the dataset says what is known of it."
+#: How often a diagnosis begins: each time fewer candidates are left.
+_MOST_ATTEMPTS = 5
+#: The part that fails where no other one is to blame.
+_WHOLE = "the comparison"
 
 
 def diagnose(
@@ -64,6 +81,7 @@ def diagnose(
     jobs: int | None = None,
     executor: Executor | None = None,
     resume: str | Path | None = None,
+    limit: float | None = None,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Find out what is wrong with the simulation of a dataset, name the cause, and measure the gain.
@@ -81,7 +99,13 @@ def diagnose(
             answer does not depend on it.
         resume: folder for finished refits; made where it is not there. A diagnosis that was stopped finds them there,
             and gives the same answer. None: they are kept nowhere.
+        limit: seconds that one try of a candidate may take; the clock is looked at before every simulation, so that
+            code that never returns is not ended. None: however long. A limit that is not reached changes no answer.
         progress: called with what is being done and the share that is done.
+
+    A candidate that fails, because its effect raises, its refit diverges or the limit is reached, is left out, and the
+    diagnosis begins anew without it; other parts that fail are left out, too. `Diagnosis.failures` has the reasons, and
+    nothing is claimed: the verdict is then ``cannot_tell`` or ``unexplained``.
 
     Returns:
         The verdict (``named``, ``nothing_wrong``, ``cannot_tell`` or ``unexplained``) with causes, sizes, the gain on
@@ -101,51 +125,92 @@ def diagnose(
     """
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
-    with threadpool_limits(1, "blas"):  # small matrices: more threads only wait for each other
-        candidates = tuple(of_fish(catalogue() if effects is None else effects, dataset.fish).values())
-        kept = None if resume is None else Kept(Path(resume), identity(dataset, candidates, seed))
-        return _diagnosed(dataset, candidates, seed, _Means(jobs, executor, kept), progress)
+    if limit is not None and not limit > 0.0:
+        raise InputError(f"limit: found {limit:g} s, expected more than 0; give seconds, or none")
+    with threadpool_limits(1, "blas"), candidates_limited(limit):  # small matrices: more threads wait for each other
+        begun = _begun(dataset, catalogue() if effects is None else effects, jobs)
+        kept = None if resume is None else Kept(Path(resume), identity(begun.measured, begun.candidates, seed))
+        problem = replace(begun.problem, executor=executor, kept=kept)
+        return _repeated(replace(begun, problem=problem), seed, progress)
 
 
-@dataclass(frozen=True)
-class _Means:
-    """What a diagnosis works with; see `Problem`."""
-
-    jobs: int | None
-    executor: Executor | None
-    kept: Kept | None
-
-
-def _diagnosed(
-    dataset: Dataset, candidates: tuple[Effect, ...], seed: int, means: _Means, progress: Progress
-) -> Diagnosis:
-    rng = np.random.default_rng(seed)
+def _begun(dataset: Dataset, effects: Mapping[str, Effect], jobs: int | None) -> Begun:
+    """Return what a diagnosis starts with, however often it begins anew."""
     check_velocities(dataset, "a diagnosis")
-    known = {effect.name: effect for effect in candidates}
-    progress("testing the data", 0.0)
-    checks = inspect(dataset, known)
-    dataset = aligned(dataset)
-    fitted, held = dataset.split()
+    measured, dataset = dataset, aligned(dataset)
+    fitted, _ = dataset.split()
     stated = None if dataset.noise is None else np.asarray(dataset.noise)
-    sigma = stated if stated is not None else first_sigma(fitted)
-    problem = nominal_problem(dataset, fitted, Noise.white(sigma), jobs=means.jobs)
-    problem = replace(problem, executor=means.executor, kept=means.kept)
-    reasons = {
-        effect.name: _PART if effect.name in problem.nominal else effect.not_applicable(dataset)
-        for effect in candidates
-    }
-    formulas = tuple(effect for effect in candidates if not effect.learned)
-    applicable = tuple(effect for effect in formulas if not reasons[effect.name])
-    learnable = tuple(effect for effect in candidates if effect.learned and not reasons[effect.name])
-    if not applicable:
+    problem = nominal_problem(
+        dataset, fitted, Noise.white(first_sigma(fitted) if stated is None else stated), jobs=jobs
+    )
+    candidates: list[Effect] = []
+    reasons: dict[str, str] = {}
+    failures: dict[str, str] = {}
+    for effect in effects.values():
+        own = effect
+        try:
+            with blamed(effect.name):
+                own = of_fish({effect.name: effect}, dataset.fish)[effect.name]
+                reasons[own.name] = _PART if own.name in problem.nominal else own.not_applicable(dataset)
+        except CandidatesFailedError as error:
+            failures |= error.reasons
+        candidates.append(own)
+    if not failures and all(reasons[effect.name] or effect.learned for effect in candidates):
         raise InputError(f"{dataset.name}: none of the {len(candidates)} effects applies to this dataset; add one")
     check_enough(problem, dataset.name)
+    return Begun(measured, dataset, tuple(candidates), reasons, failures, stated, problem)
+
+
+def _repeated(begun: Begun, seed: int, progress: Progress) -> Diagnosis:
+    """Diagnose; where candidates fail, without them, and where nothing can be gone on with, say so."""
+    failures = dict(begun.failures)
+    for _ in range(_MOST_ATTEMPTS):
+        try:
+            return _diagnosed(begun, failures, seed, progress)
+        except PartFailedError as error:
+            return unfinished_diagnosis(begun, {**failures, error.part: error.reason}, seed)
+        except Exception as error:
+            found = culprits(error, begun, failures)
+            if not found and (isinstance(error, MjfishError) or not isinstance(error, (*NUMERIC, PastLimitError))):
+                raise
+            failures |= found or {_WHOLE: reason_of(error)}
+            if not found:
+                break
+    return unfinished_diagnosis(begun, failures, seed)
+
+
+def _diagnosed(begun: Begun, left_out: Mapping[str, str], seed: int, progress: Progress) -> Diagnosis:
+    """Diagnose without the candidates that failed."""
+    rng, parts = np.random.default_rng(seed), Parts(dict(left_out))
+    dataset, stated, problem = begun.dataset, begun.stated, begun.problem
+    if problem.kept is not None:
+        problem = replace(problem, kept=problem.kept.without(sorted(left_out)))
+    candidates = tuple(effect for effect in begun.candidates if effect.name not in left_out)
+    known = {effect.name: effect for effect in candidates}
+    progress("testing the data", 0.0)
+    checks = parts.run("the tests of the data", lambda: inspect(begun.measured, known), Inspection())
+    fitted, held = dataset.split()
+    formulas = tuple(effect for effect in candidates if not effect.learned)
+    applicable = tuple(effect for effect in formulas if not begun.reasons[effect.name])
+    learnable = tuple(effect for effect in candidates if effect.learned and not begun.reasons[effect.name])
+    if not applicable:
+        raise PartFailedError(_WHOLE, "no candidate is left that could be tried")
     screening, noise_remark = screen(problem, applicable, stated, rng, progress)
     evidence, refits = screening.evidence, screening.refits
-    checks = checks.joined(inspect_fit(evidence.problem, evidence.fit, known, held))
+    if evidence.fit.status == "stopped":
+        parts.failures[NOMINAL] = f"it stopped after {evidence.fit.evaluations} evaluations: {evidence.fit.message}"
+    seen = parts.run(
+        "the tests of the fit", lambda: inspect_fit(evidence.problem, evidence.fit, known, held), Inspection()
+    )
+    checks = checks.joined(seen)
     wrong = screening.p_wrong < ALARM
     if not wrong:
-        implausible = too_large(evidence.problem, evidence.fit, checks.repeats), bursts(evidence, rng)
+        repeats = checks.repeats
+        implausible: tuple[Finding | None, ...] = parts.run(
+            "the test of the noise",
+            lambda: (too_large(evidence.problem, evidence.fit, repeats), bursts(evidence, rng)),
+            (),
+        )
         checks = checks.joined(Inspection.of((finding for finding in implausible if finding is not None), known))
 
     progress("comparing the candidates", 0.75)
@@ -161,9 +226,12 @@ def _diagnosed(
             single = _compared(refits, goodness, held_out, rng)
     odd: int | None = None
     if refits and not single.retained(clean=True):
-        odd = lone_run(evidence)
+        odd = parts.run("the search for a single run", lambda: lone_run(evidence), None)
         if odd is None:
-            combined = _combined(single, refits, (*applicable, *learnable), held_out, rng, part(progress, 0.8, 0.15))
+            every, beside = (*applicable, *learnable), part(progress, 0.8, 0.15)
+            combined = parts.run(
+                "the combinations", lambda: _combined(single, refits, every, held_out, rng, beside), None
+            )
         if failed := single.failed():
             rest = {name: refit for name, refit in refits.items() if (name,) not in failed}
             others = _compared(rest, goodness, held_out, rng)
@@ -183,13 +251,14 @@ def _diagnosed(
             retained = (best if form is None else form,)
         best = retained[0]
         clean = best.names in (single if len(best.effects) == 1 or combined is None else combined).cleanly()
-        mechanisms = named_mechanisms(best, retained, form, evidence.fit, clean=clean)
+        shown, kept = best, retained
+        mechanisms = parts.run("the form", lambda: named_mechanisms(shown, kept, form, evidence.fit, clean=clean), ())
         message = message_of(retained, claimed=all(one.level == "form" for one in mechanisms)) + decision.left
         decision = replace(decision, sets=tuple(refit.names for refit in retained), message=message)
 
     domain = _domain(decision, known)
     if decision.verdict == "unexplained":
-        domain = explaining_domain(evidence, learnable)
+        domain = parts.run("the domain", lambda: explaining_domain(evidence, learnable), None)
     progress("looking at what is wrong", 0.96)
     unexplained = decision.verdict == "unexplained"
     if unexplained and best is not None and held and _misleads(best, held_out, held):
@@ -199,48 +268,99 @@ def _diagnosed(
     final = evidence.fit if best is None else best.fit
     extended = evidence.problem if best is None else best.problem
     checks = checks.joined(Inspection.of(contradicted(extended, final), known))
+    parts.failures |= _unfinished(refits, best)
     errors = {name: pooled_error(held_out.score(refit).residuals, held) for name, refit in refits.items() if held}
-    table = _candidates(candidates, reasons, evidence, refits, single.joined(others), errors)
+    table = _candidates(candidates, begun.reasons, evidence, refits, single.joined(others), errors)
     converged = {"the nominal model": evidence.fit.status, "the extended model": final.status}
+    none = Isolability((), (), (), ())
+    told = parts.run("what can be told apart", lambda: isolability(evidence, learnable), none)
+    where = parts.run("where it is", lambda: locate(evidence, screening.directed), None) if wrong else None
+    force: tuple[MissingForce, ...] = ()
+    if wrong:
+        force = parts.run("the missing force", lambda: missing_force(evidence.problem, evidence.fit), force)
+    print_ = None if best is None else parts.run("the fingerprint", lambda: fingerprint(best), None)
+    description = (
+        parts.run("the description", lambda: describe(evidence.problem, evidence.fit, rng), None)
+        if unexplained
+        else None
+    )
+    gained = (
+        parts.run("the gain", lambda: gain(*scores, held, rng), None)
+        if scores is not None and (best is not None or unexplained)
+        else None
+    )
+    drawn = parts.run("the posterior", lambda: _posterior(extended, final), None)
+    domain_told = _in_domain(decision, domain)
+    decision = withheld(decision, parts.failures)
     result = Diagnosis(
         dataset=dataset,
         verdict=decision.verdict,
-        message=decision.message + _in_domain(decision, domain),
-        status="ok" if set(converged.values()) == {"converged"} else "fit_not_converged",
-        remarks=(*remarks(noise_remark, evidence.fit, converged, held), *_of_sensors(dataset)),
+        message=decision.message + domain_told,
+        status=_status(converged.values(), parts.failures),
+        remarks=(
+            *failed_remarks(parts.failures),
+            *remarks(noise_remark, evidence.fit, converged, held),
+            *_of_sensors(dataset),
+        ),
         checks=checks,
         causes=_causes(best) if best is not None and decision.verdict == "named" else (),
-        mechanisms=mechanisms,
+        mechanisms=mechanisms if decision.verdict == "named" else (),
         domain=domain,
         rivals=decision.rivals,
         alternatives=decision.sets,
         certain=decision.certain,
-        candidates=table,
+        candidates=(*table, *failed_candidates(begun, left_out)),
+        failures=parts.failures,
         undetectable=_undetectable(table, evidence),
-        isolability=isolability(evidence, learnable),
+        isolability=told,
         best=() if best is None else best.names,
-        where=locate(evidence, screening.directed) if wrong else None,
-        force=missing_force(evidence.problem, evidence.fit) if wrong else (),
-        fingerprint=None if best is None else fingerprint(best),
-        description=describe(evidence.problem, evidence.fit, rng) if decision.verdict == "unexplained" else None,
+        where=where,
+        force=force,
+        fingerprint=print_,
+        description=description,
         p_wrong=screening.p_wrong,
-        gain=gain(*scores, held, rng) if scores is not None and (best is not None or unexplained) else None,
+        gain=gained,
         nominal=estimates(evidence.fit, evidence.problem.model),
         extended=estimates(final, extended.model),
         nominal_model=evidence.problem.model,
         extended_model=extended.model,
-        posterior=_posterior(extended, final),
+        posterior=drawn,
         overlays=_overlays(evidence, extended, final, held, scores),
         problem=evidence.problem,
         fits=(
             _fitted_model((), evidence.problem, evidence.fit),
             *(_fitted_model(refit.names, refit.problem, refit.fit) for refit in refits.values()),
         ),
-        effects=known,
-        provenance=provenance(dataset, candidates, seed),
+        effects={effect.name: effect for effect in begun.candidates},
+        provenance=provenance(dataset, begun.candidates, seed),
     )
     progress("done", 1.0)
     return result
+
+
+def _unfinished(refits: Mapping[str, Refit], shown: Refit | None) -> dict[str, str]:
+    """Return the refits that were stopped where they might catch up with the best, and do so or do not end.
+
+    One that ends where it is followed, and is behind the best all the same, was rightly left.
+    """
+    found: dict[str, str] = {}
+    best = max((refit.adjusted for refit in refits.values()), default=0.0)
+    several = {} if shown is None or len(shown.names) == 1 else {" with ".join(shown.names): shown}
+    for name, refit in {**refits, **several}.items():
+        if reason := unfinished(refit.fit, best - refit.adjusted):
+            (there,) = followed(partial(to_optimum, least=refit.fit.sse), [refit])
+            if unfinished(there.fit, best - there.adjusted) or (
+                refit.adjusted < best - MEMBER < there.adjusted  # a rival that was not compared as one
+            ):
+                found[name] = reason
+    return found
+
+
+def _status(ended: Iterable[str], failures: Mapping[str, str]) -> str:
+    """Return the status of a diagnosis: how the fits of both models ended, and whether a part failed."""
+    if failures:
+        return "failed"
+    return "ok" if set(ended) <= {"converged"} else "fit_not_converged"
 
 
 def _of_sensors(dataset: Dataset) -> Iterator[str]:
@@ -362,7 +482,7 @@ def estimates(found: Fit, model: Model) -> dict[str, Estimate]:
 
 def _posterior(problem: Problem, found: Fit) -> Posterior | None:
     """Return the posterior of the extended model; its residuals are white under the noise of the problem."""
-    if found.status == "diverged":
+    if found.lost:
         return None
     fish = identified_fish(problem.model.fish, found, problem.fixed)
     return posterior(problem, found, fish, scatter(problem, found), correlated=False)
@@ -417,8 +537,6 @@ def _candidates(
 
 def _remark_of(found: Fit) -> str:
     """Return what a reader should know of the fit of a candidate."""
-    if found.status == "diverged":
-        return f"Not compared: {found.message}."
     return _ROUGH if found.status != "converged" else ""
 
 

@@ -18,13 +18,15 @@ from itertools import chain, combinations
 import numpy as np
 from scipy import special, stats
 
-from mjfish.arrays import BoolArray, FloatArray, blocks_of, principal_axes
+from mjfish.arrays import BoolArray, FloatArray, blocks_of, checked, principal_axes
 from mjfish.block_angular import Basis, BlockAngular, block_angular, span
 from mjfish.diagnosis.by_run import ByRun, Drawn
+from mjfish.diagnosis.failures import CandidatesFailedError, candidate_limit
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.omnibus import HATS, omnibus
 from mjfish.estimation.problem import Slopes
+from mjfish.estimation.time_limit import check_time, limited
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
 
@@ -217,7 +219,7 @@ class Evidence:
     def null_draws(self, rng: np.random.Generator) -> FloatArray:
         """Return score vectors (DRAWS, d) ~ N(0, I) as noise alone would give them."""
         values, vectors = np.linalg.eigh(self.information)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        root = vectors * np.sqrt(np.maximum(checked(values), 0.0))
         return np.asarray(rng.standard_normal((DRAWS, len(values))) @ root.T)
 
     def directed_p(self, rng: np.random.Generator) -> float:
@@ -372,13 +374,23 @@ def signatures(
         values: of its parameters.
         candidates: causes at their null values.
         shapes: of the candidates, where they are not the defaults.
+
+    Raises:
+        CandidatesFailedError: derivatives by amplitudes of some are not finite where the prediction is.
+        PastLimitError: they took longer than all candidates may.
     """
     model = replace(problem.model, effects=(*problem.model.effects, *candidates))
     wide = replace(problem, model=model)
     null = {p.name: p.default for effect in candidates for p in effect.parameters}
     x = wide.start({**null, **(shapes or {}), **values})
     amplitudes = [p for effect in candidates for p in effect.amplitudes()]
-    return wide.slopes(x, only=[p.name for p in amplitudes]).scaled(np.array([p.scale for p in amplitudes]))
+    with limited(candidate_limit() * max(len(candidates), 1)):
+        slopes = wide.slopes(x, only=[p.name for p in amplitudes])
+        check_time()
+    if slopes.lost and shapes is None and not problem.divergence(problem.start(values)):
+        lost = [effect.name for effect in candidates if any(p.name in slopes.lost for p in effect.amplitudes())]
+        raise CandidatesFailedError(dict.fromkeys(lost, "the derivative of the prediction by its sizes is not finite"))
+    return slopes.scaled(np.array([p.scale for p in amplitudes]))
 
 
 def whitened_omnibus(problem: Problem) -> BlockAngular:

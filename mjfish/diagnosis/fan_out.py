@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mjfish.diagnosis.evidence import Evidence
+from mjfish.diagnosis.failures import Failure, attempted, candidate_limit, unfailing
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Problem
@@ -61,7 +62,11 @@ def _follow(make: Callable[..., Refit], first: Refit, task: tuple[Any, ...]) -> 
 def _side_by_side(
     call: Callable[..., Refit], make: Callable[..., Refit], first: Evidence | Refit, tasks: Sequence[tuple[Any, ...]]
 ) -> Iterator[Refit]:
-    """Yield the refits; the problem of `first` has threads, executor and folder, which each refit gets back."""
+    """Yield the refits; the problem of `first` has threads, executor and folder, which each refit gets back.
+
+    Raises:
+        CandidatesFailedError: some failed; raised once all were tried.
+    """
     problem, begun = first.problem, [task[0] for task in tasks]
     kept, executor = problem.kept, problem.executor
     files = [None] * len(tasks) if kept is None else [*kept.step([_name(task) for task in begun])]
@@ -71,7 +76,7 @@ def _side_by_side(
     if executor is not None or len(rest) > 1:
         worker = replace(worker, problem=problem.alone)
     recorded = kept is not None or executor is not None
-    function: Callable[[tuple[Any, ...]], Any] = partial(call, make, worker)
+    function: Callable[[tuple[Any, ...]], Any] = partial(_attempted, partial(call, make, worker), candidate_limit())
     if recorded:
         function = partial(_recorded, function, problem.alone)
 
@@ -82,10 +87,15 @@ def _side_by_side(
                 yield rest[k], get
             else:
                 result = get()
-                Kept.write(file, result)
+                if not isinstance(result, Failure):
+                    Kept.write(file, result)
                 yield rest[k], partial(_same, result)
 
-    for task, result in zip(begun, in_order(made()), strict=True):
+    results = in_order(made())
+    for task in begun:
+        result = next(results)
+        if isinstance(result, Failure):
+            unfailing([result, *results])
         refit = _restored(result, *_origin(task, problem)) if recorded else result
         own = replace(refit.problem, jobs=problem.jobs, executor=executor, kept=kept)
         yield replace(refit, problem=own)
@@ -110,9 +120,17 @@ def _origin(task: Begun, problem: Problem) -> tuple[Problem, dict[str, Effect]]:
 _OWN = ("slope_step", "prior_sds")
 
 
-def _recorded(make: Callable[..., Refit], problem: Problem, task: tuple[Any, ...]) -> dict[str, Any]:
-    """Return what a refit found as plain data."""
+def _attempted(make: Callable[..., Refit], limit: float, task: tuple[Any, ...]) -> Refit | Failure:
+    return attempted(lambda _: make(task), task[0], limit)
+
+
+def _recorded(
+    make: Callable[..., Refit | Failure], problem: Problem, task: tuple[Any, ...]
+) -> dict[str, Any] | Failure:
+    """Return what a refit found as plain data, or why it failed."""
     refit = make(task)
+    if isinstance(refit, Failure):
+        return refit
     start, found = _origin(task[0], problem)[0], refit.fit
     new = {name: p for name, p in refit.problem.declared.items() if start.declared.get(name) != p}
     return {

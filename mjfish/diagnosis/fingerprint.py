@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, stats
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, checked
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects.effect import Fingerprint
 from mjfish.estimation import Problem
@@ -106,8 +106,8 @@ def _harmonics(frequency: float, phase: FloatArray, raw: FloatArray, sigma: Floa
     design = np.stack(waves, axis=1)
     order = np.array([0, *(h for h in range(1, HARMONICS + 1) for _ in range(2))])
     coefficients, *_ = np.linalg.lstsq(design, raw, rcond=None)
-    left = raw - design @ coefficients
-    spread = np.linalg.inv(design.T @ design)
+    left = raw - design @ checked(coefficients)
+    spread = checked(np.linalg.inv(design.T @ design))
     memory = 1.0 + 2.0 * np.maximum(np.sum(left[1:] * left[:-1], axis=0) / np.sum(left**2, axis=0), 0.0)
     variance = np.sum(left**2, axis=0) / max(len(phase) - len(order), 1) * memory
     errors = np.sqrt(np.diag(spread)[:, None] * variance)
@@ -130,7 +130,7 @@ def _exponent(stretches: Sequence[_Stretch]) -> tuple[float | None, float | None
     x, y = np.log(frequencies), np.log([s.size / s.frequency for s in seen])
     errors = np.array([s.error / s.size for s in seen])
     line, covariance = optimize.curve_fit(lambda f, a, q: a + q * f, x, y, sigma=errors, absolute_sigma=True)
-    left = (y - line[0] - line[1] * x) / errors
+    left = (y - checked(line)[0] - line[1] * x) / errors
     inflate = max(1.0, float(left @ left) / max(len(seen) - 2, 1))
     half = stats.norm.ppf(0.975) * float(np.sqrt(covariance[1, 1] * inflate))
     return float(line[1]), float(line[1]) - half, float(line[1]) + half

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 from scipy import stats
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, checked
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
+from mjfish.diagnosis.failures import blamed, finite
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.estimation.residual import Score, held_out_covariance_root, predict_held_out
 
@@ -95,14 +97,16 @@ class HeldOut:
         """Return the score of a refit, None: of the nominal model."""
         if refit not in self.scores:
             of = self.evidence if refit is None else refit
-            self.scores[refit] = predict_held_out(of.problem, of.fit.values, self.trials)
+            with _of(refit):
+                self.scores[refit] = predict_held_out(of.problem, of.fit.values, self.trials)
         return self.scores[refit]
 
     def covariance_root(self, refit: Refit | None) -> FloatArray:
         """Return a root (n, k) of the covariance of a refit's prediction; None: of the nominal model's."""
         if refit not in self.covariance_roots:
             of = self.evidence if refit is None else refit
-            self.covariance_roots[refit] = held_out_covariance_root(of.problem, of.fit, self.trials)
+            with _of(refit):
+                self.covariance_roots[refit] = held_out_covariance_root(of.problem, of.fit, self.trials)
         return self.covariance_roots[refit]
 
     def confirmed(self, refit: Refit, against: Refit | None) -> Confirmation | None:
@@ -112,6 +116,7 @@ class HeldOut:
         scores = self.score(against), self.score(refit)
         before, after = (pooled_error(score.residuals, self.trials) for score in scores)
         found = confirmation(*scores, (self.covariance_root(against), self.covariance_root(refit)))
+        finite("the held-out trials", found.gained, found.probability, before, after)
         return replace(found, error_ratio=after / before)
 
     def of_rivals(self, refits: Mapping[Key, Refit]) -> dict[Key, FloatArray]:
@@ -125,12 +130,17 @@ class HeldOut:
             return {name: np.zeros(0) for name in refits}
         covariance_root = self.covariance_root(max(refits.values(), key=lambda refit: refit.adjusted))
         basis, size, _ = np.linalg.svd(covariance_root, full_matrices=False)
-        shrink = basis * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+        shrink = basis * (1.0 - 1.0 / np.sqrt(1.0 + checked(size) ** 2))
         residuals = {name: np.concatenate(self.score(residual).whitened) for name, residual in refits.items()}
         white = np.stack([residual - shrink @ (basis.T @ residual) for residual in residuals.values()])
         ends = np.cumsum([len(residual) for residual in self.score(next(iter(refits.values()))).whitened])[:-1]
         informative = [block for block in np.split(white, ends, axis=1) if np.mean(block**2, axis=1).min() < _PREDICTED]
         return dict(zip(refits, np.concatenate([white[:, :0], *informative], axis=1), strict=True))
+
+
+def _of(refit: Refit | None) -> AbstractContextManager[None]:
+    """Return a context in which what is raised is a failure of the refit's last cause."""
+    return nullcontext() if refit is None else blamed(refit.names[-1])
 
 
 @dataclass(frozen=True)

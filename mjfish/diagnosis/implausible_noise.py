@@ -14,7 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy import ndimage
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, checked
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.frames import CHANNELS, UNITS
@@ -140,7 +140,7 @@ def leading(runs: Sequence[FloatArray]) -> list[FloatArray]:
     scaled = [run / np.sqrt(np.mean(run**2, axis=0)) for run in runs]
     every = np.concatenate(scaled)
     _, directions = np.linalg.eigh(every.T @ every)
-    return [run @ directions[:, -1] for run in scaled]
+    return [run @ checked(directions)[:, -1] for run in scaled]
 
 
 def burstiness(runs: Sequence[FloatArray], widths: Sequence[int], rng: np.random.Generator) -> float:

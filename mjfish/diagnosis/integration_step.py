@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mjfish.arrays import FloatArray
+from mjfish.diagnosis.failures import NOMINAL, sound
 from mjfish.estimation import Problem, fit
 
 #: Longest and shortest integration step [s], and what its error may add to a sum of squares in units of the noise.
@@ -25,7 +26,7 @@ def resolved(problem: Problem) -> tuple[Problem, FloatArray]:
     any statistic.
     """
     rough = _stepped(problem, _LONGEST)
-    x = fit(rough, tolerance=1e-4).x
+    x = sound(NOMINAL, fit(rough, tolerance=1e-4)).x
     error = float(np.sum((rough.residual(x) - _stepped(problem, 0.5 * _LONGEST).residual(x)) ** 2))
     return _stepped(problem, max(_LONGEST * min(_UNSEEN / max(error, 1e-300), 1.0) ** (1.0 / _POWER), _SHORTEST)), x
 

@@ -50,7 +50,7 @@ class Isolability:
     @property
     def ratios(self) -> FloatArray:
         """How many times larger a mechanism must be because of another one (k, k); infinite where it is not told."""
-        sizes = np.array(self.sizes)
+        sizes = np.reshape(self.sizes, (len(self.mechanisms),) * 2)
         seen = np.isfinite(np.diag(sizes))
         ratios = np.full_like(sizes, np.inf)
         ratios[seen] = sizes[seen] / np.diag(sizes)[seen, None]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mjfish import frames
-from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.arrays import BoolArray, FloatArray, checked, readonly
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.noise_of_fit import noise_sample, state_jacobians
 from mjfish.fish import Fish
@@ -132,7 +132,7 @@ def _smoothed(
         mean[t], covariance[t] = m, p
     for t in range(n - 2, -1, -1):
         predicted = ahead[t] @ covariance[t] @ ahead[t].T + drive
-        back = np.linalg.lstsq(predicted, ahead[t] @ covariance[t])[0].T
+        back = checked(np.linalg.lstsq(predicted, ahead[t] @ covariance[t])[0]).T
         mean[t] += back @ (mean[t + 1] - ahead[t] @ mean[t])
         covariance[t] += back @ (covariance[t + 1] - predicted) @ back.T
     return mean[:, 3:], covariance[:, 3:, 3:]

@@ -10,13 +10,15 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence, p_value_of
+from mjfish.diagnosis.failures import Failure, attempted, candidate_limit, unfailing
 from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.integration_step import finer
 from mjfish.diagnosis.progress import Progress, silent
 from mjfish.diagnosis.refit_result import TOLERANCE, Refit
 from mjfish.diagnosis.shapes import at_best_shapes
 from mjfish.effects.effect import Effect
-from mjfish.estimation import Fit, Problem, fit
+from mjfish.estimation import Fit, Problem
+from mjfish.estimation.fit import fit_or_raise
 from mjfish.estimation.smoothness import smoothed
 from mjfish.parameter import Parameter, bounds
 
@@ -153,7 +155,7 @@ def tried_afresh(found: Mapping[str, Refit]) -> dict[str, Refit]:
     def tried(refit: Refit) -> Refit:
         problem = refit.problem
         starts = [problem.start(refit.parameter_values()), *other_minima(refit.fit, problem, fits=False)]
-        fits = [fit(problem, start, tolerance=TOLERANCE, evaluations=_TRY) for start in starts]
+        fits = [fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=_TRY) for start in starts]
         best = min([refit.fit, *fits], key=lambda each: each.objective)
         return replace(refit, fit=best, gain=refit.gain + refit.fit.sse - best.sse)
 
@@ -201,8 +203,8 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     }
     if max(scores.values(), default=0.0) < _SMALL:
         shaped = [e for e in effects if e.name in scores and e.smooth and any(p.shape for p in e.parameters)]
-        best = evidence.problem.mapped(functools.partial(_best_worth, evidence), shaped)
-        for effect, worth in zip(shaped, best, strict=True):
+        worths = evidence.problem.mapped(functools.partial(_best_worth, evidence, candidate_limit()), shaped)
+        for effect, worth in zip(shaped, unfailing([*worths]), strict=True):
             scores[effect.name] = max(scores[effect.name], worth)
     ranked = sorted((effect for effect in effects if effect.name in scores), key=lambda effect: -scores[effect.name])
     if not ranked:
@@ -217,9 +219,11 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     ]
 
 
-def _best_worth(evidence: Evidence, problem: Problem, effect: Effect) -> float:
+def _best_worth(evidence: Evidence, limit: float, problem: Problem, effect: Effect) -> float | Failure:
     """Return what a candidate is worth at the best values of its first shape."""
-    return at_best_shapes(replace(evidence, problem=problem), effect, first_alone=True)[0].worth(effect.name)
+    alone = replace(evidence, problem=problem)
+    there = attempted(lambda _: at_best_shapes(alone, effect, first_alone=True)[0], effect, limit)
+    return there if isinstance(there, Failure) else there.worth(effect.name)
 
 
 def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Sequence[Refit] = ()) -> Refit:
@@ -236,10 +240,10 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, visible)})
     start, least = best_start(evidence, problem, effect, formulas)
     hopeless = not effect.smooth and least > evidence.fit.sse - _HOPELESS  # no size on the grid explains anything
-    best = fit(problem, start, tolerance=TOLERANCE, evaluations=1 if hopeless else COARSE[not effect.smooth])
+    best = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=1 if hopeless else COARSE[not effect.smooth])
     if effect.learned and not effect.smooth and best.sse > _MISFIT * len(best.residual):  # it has several minima
         starts = [problem.start(values) for values in _like(effect, formulas)]
-        tried = [fit(problem, x, tolerance=TOLERANCE, evaluations=COARSE[True]) for x in starts]
+        tried = [fit_or_raise(problem, x, tolerance=TOLERANCE, evaluations=COARSE[True]) for x in starts]
         best = min([best, *tried], key=lambda each: each.objective)
     return Refit(problem.causes, problem, best, gained + evidence.fit.sse - best.sse)
 
@@ -272,7 +276,7 @@ def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
     idle = {p.name: p.low for p in problem.declared.values()}
     nothing = problem.start({**idle, **evidence.fit.values})
     start = min((refit.fit.x, nothing), key=lambda x: float(np.sum(problem.rough.residual(x) ** 2)))
-    here = fit(problem, start, tolerance=TOLERANCE, evaluations=evaluations)
+    here = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=evaluations)
     return replace(refit, problem=problem, fit=here, gain=evidence.fit.sse - here.sse)
 
 
@@ -305,7 +309,7 @@ def refined(refit: Refit, best: float) -> Refit:
 
 def _restarted(problem: Problem, found: Fit, start: FloatArray, best: float) -> Fit:
     """Return the better of a fit and another one from `start`, which is followed where it comes near the first."""
-    tried = fit(problem, start, tolerance=TOLERANCE, evaluations=_TRY)
+    tried = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=_TRY)
     if tried.objective < _HOPE * found.objective and tried.status != "converged":
         tried = _followed(problem, tried.x, tried.sse, best)
     return min(found, tried, key=lambda each: each.objective)
@@ -316,7 +320,7 @@ def _resolved(refit: Refit) -> Refit:
     problem = finer(refit.problem, refit.fit.x, TOLERANCE)
     if problem is refit.problem:
         return refit
-    result = fit(problem, refit.fit.x, tolerance=TOLERANCE)
+    result = fit_or_raise(problem, refit.fit.x, tolerance=TOLERANCE)
     return replace(refit, problem=problem, fit=result, gain=refit.gain + refit.fit.sse - result.sse)
 
 
@@ -324,7 +328,7 @@ def _followed(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
     """Fit from x, ever finer as long as the result comes near the best."""
     while True:
         tolerance = max(TOLERANCE, _BEHIND * (sse - best) / sse)
-        result = fit(problem, x, tolerance=tolerance, evaluations=_MOST)
+        result = fit_or_raise(problem, x, tolerance=tolerance, evaluations=_MOST)
         behind = _BEHIND * (result.sse - best)
         if tolerance == TOLERANCE or result.status != "converged" or behind > 0.5 * tolerance * result.sse:
             return result

@@ -6,7 +6,8 @@ import functools
 from dataclasses import dataclass, replace
 
 from mjfish.effects.effect import Effect
-from mjfish.estimation import Fit, Problem, fit
+from mjfish.estimation import Fit, Problem
+from mjfish.estimation.fit import fit_or_raise
 from mjfish.estimation.smoothness import effective_degrees_of_freedom
 
 #: Relative change of the sum of squares at which a refit stops.
@@ -66,7 +67,7 @@ class Refit:
         kept = tuple(effect for effect in self.effects if effect.name != out.name)
         left = tuple(effect for effect in self.problem.model.effects if effect.name != out.name)
         problem = replace(self.problem, model=replace(self.problem.model, effects=left))
-        here = fit(problem, problem.start(self.fit.values), tolerance=TOLERANCE)
+        here = fit_or_raise(problem, problem.start(self.fit.values), tolerance=TOLERANCE)
         return Refit(kept, problem, here, self.gain + self.fit.sse - here.sse)
 
     def parameter_values(self) -> dict[str, float]:

@@ -37,6 +37,8 @@ _NEXT = {
     "unexplained": "test the cause that comes closest (`closest`); then look at the missing force (`force`, "
     "`description`) for a cause that is not in the catalogue.",
 }
+#: What to do next where a part failed.
+_MEND = "mend what failed (`failures`), or leave it out, and diagnose again."
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,7 @@ class Candidate:
             smooth at its null, and of what the coefficients hide.
         parameters: estimates by short name.
         remark: in words.
+        failure: why it could not be tried (`mjfish.diagnosis.failures`); empty where it was, or does not apply.
     """
 
     name: str
@@ -121,6 +124,7 @@ class Candidate:
     minimum_detectable: Mapping[str, float] | None = None
     parameters: Mapping[str, Estimate] | None = None
     remark: str = ""
+    failure: str = ""
 
 
 @dataclass(frozen=True)
@@ -169,7 +173,7 @@ class Diagnosis(Result):
         dataset: that was diagnosed.
         verdict: ``named``, ``nothing_wrong``, ``cannot_tell`` or ``unexplained``.
         message: the verdict in one sentence.
-        status: ``ok``, or what went wrong on the way (``fit_not_converged``).
+        status: ``ok``, or what went wrong on the way (``fit_not_converged``, or ``failed``: see `failures`).
         remarks: what a reader should know: noise, bounds, what was left out.
         checks: what is to be known of the data before physics is blamed.
         causes: named ones, together.
@@ -179,6 +183,8 @@ class Diagnosis(Result):
         alternatives: every set of causes that stays: the named one, or those that the data cannot tell apart.
         certain: the causes that all of these have: the named ones, or what several sets share.
         candidates: every cause scored, best first.
+        failures: parts of the diagnosis that failed, candidates among them by name, and why; with any, the verdict is
+            neither ``named`` nor ``nothing_wrong``.
         undetectable: causes that these data cannot show, with the reason.
         isolability: sizes from which each mechanism is told from every other one on these runs.
         best: names of the causes that the extended model has: the named ones, else the best candidate; empty where
@@ -193,7 +199,7 @@ class Diagnosis(Result):
         extended: coefficients and effect parameters of the extended model by full name.
         nominal_model, extended_model: ready to predict.
         posterior: what the fit of the extended model says of its parameters, for draws (`mjfish.sample`); None where
-            it diverged.
+            it diverged or failed.
         overlays: every trial, measured and predicted.
         problem: of the nominal model on the fit trials, with the noise that the fits were made under.
         fits: the nominal model, then every candidate that was fitted together with the coefficients.
@@ -214,6 +220,7 @@ class Diagnosis(Result):
     alternatives: tuple[tuple[str, ...], ...]
     certain: tuple[str, ...]
     candidates: tuple[Candidate, ...]
+    failures: Mapping[str, str]
     undetectable: Mapping[str, str]
     isolability: Isolability
     best: tuple[str, ...]
@@ -250,7 +257,7 @@ class Diagnosis(Result):
     def summary(self) -> str:
         """Return verdict, causes with sizes and curves, gain, status and what to do next, in at most ten lines."""
         lines = [f"{self.dataset.name}: {self.verdict}. {self.message}"]
-        if self.status != "ok":
+        if self.status == "fit_not_converged":
             lines.append("The fit has not converged: the numbers are not final; see `remarks`.")
         knots = knots_of(self.effects.values())
         for cause in self.causes:
@@ -269,7 +276,7 @@ class Diagnosis(Result):
                 f"({self.gain.low:.0%} to {self.gain.high:.0%})"
             )
         lines += [f"  {finding.severity}: {finding.message}" for finding in self.checks.blocks]
-        lines.append(f"Next: {_NEXT[self.verdict]}")
+        lines.append(f"Next: {_MEND if self.failures else _NEXT[self.verdict]}")
         lines[sized:sized] = self._curves(room=10 - len(lines))
         return "\n".join([*lines[:9], lines[-1]] if len(lines) > 10 else lines)
 
@@ -290,8 +297,8 @@ class Diagnosis(Result):
         """Return the diagnosis as plain data, the content of ``diagnosis.json``."""
         kept = (
             "verdict", "message", "status", "remarks", "causes", "mechanisms", "domain", "rivals", "alternatives",
-            "certain", "candidates", "undetectable", "isolability", "checks", "fingerprint", "description", "p_wrong",
-            "where", "fits", "posterior", "provenance",
+            "certain", "candidates", "failures", "undetectable", "isolability", "checks", "fingerprint", "description",
+            "p_wrong", "where", "fits", "posterior", "provenance",
         )  # fmt: skip
         return {
             "schema": SCHEMA,

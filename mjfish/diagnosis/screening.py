@@ -13,6 +13,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.data.filters import Filter
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, under
+from mjfish.diagnosis.failures import NOMINAL, finite, sound, tried
 from mjfish.diagnosis.integration_step import resolved
 from mjfish.diagnosis.progress import Progress, part
 from mjfish.diagnosis.refit import far_off, other_refits, refined, refit_nonsmooth, refits, settled, tried_afresh
@@ -20,7 +21,7 @@ from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
-from mjfish.estimation.fit import hypercube, scouted
+from mjfish.estimation.fit import fit_or_raise, hypercube, scouted
 from mjfish.estimation.noise_of_fit import noise_of, saturated, smoothing_of
 from mjfish.estimation.problem import Slopes
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
@@ -92,14 +93,14 @@ def screen(
         if isinstance(noise, DifferentiationNoise):  # its filter lacks positions there, however little noisier it is
             ends = max(ends, noise.window // 2)
         problem = replace(problem, ends=ends)
-        baseline = fit(problem, baseline.x, tolerance=1e-6)
+        baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
         slopes = signatures(problem, baseline.values, candidates)
     results: dict[Filter | None, tuple[Screening, str]] = {}
     smoothing, known = problem.smoothing, problem.smoothing is not None
     while smoothing not in results:
         if smoothing != problem.smoothing:
             problem = replace(problem, smoothing=smoothing)
-            baseline = fit(problem, baseline.x, tolerance=1e-6)
+            baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
             slopes = signatures(problem, baseline.values, candidates)
         found, noise_remark, smoothing = _screened(problem, baseline, slopes, candidates, stated, rng, progress)
         results[problem.smoothing] = found, noise_remark
@@ -120,15 +121,15 @@ def nominal_fit(problem: Problem, start: FloatArray) -> Fit:
     A fit at the level of the noise cannot be improved. One that leaves more may be a local minimum: then fits start
     from a few points of a Latin hypercube over the bounds, and the best of them is followed to its optimum.
     """
-    first = fit(problem, start, tolerance=1e-6)
+    first = sound(NOMINAL, fit(problem, start, tolerance=1e-6))
     if first.status == "converged" and first.cost < _EXPLAINED * len(first.residual):
         return first
     points = [*hypercube(problem, _STARTS - 1, seed=0)]
     best = min(problem.mapped(scouted, points, tolerance=1e-3, evaluations=_SCOUT), key=lambda scout: scout.cost)
     if not best.cost <= _PROMISING * first.cost:
         return first
-    other = fit(problem, best.x, tolerance=1e-6)
-    return other if other.status != "diverged" and other.cost < first.cost else first
+    other = fit_or_raise(problem, best.x, tolerance=1e-6)
+    return other if not other.lost and other.cost < first.cost else first
 
 
 def _screened(
@@ -160,7 +161,7 @@ def _screened(
         smoothing = smoothing_of(problem, baseline, noise, candidates, slopes.velocity)
     else:
         best = _leader(refitted)
-        refitted[best.names[-1]] = best = refined(best, best.fit.sse)
+        refitted[best.names[-1]] = best = tried(lambda refit: refined(refit, refit.fit.sse), best)
         others, beside = _beside(best, candidates)
         noise, remark = noise_of(best.problem, best.fit, beside, stated)
         smoothing = smoothing_of(best.problem, best.fit, noise, others, beside)
@@ -195,7 +196,7 @@ def _under_the_stated_noise(
         if not found:
             return {}
         best = _leader(found)
-        found[best.names[-1]] = best = refined(best, best.fit.sse)
+        found[best.names[-1]] = best = tried(lambda refit: refined(refit, refit.fit.sse), best)
         if best.fit.sse < _FITTED * len(best.fit.residual):
             return found
     return {}
@@ -236,7 +237,7 @@ class _NominalTest:
         if not _same(noise, problem.noise):
             self.progress("fitting the nominal model", 0.08)
             problem = replace(problem, noise=noise)
-            baseline = fit(problem, baseline.x, tolerance=1e-6)
+            baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
             slopes = signatures(
                 problem, baseline.values, self.candidates
             )  # taken at another fit, an unidentifiable effect would seem to show
@@ -255,8 +256,9 @@ class _NominalTest:
 
     def _p_values(self, evidence: Evidence) -> tuple[float, float]:
         """Return the p values of the directed test, and of it and the omnibus basis together."""
-        directed = evidence.directed_p(self.rng)
-        return directed, min(1.0, directed / _DIRECTED, evidence.omnibus_p() / _OMNIBUS)
+        directed, omnibus = evidence.directed_p(self.rng), evidence.omnibus_p()
+        finite("the test of the residual", directed, omnibus)
+        return directed, min(1.0, directed / _DIRECTED, omnibus / _OMNIBUS)
 
     def repeat(self, seen: _Tested, noise: Noise) -> _Tested:
         """Return the test under another noise; the same test where the two noises are nearly equal."""

@@ -27,6 +27,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis.by_run import Drawn
 from mjfish.diagnosis.constancy import linearised
 from mjfish.diagnosis.evidence import gather, tail
+from mjfish.diagnosis.failures import blamed, finite
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.sign_flips import flipped_p
@@ -125,6 +126,7 @@ def _rivalry(refits: Mapping[Key, Refit], held_out: HeldOut, rng: np.random.Gene
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         margin = 2.0 * rng.standard_normal((DRAWS, len(names))) @ root.T - np.diag(inner)
         observed = gains.max() - gains[index]
+        finite("the comparison of the candidates", float(observed), *margin.sum(axis=0))
         p_value = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
         result[name] = Standing(p_value, float(observed))
     return result
@@ -170,30 +172,36 @@ class Goodness:
 
     def _measured(self, refit: Refit) -> dict[str, float]:
         if refit not in self.known:
-            after = gather(refit.problem, refit.fit, self.candidates)
-            every = linearised(refit, self.held_out)
-            common, sizes = after.common(), every.sizes()
-            steady = every.coefficients().drawn(every.cleared, refit.problem.noise.doubt)
-            weighed = after.weighed()
-            beyond = [steady.beyond, weighed.beyond, *(statistic - rank for statistic, rank in (common, sizes))]
-            excess = max(after.saturated_excess(), after.omnibus_excess(), *beyond, 0.0)
-            saturated_p, omnibus_p = after.saturated_p(), after.omnibus_p()
-            if saturated_p < GOODNESS:  # outliers of the noise may be what is left
-                saturated_p = max(saturated_p, flipped_p(after.signatures, after.cleared))
-            if omnibus_p < GOODNESS:
-                omnibus_p = max(omnibus_p, after.waves.flipped_p(after.cleared))
-            self.known[refit] = {
-                "saturated_p": saturated_p,
-                "omnibus_p": omnibus_p,
-                "excess": excess,
-                "left": excess / max(refit.gain + excess, 1e-9),
-                "common_p": sharp_p(common, refit.gain),
-                "constancy_p": sharp_p(sizes, refit.gain),
-                "weighed_p": _drawn_p(weighed, after.cleared, refit.gain),
-                "steady_p": _drawn_p(steady, every.cleared, refit.gain),
-                "tolerance": tolerated(refit.mechanisms),
-            }
+            with blamed(refit.names[-1]):
+                self.known[refit] = self._tested(refit)
+                if np.isnan([*self.known[refit].values()]).any():
+                    raise FloatingPointError("a test of what it leaves is no number")
         return self.known[refit]
+
+    def _tested(self, refit: Refit) -> dict[str, float]:
+        after = gather(refit.problem, refit.fit, self.candidates)
+        every = linearised(refit, self.held_out)
+        common, sizes = after.common(), every.sizes()
+        steady = every.coefficients().drawn(every.cleared, refit.problem.noise.doubt)
+        weighed = after.weighed()
+        beyond = [steady.beyond, weighed.beyond, *(statistic - rank for statistic, rank in (common, sizes))]
+        excess = max(after.saturated_excess(), after.omnibus_excess(), *beyond, 0.0)
+        saturated_p, omnibus_p = after.saturated_p(), after.omnibus_p()
+        if saturated_p < GOODNESS:  # outliers of the noise may be what is left
+            saturated_p = max(saturated_p, flipped_p(after.signatures, after.cleared))
+        if omnibus_p < GOODNESS:
+            omnibus_p = max(omnibus_p, after.waves.flipped_p(after.cleared))
+        return {
+            "saturated_p": saturated_p,
+            "omnibus_p": omnibus_p,
+            "excess": excess,
+            "left": excess / max(refit.gain + excess, 1e-9),
+            "common_p": sharp_p(common, refit.gain),
+            "constancy_p": sharp_p(sizes, refit.gain),
+            "weighed_p": _drawn_p(weighed, after.cleared, refit.gain),
+            "steady_p": _drawn_p(steady, every.cleared, refit.gain),
+            "tolerance": tolerated(refit.mechanisms),
+        }
 
 
 def standings(

@@ -199,6 +199,7 @@ def diagnose_splits(
     jobs: int | None = None,
     executor: Executor | None = None,
     resume: str | Path | None = None,
+    limit: float | None = None,
     progress: Progress = silent,
 ) -> Splits:
     """Diagnose a dataset, and again with its runs divided anew so many times.
@@ -212,7 +213,7 @@ def diagnose_splits(
         effects: see `mjfish.diagnose`.
         seed: of the drawn splits, and of each diagnosis.
         jobs: threads of each diagnosis; one is made after the other.
-        executor, resume: see `mjfish.diagnose`.
+        executor, resume, limit: see `mjfish.diagnose`.
         progress: called with what is being done and the share that is done.
 
     Returns:
@@ -243,7 +244,8 @@ def diagnose_splits(
 
     def made(divided: Dataset, k: int, what: str) -> Diagnosis:
         told = part(_prefixed(progress, what), k / total, 1.0 / total)
-        return diagnose(divided, effects=effects, seed=seed, jobs=jobs, executor=executor, resume=resume, progress=told)
+        means: Any = {"jobs": jobs, "executor": executor, "resume": resume, "limit": limit}
+        return diagnose(divided, effects=effects, seed=seed, progress=told, **means)
 
     declared = made(dataset, 0, "as divided")
     rows = {own: _row(declared, declared=True)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mjfish.diagnosis.combinations import leaves_little
 from mjfish.diagnosis.evidence import p_value_of
@@ -22,6 +22,8 @@ _OWN = 0.05
 _TENFOLD, _LITTLE = 10.0, 0.01
 #: Most causes that something unexplained may be like.
 _FEW = 3
+#: Most failures that a message lists.
+_TOLD = 3
 
 _OTHERWISE = "its form differs from the model's, or a further cause is at work, or an unknown cause resembles it"
 
@@ -272,3 +274,17 @@ def _failing(confirmation: Confirmation | None) -> str:
     link = "although" if (change > 0.0) == (gained > 0.0) else "and"
     likelihood = f"{link} its log-likelihood is {abs(gained):.3g} {'higher' if gained > 0.0 else 'lower'}"
     return f"fails on the held-out trials: {error} than without it, {likelihood}"
+
+
+def withheld(decision: Decision, failures: Mapping[str, str]) -> Decision:
+    """Return the decision with what failed; one that claims something is taken back."""
+    if not failures:
+        return decision
+    listed = [f"{part} failed ({reason})" for part, reason in failures.items()]
+    more = [f"{len(listed) - _TOLD} more failed"] if len(listed) > _TOLD else []
+    told = "; ".join([*listed[:_TOLD], *more])
+    remedy = "mend what failed, or leave it out, and diagnose again"
+    if decision.verdict in ("named", "nothing_wrong"):
+        message = f"These data allow no verdict: {told}; {remedy}. As far as the rest goes: {decision.message}"
+        return replace(decision, verdict="cannot_tell", message=message)
+    return replace(decision, message=f"{decision.message} Not all was tried: {told}; {remedy}.")

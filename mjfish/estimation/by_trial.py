@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, project_out
+from mjfish.arrays import FloatArray, checked, project_out
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.serial_correlation import Serial, blocks_of, serial_apart
@@ -75,4 +75,4 @@ def span(columns: FloatArray) -> FloatArray:
     """Return an orthonormal basis of the span of columns, each first scaled to length 1."""
     length = np.linalg.norm(columns, axis=0)
     left, singular, _ = np.linalg.svd(columns[:, length > 0.0] / length[length > 0.0], full_matrices=False)
-    return np.asarray(left[:, singular > RANK * singular.max(initial=0.0)])
+    return np.asarray(left[:, checked(singular) > RANK * singular.max(initial=0.0)])

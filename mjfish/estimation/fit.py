@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.block_angular import BlockAngular
+from mjfish.errors import NUMERIC, MjfishError, reason_of
 from mjfish.estimation.problem import LOST, Problem
 from mjfish.estimation.settings import Loss
 from mjfish.parameter import Parameter, bounds
@@ -26,6 +27,8 @@ Z95 = 1.959963984540054
 #: An estimate this close to a bound, as a share of the range, rests on it.
 _AT_BOUND = 1e-4
 _MAX_EVALUATIONS = 100
+#: Variance of the estimates of a fit that failed.
+_UNKNOWN = 1e200
 #: Parameters up to which the step is by a singular value decomposition; by LSMR, whose time is linear in them, beyond.
 _EXACT = 400
 #: LSMR to the last digits: steps, and so their number, are then those of the exact solver.
@@ -46,8 +49,9 @@ class Fit:
         covariance: (p, p); rows and columns of parameters at a bound are zero.
         reach: (p,) standard errors were no parameter held by its bound: how far one that is might lie from it.
         at_bound: (p,) whether the estimate rests on a bound.
-        status: ``converged`` or ``stopped`` (too many evaluations) or ``diverged``.
-        message: of the optimiser; which trial diverged, when and with which parameters, where one did.
+        status: ``converged`` or ``stopped`` (too many evaluations), ``diverged``, or ``failed``: the optimiser raised
+            an error, or ended before it had converged or used up its evaluations.
+        message: of the optimiser; which trial diverged, when and with which parameters, where one did; the error.
         evaluations: of the residual.
         cost: what was minimised: `sse`, or its robust form.
         ended: (p,) where the optimiser ended, each in units of its parameter's scale: there derivatives are taken.
@@ -61,12 +65,17 @@ class Fit:
     covariance: FloatArray
     reach: FloatArray
     at_bound: BoolArray
-    status: Literal["converged", "stopped", "diverged"]
+    status: Literal["converged", "stopped", "diverged", "failed"]
     message: str
     evaluations: int
     cost: float = math.nan
     penalty: float = 0.0
     ended: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def lost(self) -> bool:
+        """Whether it says nothing about the data: it diverged or failed."""
+        return self.status in ("diverged", "failed")
 
     @property
     def objective(self) -> float:
@@ -122,12 +131,38 @@ def fit(
         loss, loss_scale: robust loss of each whitened residual; what the result says of the data (`residual`,
             `jacobian`, covariances) is then weighted as the loss weighs it at the optimum.
     """
-    parameters = problem.parameters
-    scale = np.array([p.scale for p in parameters])
-    low, high = bounds(parameters)
+    low, high = bounds(problem.parameters)
     inside = 1e-6 * (high - low)
     x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
+    try:
+        return _minimised(problem, x0, tolerance, evaluations, loss, loss_scale)
+    except MjfishError:
+        raise
+    except NUMERIC as error:
+        return _failed(problem, x0, reason_of(error))
 
+
+class FitFailedError(ArithmeticError):
+    """A fit failed, and there is nothing in its place."""
+
+
+def fit_or_raise(problem: Problem, start: FloatArray, *, tolerance: float, evaluations: int = _MAX_EVALUATIONS) -> Fit:
+    """Fit as `fit` does, for work that cannot go on without: a fit that diverged may be worse than another.
+
+    Raises:
+        FitFailedError: it failed.
+    """
+    found = fit(problem, start, tolerance=tolerance, evaluations=evaluations)
+    if found.status == "failed":
+        raise FitFailedError(f"a fit failed: {found.message}")
+    return found
+
+
+def _minimised(
+    problem: Problem, x0: FloatArray, tolerance: float, evaluations: int, loss: Loss, loss_scale: float
+) -> Fit:
+    scale = np.array([p.scale for p in problem.parameters])
+    low, high = bounds(problem.parameters)
     large = loss == "linear" and len(scale) > _EXACT
     turned = _Turned(problem, scale, large) if loss == "linear" else _Rows(problem, scale)
     with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
@@ -152,7 +187,7 @@ def fit(
         x,
         np.asarray(solution.x),
         at_bound,
-        "converged" if solution.status > 0 else "stopped",
+        "converged" if solution.status > 0 else "failed" if solution.nfev < evaluations else "stopped",
         str(solution.message),
         int(solution.nfev),
         2.0 * float(solution.cost),
@@ -167,7 +202,7 @@ class End:
     x: FloatArray
     ended: FloatArray
     at_bound: BoolArray
-    status: Literal["converged", "stopped"]
+    status: Literal["converged", "stopped", "failed"]
     message: str
     evaluations: int
     cost: float
@@ -208,6 +243,27 @@ def _fit_at(problem: Problem, turned: _Rows, end: End, loss: Loss, loss_scale: f
     )
 
 
+def _failed(problem: Problem, x: FloatArray, reason: str) -> Fit:
+    """Return a fit that failed, at its start: as far off as one that diverged, and no derivative known."""
+    count = len(x)
+    residual, free = np.full(problem.measured + len(problem.known), LOST), np.zeros(count, dtype=np.bool_)
+    unknown = np.full(count, _UNKNOWN)
+    return Fit(
+        parameters=problem.parameters,
+        x=x,
+        sse=float(residual @ residual),
+        residual=residual,
+        jacobian=BlockAngular.of(np.zeros((len(residual), count))),
+        covariance=np.diag(unknown),
+        reach=np.sqrt(unknown),
+        at_bound=free,
+        status="failed",
+        message=reason,
+        evaluations=0,
+        cost=float(residual @ residual),
+    )
+
+
 class _Rows:
     """Residual and its derivative by scaled parameters y = x / scale as they are, rows of priors below."""
 
@@ -216,9 +272,12 @@ class _Rows:
         self.prior, self.mean = problem.prior_root, problem.prior_mean
 
     def residual(self, y: FloatArray) -> FloatArray:
-        """Return the residual at y (p,)."""
+        """Return the residual at y (p,); refuse one that is not finite, as no rollout gives it."""
         x = y * self.scale
-        return np.concatenate([self.problem.residual(x), self.mean - self.prior @ x])
+        whole = np.concatenate([self.problem.residual(x), self.mean - self.prior @ x])
+        if not np.isfinite(whole).all():
+            raise FloatingPointError("the residual is not finite")
+        return whole
 
     def jacobian(self, y: FloatArray) -> FloatArray | sparse.csr_array:
         """Return its derivative at y (p,)."""
@@ -359,7 +418,7 @@ def multistart(
     robust = {"loss": loss, "loss_scale": loss_scale}
     if starts == 1:
         best = fit(problem, **robust)  # type: ignore[arg-type]
-        return MultiStart(best, np.array([_cost(best)]), best.x[None], float(best.status != "diverged"))
+        return MultiStart(best, np.array([_cost(best)]), best.x[None], float(not best.lost))
     points = [problem.start(), *hypercube(problem, starts - 1, seed)]
     short = {**robust, "tolerance": _SCOUT_TOLERANCE, "evaluations": _SCOUT}
     scouts = []
@@ -390,7 +449,7 @@ class Scout:
 
 
 def scouted(problem: Problem, start: FloatArray, **settings: Any) -> Scout:
-    """Return where a `fit` from a start, with these settings, ends."""
+    """Return where a `fit` from a start, with these settings, ends; one that failed is as bad as one that diverged."""
     found = fit(problem, start, **settings)
     return Scout(found.x, _cost(found), found.evaluations)
 
@@ -415,4 +474,4 @@ def hypercube(problem: Problem, count: int, seed: int) -> FloatArray:
 
 
 def _cost(fit_: Fit) -> float:
-    return np.inf if fit_.status == "diverged" else fit_.cost
+    return np.inf if fit_.lost else fit_.cost

@@ -15,7 +15,7 @@ import numpy as np
 from mjfish.arrays import FloatArray, robust_sigma
 from mjfish.data import Dataset, Sensor, Trial, load_dataset
 from mjfish.data.sensor import smallest_sigma
-from mjfish.errors import InputError
+from mjfish.errors import NUMERIC, InputError, MjfishError, reason_of
 from mjfish.estimation.agreement import Agreement, Criteria, agreement, criteria
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Fit, fit, multistart
@@ -69,14 +69,14 @@ class Assessment:
 
 
 def assess(problem: Problem, fit: Fit, residuals: tuple[Residual, ...]) -> Assessment | None:
-    """Assess a fit; None where it diverged, for then the data say nothing about it.
+    """Assess a fit; None where it diverged or failed, for then the data say nothing about it.
 
     Args:
         problem: that was fitted.
         fit: of it.
         residuals: of its trials, then of those that had no part in it.
     """
-    if fit.status == "diverged":
+    if fit.lost:
         return None
     own = residuals[: len(problem.trials)]
     return Assessment(
@@ -127,7 +127,7 @@ class Identification(Result):
         starts: fits from a Latin hypercube.
         reached: share of them that reached the best optimum.
         problem: that was fitted, with its final weights.
-        assessment: what the data say about the fit; None where it diverged.
+        assessment: what the data say about the fit; None where it diverged or failed.
         sensor_scores: of every channel of every sensor, scored as the velocities are.
     """
 
@@ -144,7 +144,7 @@ class Identification(Result):
 
     @cached_property
     def posterior(self) -> Posterior | None:
-        """What the fit says of the coefficients, for draws (`mjfish.sample`); None where it diverged."""
+        """What the fit says of the coefficients, for draws (`mjfish.sample`); None where it diverged or failed."""
         if self.problem is None or self.assessment is None:
             return None
         fish = identified_fish(self.problem.model.fish, self.fit, self.problem.fixed)
@@ -166,7 +166,7 @@ class Identification(Result):
         for role in ("fit", "held_out"):
             scores = [score.nrmse for score in self.scores if score.role == role]
             if scores:
-                absent = "nan" if self.fit.status == "diverged" else "not measured"
+                absent = "nan" if self.fit.lost else "not measured"
                 columns = [[v for v in column if np.isfinite(v)] for column in zip(*scores, strict=True)]
                 mean = ", ".join(f"{np.mean(column):.3f}" if column else absent for column in columns)
                 lines.append(f"  {role.replace('_', ' ')} ({len(scores)} trials): {mean}")
@@ -323,7 +323,7 @@ def identify(
     weighed = stated is None and settings.weights == "noise"
     unknown = [sensor for _, sensor in problem.sensors if sensor.sigma is None]
     for _ in range(2 if weighed or unknown else 0):
-        if solution.status == "diverged":
+        if solution.lost:
             break
         if weighed:
             residual = _of_measured(problem, problem.raw(solution.x))
@@ -334,12 +334,27 @@ def identify(
         remarks += ("noise: none stated; the weights are the RMS of the residual",)
     for name in dict.fromkeys(sensor.name for sensor in unknown):
         remarks += (f"{name}: no sigma stated; its weights are the RMS of the residual",)
-    residuals = (*fitted(problem, solution.x), *held_out(problem, solution.values, held))
-    return Identification(
+    residuals = fitted(problem, solution.x)
+    try:
+        residuals += held_out(problem, solution.values, held)
+    except MjfishError:
+        raise
+    except NUMERIC as error:
+        remarks += (f"held-out trials are not scored: {reason_of(error)}",)
+    found = Identification(
         dataset, solution, _measured_sigma(problem), tuple(_score(residual) for residual in residuals), remarks,
-        settings.starts, many.reached, problem, assess(problem, solution, residuals),
+        settings.starts, many.reached, problem, None,
         tuple(score for residual in residuals for score in _sensor_scores(residual)),
     )  # fmt: skip
+    try:
+        assessed = replace(found, assessment=assess(problem, solution, residuals))
+        _ = assessed.posterior  # computed now, where its failure can still be said
+    except MjfishError:
+        raise
+    except NUMERIC as error:
+        why = f"it {solution.status}, but what the data say about it cannot be computed: {reason_of(error)}"
+        return replace(found, fit=replace(solution, status="failed", message=why))
+    return assessed
 
 
 def _measured_sigma(problem: Problem) -> FloatArray:

@@ -358,7 +358,7 @@ class _Walk:
             residual = held.residual(others)
             return _Point(value, (float(residual @ residual) - self.fitted.sse) / self.scale, others)
         refit = self.refit(held, np.clip(others, low, high))
-        if refit.status == "diverged":
+        if refit.lost:
             return None
         return _Point(value, (_objective(refit) - _objective(self.fitted)) / self.scale, refit.x)
 

@@ -18,6 +18,7 @@ from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
+from mjfish.estimation.time_limit import check_time
 from mjfish.executors import mapped
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.kept import Kept
@@ -55,12 +56,14 @@ class Slopes:
         own: (k_r,) a trial, places of those that it alone has.
         velocity: (n_r, 3, s + k_r) a trial, of its counted samples, in physical units: shared columns, then its own.
         sensors: (m, s + k_r) rows of each sensor of each trial, whitened.
+        lost: names of parameters whose derivatives are not finite somewhere; they are 0 there.
     """
 
     shared: IntArray
     own: list[IntArray]
     velocity: list[FloatArray]
     sensors: list[FloatArray]
+    lost: frozenset[str] = frozenset()
 
     @property
     def count(self) -> int:
@@ -281,8 +284,8 @@ class Problem:
     def divergence(self, x: FloatArray) -> str:
         """Return which trial diverges, when and with which parameters; empty where none does."""
         predicted = [(trial, self.prediction(trial, self.named(x))) for trial in self.trials]
-        lost = [(trial, rollout) for trial, rollout in predicted if not np.all(np.isfinite(rollout.velocity))]
-        return "; ".join(f"{trial.name} {rollout.message}" for trial, rollout in lost)
+        lost = [(trial, own) for trial, own in predicted if _Predicted(own.velocity, own.sensors).lost]
+        return "; ".join(f"{trial.name} {own.message or 'is predicted as no number'}" for trial, own in lost)
 
     def jacobian(self, x: FloatArray) -> BlockAngular:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `known_rows`."""
@@ -348,12 +351,16 @@ class Problem:
                 names[p.name.rpartition(":")[0]].append(k)
         own = [np.array(names[trial.name], dtype=np.intp) for trial in self.trials]
 
-        def counted(index: int) -> _Predicted:
+        def counted(index: int) -> tuple[_Predicted, set[str]]:
             asked = [chosen[k] for k in (*shared, *own[index])]
-            return self._counted(index, self._slopes(self.trials[index], here, asked))
+            found = self._slopes(self.trials[index], here, asked)
+            finite = [np.isfinite(block).all(axis=(0, 1)) for block in (found.velocity, *found.sensors)]
+            lost = {p.name for known in finite for p, there in zip(asked, known, strict=True) if not there}
+            return self._counted(index, found), lost
 
         found = list(mapped(counted, range(len(self.trials)), self.jobs))
-        return Slopes(shared, own, [one.velocity for one in found], [block for one in found for block in one.sensors])
+        velocity, sensors = [one.velocity for one, _ in found], [block for one, _ in found for block in one.sensors]
+        return Slopes(shared, own, velocity, sensors, frozenset(name for _, lost in found for name in lost))
 
     def _counted(self, index: int, found: _Predicted) -> _Predicted:
         """Return the derivatives of one trial (n_r, 3, k) of counted samples, and whitened ones (m, k) of its sensors.
@@ -372,6 +379,7 @@ class Problem:
 
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:
         """Return the derivatives (n, 3, k), (m, c, k) of one trial's prediction by parameters of it or shared."""
+        check_time()
         result = np.zeros((len(trial.time), len(CHANNELS), len(chosen)))
         beside = tuple(np.zeros((*sensor.values.shape, len(chosen))) for sensor in trial.sensors)
         own = {k: p.name.removeprefix(f"{trial.name}:") for k, p in enumerate(chosen)}
@@ -492,10 +500,12 @@ class Problem:
         return parts
 
     def _run(self, x: FloatArray) -> list[_Predicted]:
+        check_time()
         values = self.named(x)
         return list(mapped(self._predict, [(trial, values) for trial in self.trials], self.jobs))
 
     def _predict(self, task: tuple[Trial, dict[str, float]]) -> _Predicted:
+        check_time()
         prediction = self.prediction(*task)
         return _Predicted(self._smoothed(task[0], prediction.velocity), prediction.sensors)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Role, Sensor, Trial
-from mjfish.estimation.fit import Fit, fit
+from mjfish.estimation.fit import Fit, fit_or_raise
 from mjfish.estimation.problem import Problem, nuisances
 
 #: Share of a held-out trial, as far as its samples count, on which its nuisance parameters are fitted, if it has any.
@@ -84,7 +84,8 @@ def _alone(
         if own:
             counted = trial.time[alone.mask(0)]
             split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))
-            x = fit(replace(alone, windows=((-np.inf, split),)), x).x
+            first = replace(alone, windows=((-np.inf, split),))
+            x = fit_or_raise(first, x, tolerance=1e-8).x
             alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
         yield alone, x
 

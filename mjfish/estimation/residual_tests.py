@@ -600,7 +600,7 @@ def residual_tests(
     incomplete = tuple(trial.name for trial in problem.trials if not trial.measured.all())
     if incomplete:
         return ResidualTests((), (), np.nan, np.nan, incomplete, "untested")
-    taken = None if fit.status == "diverged" else absorbed(problem, fit)
+    taken = None if fit.lost else absorbed(problem, fit)
     return examine(residuals or fitted(problem, fit.x), problem.noise, problem.model.fish.cpg, taken, lags=lags)
 
 

@@ -26,7 +26,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import optimize
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, checked
 from mjfish.estimation.by_trial import Reduced, reduced, span
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
@@ -79,7 +79,9 @@ def _deviations(small: Reduced, places: Sequence[int], widest: FloatArray) -> Fl
         left = e - x @ np.linalg.solve(gram, np.einsum("rki,rko->io", x, e))
         value = 2.0 * np.sum(np.log(np.einsum("rii->ri", root))) + np.linalg.slogdet(gram)[1] + np.sum(left**2)
         trace = np.sum(z**2, axis=(0, 1)) - np.einsum("rmi,rmi->i", cross, np.linalg.solve(gram, cross))
-        return float(value), (trace - np.sum(np.einsum("rki,rko->ri", z, left) ** 2, axis=0)) * unit
+        return float(checked(np.asarray(value))), (
+            trace - np.sum(np.einsum("rki,rko->ri", z, left) ** 2, axis=0)
+        ) * unit
 
     found = optimize.minimize(
         objective,
@@ -88,5 +90,6 @@ def _deviations(small: Reduced, places: Sequence[int], widest: FloatArray) -> Fl
         method="L-BFGS-B",
         bounds=[(0.0, w**2 / u) for w, u in zip(widest, unit, strict=True)],
     )
+    checked(found.x)
     share = np.where(found.x > _NONE**2, found.x, 0.0)
     return np.asarray(np.sqrt(share * unit))

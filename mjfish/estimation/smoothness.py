@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish.estimation.fit import Fit, fit
+from mjfish.estimation.fit import Fit, fit_or_raise
 from mjfish.estimation.problem import Problem
 
 #: Largest change of an sd in one step, smallest and largest sd relative to the declared one, and steps.
@@ -42,7 +42,7 @@ def smoothed(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
         if all(abs(np.log(sd / before[name])) < _SAME for name, sd in sds.items()):
             break
         problem = replace(problem, prior_sds={**problem.prior_sds, **sds})
-        found = fit(problem, found.x, tolerance=_TOLERANCE, evaluations=_MOST)
+        found = fit_or_raise(problem, found.x, tolerance=_TOLERANCE, evaluations=_MOST)
     return problem, found
 
 

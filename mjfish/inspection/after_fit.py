@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from mjfish.arrays import FloatArray, project_out, robust_sigma
+from mjfish.arrays import FloatArray, checked, project_out, robust_sigma
 from mjfish.data import Trial
 from mjfish.effects import Effect
 from mjfish.estimation.fit import Fit
@@ -72,7 +72,7 @@ def inspect_fit(problem: Problem, fit: Fit, effects: Mapping[str, Effect], held:
     Returns:
         Findings; none where the fit diverged, for then nothing can be taken away.
     """
-    if fit.status == "diverged":
+    if fit.lost:
         return Inspection()
     values = {**problem.fixed, **fit.values}
     shared = {p.name: values[p.name] for p in problem.model.parameters}
@@ -269,7 +269,7 @@ class _Others:
         """Return how the shared parameters (s,) move without a run; a direction that no other run sees is not moved."""
         kept = [pair for k, pair in enumerate(self.factors) if k != without]
         design, left = (np.concatenate([pair[i] for pair in kept]) for i in (0, 1))
-        return np.asarray(np.linalg.lstsq(design, left, rcond=1e-6)[0])
+        return checked(np.linalg.lstsq(design, left, rcond=1e-6)[0])
 
 
 def _size(residual: FloatArray) -> float:
@@ -411,7 +411,7 @@ def _autoregressive(phase: FloatArray, power: FloatArray, cost: float) -> float:
     covariance = np.cos(phase[:, None] * lags).T @ power
     for order in (1, 2, 3):
         toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
-        phi = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0]
+        phi = checked(np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0])
         response = np.abs(1.0 - np.exp(-1j * phase[:, None] * lags[1 : order + 1]) @ phi) ** 2
         best = max(best, max(_whittle(power, 1.0 / response, w) for w in _WHITE) - (order + 1) * cost)
     for pole in (0.8, 0.9, 0.95, 0.98, 0.99):

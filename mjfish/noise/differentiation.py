@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import optimize, signal
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.arrays import BoolArray, FloatArray, checked, readonly
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Noise
 from mjfish.noise.kalman import Gains, gains
@@ -117,7 +117,7 @@ def sharpened(noise: DifferentiationNoise, left: NoiseSample) -> Differentiation
     middle = np.log(noise.rounding)
     bounds = (middle - _NEAR, middle + _NEAR)
     found = optimize.minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": _FINE})
-    best = float(found.x)
+    best = float(checked(np.asarray([found.x, found.fun]))[0])
     curvature = (cost(best - _BESIDE) + cost(best + _BESIDE) - 2.0 * found.fun) / _BESIDE**2
     return replace(rounded(best), doubt=float(min(2.0 / np.sqrt(max(curvature, 1e-300)), _NEAR)))
 

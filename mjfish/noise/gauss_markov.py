@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.arrays import BoolArray, FloatArray, checked, readonly
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Noise
 from mjfish.noise.kalman import Gains, gains
@@ -98,7 +98,7 @@ def gauss_markov(left: NoiseSample, kept: FloatArray) -> GaussMarkov:
             if time <= most
         ]
         best = min(tried, key=lambda optimum: float(optimum.fun)).x
-        found[c] = np.exp(best)
+        found[c] = np.exp(checked(best))
         drawn[:, :, c] = _drawn(of, best, bounds[2], rng)
     sigma = readonly(found[:, 0])
     likely = tuple(GaussMarkov(sigma, drift=readonly(drift), time=readonly(time)) for drift, time in drawn)

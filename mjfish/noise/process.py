@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import linalg, optimize
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.arrays import BoolArray, FloatArray, checked, readonly
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Noise
 from mjfish.noise.kalman import Gains, gains
@@ -97,6 +97,7 @@ def process_noise(left: NoiseSample, jacobians: Mapping[str, FloatArray]) -> Pro
         bounds = [(s - 9.0, s + 4.0) for s in start]
         found.append((optimize.minimize(cost, start, method="L-BFGS-B", bounds=bounds), time))
     best, time = min(found, key=lambda pair: float(pair[0].fun))
+    checked(np.asarray(best.fun))
     return ProcessNoise(readonly(np.exp(best.x[:3])), push=readonly(np.exp(best.x[3:])), time=time, jacobians=own)
 
 

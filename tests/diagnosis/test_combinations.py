@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -35,6 +35,7 @@ class _Set:
     degrees_of_freedom: int = 1
     gains: Any = None
     learned: bool = False
+    fit: ClassVar[Any] = SimpleNamespace(lost=False)
 
     @property
     def effects(self) -> list[Any]:

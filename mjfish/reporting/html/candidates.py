@@ -36,6 +36,8 @@ def judgement(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) 
         diagnosis: that it is of.
         sizes: its minimum detectable effects.
     """
+    if candidate.failure:
+        return f"Failed: {candidate.failure}."
     if not candidate.applicable:
         return f"Not tried: {candidate.remark}."
     if candidate.name in diagnosis.certain:
@@ -113,11 +115,14 @@ def possible(diagnosis: Diagnosis) -> set[str]:
 
 
 def grouped(diagnosis: Diagnosis) -> tuple[list[Candidate], list[Candidate], list[Candidate]]:
-    """Return the candidates that may be at work, those that are ruled out or left no sign, and those not tried."""
+    """Return the candidates that may be at work, those that are ruled out or left no sign, and those not tried.
+
+    One that failed is among those not tried.
+    """
     kept, order = possible(diagnosis), diagnosis.candidates
-    tried = [candidate for candidate in order if candidate.applicable]
+    tried = [candidate for candidate in order if candidate.applicable and not candidate.failure]
     return (
         [candidate for candidate in tried if candidate.name in kept],
         [candidate for candidate in tried if candidate.name not in kept],
-        [candidate for candidate in order if not candidate.applicable],
+        [candidate for candidate in order if candidate not in tried],
     )

@@ -1,0 +1,34 @@
+"""A limit on the time of a fit: the clock is looked at before every simulation, and costs nothing else.
+
+Code that never returns, in an effect of the user's, is not ended by it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+_end: ContextVar[float] = ContextVar("end", default=math.inf)
+
+
+class PastLimitError(Exception):
+    """The work took longer than it may."""
+
+
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Let fits of this thread raise `PastLimitError` that many seconds from now."""
+    token = _end.set(min(_end.get(), time.monotonic() + seconds))
+    try:
+        yield
+    finally:
+        _end.reset(token)
+
+
+def check_time() -> None:
+    """Raise `PastLimitError` where the time is up."""
+    if time.monotonic() > _end.get():
+        raise PastLimitError("it took longer than the limit")

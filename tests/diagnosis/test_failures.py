@@ -1,0 +1,330 @@
+"""Forced failures: whatever fails is listed with its reason, the rest is compared, and nothing is claimed."""
+
+from __future__ import annotations
+
+import functools
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from forced import CALLS, names, spoil
+from schema_check import complaints
+from scipy import optimize
+
+from mjfish.data import Dataset
+from mjfish.diagnosis import Diagnosis, diagnose
+from mjfish.effects import Effect, find
+from mjfish.effects.mechanism import Domain
+from mjfish.errors import InputError
+from mjfish.estimation import fit as _fit_function
+from mjfish.estimation import time_limit
+from mjfish.estimation.problem import Problem
+from mjfish.fish import load_fish
+from mjfish.model import Model
+from mjfish.parameter import Parameter
+from mjfish.simulation.synthetic import generate
+
+FIT = sys.modules[_fit_function.__module__]
+CANDIDATES = ("time_offset", "velocity_scale")
+HIDDEN = "time_offset"
+CLAIMS = ("named", "nothing_wrong")
+
+
+@functools.cache
+def _data(hidden: bool) -> Dataset:
+    values = {"time_offset.offset": 0.006} if hidden else {}
+    effects = [find(HIDDEN)] if hidden else []
+    return generate(
+        load_fish("pike"), ["v1", "v3", "v5"], values=values, effects=effects, noise=(0.01, 0.01, 0.05), duration=5.2,
+        held_out=["v5"], seed=1,
+    )  # fmt: skip
+
+
+def _diagnosed(hidden: bool, *own: Effect, **options: Any) -> Diagnosis:
+    effects = {name: find(name) for name in CANDIDATES} | {effect.name: effect for effect in own}
+    return diagnose(_data(hidden), effects=effects, **{"jobs": 1, **options})
+
+
+def _assert_told(result: Diagnosis, part: str, reason: str) -> None:
+    """Want a part listed with its reason everywhere, and nothing claimed."""
+    assert result.verdict not in CLAIMS, result.message
+    assert reason in result.failures[part]
+    assert part in result.message
+    assert any(part in remark and reason in remark for remark in result.remarks)
+    assert result.status != "ok"
+    assert result.causes == ()
+    assert complaints("diagnosis-2", json.loads(json.dumps(result.to_dict()))) == []
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[bool, Diagnosis]:
+    """What is found where nothing fails."""
+    return {hidden: _diagnosed(hidden) for hidden in (False, True)}
+
+
+def test_without_a_failure_the_effect_is_named_and_nothing_else_is_wrong(found: dict[bool, Diagnosis]) -> None:
+    assert [cause.name for cause in found[True].causes] == [HIDDEN]
+    assert found[False].verdict == "nothing_wrong"
+    assert all(result.failures == {} and result.status == "ok" for result in found.values())
+
+
+def _of(problem: Problem, name: str) -> bool:
+    return any(effect.name == name for effect in problem.model.effects)
+
+
+def _solver(monkeypatch: pytest.MonkeyPatch, name: str | None, ends: Callable[..., Any]) -> None:
+    """Let `ends` solve in place of scipy where the model has the effect; None: always."""
+    honest = optimize.least_squares
+
+    def solve(residual: Any, start: Any, **options: Any) -> Any:
+        if name is None or _of(residual.__self__.problem, name):
+            return ends(lambda **other: honest(residual, start, **{**options, **other}), options["max_nfev"])
+        return honest(residual, start, **options)
+
+    monkeypatch.setattr(FIT.optimize, "least_squares", solve)
+
+
+def _singular(_solve: Any, _most: int) -> Any:
+    raise np.linalg.LinAlgError("SVD did not converge")
+
+
+def _early(solve: Any, most: int) -> Any:
+    """End after one evaluation, though there were more."""
+    found = solve(max_nfev=1)
+    return optimize.OptimizeResult({**found, "status": 0, "nfev": 1, "message": "gave up"}) if most > 1 else found
+
+
+def _at_once(solve: Any, most: int) -> Any:
+    """End after one evaluation, and say that they were all."""
+    return optimize.OptimizeResult({**solve(max_nfev=1), "status": 0, "nfev": most})
+
+
+SOLVERS = {
+    "raises": (_singular, "SVD did not converge"),
+    "ends early": (_early, "gave up"),
+    "stops": (_at_once, "stop"),
+}
+
+
+@pytest.mark.parametrize(
+    "how", ["stops", *(pytest.param(how, marks=pytest.mark.slow) for how in ("raises", "ends early"))]
+)
+def test_a_cause_whose_refit_fails_is_listed_and_the_others_are_compared(
+    monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    ends, reason = SOLVERS[how]
+    _solver(monkeypatch, HIDDEN, ends)
+    result = _diagnosed(hidden=True)
+    _assert_told(result, HIDDEN, reason)
+    _assert_compared(result, "velocity_scale")
+
+
+@pytest.mark.parametrize("how", ["raises", "ends early"])
+def test_a_rival_whose_refit_fails_keeps_the_cause_from_being_named(
+    monkeypatch: pytest.MonkeyPatch, how: str, found: dict[bool, Diagnosis]
+) -> None:
+    """It might have explained as much; what the others explain is what they explain without it."""
+    ends, reason = SOLVERS[how]
+    _solver(monkeypatch, "velocity_scale", ends)
+    result = _diagnosed(hidden=True)
+    _assert_told(result, "velocity_scale", reason)
+    _assert_compared(result, HIDDEN)
+    assert result.alternatives == ((HIDDEN,),)
+    assert "The cause is time_offset" in result.message
+    failed = next(candidate for candidate in result.candidates if candidate.name == "velocity_scale")
+    assert (failed.failure, failed.parameters) == (result.failures["velocity_scale"], None)
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("how", SOLVERS)
+def test_where_every_fit_fails_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch, how: str, hidden: bool) -> None:
+    ends, reason = SOLVERS[how]
+    _solver(monkeypatch, None, ends)
+    _assert_told(_diagnosed(hidden), "the fit of the nominal model", reason)
+
+
+def _assert_compared(result: Diagnosis, name: str) -> None:
+    candidate = next(candidate for candidate in result.candidates if candidate.name == name)
+    assert candidate.parameters is not None
+    assert candidate.failure == ""
+    assert name not in result.failures
+
+
+def test_a_residual_that_is_no_number_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    honest = Problem.residual
+
+    def residual(self: Problem, x: Any) -> Any:
+        return honest(self, x) * (np.nan if _of(self, "velocity_scale") else 1.0)
+
+    monkeypatch.setattr(Problem, "residual", residual)
+    result = _diagnosed(hidden=True)
+    _assert_told(result, "velocity_scale", "not finite")
+    _assert_compared(result, HIDDEN)
+
+
+@pytest.mark.parametrize("name", ["velocity_scale", None])
+def test_a_rollout_that_diverges_is_a_failure(monkeypatch: pytest.MonkeyPatch, name: str | None) -> None:
+    honest = Model.predict
+
+    def predict(self: Model, *given: Any, **options: Any) -> Any:
+        found = honest(self, *given, **options)
+        if name is None or any(effect.name == name for effect in self.effects):
+            lost = np.full_like(found.velocity, np.nan)
+            return replace(found, velocity=lost, status="diverged", message="diverged at 0.1 s")
+        return found
+
+    monkeypatch.setattr(Model, "predict", predict)
+    result = _diagnosed(hidden=True)
+    _assert_told(result, name or "the fit of the nominal model", "diverged at 0.1 s")
+    if name is not None:
+        _assert_compared(result, HIDDEN)
+
+
+def test_a_candidate_that_takes_longer_than_it_may_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that goes on by an hour at every residual of one candidate, and stands still else."""
+    now, honest = [0.0], Problem.residual
+
+    def residual(self: Problem, x: Any) -> Any:
+        now[0] += 3600.0 if _of(self, "velocity_scale") else 0.0
+        return honest(self, x)
+
+    monkeypatch.setattr(time_limit, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(Problem, "residual", residual)
+    result = _diagnosed(hidden=True, limit=4000.0)
+    _assert_told(result, "velocity_scale", "it took longer than the limit of 4000 s")
+    _assert_compared(result, HIDDEN)
+
+
+def test_a_limit_that_is_not_reached_changes_nothing(found: dict[bool, Diagnosis]) -> None:
+    limited = _diagnosed(hidden=True, limit=1e6, jobs=2)
+    assert limited.to_dict() == found[True].to_dict()
+
+
+def test_a_limit_of_no_time_is_refused() -> None:
+    with pytest.raises(InputError, match="limit: found 0 s, expected more than 0"):
+        _diagnosed(hidden=False, limit=0.0)
+
+
+class Broken(Effect):
+    """An effect whose method `at` raises, or gives nonsense."""
+
+    name: ClassVar[str] = "broken"
+    domain: ClassVar[Domain] = "drive"
+    summary: ClassVar[str] = "something breaks"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("broken.size", "-", 0.0, -1.0, 1.0, 0.0, 0.01),)
+    source: ClassVar[str] = "made for this test"
+    signature: ClassVar[str] = "none"
+    confirm: ClassVar[str] = "no bench needed"
+    at: ClassVar[str]
+
+
+def _raises(*_given: Any, **_options: Any) -> Any:
+    raise KeyError("no such gear")
+
+
+def _nothing(*_given: Any, **_options: Any) -> None:
+    return None
+
+
+def _no_number(_self: Any, given: Any, *_rest: Any) -> Any:
+    return np.asarray(given) * np.nan
+
+
+def _broken(at: str, does: Callable[..., Any]) -> Effect:
+    """Return an effect that breaks in one of its methods; a reading that works makes the others be asked."""
+
+    def reading(_self: Any, state: Any, values: Any, _trial: Any) -> Any:
+        return state * (1.0 + values["size"])
+
+    return type("Broken", (Broken,), {"reading": reading, at: does})()
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("at", ["drive", "body", "start", "clock", "reading", "priors", "not_applicable", "for_fish"])
+def test_an_effect_that_raises_is_a_failure(at: str, hidden: bool) -> None:
+    result = _diagnosed(hidden, _broken(at, _raises))
+    _assert_told(result, "broken", "KeyError: 'no such gear'")
+    for name in CANDIDATES if hidden else ():
+        _assert_compared(result, name)
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize(
+    ("at", "does", "reason"),
+    [
+        ("reading", _nothing, "TypeError"),
+        ("drive", _nothing, "AttributeError"),
+        ("reading", _no_number, "not finite"),
+        ("start", _no_number, "not finite"),
+        ("clock", _no_number, "not finite"),
+    ],
+)
+def test_an_effect_that_gives_nonsense_is_a_failure(
+    at: str, does: Callable[..., Any], reason: str, hidden: bool
+) -> None:
+    _assert_told(_diagnosed(hidden, _broken(at, does)), "broken", reason)
+
+
+def test_an_effect_that_raises_at_some_sizes_alone_is_a_failure() -> None:
+    """Its score is fine: it fails in its refit."""
+
+    def reading(_self: Any, state: Any, values: Any, _trial: Any) -> Any:
+        if abs(values["size"]) > 0.001:
+            raise ZeroDivisionError("too large")
+        return state * (1.0 + values["size"])
+
+    result = _diagnosed(True, _broken("reading", reading))
+    _assert_told(result, "broken", "ZeroDivisionError: too large")
+
+
+def test_an_effect_that_raises_on_held_out_trials_alone_is_a_failure() -> None:
+    def reading(_self: Any, state: Any, values: Any, trial: Any) -> Any:
+        if trial.name == "v5":
+            raise ValueError("not in v5")
+        return state * (1.0 + values["size"])
+
+    _assert_told(_diagnosed(True, _broken("reading", reading)), "broken", "ValueError: not in v5")
+
+
+#: A few that every run has, for the fast tests.
+FEW = [
+    ("mjfish.block_angular", "numpy.linalg", "svd"),
+    ("mjfish.diagnosis.evidence", "numpy.linalg", "eigh"),
+    ("mjfish.estimation.scatter", "scipy.optimize", "minimize"),
+]
+WAYS = ("raises", "no number")
+
+
+@pytest.mark.parametrize("how", WAYS)
+@pytest.mark.parametrize("call", FEW, ids=names(FEW))
+def test_where_a_solver_fails_nothing_is_claimed(
+    monkeypatch: pytest.MonkeyPatch, call: tuple[str, str, str], how: str
+) -> None:
+    calls = spoil(monkeypatch, call, how)
+    result = _diagnosed(hidden=False)
+    assert calls
+    assert result.verdict not in CLAIMS
+    assert result.failures
+    assert complaints("diagnosis-2", json.loads(json.dumps(result.to_dict()))) == []
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("how", WAYS)
+@pytest.mark.parametrize("call", CALLS, ids=names(CALLS))
+def test_whichever_solver_fails_nothing_is_claimed(
+    monkeypatch: pytest.MonkeyPatch, call: tuple[str, str, str], how: str, hidden: bool, found: dict[bool, Diagnosis]
+) -> None:
+    calls = spoil(monkeypatch, call, how)
+    result = _diagnosed(hidden)
+    if calls:
+        assert result.verdict not in CLAIMS
+        assert result.failures
+    else:
+        assert result.to_dict() == found[hidden].to_dict()
