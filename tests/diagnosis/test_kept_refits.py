@@ -14,20 +14,23 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import cloudpickle
 import numpy as np
 import pytest
 
-from mjfish.data import Dataset, save
+from mjfish.arrays import FloatArray
+from mjfish.data import Dataset, Trial, save
 from mjfish.diagnosis import diagnose
 from mjfish.diagnosis import fan_out as module
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.refit import made_smooth, refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
-from mjfish.effects import catalogue, find
+from mjfish.effects import Effect, catalogue, find
+from mjfish.effects.effect import Values
+from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError, WorkerError
 from mjfish.estimation import Problem, Settings, identify
 from mjfish.estimation.fit import fit
@@ -36,6 +39,7 @@ from mjfish.estimation.nominal import nominal_problem
 from mjfish.executors import cluster, processes
 from mjfish.kept import Kept
 from mjfish.noise import Noise
+from mjfish.parameter import Parameter
 from mjfish.simulation import generate
 
 QUICK = {name: find(name) for name in ("time_offset", "servo_lag", "ambient_current")}
@@ -242,3 +246,33 @@ def test_a_diagnosis_that_is_killed_goes_on(dataset: Dataset, tmp_path: Path, mo
     subprocess.run(again, check=True, capture_output=True)
     assert (tmp_path / "resumed.json").read_bytes() == (tmp_path / "whole.json").read_bytes()
     assert {name: (kept / name).stat().st_mtime_ns for name in done} == done
+
+
+class Spoilt(Effect):
+    """A wrong scale of the camera, that only a refit finds to be impossible."""
+
+    name: ClassVar[str] = "spoilt"
+    domain: ClassVar[Domain] = "data"
+    summary: ClassVar[str] = "something breaks"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("spoilt.error", "-", 0.0, -0.5, 0.5, 0.0, 0.01),)
+    source: ClassVar[str] = "made for this test"
+    signature: ClassVar[str] = "none"
+    confirm: ClassVar[str] = "no bench needed"
+
+    def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
+        """Raise far from the null."""
+        del trial
+        if abs(values["error"]) > 0.005:
+            raise ZeroDivisionError("no such scale")
+        return np.asarray(state * (1.0 + values["error"]))
+
+
+def test_a_candidate_that_fails_on_a_worker_is_listed_as_by_threads(dataset: Dataset, tmp_path: Path) -> None:
+    """And the diagnosis without it keeps refits of its own: those with it have other steps."""
+    effects = {**QUICK, "spoilt": Spoilt()}
+    by_threads = diagnose(dataset, effects=effects, jobs=1, seed=3)
+    assert "no such scale" in by_threads.failures["spoilt"]
+    expected = text(by_threads)
+    assert text(diagnose(dataset, effects=effects, executor=Backwards(), seed=3)) == expected
+    for _ in range(2):
+        assert text(diagnose(dataset, effects=effects, jobs=1, seed=3, resume=tmp_path)) == expected
