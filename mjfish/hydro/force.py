@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import borrowing, inlined, merged
+from mjfish.compiled import inlined, merged, part
 from mjfish.hydro.outline import INTERVALS
 
 Six = tuple[float, float, float, float, float, float]
@@ -177,7 +177,7 @@ def _partial_moment_rates(
     return d0, d1, d2, d3, xi
 
 
-@borrowing
+@part
 def crossflow_tangent(
     link: Any, length_rate: float, node_rate: FloatArray, table_rate: FloatArray
 ) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, Load, LoadTable, load_rows, memory_of
-from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative_merged, tail_of
+from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative, tail_of
 
 Coriolis = Literal["corrected", "printed"]
 #: A rollout has diverged once a velocity passes this [m/s or rad/s]: no fish does.
@@ -257,7 +257,7 @@ def integrate(
                 strike(joints, step, workspace)
             loads = LoadTable(system.loads.addresses[:acting], system.loads.rows)
             now_system = System(system.links, workspace.tail, system.printed, loads)
-            derivative_merged(now_system, at, trial, workspace.output, k)
+            derivative(now_system, at, trial, workspace.output, k)
             if phase == PHASE_JUMP:
                 for row in (0, 1, 2, 7):
                     state[row] += k[row]
