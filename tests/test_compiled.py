@@ -93,7 +93,7 @@ def test_a_c_callback_has_an_address_that_c_can_call() -> None:
 
 
 def test_a_part_is_typed_once_whatever_constants_it_is_called_with_and_callable_from_python() -> None:
-    """numba would type, and compile, a function anew for every constant that it is called with."""
+    """Numba would type, and compile, a function anew for every constant that it is called with."""
 
     @part
     def plus(a: float, b: int) -> float:
