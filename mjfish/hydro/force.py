@@ -1,7 +1,7 @@
 """Morison force on the strips of one link, [Yu2016] eqs. (7)-(13), in the plane; exact, compiled.
 
-The forces are also compiled for complex numbers whose imaginary part is a derivative (a complex step), which is why
-signs and comparisons look at real parts.
+The forces are also compiled for complex numbers whose imaginary part is a derivative (a complex step [Squire1998]),
+which is why signs and comparisons look at real parts.
 
 In the link's frame (x towards the tail, origin at the front joint) a strip at r moves across at q = v + w r. With
 m_a = c_m rho pi h^2 / 4 per length, added momentum is p_y = INT m_a q dr, and
@@ -27,8 +27,6 @@ from mjfish.hydro.outline import INTERVALS
 Six = tuple[float, float, float, float, float, float]
 #: Keulegan-Carpenter number at which c_d is the one given: of the beating tail of a fish it is about that.
 KC_0 = 3.0
-#: Imaginary part of a complex step.
-_TINY = 1e-30
 
 
 @inlined
@@ -183,16 +181,42 @@ def crossflow_tangent(
 ) -> tuple[float, float]:
     """Return the derivatives of F and G of a link along a change of its outline.
 
-    `crossflow` is linear in the tables. By the length it is a complex step, f(x + i e) = f(x) + i e f'(x) [Squire1998].
+    `crossflow` is linear in the tables; the length enters where q changes sign.
 
     Args:
         link: record, with its velocity.
         length_rate, node_rate, table_rate: rates of change of length, node heights and height moments.
     """
-    force, moment = crossflow(link.v, link.w, link.length, node_rate, table_rate)
-    if length_rate != 0.0:
-        function: Any = crossflow
-        f, g = function(link.v, link.w, complex(link.length, _TINY), link.node_height, link.height_moment)
-        force += length_rate * f.imag / _TINY
-        moment += length_rate * g.imag / _TINY
+    v, w = link.v, link.w
+    force, moment = crossflow(v, w, link.length, node_rate, table_rate)
+    if length_rate != 0.0 and v * (v + w * link.length) < 0.0:
+        h0, h1, h2, h3 = _partial_moments_by_length(-v / w, link.length, link.node_height, link.height_moment)
+        scale = -2.0 * length_rate if w > 0.0 else 2.0 * length_rate
+        force += scale * (v * v * h0 + 2.0 * v * w * h1 + w * w * h2)
+        moment += scale * (v * v * h1 + 2.0 * v * w * h2 + w * w * h3)
     return force, moment
+
+
+@merged
+def _partial_moments_by_length(
+    r: float, length: float, node: FloatArray, table: FloatArray
+) -> tuple[float, float, float, float]:
+    """Return d H_k / d length of the interpolation in `partial_moments`, r and the tables held.
+
+    With xi held, what the heights add to H_k goes as length^(k + 1).
+    """
+    d0, d1, d2, d3, xi = _partial_moment_rates(r, length, node, table)
+    left = min(int(xi), INTERVALS - 1)
+    s = xi - left
+    scale = length / (INTERVALS * INTERVALS)
+    r_left = scale * left * left
+    r_right = scale * (left + 1) * (left + 1)
+    p = s * (1.0 - s) * (1.0 - s) * node[left] * 2.0 * scale * left
+    q = s * s * (s - 1.0) * node[left + 1] * 2.0 * scale * (left + 1)
+    move = -0.5 * xi
+    return (
+        (move * d0 + p + q) / length,
+        (move * d1 + 2.0 * (p * r_left + q * r_right)) / length,
+        (move * d2 + 3.0 * (p * r_left * r_left + q * r_right * r_right)) / length,
+        (move * d3 + 4.0 * (p * r_left * r_left * r_left + q * r_right * r_right * r_right)) / length,
+    )

@@ -93,7 +93,8 @@ class Load:
     @property
     def gradient(self) -> int:
         """Address of ``void(link*, parameters*, gradient*)``, of its derivatives; 0: has none."""
-        return 0 if self.slopes is None else int(_gradient(self).address)
+        callback = _gradient(self)
+        return 0 if callback is None else int(callback.address)
 
     @functools.cached_property
     def fields(self) -> frozenset[str]:
@@ -196,6 +197,8 @@ def _callback(load_: Load) -> Any:
 
 @_once
 def _gradient(load_: Load) -> Any:
+    if load_.slopes is None:
+        return None
     inner = part(load_.slopes, allocates=True)
 
     def sloping(link: Any, parameters: Any, out: Any) -> None:

@@ -288,8 +288,9 @@ def sample_of(step: int, phase: int) -> tuple[int, int]:
 @merged
 def joints_in(joints: Joints, step: int, stage: int, workspace: Workspace) -> Joints:
     """Return the joints at one sample; their rates and accelerations are copies in the workspace."""
-    copy(joints.rate[step, stage], workspace.joint_rate)
-    copy(joints.acceleration[step, stage], workspace.joint_acceleration)
+    for j in range(workspace.joint_rate.shape[0]):
+        workspace.joint_rate[j] = joints.rate[step, stage, j]
+        workspace.joint_acceleration[j] = joints.acceleration[step, stage, j]
     return Joints(
         joints.cos[step, stage], joints.sin[step, stage], workspace.joint_rate, workspace.joint_acceleration,
         joints.angle_last[step, stage],
