@@ -203,8 +203,9 @@ def _whiten(
     row = 0
     for t in range(seen.shape[0]):
         if seen[t]:
-            innovation[:] = columns[row]
             for i in range(m):
+                for k in range(width):  # numba compiles three seconds of error messages for a slice
+                    innovation[i, k] = columns[row, i, k]
                 _add(innovation, i, reading[i], state, -1.0)
             for i in range(d):
                 _add(state, i, gain[t, i], innovation, 1.0)
