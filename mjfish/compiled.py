@@ -72,7 +72,7 @@ def keeps_code() -> bool:
         tempfile.TemporaryFile(dir=folder).close()
     except (OSError, RuntimeError) as error:  # the latter without any home
         warnings.warn(
-            f"compiled code cannot be kept ({error}): every start compiles anew, which takes a minute or more; "
+            f"compiled code cannot be kept ({error}): every start compiles anew, which takes half a minute; "
             "set XDG_CACHE_HOME to a folder that you can write to",
             stacklevel=3,
         )

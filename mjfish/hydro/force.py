@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import inlined, merged, part
+from mjfish.compiled import merged, part
 from mjfish.hydro.outline import INTERVALS
 
 Six = tuple[float, float, float, float, float, float]
@@ -29,13 +29,13 @@ Six = tuple[float, float, float, float, float, float]
 KC_0 = 3.0
 
 
-@inlined
+@merged
 def added_mass(link: Any) -> tuple[float, float, float]:
     """Return A_0, A_1, A_2 = INT m_a r^k dr [kg, kg m, kg m2] of one link record, eq. (8) with c_m."""
     return link.c_m * link.added[0], link.c_m * link.added[1], link.c_m * link.added[2]
 
 
-@inlined
+@merged
 def gyroscopic(link: Any) -> tuple[float, float, float]:
     """Return (fx, fy, mz) [N, N, N m]: minus gamma_ad of eq. (13), with the share `munk` of the Munk moment."""
     a0, a1, _ = added_mass(link)
@@ -43,7 +43,7 @@ def gyroscopic(link: Any) -> tuple[float, float, float]:
     return link.w * momentum, 0.0, -link.munk * link.u * momentum
 
 
-@inlined
+@merged
 def drag(link: Any) -> tuple[float, float, float]:
     """Return (fx, fy, mz) [N, N, N m] of friction along and drag across one link, eqs. (9) and (10)."""
     force, moment = crossflow(link.v, link.w, link.length, link.node_height, link.height_moment)
@@ -52,13 +52,13 @@ def drag(link: Any) -> tuple[float, float, float]:
     return surge * magnitude(link.u) * link.u, sway * force, sway * moment
 
 
-@inlined
+@merged
 def magnitude(x: Any) -> Any:
     """Return |x| of a real number, and its analytic continuation off the real line."""
     return x if x.real >= 0.0 else -x
 
 
-@inlined
+@merged
 def crossflow(v: float, w: float, length: float, node: FloatArray, table: FloatArray) -> tuple[float, float]:
     """Return INT h |q| q dr and INT h |q| q r dr, q = v + w r, exact.
 
@@ -87,7 +87,7 @@ def crossflow(v: float, w: float, length: float, node: FloatArray, table: FloatA
     return sign * force, sign * moment
 
 
-@inlined
+@merged
 def partial_moments(r: float, length: float, node: FloatArray, table: FloatArray) -> tuple[float, float, float, float]:
     """Return H_k = INT_0^r h r'^k dr', k = 0..3, by Hermite interpolation between exact nodes.
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.compiled import compiled, inlined, part
+from mjfish.compiled import compiled, merged, part
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +219,7 @@ def _whiten(
         state, ahead = ahead, state
 
 
-@inlined
+@merged
 def _add(target: FloatArray, row: int, weights: FloatArray, source: FloatArray, sign: float) -> None:
     """Add sign * weights @ source to a row; most weights are zero."""
     for j in range(weights.shape[0]):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import inlined, merged
+from mjfish.compiled import merged
 from mjfish.fish import Fish
 from mjfish.hydro.force import added_mass, drag, gyroscopic, magnitude
 from mjfish.hydro.load import AT_STATEFUL, LoadBuffers, LoadTable, loads_on
@@ -65,7 +65,7 @@ def tail_of(fish: Fish) -> FloatArray:
     return np.array([float(flexible), stiffness, fish.tail_damping, cubic, quadratic])
 
 
-@inlined
+@merged
 def next_link(c: Any, s: Any, length: Any, u: Any, v: Any, w: Any) -> tuple[Any, Any]:
     """Return u, v of a link's origin in its own frame, from those of the link in front; c, s of the joint's angle."""
     sway = v + length * w
