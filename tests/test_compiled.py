@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from mjfish import compiled as compiling
-from mjfish.compiled import c_callback, compiled
+from mjfish.compiled import c_callback, compiled, part
 
 
 def _folder_in_fresh_process(package: Path, home: Path) -> str:
@@ -54,7 +54,7 @@ def test_a_copy_of_the_package_elsewhere_finds_the_machine_code(tmp_path: Path) 
     for place in ("one", "two"):
         shutil.copytree(source, tmp_path / place / "mjfish")
         environment = {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(tmp_path / place), "PATH": ""}
-        code = "import mjfish.effects.linear_drag"
+        code = "from mjfish.effects.linear_drag import LinearDrag; LinearDrag.load.address"
         subprocess.run([sys.executable, "-P", "-c", code], env=environment, check=True, cwd=tmp_path)
         counts.append(len(list((tmp_path / "mjfish").rglob("*.nbc"))))
     assert counts[0] > 0
@@ -92,6 +92,22 @@ def test_a_c_callback_has_an_address_that_c_can_call() -> None:
     assert half.ctypes(3.0) == pytest.approx(1.5)
 
 
+def test_a_part_is_typed_once_whatever_constants_it_is_called_with_and_callable_from_python() -> None:
+    """Numba would type, and compile, a function anew for every constant that it is called with."""
+
+    @part
+    def plus(a: float, b: int) -> float:
+        return a + b
+
+    @compiled
+    def both(a: float) -> float:
+        return plus(a, 1) + plus(a, 2)
+
+    assert both(1.0) == 5.0
+    assert len(plus.overloads) == 1
+    assert plus(1.0, 4) == 5.0
+
+
 def _run(script: Path, code: str) -> str:
     """Run `code` as a user's own file, with a cache of its own beside it."""
     script.write_text(textwrap.dedent(code))
@@ -109,14 +125,16 @@ def _run(script: Path, code: str) -> str:
 
 
 def test_a_second_process_loads_machine_code_and_adds_none(tmp_path: Path) -> None:
-    """Loads are closures over what they call: a cache of them would grow with every process and never be hit."""
+    """Loads are closures over what they call: their key must be the same in every process; a user's are not kept."""
     code = """
-        import mjfish.effects.linear_drag
+        from mjfish.effects.linear_drag import LinearDrag
         from mjfish.hydro.load import load
 
         @load
         def push(link, parameters):
             return parameters[0], 0.0, 0.0
+
+        LinearDrag.load.address, push.address
         """
     counts = []
     for _ in range(3):
@@ -149,7 +167,8 @@ def test_where_nothing_can_be_kept_it_runs_and_says_so_once(tmp_path: Path, home
     script = (
         "import pwd\n"
         "pwd.getpwuid = lambda _: (_ for _ in ()).throw(KeyError())\n"  # a container's user has no entry
-        "import mjfish.effects.linear_drag\n"
+        "from mjfish.effects.linear_drag import LinearDrag\n"
+        "LinearDrag.load.address\n"
         "from mjfish.compiled import c_callback, compiled, keeps_code\n"
         "assert not keeps_code()\n"
         "print(compiled(lambda x: 2.0 * x)(3.0))\n"

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import inlined
+from mjfish.compiled import merged
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import Domain
@@ -30,7 +30,7 @@ _MOST = 3
 _PAIRS, _OFTEN = 25, 0.7
 
 
-@inlined
+@merged
 def _total(link: Any, p: Any) -> Any:
     """Return the sum of all functions of a link's velocity."""
     u, v, w = link.u, link.v, link.w

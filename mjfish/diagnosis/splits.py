@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -21,7 +20,6 @@ from mjfish.diagnosis.diagnosis import diagnose
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.result import Diagnosis, Verdict
-from mjfish.effects import Effect
 from mjfish.errors import InputError
 from mjfish.result import Result
 from mjfish.serialise import plain
@@ -194,13 +192,9 @@ def diagnose_splits(
     dataset: Dataset | str | Path,
     count: int,
     *,
-    effects: Mapping[str, Effect] | None = None,
     seed: int = 0,
-    jobs: int | None = None,
-    executor: Executor | None = None,
-    resume: str | Path | None = None,
-    limit: float | None = None,
     progress: Progress = silent,
+    **options: Any,
 ) -> Splits:
     """Diagnose a dataset, and again with its runs divided anew so many times.
 
@@ -210,11 +204,10 @@ def diagnose_splits(
     Args:
         dataset: three runs or more, or the folder of ``dataset.toml``.
         count: splits to draw, each at most once; where fewer are possible, all of them.
-        effects: see `mjfish.diagnose`.
         seed: of the drawn splits, and of each diagnosis.
-        jobs: threads of each diagnosis; one is made after the other.
-        executor, resume, limit: see `mjfish.diagnose`.
         progress: called with what is being done and the share that is done.
+        options: the others of `mjfish.diagnose`: effects, jobs, executor, resume, limit. One diagnosis is made after the
+            other.
 
     Returns:
         The diagnosis of the dataset, a row for each split, and how often each verdict and mechanism came. A split that
@@ -244,8 +237,7 @@ def diagnose_splits(
 
     def made(divided: Dataset, k: int, what: str) -> Diagnosis:
         told = part(_prefixed(progress, what), k / total, 1.0 / total)
-        means: Any = {"jobs": jobs, "executor": executor, "resume": resume, "limit": limit}
-        return diagnose(divided, effects=effects, seed=seed, progress=told, **means)
+        return diagnose(divided, seed=seed, progress=told, **options)
 
     declared = made(dataset, 0, "as divided")
     rows = {own: _row(declared, declared=True)}

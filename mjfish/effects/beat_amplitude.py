@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.compiled import inlined
+from mjfish.compiled import merged
 
 #: KC of what has not moved yet: a power below zero has no value at zero, and a run begins at rest.
 KC_FLOOR = 0.3
@@ -18,7 +18,7 @@ KC_FLOOR = 0.3
 TAU = 0.5
 
 
-@inlined
+@merged
 def keulegan_carpenter(square: float, height: float) -> float:
     """Return KC of a section of this height whose way has this mean square; positive where a step goes below.
 

@@ -71,6 +71,9 @@ def _from_file(path: Path, _stamp: int) -> list[Effect]:
     try:
         spec.loader.exec_module(module)
         found = _effects_in(module)
+        for effect in found:
+            if effect.load is not None:
+                _ = effect.load.address, effect.load.gradient  # compiled here, where a mistake is the file's
     except MjfishError:
         raise
     except (Exception, SystemExit) as error:  # whatever a user's file raises is bad input here

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled, inlined
+from mjfish.compiled import compiled, merged
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 
@@ -45,7 +45,7 @@ def balanced(time: FloatArray, angle: FloatArray, rate: FloatArray, acceleration
     return JointMotion(time=time, angle=angle, rate=rate, acceleration=acceleration)
 
 
-@inlined
+@merged
 def cubic(left: float, slope: float, right: float, slope_right: float, d: float) -> tuple[float, float]:
     """Return a_2, a_3 of the cubic left + slope s + a_2 s^2 + a_3 s^3 through values and slopes at 0 and d."""
     rise = (right - left - slope * d) / (d * d)
@@ -53,7 +53,7 @@ def cubic(left: float, slope: float, right: float, slope_right: float, d: float)
     return 3.0 * rise - bend, (bend - 2.0 * rise) / d
 
 
-@inlined
+@merged
 def _corner(x: float) -> float:
     """Return S(x) / x; off the corner without powers, equal to rounding."""
     size = abs(x)
@@ -147,7 +147,7 @@ def filtered(motion: JointMotion, time: float, damping: float, delay: float = 0.
     return balanced(motion.time, got[0], got[1], got[2])
 
 
-@inlined
+@merged
 def _decay(t: float, time: float, damping: float) -> tuple[float, float]:
     """Return E C and E S of the free filter, E = exp(-zeta t / T), with w^2 = (1 - zeta^2) / T^2.
 

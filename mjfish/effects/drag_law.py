@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import inlined
+from mjfish.compiled import merged
 from mjfish.data import Trial
 from mjfish.effects.calibration import TOW_TEST, Calibration
 from mjfish.effects.effect import Effect, Fingerprint, Values, variant
@@ -34,20 +34,20 @@ _SPEED, _TALL = _ALONG + _KNOTS_F, _ALONG + _KNOTS_F + 1
 _LN2 = float(np.log(2.0))
 
 
-@inlined
+@merged
 def _octave(here: float, other: float, whole: float, speed: float) -> float:
     """Return log2 of sqrt(here^2 + whole other^2) over the reference speed."""
     return float(np.log2((np.sqrt(here * here + whole * other * other) + 1e-9) / speed))
 
 
-@inlined
+@merged
 def _octave_slope(here: float, other: float, whole: float) -> float:
     """Return the derivative of `_octave` by half of here^2; by other it is `whole` times other times it."""
     total = np.sqrt(here * here + whole * other * other)
     return float(1.0 / (_LN2 * (total * (total + 1e-9) + 1e-18)))
 
 
-@inlined
+@merged
 def _add_weights(out: Any, row: int, first: int, t: float, count: int, force: float) -> None:
     """Add the derivatives of a force by the coefficients of the curve that is its logarithm."""
     k, a, b, c, d = spline_weights(t, count)

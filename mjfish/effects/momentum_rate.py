@@ -10,14 +10,14 @@ by w tau, 17 %. A jump of the momentum comes out whole, spread over some tau; so
 
 from __future__ import annotations
 
-from mjfish.compiled import inlined
+from mjfish.compiled import merged
 
 #: Of the lags [s]. An added mass of e times what a link has already, acting through them, is stable for -8/9 < e, and
 #: under Runge-Kutta steps of 5 ms for e <= 1.
 SETTLE = 0.009
 
 
-@inlined
+@merged
 def momentum_rate(momentum: float, a: float, b: float, c: float) -> tuple[float, float, float, float]:
     """Return p' and the rates of a, b and c."""
     rate = (momentum - a) / SETTLE

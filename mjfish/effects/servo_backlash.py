@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled, inlined
+from mjfish.compiled import compiled, merged
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import balanced, undetectable_behind_measured_joints
@@ -66,7 +66,7 @@ class ServoBacklash(Effect):
         return balanced(motion.time, motion.angle + angle, motion.rate + rate, motion.acceleration + acceleration)
 
 
-@inlined
+@merged
 def _advance(x: FloatArray, start: float, end: float, h: float, contact: float) -> None:
     """Advance (x, x') in `x` by h [s], exactly, while d goes straight from `start` to `end`.
 

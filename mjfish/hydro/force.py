@@ -1,7 +1,7 @@
 """Morison force on the strips of one link, [Yu2016] eqs. (7)-(13), in the plane; exact, compiled.
 
-The forces are also compiled for complex numbers whose imaginary part is a derivative (a complex step), which is why
-signs and comparisons look at real parts.
+The forces are also compiled for complex numbers whose imaginary part is a derivative (a complex step [Squire1998]),
+which is why signs and comparisons look at real parts.
 
 In the link's frame (x towards the tail, origin at the front joint) a strip at r moves across at q = v + w r. With
 m_a = c_m rho pi h^2 / 4 per length, added momentum is p_y = INT m_a q dr, and
@@ -21,23 +21,21 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import borrowing, inlined, merged
+from mjfish.compiled import merged, part
 from mjfish.hydro.outline import INTERVALS
 
 Six = tuple[float, float, float, float, float, float]
 #: Keulegan-Carpenter number at which c_d is the one given: of the beating tail of a fish it is about that.
 KC_0 = 3.0
-#: Imaginary part of a complex step.
-_TINY = 1e-30
 
 
-@inlined
+@merged
 def added_mass(link: Any) -> tuple[float, float, float]:
     """Return A_0, A_1, A_2 = INT m_a r^k dr [kg, kg m, kg m2] of one link record, eq. (8) with c_m."""
     return link.c_m * link.added[0], link.c_m * link.added[1], link.c_m * link.added[2]
 
 
-@inlined
+@merged
 def gyroscopic(link: Any) -> tuple[float, float, float]:
     """Return (fx, fy, mz) [N, N, N m]: minus gamma_ad of eq. (13), with the share `munk` of the Munk moment."""
     a0, a1, _ = added_mass(link)
@@ -45,7 +43,7 @@ def gyroscopic(link: Any) -> tuple[float, float, float]:
     return link.w * momentum, 0.0, -link.munk * link.u * momentum
 
 
-@inlined
+@merged
 def drag(link: Any) -> tuple[float, float, float]:
     """Return (fx, fy, mz) [N, N, N m] of friction along and drag across one link, eqs. (9) and (10)."""
     force, moment = crossflow(link.v, link.w, link.length, link.node_height, link.height_moment)
@@ -54,13 +52,13 @@ def drag(link: Any) -> tuple[float, float, float]:
     return surge * magnitude(link.u) * link.u, sway * force, sway * moment
 
 
-@inlined
+@merged
 def magnitude(x: Any) -> Any:
     """Return |x| of a real number, and its analytic continuation off the real line."""
     return x if x.real >= 0.0 else -x
 
 
-@inlined
+@merged
 def crossflow(v: float, w: float, length: float, node: FloatArray, table: FloatArray) -> tuple[float, float]:
     """Return INT h |q| q dr and INT h |q| q r dr, q = v + w r, exact.
 
@@ -89,7 +87,7 @@ def crossflow(v: float, w: float, length: float, node: FloatArray, table: FloatA
     return sign * force, sign * moment
 
 
-@inlined
+@merged
 def partial_moments(r: float, length: float, node: FloatArray, table: FloatArray) -> tuple[float, float, float, float]:
     """Return H_k = INT_0^r h r'^k dr', k = 0..3, by Hermite interpolation between exact nodes.
 
@@ -177,22 +175,48 @@ def _partial_moment_rates(
     return d0, d1, d2, d3, xi
 
 
-@borrowing
+@part
 def crossflow_tangent(
     link: Any, length_rate: float, node_rate: FloatArray, table_rate: FloatArray
 ) -> tuple[float, float]:
     """Return the derivatives of F and G of a link along a change of its outline.
 
-    `crossflow` is linear in the tables. By the length it is a complex step, f(x + i e) = f(x) + i e f'(x) [Squire1998].
+    `crossflow` is linear in the tables; the length enters where q changes sign.
 
     Args:
         link: record, with its velocity.
         length_rate, node_rate, table_rate: rates of change of length, node heights and height moments.
     """
-    force, moment = crossflow(link.v, link.w, link.length, node_rate, table_rate)
-    if length_rate != 0.0:
-        function: Any = crossflow
-        f, g = function(link.v, link.w, complex(link.length, _TINY), link.node_height, link.height_moment)
-        force += length_rate * f.imag / _TINY
-        moment += length_rate * g.imag / _TINY
+    v, w = link.v, link.w
+    force, moment = crossflow(v, w, link.length, node_rate, table_rate)
+    if length_rate != 0.0 and v * (v + w * link.length) < 0.0:
+        h0, h1, h2, h3 = _partial_moments_by_length(-v / w, link.length, link.node_height, link.height_moment)
+        scale = -2.0 * length_rate if w > 0.0 else 2.0 * length_rate
+        force += scale * (v * v * h0 + 2.0 * v * w * h1 + w * w * h2)
+        moment += scale * (v * v * h1 + 2.0 * v * w * h2 + w * w * h3)
     return force, moment
+
+
+@merged
+def _partial_moments_by_length(
+    r: float, length: float, node: FloatArray, table: FloatArray
+) -> tuple[float, float, float, float]:
+    """Return d H_k / d length of the interpolation in `partial_moments`, r and the tables held.
+
+    With xi held, what the heights add to H_k goes as length^(k + 1).
+    """
+    d0, d1, d2, d3, xi = _partial_moment_rates(r, length, node, table)
+    left = min(int(xi), INTERVALS - 1)
+    s = xi - left
+    scale = length / (INTERVALS * INTERVALS)
+    r_left = scale * left * left
+    r_right = scale * (left + 1) * (left + 1)
+    p = s * (1.0 - s) * (1.0 - s) * node[left] * 2.0 * scale * left
+    q = s * s * (s - 1.0) * node[left + 1] * 2.0 * scale * (left + 1)
+    move = -0.5 * xi
+    return (
+        (move * d0 + p + q) / length,
+        (move * d1 + 2.0 * (p * r_left + q * r_right)) / length,
+        (move * d2 + 3.0 * (p * r_left * r_left + q * r_right * r_right)) / length,
+        (move * d3 + 4.0 * (p * r_left * r_left * r_left + q * r_right * r_right * r_right)) / length,
+    )

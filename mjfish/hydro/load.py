@@ -10,6 +10,7 @@ from __future__ import annotations
 import dis
 import functools
 import itertools
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, overload
@@ -22,7 +23,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.compiled import c_callback, compiled, merged
+from mjfish.compiled import c_callback, is_ours, merged, part
 from mjfish.errors import InputError, ParameterError
 from mjfish.hydro.link import LINK, MEMORY, MOVING, column
 
@@ -38,6 +39,7 @@ SLOPES = PARAMETERS + 3
 #: Most numbers that a load returns.
 ANSWER = 3 + MEMORY
 LINK_SIZE = LINK.itemsize
+_COMPILING = threading.RLock()
 _RECORD = from_dtype(LINK)
 _SIGNATURE = types.void(types.CPointer(_RECORD), types.CPointer(types.float64), types.CPointer(types.float64))
 
@@ -68,32 +70,41 @@ class LoadBuffers(NamedTuple):
     rates: Any
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Load:
-    """A compiled load.
+    """A load, compiled when its address is first asked for.
 
     Attributes:
-        address: of ``void(link*, parameters*, force*)``.
-        callback: keeps the code alive.
-        functions: that were compiled: the load, and its gradient or None.
-        fields: names of the fields of a link that it reads.
+        function: of a link and parameters, see `load`.
         memory: hidden states it has on each link.
         shared: whether it has them once for the whole fish; their rates are then the sums over the links.
-        gradient: address of ``void(link*, parameters*, gradient*)``, its derivatives by all parameters and by the
-            velocity; 0: has none.
+        slopes: writes its derivatives, see `load`; None: has none.
     """
 
-    address: int
-    callback: Any
-    functions: tuple[Callable[..., Any], Callable[..., Any] | None]
-    fields: frozenset[str] = frozenset(LINK.names or ())
+    function: Callable[[Any, Any], tuple[float, ...]]
     memory: int = 0
     shared: bool = False
-    gradient: int = 0
+    slopes: Callable[[Any, Any, Any], None] | None = None
+
+    @property
+    def address(self) -> int:
+        """Address of ``void(link*, parameters*, force*)``."""
+        return int(_callback(self).address)
+
+    @property
+    def gradient(self) -> int:
+        """Address of ``void(link*, parameters*, gradient*)``, of its derivatives; 0: has none."""
+        callback = _gradient(self)
+        return 0 if callback is None else int(callback.address)
+
+    @functools.cached_property
+    def fields(self) -> frozenset[str]:
+        """Names of the fields of a link that it reads."""
+        return fields_read(self.function)
 
     def __reduce__(self) -> Any:
-        """Return how another process gets it: it compiles the functions anew, once."""
-        return _from_another_process, (cloudpickle.dumps(self.functions), self.memory, self.shared)
+        """Return how another process gets it: always the same one, so that its functions are compiled there once."""
+        return _from_another_process, (cloudpickle.dumps((self.function, self.slopes)), self.memory, self.shared)
 
     @property
     def placed(self) -> bool:
@@ -143,7 +154,7 @@ def load(
     shared: bool = False,
     gradient: Callable[[Any, Any, Any], None] | None = None,
 ) -> Any:
-    """Compile ``function(link, parameters) -> (fx, fy, mz)`` to a load; ``@load``, or ``@load(memory=2)``.
+    """Make ``function(link, parameters) -> (fx, fy, mz)`` a load; ``@load``, or ``@load(memory=2)``.
 
     Args:
         function: the load; with a memory it returns the rates of its hidden states behind (fx, fy, mz).
@@ -159,8 +170,24 @@ def load(
         return lambda decorated: load(decorated, memory=memory, shared=shared, gradient=gradient)
     if not 0 <= memory <= MEMORY:
         raise ParameterError(f"a load with memory = {memory}; give 0 to {MEMORY}")
-    inner = compiled(function)
-    wide = 3 + memory
+    return Load(function, memory, shared, gradient)
+
+
+def _once(make: Callable[[Load], Any]) -> Callable[[Load], Any]:
+    """Keep what is made of a load: it must live as long as its address may be called. Threads wait for each other."""
+    kept = functools.cache(make)
+
+    def ask(load_: Load) -> Any:
+        with _COMPILING:
+            return kept(load_)
+
+    return ask
+
+
+@_once
+def _callback(load_: Load) -> Any:
+    inner = part(load_.function, allocates=True)
+    wide = 3 + load_.memory
 
     def plain(link: Any, parameters: Any, force: Any) -> None:
         fx, fy, mz = inner(carray(link, 1)[0], carray(parameters, PARAMETERS))
@@ -176,17 +203,19 @@ def load(
             out[k] = number
             k += 1  # noqa: SIM113 # numba unrolls no enumerate
 
-    callback = c_callback(_SIGNATURE, cached=False)(remembering if memory else plain)
-    if gradient is None:
-        return Load(callback.address, callback, (function, None), fields_read(function), memory, shared)
-    slopes = compiled(gradient)
+    return c_callback(_SIGNATURE, cached=is_ours(load_.function))(remembering if load_.memory else plain)
+
+
+@_once
+def _gradient(load_: Load) -> Any:
+    if load_.slopes is None:
+        return None
+    inner = part(load_.slopes, allocates=True)
 
     def sloping(link: Any, parameters: Any, out: Any) -> None:
-        slopes(carray(link, 1)[0], carray(parameters, PARAMETERS), carray(out, (3, SLOPES)))
+        inner(carray(link, 1)[0], carray(parameters, PARAMETERS), carray(out, (3, SLOPES)))
 
-    slope = c_callback(_SIGNATURE, cached=False)(sloping)
-    functions, kept = (function, gradient), (callback, slope)
-    return Load(callback.address, kept, functions, fields_read(function), memory, shared, slope.address)
+    return c_callback(_SIGNATURE, cached=is_ours(load_.slopes))(sloping)
 
 
 def fields_read(function: Callable[..., Any]) -> frozenset[str]:
@@ -261,7 +290,7 @@ def _call(_typing: Any, _address: Any, _link: Any, _parameters: Any, _force: Any
     return signature, codegen
 
 
-@compiled
+@part
 def apply_loads(
     links: Any, index: int, addresses: Any, parameters: FloatArray, force: FloatArray
 ) -> tuple[float, float, float]:

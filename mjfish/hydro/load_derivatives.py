@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled
+from mjfish.compiled import part
 from mjfish.hydro.load import (
     AT_FIRST,
     AT_GRADIENT,
@@ -61,7 +61,7 @@ class LoadChanges(NamedTuple):
     rows: FloatArray
 
 
-@compiled
+@part
 def _step_of(link: Any, column: int, memory_state: float) -> Any:
     """Return the step by u, v, w, x, y, heading, bend (columns 0 to 6) or a hidden state."""
     if column < 3:
@@ -70,7 +70,7 @@ def _step_of(link: Any, column: int, memory_state: float) -> Any:
     return _POSE_STEP if column < PLACES else RELATIVE_STEP * max(abs(memory_state), _LEAST_MEMORY)
 
 
-@compiled
+@part
 def _move(link: Any, column: int, by: float) -> None:
     if column == 0:
         link.u += by
@@ -88,7 +88,7 @@ def _move(link: Any, column: int, by: float) -> None:
         link.bend += by
 
 
-@compiled
+@part
 def velocity_derivatives(
     links: Any, index: int, table: LoadTable, velocity_only: bool, buffers: LoadBuffers, gradients: FloatArray,
     out: FloatArray,
@@ -118,7 +118,7 @@ def velocity_derivatives(
             _add_velocity_differences(links, index, one, velocity_only, buffers, out)
 
 
-@compiled
+@part
 def _add_velocity_differences(
     links: Any, index: int, table: LoadTable, velocity_only: bool, buffers: LoadBuffers, out: FloatArray
 ) -> None:
@@ -137,7 +137,7 @@ def _add_velocity_differences(
             out[row, column] += (right[row] - left[row]) / (2.0 * h)
 
 
-@compiled
+@part
 def stateful_derivatives(links: Any, index: int, table: LoadTable, buffers: LoadBuffers, out: FloatArray) -> None:
     """Write into `out` the derivatives of a stateful load on a link.
 
@@ -170,7 +170,7 @@ def stateful_derivatives(links: Any, index: int, table: LoadTable, buffers: Load
                 state[first + column - PLACES] = memory_state
 
 
-@compiled
+@part
 def record_derivative(
     moved: Any, links: Any, index: int, table: LoadTable, step: float, right: LoadBuffers, left: LoadBuffers
 ) -> tuple[float, float, float]:
@@ -196,7 +196,7 @@ def record_derivative(
     return scale * (right_x - left_x), scale * (right_y - left_y), scale * (right_z - left_z)
 
 
-@compiled
+@part
 def parameter_derivative(
     links: Any, index: int, changes: LoadChanges, change: int, right: LoadBuffers, left: LoadBuffers
 ) -> tuple[float, float, float]:

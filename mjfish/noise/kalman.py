@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.compiled import compiled, inlined
+from mjfish.compiled import compiled, merged, part
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,22 +83,74 @@ def _gains(
     gain: FloatArray,
     root: FloatArray,
 ) -> float:
+    """Write gains and roots; loops, for numba takes seven seconds to compile products and factors of matrices."""
     total = 0.0
     last = transition.shape[0] - 1
+    m, d = reading.shape
+    across, innovation = np.empty((m, d)), np.empty((m, m))  # H P, S
+    ahead = np.empty((d, d))
     for t in range(seen.shape[0]):
         if seen[t]:
-            across = covariance @ reading.T
-            innovation = reading @ across + spread
-            factor = np.linalg.inv(np.linalg.cholesky(innovation))
-            gain[t] = across @ (factor.T @ factor)
-            covariance = covariance - gain[t] @ across.T
-            root[t] = factor
-            for k in range(factor.shape[0]):
+            for i in range(m):
+                for j in range(d):
+                    across[i, j] = 0.0
+                    for k in range(d):
+                        across[i, j] += reading[i, k] * covariance[k, j]
+                for j in range(m):
+                    innovation[i, j] = spread[i, j]
+                    for k in range(d):
+                        innovation[i, j] += across[i, k] * reading[j, k]
+            factor = root[t]
+            _invert_root(innovation, factor)
+            for k in range(m):
                 total -= 2.0 * np.log(factor[k, k])
-        ahead = transition[min(t, last)]
-        covariance = ahead @ covariance @ ahead.T + drive[min(t, drive.shape[0] - 1)]
-        covariance = 0.5 * (covariance + covariance.T)
+            for i in range(d):
+                for j in range(m):
+                    gain[t, i, j] = 0.0
+                    for k in range(m):
+                        weight = 0.0  # of the inverse of S
+                        for n in range(m):
+                            weight += factor[n, k] * factor[n, j]
+                        gain[t, i, j] += across[k, i] * weight
+            for i in range(d):
+                for j in range(d):
+                    for k in range(m):
+                        covariance[i, j] -= gain[t, i, k] * across[k, j]
+        moves, driven = transition[min(t, last)], drive[min(t, drive.shape[0] - 1)]
+        for i in range(d):
+            for j in range(d):
+                ahead[i, j] = 0.0
+                for k in range(d):
+                    ahead[i, j] += moves[i, k] * covariance[k, j]
+        for i in range(d):
+            for j in range(i + 1):
+                one, other = driven[i, j], driven[j, i]
+                for k in range(d):
+                    one += ahead[i, k] * moves[j, k]
+                    other += ahead[j, k] * moves[i, k]
+                covariance[i, j] = covariance[j, i] = 0.5 * (one + other)
     return total
+
+
+@part
+def _invert_root(matrix: FloatArray, out: FloatArray) -> None:
+    """Write the inverse of the Cholesky factor of a matrix, whose lower triangle becomes that factor."""
+    n = matrix.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= matrix[i, k] * matrix[j, k]
+            if i == j and not rest > 0.0:
+                raise np.linalg.LinAlgError("a covariance is not positive definite")
+            matrix[i, j] = np.sqrt(rest) if i == j else rest / matrix[j, j]
+    for j in range(n):
+        out[j, j] = 1.0 / matrix[j, j]
+        for i in range(j + 1, n):
+            total = 0.0
+            for k in range(j, i):
+                total -= matrix[i, k] * out[k, j]
+            out[i, j] = total / matrix[i, i]
 
 
 def whitened(filter_: Gains, seen: BoolArray, columns: FloatArray) -> FloatArray:
@@ -151,8 +203,9 @@ def _whiten(
     row = 0
     for t in range(seen.shape[0]):
         if seen[t]:
-            innovation[:] = columns[row]
             for i in range(m):
+                for k in range(width):  # numba compiles three seconds of error messages for a slice
+                    innovation[i, k] = columns[row, i, k]
                 _add(innovation, i, reading[i], state, -1.0)
             for i in range(d):
                 _add(state, i, gain[t, i], innovation, 1.0)
@@ -166,7 +219,7 @@ def _whiten(
         state, ahead = ahead, state
 
 
-@inlined
+@merged
 def _add(target: FloatArray, row: int, weights: FloatArray, source: FloatArray, sign: float) -> None:
     """Add sign * weights @ source to a row; most weights are zero."""
     for j in range(weights.shape[0]):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import borrowing, inlined, merged
+from mjfish.compiled import merged
 from mjfish.fish import Fish
 from mjfish.hydro.force import added_mass, drag, gyroscopic, magnitude
 from mjfish.hydro.load import AT_STATEFUL, LoadBuffers, LoadTable, loads_on
@@ -65,14 +65,15 @@ def tail_of(fish: Fish) -> FloatArray:
     return np.array([float(flexible), stiffness, fish.tail_damping, cubic, quadratic])
 
 
-@inlined
+@merged
 def next_link(c: Any, s: Any, length: Any, u: Any, v: Any, w: Any) -> tuple[Any, Any]:
     """Return u, v of a link's origin in its own frame, from those of the link in front; c, s of the joint's angle."""
     sway = v + length * w
     return c * u + s * sway, c * sway - s * u
 
 
-def _derivative(system: System, joints: Joints, state: FloatArray, output: FloatArray, out: FloatArray) -> None:
+@merged
+def derivative(system: System, joints: Joints, state: FloatArray, output: FloatArray, out: FloatArray) -> None:
     """Write the time derivative of the state.
 
     Args:
@@ -193,8 +194,3 @@ def _derivative(system: System, joints: Joints, state: FloatArray, output: Float
     if flexible:
         out[6] = state[7]
         out[7] = (torque - k0 * out[0] - k1 * out[1] - k2 * out[2]) / j
-
-
-#: Compiled on its own; and as a part of the innermost loop, which is a sixth faster.
-derivative = borrowing(_derivative)
-derivative_merged = merged(_derivative)

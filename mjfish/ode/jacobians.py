@@ -44,7 +44,7 @@ def state_jacobian(
     motion, steps, states = rollout.motion, len(rollout.state), _states(rollout)
     out = np.zeros((steps, 3, 3))
     cos, sin = motion.trigonometry
-    starts = (part[:steps, 0] for part in (cos, sin, motion.rate, motion.acceleration, motion.angle[..., -1]))
+    starts = (part[:steps, 0].copy() for part in (cos, sin, motion.rate, motion.acceleration, motion.angle[..., -1]))
     system = system_of(fish, values, "corrected", load_rows(loads, len(fish.links), STATES))
     linear = Linearisation.empty(motion.joints, states.shape[1], len(loads))
     _write_state_jacobian(system, Joints(*starts), states, np.zeros(states.shape[1]), linear, out)

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import borrowing, merged
+from mjfish.compiled import merged, part
 from mjfish.hydro.force import crossflow_derivatives
 from mjfish.hydro.load import ANSWER, AT_STATEFUL, SLOPES, LoadBuffers, loads_on
 from mjfish.hydro.load_derivatives import velocity_derivatives
@@ -72,7 +72,7 @@ class Linearisation(NamedTuple):
         return cls(np.zeros(joints + 1, dtype=LINK_MOTION), *(np.zeros(shape) for shape in shapes))
 
 
-@borrowing
+@part
 def linearise(
     system: System, joints: Joints, state: FloatArray, derivative: FloatArray, all_joints: bool, velocity_only: bool,
     out: Linearisation,

@@ -19,7 +19,7 @@ from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, Load, LoadTable, load_rows, memory_of
-from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative_merged, tail_of
+from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative, tail_of
 
 Coriolis = Literal["corrected", "printed"]
 #: A rollout has diverged once a velocity passes this [m/s or rad/s]: no fish does.
@@ -259,7 +259,7 @@ def integrate(
                 strike(joints, step, workspace)
             loads = LoadTable(system.loads.addresses[:acting], system.loads.rows)
             now_system = System(system.links, workspace.tail, system.printed, loads)
-            derivative_merged(now_system, at, trial, workspace.output, k)
+            derivative(now_system, at, trial, workspace.output, k)
             if phase == PHASE_JUMP:
                 for row in (0, 1, 2, 7):
                     state[row] += k[row]
@@ -290,8 +290,9 @@ def sample_of(step: int, phase: int) -> tuple[int, int]:
 @merged
 def joints_in(joints: Joints, step: int, stage: int, workspace: Workspace) -> Joints:
     """Return the joints at one sample; their rates and accelerations are copies in the workspace."""
-    copy(joints.rate[step, stage], workspace.joint_rate)
-    copy(joints.acceleration[step, stage], workspace.joint_acceleration)
+    for j in range(workspace.joint_rate.shape[0]):
+        workspace.joint_rate[j] = joints.rate[step, stage, j]
+        workspace.joint_acceleration[j] = joints.acceleration[step, stage, j]
     return Joints(
         joints.cos[step, stage], joints.sin[step, stage], workspace.joint_rate, workspace.joint_acceleration,
         joints.angle_last[step, stage],

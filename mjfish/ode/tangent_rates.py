@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.compiled import borrowing, merged
+from mjfish.compiled import merged, part
 from mjfish.hydro.force import crossflow_tangent
 from mjfish.hydro.link import MEMORY
 from mjfish.hydro.load import (
@@ -112,7 +112,7 @@ class TangentScratch(NamedTuple):
         return cls(Linearisation.empty(joints, states, loads), *(np.zeros(shape) for shape in shapes))
 
 
-@borrowing
+@part
 def tangent_rates(
     system: System, joints: Joints, state: FloatArray, derivative: FloatArray, tangents: FloatArray,
     directions: Directions, scratch: TangentScratch, out: FloatArray,
@@ -344,7 +344,7 @@ def _write_link_tangents(
             out[6, k] = turned - tangents[5, k]
 
 
-@borrowing
+@part
 def _by_stateful_loads(
     system: System, state: FloatArray, tangents: FloatArray, scratch: TangentScratch, out: FloatArray
 ) -> None:

@@ -132,6 +132,6 @@ def test_a_load_with_too_many_parameters_is_refused(tmp_path: Path) -> None:
     one = '        Parameter("camera_scale.p{}", "-", 0.0, -0.3, 0.3, 0.0, 0.01),\n'
     many = "".join(map(one.format, range(PARAMETERS)))
     text = VALID.replace("        Parameter(", many + "        Parameter(")
-    text = text.replace("    def reading", "    load = Load(0, None, (len, None))\n\n    def reading")
+    text = text.replace("    def reading", "    load = Load(lambda link, p: (0.0, 0.0, 0.0))\n\n    def reading")
     with pytest.raises(ParameterError, match=f"effect CameraScale: a load may have {PARAMETERS} parameters at most"):
         catalogue([_file(tmp_path, text)])
