@@ -207,8 +207,7 @@ def cluster(address: str, jobs: int) -> Iterator[Executor]:
                 dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL, preload=_UNDISTURBED,
             )  # fmt: skip
-            stack.enter_context(own)
-            stack.enter_context(_killed_on_error())
+            stack.enter_context(own)  # at its end, Dask gives running work a few seconds before it kills
             address = own.scheduler_address
         try:
             client = stack.enter_context(Client(address, timeout=_PATIENCE))

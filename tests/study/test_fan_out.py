@@ -86,7 +86,6 @@ class _Breaking(Executor):
         return future
 
 
-@pytest.mark.slow
 def test_a_piece_that_always_ends_its_worker_stays_missing_and_the_rest_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

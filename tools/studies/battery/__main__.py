@@ -29,6 +29,7 @@ from rich.table import Table  # noqa: E402
 
 from mjfish.diagnosis import diagnose  # noqa: E402
 from mjfish.effects import find  # noqa: E402
+from mjfish.errors import MjfishError  # noqa: E402
 from mjfish.fish import load_fish  # noqa: E402
 from mjfish.simulation import generate  # noqa: E402
 from mjfish.study import Executing, Shard  # noqa: E402
@@ -193,7 +194,7 @@ def _tables(cases: Sequence[figures.Judged]) -> dict[str, list[figures.Figure]]:
 
 def _print(folder: Path) -> None:
     console = Console()
-    for name, rows in _tables(judged(folder)).items():
+    for name, rows in _tables(_opened(folder)).items():
         if not rows:
             continue
         shown = Table(title=f"{name}, {folder}")
@@ -221,4 +222,7 @@ def _markdown(rows: Sequence[figures.Figure]) -> str:
 
 
 if __name__ == "__main__":
-    app()
+    try:
+        app()
+    except MjfishError as error:
+        raise SystemExit(f"error: {error}") from None

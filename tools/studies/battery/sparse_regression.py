@@ -20,6 +20,7 @@ from mjfish.data import Dataset
 from mjfish.design import FittedModels
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.estimation import Problem, fit
+from mjfish.estimation.problem import Slopes
 
 _WINDOW, _DEGREE = 9, 3
 
@@ -31,7 +32,7 @@ def sparsest(dataset: Dataset) -> str:
     problem = FittedModels.undiagnosed(dataset, {}, jobs=1).problem
     nominal = fit(problem, tolerance=1e-6)
     wrong = _differentiated([residual[:, :, None] for residual in problem.raw(nominal.x)])[:, 0]
-    known = _differentiated(problem.sensitivities(nominal.x))
+    known = _differentiated(_whole(problem.slopes(nominal.x)))
     span = np.linalg.qr(known)[0]
     library = _differentiated(_signatures(problem, nominal.values, candidates))
     library, wrong = library - span @ (span.T @ library), wrong - span @ (span.T @ wrong)
@@ -46,13 +47,22 @@ def sparsest(dataset: Dataset) -> str:
     return next(iter(blocks))
 
 
+def _whole(slopes: Slopes) -> list[FloatArray]:
+    """Return, per trial, the derivative (n_r, 3, k) by every parameter, zero by those of other trials."""
+    blocks = []
+    for block, own in zip(slopes.velocity, slopes.own, strict=True):
+        blocks.append(np.zeros((*block.shape[:2], slopes.count)))
+        blocks[-1][:, :, [*slopes.shared, *own]] = block
+    return blocks
+
+
 def _signatures(problem: Problem, values: Mapping[str, float], candidates: Sequence[Effect]) -> list[FloatArray]:
     """Return, per trial, the derivative (n_r, 3, k) of the prediction by every candidate's amplitudes, times scale."""
     every = [p for effect in candidates for p in effect.parameters]
     amplitudes = [p for p in every if not p.shape]
     wide = replace(problem, model=replace(problem.model, effects=(*problem.model.effects, *candidates)))
     x = wide.start({p.name: p.default for p in every} | dict(values))
-    blocks = wide.sensitivities(x, only=[p.name for p in amplitudes])
+    blocks = wide.slopes(x, only=[p.name for p in amplitudes]).velocity
     return [block * np.array([p.scale for p in amplitudes]) for block in blocks]
 
 
