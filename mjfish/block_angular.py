@@ -490,7 +490,7 @@ def _leading(columns: FloatArray, least: float = 0.0) -> FloatArray:
     """
     if columns.shape[1] == 0:
         return np.zeros((len(columns), 0))
-    left, singular = left_vectors(columns)
+    left, singular, _ = tall_svd(columns)
     return left[:, : np.count_nonzero(singular > RANK * max(float(singular.max(initial=0.0)), least))]
 
 
@@ -498,22 +498,22 @@ def _leading(columns: FloatArray, least: float = 0.0) -> FloatArray:
 _ROWS = 4096
 
 
-def left_vectors(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the left singular vectors (n, k) and the singular values (k,) of columns (n, k), which are overwritten.
+def tall_svd(columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return U (n, k), s (k,) and V' (k, k) of columns U diag(s) V' (n, k), which are overwritten.
 
     Many rows are factorised block by block, in the memory of the columns: B_i = Q_i R_i, and with the singular vectors
     U_i of all R_i, stacked, those of all B_i are Q_i U_i.
     """
     if len(columns) <= max(_ROWS, 2 * columns.shape[1]) or not columns.shape[1]:
-        left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-        return left, singular
+        left, singular, right = np.linalg.svd(columns, full_matrices=False)
+        return left, singular, right
     blocks, triangles = [columns[at : at + _ROWS] for at in range(0, len(columns), _ROWS)], []
     for block in blocks:
         q, r = np.linalg.qr(block)
         block[:, : q.shape[1]] = q
         triangles.append(r)
-    left, singular, _ = np.linalg.svd(np.concatenate(triangles), full_matrices=False)
+    left, singular, right = np.linalg.svd(np.concatenate(triangles), full_matrices=False)
     ends = np.cumsum([0, *map(len, triangles)])
     for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
         block[:] = block[:, : last - first] @ left[first:last]
-    return columns, singular
+    return columns, singular, right
