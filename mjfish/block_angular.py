@@ -251,9 +251,9 @@ class BlockAngular:
         """Return the factorisation J = Q R."""
         left, owns, tops, parts, count = self.shared.copy(), [], [], [], 0
         for part in self.parts:
-            q, r = _own_factors(part.block)
-            tops.append(q.T @ left[part.rows])
-            left[part.rows] -= q @ tops[-1]
+            (q, r), mine = _own_factors(part.block), _slice_of(part.rows)
+            tops.append(q.T @ left[mine])
+            left[mine] -= q @ tops[-1]
             owns.append((part.rows, q))
             parts.append(Part(np.arange(count, count + len(r)), part.columns, r))
             count += len(r)
@@ -270,6 +270,13 @@ def block_angular(shared: FloatArray, rows: Sequence[IntArray], blocks: Sequence
         if stop > start
     ]
     return BlockAngular(shared, np.arange(shared.shape[1]), tuple(parts))
+
+
+def _slice_of(rows: IntArray) -> slice | IntArray:
+    """Return rows as a slice where they follow each other: it copies nothing."""
+    if len(rows) and np.all(np.diff(rows) == 1):
+        return slice(int(rows[0]), int(rows[-1]) + 1)
+    return rows
 
 
 def _owners(rows: Sequence[IntArray], count: int) -> IntArray:
@@ -477,9 +484,9 @@ def _own_bases(columns: BlockAngular, left: FloatArray) -> Iterator[tuple[IntArr
     """Yield rows and basis of each run's own columns; they are taken out of the shared ones, `left` (n, s)."""
     scale = _scale(columns)
     for part in columns.parts:
-        q = _leading(part.block * scale[part.columns])
+        q, mine = _leading(part.block * scale[part.columns]), _slice_of(part.rows)
         for _ in range(2):  # once leaves rounding of what it takes out
-            left[part.rows] -= q @ (q.T @ left[part.rows])
+            left[mine] -= q @ (q.T @ left[mine])
         yield part.rows, q
 
 
