@@ -292,7 +292,7 @@ class Problem:
         ):
             white = [self.whitened(i, block).reshape(3 * len(block), block.shape[2]), *(rows for _, rows in beside[i])]
             places = [np.arange(at.start, at.stop) for at in (velocities, *(at for at, _ in beside[i]))]
-            rows, every = np.concatenate(places), np.concatenate(white)
+            rows, every = np.concatenate(places), np.concatenate(white) if len(white) > 1 else white[0]
             shared[rows] = every[:, :count]
             if len(own):
                 parts.append(Part(rows, own, every[:, count:].copy()))  # a view would keep the shared columns twice
