@@ -251,9 +251,9 @@ class BlockAngular:
         """Return the factorisation J = Q R."""
         left, owns, tops, parts, count = self.shared.copy(), [], [], [], 0
         for part in self.parts:
-            q, r = _own_factors(part.block)
-            tops.append(q.T @ left[part.rows])
-            left[part.rows] -= q @ tops[-1]
+            (q, r), mine = _own_factors(part.block), _slice_of(part.rows)
+            tops.append(q.T @ left[mine])
+            left[mine] -= q @ tops[-1]
             owns.append((part.rows, q))
             parts.append(Part(np.arange(count, count + len(r)), part.columns, r))
             count += len(r)
@@ -270,6 +270,13 @@ def block_angular(shared: FloatArray, rows: Sequence[IntArray], blocks: Sequence
         if stop > start
     ]
     return BlockAngular(shared, np.arange(shared.shape[1]), tuple(parts))
+
+
+def _slice_of(rows: IntArray) -> slice | IntArray:
+    """Return rows as a slice where they follow each other: it copies nothing."""
+    if len(rows) and np.all(np.diff(rows) == 1):
+        return slice(int(rows[0]), int(rows[-1]) + 1)
+    return rows
 
 
 def _owners(rows: Sequence[IntArray], count: int) -> IntArray:
@@ -477,9 +484,9 @@ def _own_bases(columns: BlockAngular, left: FloatArray) -> Iterator[tuple[IntArr
     """Yield rows and basis of each run's own columns; they are taken out of the shared ones, `left` (n, s)."""
     scale = _scale(columns)
     for part in columns.parts:
-        q = _leading(part.block * scale[part.columns])
+        q, mine = _leading(part.block * scale[part.columns]), _slice_of(part.rows)
         for _ in range(2):  # once leaves rounding of what it takes out
-            left[part.rows] -= q @ (q.T @ left[part.rows])
+            left[mine] -= q @ (q.T @ left[mine])
         yield part.rows, q
 
 
@@ -490,7 +497,7 @@ def _leading(columns: FloatArray, least: float = 0.0) -> FloatArray:
     """
     if columns.shape[1] == 0:
         return np.zeros((len(columns), 0))
-    left, singular = left_vectors(columns)
+    left, singular, _ = tall_svd(columns)
     return left[:, : np.count_nonzero(singular > RANK * max(float(singular.max(initial=0.0)), least))]
 
 
@@ -498,22 +505,22 @@ def _leading(columns: FloatArray, least: float = 0.0) -> FloatArray:
 _ROWS = 4096
 
 
-def left_vectors(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the left singular vectors (n, k) and the singular values (k,) of columns (n, k), which are overwritten.
+def tall_svd(columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return U (n, k), s (k,) and V' (k, k) of columns U diag(s) V' (n, k), which are overwritten.
 
     Many rows are factorised block by block, in the memory of the columns: B_i = Q_i R_i, and with the singular vectors
     U_i of all R_i, stacked, those of all B_i are Q_i U_i.
     """
     if len(columns) <= max(_ROWS, 2 * columns.shape[1]) or not columns.shape[1]:
-        left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-        return left, checked(singular)
+        left, singular, right = np.linalg.svd(columns, full_matrices=False)
+        return left, checked(singular), right
     blocks, triangles = [columns[at : at + _ROWS] for at in range(0, len(columns), _ROWS)], []
     for block in blocks:
         q, r = np.linalg.qr(block)
         block[:, : q.shape[1]] = q
         triangles.append(r)
-    left, singular, _ = np.linalg.svd(np.concatenate(triangles), full_matrices=False)
+    left, singular, right = np.linalg.svd(np.concatenate(triangles), full_matrices=False)
     ends = np.cumsum([0, *map(len, triangles)])
     for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
         block[:] = block[:, : last - first] @ left[first:last]
-    return columns, checked(singular)
+    return columns, checked(singular), right

@@ -206,8 +206,7 @@ def diagnose_splits(
         count: splits to draw, each at most once; where fewer are possible, all of them.
         seed: of the drawn splits, and of each diagnosis.
         progress: called with what is being done and the share that is done.
-        options: the others of `mjfish.diagnose`: effects, jobs, executor, resume, limit. One diagnosis is made after the
-            other.
+        options: the others of `mjfish.diagnose`: effects, jobs, executor, resume, limit.
 
     Returns:
         The diagnosis of the dataset, a row for each split, and how often each verdict and mechanism came. A split that

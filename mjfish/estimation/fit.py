@@ -314,6 +314,8 @@ class _Turned(_Rows):
         if square >= self._least * (1.0 + _ABOVE):
             turned[-1] = np.sqrt(square * (1.0 + _BEYOND_DOUBT))
             return turned
+        if square < self._least:  # the derivative of an hour of samples is large: not two at once
+            self._best = None
         jacobian = self.problem.jacobian(y * self.scale)
         factors = jacobian.above(self.prior).factorised()
         inside = factors.basis.coordinates(whole)

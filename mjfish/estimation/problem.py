@@ -319,10 +319,10 @@ class Problem:
         ):
             white = [self.whitened(i, block).reshape(3 * len(block), block.shape[2]), *(rows for _, rows in beside[i])]
             places = [np.arange(at.start, at.stop) for at in (velocities, *(at for at, _ in beside[i]))]
-            rows, every = np.concatenate(places), np.concatenate(white)
+            rows, every = np.concatenate(places), np.concatenate(white) if len(white) > 1 else white[0]
             shared[rows] = every[:, :count]
             if len(own):
-                parts.append(Part(rows, own, every[:, count:]))
+                parts.append(Part(rows, own, every[:, count:].copy()))  # a view would keep the shared columns twice
         return BlockAngular(shared, slopes.shared, tuple(parts))
 
     def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
@@ -380,8 +380,6 @@ class Problem:
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:
         """Return the derivatives (n, 3, k), (m, c, k) of one trial's prediction by parameters of it or shared."""
         check_time()
-        result = np.zeros((len(trial.time), len(CHANNELS), len(chosen)))
-        beside = tuple(np.zeros((*sensor.values.shape, len(chosen))) for sensor in trial.sensors)
         own = {k: p.name.removeprefix(f"{trial.name}:") for k, p in enumerate(chosen)}
         model = self._sloping
         rough = [k for k, name in own.items() if one_sided(model, name, here[chosen[k].name])]
@@ -392,11 +390,15 @@ class Problem:
             if own[k] == clocks.SCALE:  # derived relative to the scale that the wave has
                 for block in (slopes, *read):
                     block[:, :, column] /= here[chosen[k].name]
-        result[:, :, exact] = self._smoothed(trial, slopes)
+        slopes = self._smoothed(trial, slopes)
+        if not rough:
+            return _Predicted(slopes, read)
+        result = np.zeros((len(trial.time), len(CHANNELS), len(chosen)))
+        beside = tuple(np.zeros((*sensor.values.shape, len(chosen))) for sensor in trial.sensors)
+        result[:, :, exact] = slopes
         for whole, block in zip(beside, read, strict=True):
             whole[:, :, exact] = block
-        if rough:
-            base = self._predict((trial, dict(here)))
+        base = self._predict((trial, dict(here)))
         for k in rough:
             name, h = chosen[k].name, 0.1 * chosen[k].scale
             near, far = (self._predict((trial, {**here, name: here[name] + by})) for by in (h, 2.0 * h))

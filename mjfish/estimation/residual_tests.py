@@ -41,6 +41,7 @@ import numpy as np
 from scipy import linalg, signal, stats
 
 from mjfish.arrays import BoolArray, FloatArray
+from mjfish.block_angular import tall_svd
 from mjfish.errors import InputError
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
@@ -169,8 +170,8 @@ _ROUNDS = 4
 _MEMORY = 400
 #: Directions in parameter space that the data move less than this, relative to the strongest, take nothing out.
 _FLOOR = 1e-9
-#: Columns that are whitened at a time.
-_UNIT_COLUMNS = 300
+#: Columns that are whitened at a time, samples of which the input is taken at a time.
+_UNIT_COLUMNS, _SAMPLES = 300, 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -400,20 +401,22 @@ def lagged(cpg: Cpg | None, residual: Residual, name: str) -> Lagged:
     """
     motion = asked_motion(cpg, residual.trial, STEP)
     there = np.all(np.isfinite(residual.values), axis=1)
-    when = np.clip(residual.trial.time[:, None] - LAG, motion.time[0], motion.time[-1])
-    angles = motion.angle_at(when.ravel())
-    moving = np.flatnonzero(np.ptp(angles, axis=0) > 0.0)
-    angle = angles[:, moving[-1] if len(moving) else -1].reshape(when.shape)
-    angle = angle if len(moving) else np.zeros(when.shape)
-    values = INPUTS[name](angle) * there[:, None]
-    left, singular, right = np.linalg.svd(values, full_matrices=False)
+    moving = np.flatnonzero(np.ptp(motion.angle, axis=(0, 1)) > 0.0)
+    values = np.zeros((len(there), len(LAG)))
+    for first in range(0, len(there) if len(moving) else 0, _SAMPLES):
+        rows = slice(first, first + _SAMPLES)
+        when = np.clip(residual.trial.time[rows, None] - LAG, motion.time[0], motion.time[-1])
+        values[rows] = INPUTS[name](motion.angle_at(when.ravel())[:, moving[-1]].reshape(when.shape))
+    values *= there[:, None]
+    power = np.einsum("nl,nl->l", values, values)
+    left, singular, right = tall_svd(values)
     kept = (singular > _ALL * singular[0]) & (singular > 0.0)
     return Lagged(
         lag=LAG,
         basis=left[:, kept],
         loading=singular[kept, None] * right[kept],
         main=int(np.count_nonzero(singular[kept] > _MAIN * singular[0])),
-        power=np.asarray(np.sum(values**2, axis=0)),
+        power=power,
     )
 
 

@@ -109,8 +109,11 @@ class Serial:
 
     def times(self, r: int, columns: FloatArray) -> FloatArray:
         """Return Omega_r times columns (n, 3, k)."""
-        waves = fft.rfft(columns, self.lengths[r], axis=0)
-        return np.asarray(fft.irfft(self.spectra[r] @ waves, self.lengths[r], axis=0)[: len(columns)])
+        found = np.empty_like(columns)
+        for some in _at_a_time(columns):
+            waves = fft.rfft(columns[:, :, some], self.lengths[r], axis=0)
+            found[:, :, some] = fft.irfft(self.spectra[r] @ waves, self.lengths[r], axis=0)[: len(columns)]
+        return found
 
     def quadratic_of(self, r: int, columns: FloatArray) -> FloatArray:
         """Return A' Omega_r A (k, k) of the columns A (n, 3, k) of one block."""
@@ -138,15 +141,31 @@ class Serial:
         """
         n, length = len(columns), self.lengths[r]
         with np.errstate(over="ignore", invalid="ignore"):  # columns that a fish at rest leaves without energy
-            power = np.abs(fft.rfft(columns, length, axis=0)) ** 2
-            power = power.sum(axis=2, keepdims=True) if total else power
-            own = np.einsum("lcc->lc", self.tapers[r])[:, :, None]
-            weight = fft.rfft(fft.irfft(power, length, axis=0) * own, axis=0).real
-            shares = weight * np.einsum("fcc->fc", self.spectra[r]).real[:, :, None]
-            both = np.full(len(shares), 2.0)
-            both[0] = 1.0
-            value = n / length * np.einsum("f,fck->k", both, shares)
-            return np.stack([value, 2.0 * n / length * np.einsum("f,fck->k", both, shares**2)])
+            powers = (np.abs(fft.rfft(columns[:, :, some], length, axis=0)) ** 2 for some in _at_a_time(columns))
+            if total:
+                return self._moments(r, n, np.asarray(sum(power.sum(axis=2, keepdims=True) for power in powers)))
+            return np.concatenate([self._moments(r, n, power) for power in powers], axis=1)
+
+    def _moments(self, r: int, n: int, power: FloatArray) -> FloatArray:
+        """Return the moments (2, k) of columns of n samples with the power spectra (f, 3, k)."""
+        length = self.lengths[r]
+        own = np.einsum("lcc->lc", self.tapers[r])[:, :, None]
+        weight = fft.rfft(fft.irfft(power, length, axis=0) * own, axis=0).real
+        shares = weight * np.einsum("fcc->fc", self.spectra[r]).real[:, :, None]
+        both = np.full(len(shares), 2.0)
+        both[0] = 1.0
+        value = n / length * np.einsum("f,fck->k", both, shares)
+        return np.stack([value, 2.0 * n / length * np.einsum("f,fck->k", both, shares**2)])
+
+
+#: Numbers that are transformed at a time: of an hour of samples and ten columns, those of a few columns.
+_NUMBERS = 4_000_000
+
+
+def _at_a_time(columns: FloatArray | BoolArray) -> list[slice]:
+    """Return which columns (n, c, k) are transformed at a time."""
+    width = max(_NUMBERS // max(columns[:, :, :1].size, 1), 1)
+    return [slice(first, first + width) for first in range(0, max(columns.shape[2], 1), width)]
 
 
 def satterthwaite(mean: FloatArray, variance: FloatArray) -> FloatArray:
@@ -204,8 +223,8 @@ def _serial(
     for _ in range(_ROUNDS):
         turned = [found.times(r, u) for r, u in enumerate(basis)]
         middles = joined([np.einsum("tci,tcj->ij", u, w) for u, w in zip(basis, turned, strict=True)])
-        halves = [w - 0.5 * u @ m for u, w, m in zip(basis, turned, middles, strict=True)]
-        taken = [_lag_sums(u, w, n) for u, w, n in zip(basis, halves, lengths, strict=True)]
+        quads = zip(basis, turned, middles, lengths, strict=True)
+        taken = [_lag_sums(u, w - 0.5 * u @ m, n) for u, w, m, n in quads]
         corrected = [s + t + _turned(t) for s, t in zip(sums, taken, strict=True)]
         found = _smoothed(blocks, corrected, counts, lengths, longest)
     return found
@@ -241,8 +260,11 @@ def _smoothed(
 
 def _lag_sums(x: FloatArray | BoolArray, y: FloatArray | BoolArray, length: int) -> FloatArray:
     """Return sum over t and k of x_ck(t) y_dk(t + l) for l = 0, 1, .. -2, -1 on a circle, (length, c, d)."""
-    a, b = (fft.rfft(np.asarray(v, dtype=np.float64), length, axis=0) for v in (x, y))
-    return np.asarray(fft.irfft(np.conj(a) @ np.swapaxes(b, 1, 2), length, axis=0))
+    total = np.zeros((length // 2 + 1, x.shape[1], y.shape[1]), dtype=np.complex128)
+    for some in _at_a_time(x):
+        a, b = (fft.rfft(np.asarray(v[:, :, some], dtype=np.float64), length, axis=0) for v in (x, y))
+        total += np.conj(a) @ np.swapaxes(b, 1, 2)
+    return np.asarray(fft.irfft(total, length, axis=0))
 
 
 def _windows(

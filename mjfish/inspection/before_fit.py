@@ -110,23 +110,29 @@ def _against_simulation(dataset: Dataset, trials: Sequence[Trial], noise: FloatA
     """Hold trials against the nominal simulation: units, signs, labels, starts."""
     model = Model(dataset.fish)
     sets = nominal.value_sets(dataset.fish)
-    guessed = []
+    found: list[Finding] = []
+    sizes: dict[str, FloatArray] = {}
+    scores: dict[str, dict[nominal.Reading, float]] = {}
+    kept = []
     for trial in trials:
         every = [nominal.guesses(model, trial, [trial.drive], values)[0] for values in sets]
-        guessed.append(_Guessed(trial, [guess for guess in every if guess is not None]))
-    guessed = [guess for guess in guessed if guess.guesses]
-    found: list[Finding] = []
-    for guess in guessed:
-        found += nominal.start_findings(guess.trial, guess.nearest.velocity, noise)
-    moving = {name for finding in found if finding.severity == "blocks" for name in finding.trials}
-    guessed = [guess for guess in guessed if guess.trial.name not in moving]
-    sizes = {guess.trial.name: nominal.size(guess.trial, guess.guesses) for guess in guessed}
-    turned = list(nominal.units({name: size for name, size in sizes.items() if size is not None}))
-    turned += nominal.signs({guess.trial.name: nominal.scores(guess.trial, guess.guesses) for guess in guessed})
+        guess = _Guessed(trial, [one for one in every if one is not None])
+        if not guess.guesses:
+            continue
+        starts = list(nominal.start_findings(trial, guess.nearest.velocity, noise))
+        found += starts
+        if any(finding.severity == "blocks" for finding in starts):
+            continue
+        size = nominal.size(trial, guess.guesses)
+        if size is not None:
+            sizes[trial.name] = size
+        scores[trial.name] = nominal.scores(trial, guess.guesses)
+        kept.append(trial)
+    turned = [*nominal.units(sizes), *nominal.signs(scores)]
     found += turned
     if turned:  # a run that is read wrongly has no label to speak of
         return found
-    trials = [guess.trial for guess in guessed]
+    trials = kept
     drives = list(dict.fromkeys(trial.drive for trial in trials if trial.drive))
     if drives:
         tables = [nominal.costs(model, trials, drives, values) for values in sets]

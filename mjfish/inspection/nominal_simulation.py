@@ -132,7 +132,7 @@ def guesses(model: Model, trial: Trial, drives: Sequence[Drive], values: dict[st
             found.append(None)
             continue
         inside = np.clip(shifted, rollout.time[0], rollout.time[-1])
-        found.append(Guess(rollout.at(inside.ravel())[:, :3].reshape(*shifted.shape, 3)))
+        found.append(Guess(np.stack([rollout.at(times)[:, :3] for times in inside])))
     return found
 
 

@@ -110,17 +110,18 @@ def with_sensors(
         every[:, :, moving] = tangents
     along, *beside = np.split(every, np.cumsum([len(clock) for clock in clocks])[:-1])
     along, times = along[:, :STATES], times[: len(along)]
-    ahead = rollout.rate_at(times) * (run.time < run.motion.time[-1])[:, None]
-    for k, (_, rate) in enumerate(directions):
-        if rate is not None:
-            along[:, :, k] += ahead * rate[:, None]
+    if any(rate is not None for _, rate in directions):
+        ahead = rollout.rate_at(times) * (run.time < run.motion.time[-1])[:, None]
+        for k, (_, rate) in enumerate(directions):
+            if rate is not None:
+                along[:, :, k] += ahead * rate[:, None]
     if trial.pose is not None:  # the heading at the first sample is the measured one, whatever moves
         along[:, 5] -= along[0, 5]
     seen = [
         _sensed(at, sensor, rollout, clock, block, [direction for direction, _ in directions], names)
         for sensor, clock, block in zip(trial.sensors, clocks[1:], beside, strict=True)
     ]
-    return _read(at, headed(rollout.at(times), trial), along, names), tuple(seen)
+    return _read(at, lambda: headed(rollout.at(times), trial), along, names), tuple(seen)
 
 
 def _sensed(
@@ -330,9 +331,10 @@ def _clock(at: _At, kept: Active) -> FloatArray:
     return time
 
 
-def _read(at: _At, state: FloatArray, along: FloatArray, names: Sequence[str]) -> FloatArray:
+def _read(at: _At, states: Callable[[], FloatArray], along: FloatArray, names: Sequence[str]) -> FloatArray:
     """Return the derivatives (n, 3, k) of what the camera reads of the states (n, 8) that move along (n, 8, k)."""
     read = along[:, :3].copy()
+    state = states() if any(effect.overrides("reading") for effect in at.model.effects) else np.zeros((0, STATES))
     acting = [effect for effect, _ in at.run.active]
     for k, name in enumerate(names):
         owner = _owner(at.model, name)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import signal, stats
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out, robust_sigma
-from mjfish.block_angular import BlockAngular, IntArray, block_angular, left_vectors, span
+from mjfish.block_angular import BlockAngular, IntArray, block_angular, span, tall_svd
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Autoregressive, Noise, estimate, grid
 
@@ -174,7 +174,7 @@ class NoiseSample:
             lengths.append(sizes[solid])
             both[rows[i]] = project_out(more[:, solid], project_out(q, joint))
             longest = max(longest, float(np.linalg.norm(joint[:, 1:], axis=0).max(initial=0.0)))
-        q, sizes = left_vectors(both[:, 1:])
+        q, sizes, _ = tall_svd(both[:, 1:])
         solid = sizes > _DUST * longest
         z = project_out(q[:, solid], both[:, :1])
         return z.reshape(-1, 3), np.concatenate([*lengths, sizes[solid]])

@@ -128,6 +128,16 @@ def test_an_input_is_the_command_of_the_last_joint_and_lags_are_those_of_the_res
     assert not np.any(lagged(pike.cpg, residual, "beat").basis[50:60])
 
 
+def test_the_input_of_a_long_run_is_taken_block_by_block(pike: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
+    posed = problem(swimming(pike, ("v1",)))
+    residual = fitted(posed, posed.start())[0]
+    whole = lagged(pike.cpg, residual, "double_beat")
+    monkeypatch.setattr("mjfish.estimation.residual_tests._SAMPLES", 40)
+    parts = lagged(pike.cpg, residual, "double_beat")
+    np.testing.assert_allclose(parts.basis @ parts.loading, whole.basis @ whole.loading, atol=1e-12)
+    np.testing.assert_allclose(parts.power, whole.power)
+
+
 def test_cleared_columns_see_of_the_noise_what_the_residual_shows(pike: Fish) -> None:
     """u'(I - J (J'WJ)^+ J'W) v = u~'v, dense. Catches a transpose, a filter run the wrong way or over a gap.
 

@@ -145,3 +145,18 @@ def test_blocks_are_the_rows_of_the_fit_at_their_times(pike: Fish) -> None:
     np.testing.assert_array_equal(np.concatenate(columns), jacobian)
     early = replace(posed, trials=tuple(replace(t, time=t.time * 2.0) for t in posed.trials[1:]))
     assert blocks_of(early, rows[-903:])[0].step == pytest.approx(0.04)
+
+
+def test_columns_of_long_runs_are_transformed_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    n, rng = 300, np.random.default_rng(3)
+    block = _block(linalg.cholesky(_covariance(n), lower=True).dot(rng.standard_normal(3 * n)).reshape(n, 3))
+    columns, basis = _columns(n, 5), Basis((), linalg.orth(_columns(n, 7).reshape(3 * n, 7)))
+
+    def found() -> list[FloatArray]:
+        one = serial([block], basis)
+        return [one.quadratic([columns]), one.moments(0, columns), one.moments(0, columns, total=True)]
+
+    at_once = found()
+    monkeypatch.setattr("mjfish.estimation.serial_correlation._NUMBERS", 2 * 3 * n)
+    for few, every in zip(found(), at_once, strict=True):
+        np.testing.assert_allclose(few, every, rtol=1e-10)
