@@ -79,10 +79,10 @@ def _finite(content: Any) -> Any:
     return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
-def is_file(path: Path) -> bool:
-    """Return whether there is such a file; of a name that the system refuses, such as one too long, there is none."""
+def exists(path: Path) -> bool:
+    """Return whether there is such a file or folder; a name that the system refuses, such as one too long, has none."""
     try:
-        return path.is_file()
+        return path.exists()
     except OSError:
         return False
 

@@ -23,7 +23,7 @@ from pydantic import (
 from mjfish import known as known_numbers
 from mjfish import tomlfile
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.files import is_file
+from mjfish.files import exists
 from mjfish.known import Known
 from mjfish.parameter import Parameter
 from mjfish.tomlfile import Table
@@ -422,8 +422,8 @@ def read(name_or_path: str | Path, relative_to: Path | None = None) -> tuple[Fis
     """Load a fish that effects may extend like `load_fish`; return the table ``effects`` too, as it stands."""
     known = shipped()
     path = known.get(str(name_or_path), (relative_to or Path()) / name_or_path)
-    if not is_file(path):
-        if path.suffix != ".toml":
-            raise UnknownNameError("fish", str(name_or_path), known, "or give the path of a fish TOML")
+    if path.suffix != ".toml" and not exists(path):
+        raise UnknownNameError("fish", str(name_or_path), known, "or give the path of a fish TOML")
+    if not (exists(path) and path.is_file()):
         raise InputError(f"{path}: no such fish file; shipped fish: {', '.join(known)}")
     return _read(path.resolve(), path.stat().st_mtime_ns)

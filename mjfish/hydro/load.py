@@ -174,12 +174,14 @@ def load(
 
 
 def _once(make: Callable[[Load], Any]) -> Callable[[Load], Any]:
-    """Keep what is made of a load: it must live as long as its address may be called. Threads wait for each other."""
-    kept = functools.cache(make)
+    """Keep what is made of a load as long as the load: its address may be called. Threads wait for each other."""
 
     def ask(load_: Load) -> Any:
+        kept = vars(load_)
         with _COMPILING:
-            return kept(load_)
+            if make.__name__ not in kept:
+                kept[make.__name__] = make(load_)
+            return kept[make.__name__]
 
     return ask
 

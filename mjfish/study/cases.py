@@ -15,7 +15,7 @@ from mjfish.data.dataset_toml import FILE
 from mjfish.diagnosis import diagnose
 from mjfish.errors import InputError
 from mjfish.estimation import Settings, identify
-from mjfish.files import is_file
+from mjfish.files import exists
 from mjfish.model import Model
 from mjfish.simulation import generate
 from mjfish.study.pieces import Piece
@@ -120,7 +120,7 @@ def _contents(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of every file of a dataset by its path in the folder, and of its fish if that is elsewhere."""
     files = {str(path.relative_to(folder).as_posix()): path for path in sorted(folder.rglob("*")) if path.is_file()}
     fish = tomlfile.table(folder / FILE).get("fish")
-    if isinstance(fish, str) and is_file(folder / fish):
+    if isinstance(fish, str) and exists(folder / fish):
         files[fish] = folder / fish
     try:
         return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()}

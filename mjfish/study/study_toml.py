@@ -15,7 +15,7 @@ from mjfish.effects import Effect, catalogue, find, of_fish
 from mjfish.errors import InputError, located
 from mjfish.estimation import Settings
 from mjfish.estimation.settings import Loss, Weights
-from mjfish.files import is_file
+from mjfish.files import exists
 from mjfish.fish import Fish, load_fish
 from mjfish.tomlfile import Table
 
@@ -97,7 +97,7 @@ def read_study(path: Path) -> Study:
                 fish = fish_of(generated, path.parent)
                 acting(generated, fish)
         for folder in study.folder:
-            if not is_file(path.parent / folder.path / FILE):
+            if not exists(path.parent / folder.path / FILE):
                 raise InputError(f"folder {folder.name}: {path.parent / folder.path} holds no {FILE}; correct the path")
         for identify in study.identify:
             with located(f"identify {identify.name}"):

@@ -20,7 +20,6 @@ from mjfish.data import Dataset
 from mjfish.design import FittedModels
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.estimation import Problem, fit
-from mjfish.estimation.problem import Slopes
 
 _WINDOW, _DEGREE = 9, 3
 
@@ -32,7 +31,7 @@ def sparsest(dataset: Dataset) -> str:
     problem = FittedModels.undiagnosed(dataset, {}, jobs=1).problem
     nominal = fit(problem, tolerance=1e-6)
     wrong = _differentiated([residual[:, :, None] for residual in problem.raw(nominal.x)])[:, 0]
-    known = _differentiated(_whole(problem.slopes(nominal.x)))
+    known = _differentiated(_whole(problem, nominal.x))
     span = np.linalg.qr(known)[0]
     library = _differentiated(_signatures(problem, nominal.values, candidates))
     library, wrong = library - span @ (span.T @ library), wrong - span @ (span.T @ wrong)
@@ -47,9 +46,9 @@ def sparsest(dataset: Dataset) -> str:
     return next(iter(blocks))
 
 
-def _whole(slopes: Slopes) -> list[FloatArray]:
+def _whole(problem: Problem, x: FloatArray) -> list[FloatArray]:
     """Return, per trial, the derivative (n_r, 3, k) by every parameter, zero by those of other trials."""
-    blocks = []
+    slopes, blocks = problem.slopes(x), []
     for block, own in zip(slopes.velocity, slopes.own, strict=True):
         blocks.append(np.zeros((*block.shape[:2], slopes.count)))
         blocks[-1][:, :, [*slopes.shared, *own]] = block
