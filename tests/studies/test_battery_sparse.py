@@ -29,5 +29,5 @@ def test_derivatives_by_parameters_of_single_runs_stand_in_their_columns(swum: D
     problem = FittedModels.undiagnosed(replace(swum, clock="free"), {}, jobs=1).problem
     slopes = problem.slopes(problem.start())
     assert any(map(len, slopes.own))
-    whole = problem.whiten(_whole(slopes))
+    whole = problem.whiten(_whole(problem, problem.start()))
     assert np.allclose(whole, problem.velocity_rows(slopes).dense(), rtol=1e-9, atol=1e-9 * np.abs(whole).max())
