@@ -171,7 +171,9 @@ def _silenced() -> Iterator[None]:
     try:
         for name in names:
             logging.getLogger(name).setLevel(logging.CRITICAL)
-        yield
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Sending large graph")  # its advice is for users of Dask
+            yield
     finally:
         for name, level in levels.items():
             logging.getLogger(name).setLevel(level)
