@@ -41,7 +41,10 @@ def _contains(result: Diagnosis, effect: str, truth: Mapping[str, float]) -> boo
     problem = replace(result.problem, model=result.extended_model)
     (found,) = [model for model in result.fits if model.causes == (effect,)]
     fixed = {**problem.fixed, **{name: truth[name] for name in own}}
-    told = fit(replace(problem, fixed=fixed), tolerance=1e-6)
+    held = replace(problem, fixed=fixed)
+    told = fit(
+        held, held.start({name: value for name, value in found.values.items() if name not in fixed}), tolerance=1e-6
+    )
     return told.sse - found.sse < stats.chi2.ppf(0.999, len(own))
 
 
