@@ -94,9 +94,7 @@ def tried(make: Callable[[Any], T], task: Any) -> T:
     Raises:
         CandidatesFailedError: that failed.
     """
-    made = attempted(make, task)
-    if isinstance(made, Failure):
-        raise CandidatesFailedError({made.name: made.reason})
+    (made,) = unfailing([attempted(make, task)])
     return made
 
 

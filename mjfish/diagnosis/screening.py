@@ -160,8 +160,7 @@ def _screened(
     if not refitted:
         smoothing = smoothing_of(problem, baseline, noise, candidates, slopes.velocity)
     else:
-        best = _leader(refitted)
-        refitted[best.names[-1]] = best = tried(lambda refit: refined(refit, refit.fit.sse), best)
+        best = _led(refitted)
         others, beside = _beside(best, candidates)
         noise, remark = noise_of(best.problem, best.fit, beside, stated)
         smoothing = smoothing_of(best.problem, best.fit, noise, others, beside)
@@ -195,11 +194,17 @@ def _under_the_stated_noise(
         found |= tried_afresh(make(evidence, [e for e in candidates if e.name not in found], progress))
         if not found:
             return {}
-        best = _leader(found)
-        found[best.names[-1]] = best = tried(lambda refit: refined(refit, refit.fit.sse), best)
+        best = _led(found)
         if best.fit.sse < _FITTED * len(best.fit.residual):
             return found
     return {}
+
+
+def _led(found: dict[str, Refit]) -> Refit:
+    """Follow the refit that explains most to its optimum, put it in the place of the coarse one, and return it."""
+    best = _leader(found)
+    found[best.names[-1]] = tried(lambda refit: refined(refit, refit.fit.sse), best)
+    return found[best.names[-1]]
 
 
 def _leader(found: Mapping[str, Refit]) -> Refit:

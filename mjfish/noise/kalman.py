@@ -91,11 +91,8 @@ def _gains(
     ahead = np.empty((d, d))
     for t in range(seen.shape[0]):
         if seen[t]:
+            _product(reading, covariance, across)
             for i in range(m):
-                for j in range(d):
-                    across[i, j] = 0.0
-                    for k in range(d):
-                        across[i, j] += reading[i, k] * covariance[k, j]
                 for j in range(m):
                     innovation[i, j] = spread[i, j]
                     for k in range(d):
@@ -117,11 +114,7 @@ def _gains(
                     for k in range(m):
                         covariance[i, j] -= gain[t, i, k] * across[k, j]
         moves, driven = transition[min(t, last)], drive[min(t, drive.shape[0] - 1)]
-        for i in range(d):
-            for j in range(d):
-                ahead[i, j] = 0.0
-                for k in range(d):
-                    ahead[i, j] += moves[i, k] * covariance[k, j]
+        _product(moves, covariance, ahead)
         for i in range(d):
             for j in range(i + 1):
                 one, other = driven[i, j], driven[j, i]
@@ -130,6 +123,16 @@ def _gains(
                     other += ahead[j, k] * moves[i, k]
                 covariance[i, j] = covariance[j, i] = 0.5 * (one + other)
     return total
+
+
+@part
+def _product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    """Write a @ b."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = 0.0
+            for k in range(b.shape[0]):
+                out[i, j] += a[i, k] * b[k, j]
 
 
 @part
