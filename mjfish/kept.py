@@ -24,7 +24,7 @@ class Kept:
 
     Args:
         folder: where the files are; made where it is not there.
-        whole: all that the computation hangs on, as plain data.
+        whole: all that the computation depends on, as plain data.
 
     Raises:
         InputError: the folder cannot be made.

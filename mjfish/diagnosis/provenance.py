@@ -44,7 +44,7 @@ def provenance(dataset: Dataset, candidates: Sequence[Effect], seed: int) -> dic
 
 
 def identity(dataset: Dataset, candidates: Sequence[Effect], seed: int) -> dict[str, Any]:
-    """Return all that a diagnosis hangs on as plain data, hashes in place of arrays and files."""
+    """Return all that a diagnosis depends on as plain data, hashes in place of arrays and files."""
     own = {name: _summed(getattr(dataset, name)) for name in ("trials", "noise", "clock", "known", "filter")}
     return {**provenance(dataset, candidates, seed), "effects": [effect.name for effect in candidates], "dataset": own}
 
