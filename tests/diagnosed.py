@@ -111,6 +111,7 @@ def diagnosis(
         candidates=_candidates(verdict),
         failures={},
         best=(cause,) if wrong else (),
+        closest=cause if verdict == "unexplained" else "",
         where=_where(names) if wrong else None,
         force=tuple(_force(trial) for trial in (overlay.trial for overlay in overlays)) if wrong else (),
         fingerprint=Measured(1.04, 0.9, 1.2, 0.01, 0.4, find(cause).fingerprint) if wrong else None,

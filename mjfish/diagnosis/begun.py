@@ -114,6 +114,7 @@ def unfinished_diagnosis(begun: Begun, failures: Mapping[str, str], seed: int) -
         undetectable={},
         isolability=Isolability((), (), (), ()),
         best=(),
+        closest="",
         where=None,
         force=(),
         fingerprint=None,

@@ -314,6 +314,7 @@ def _diagnosed(begun: Begun, left_out: Mapping[str, str], seed: int, progress: P
         undetectable=_undetectable(table, evidence),
         isolability=told,
         best=() if best is None else best.names,
+        closest=next(iter(decision.closest), ""),
         where=where,
         force=force,
         fingerprint=print_,
@@ -411,11 +412,11 @@ def _combined(
 
 
 def _best(decision: Decision, single: Comparison, combined: Comparison | None) -> Refit | None:
-    """Return the refit that is shown: of the first set of the decision, else of the single cause that explains most."""
+    """Return the refit that is shown: of the first set of the decision, else of the single cause that comes closest."""
     for comparison in (single, combined):
         if comparison is not None and decision.sets and decision.sets[0] in comparison.refits:
             return comparison.refits[decision.sets[0]]
-    return max(single.refits.values(), key=lambda refit: refit.adjusted) if single.refits else None
+    return single.refits.get(single.closest())
 
 
 def _misleads(closest: Refit, held_out: HeldOut, held: Sequence[Trial]) -> bool:

@@ -189,6 +189,8 @@ class Diagnosis(Result):
         isolability: sizes from which each mechanism is told from every other one on these runs.
         best: names of the causes that the extended model has: the named ones, else the best candidate; empty where
             nothing is wrong.
+        closest: the cause that comes closest where the verdict is ``unexplained``; empty else, or where none was
+            refitted.
         where: where the discrepancy sits.
         force: the missing generalised force of every fitted trial, with its band; empty where nothing is wrong.
         fingerprint: how the discrepancy of the best scales and which symmetry it breaks; None where nothing is wrong.
@@ -224,6 +226,7 @@ class Diagnosis(Result):
     undetectable: Mapping[str, str]
     isolability: Isolability
     best: tuple[str, ...]
+    closest: str
     where: Where | None
     force: tuple[MissingForce, ...]
     fingerprint: Measured | None
@@ -245,14 +248,6 @@ class Diagnosis(Result):
     def fish(self) -> Extended:
         """The fish with the causes that explain most, at the estimates: `mjfish.simulate` takes it."""
         return Extended(self.extended_model, {name: value.estimate for name, value in self.extended.items()})
-
-    @property
-    def closest(self) -> str:
-        """The cause that explains most where the verdict is ``unexplained``; empty else, or where none was refitted."""
-        refitted = [candidate for candidate in self.candidates if candidate.parameters is not None]
-        if self.verdict != "unexplained" or not refitted:
-            return ""
-        return max(refitted, key=lambda one: one.statistic - 2.0 * (one.degrees_of_freedom - 1)).name
 
     def summary(self) -> str:
         """Return verdict, causes with sizes and curves, gain, status and what to do next, in at most ten lines."""

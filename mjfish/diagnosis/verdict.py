@@ -39,12 +39,14 @@ class Decision:
         sets: of causes.
         message: in a sentence.
         left: behind it, of what is named: what it leaves, in words.
+        closest: the single cause that comes closest, where none explains the misfit; else none.
     """
 
     verdict: Verdict
     sets: tuple[Names, ...]
     message: str
     left: str = ""
+    closest: Names = ()
 
     @property
     def certain(self) -> Names:
@@ -94,6 +96,10 @@ class Comparison:
     def cleanly(self) -> list[Names]:
         """Return the names, in the order of the causes, of the sets that leave nothing systematic."""
         return [self.refits[names].names for names, standing in self.standings.items() if standing.clean]
+
+    def closest(self) -> Names:
+        """Return the set that explains most of all trials, also of the held-out ones; none where there is none."""
+        return min(self.standings, key=lambda names: self.standings[names].behind, default=())
 
     def exhausted(self) -> bool:
         """Return whether a set that stays leaves so little that no larger one can earn its members beside it."""
@@ -176,7 +182,7 @@ def decide(
             return _alone(retained, comparison)
         if retained:
             return Decision("cannot_tell", retained, _tied(retained))
-    best = max(single.refits, key=lambda names: single.refits[names].adjusted) if single.refits else None
+    best = single.closest()
     if others is not None and (retained := others.retained(clean=True)):
         failed = single.failed()
         why = _failing(single.held_out[failed[0]]) if failed else "fails on the held-out trials"
@@ -184,23 +190,23 @@ def decide(
         return Decision(
             "cannot_tell", (*retained, *failed), f"Something is wrong, but these data cannot tell what: {choice}."
         )
-    if best is not None and (nearly := _nearly(best, single)) is not None:
+    if best and (nearly := _nearly(best, single)) is not None:
         return nearly
     closest = f"; the closest, {best[0]}, {_why(best, single)}" if best else ""
-    return Decision("unexplained", (), f"Something is wrong that no known cause explains{closest}.")
+    message = f"Something is wrong that no known cause explains{closest}."
+    return Decision("unexplained", (), message, closest=best)
 
 
 def _nearly(best: Names, comparison: Comparison) -> Decision | None:
     """Rule where no single cause leaves little: if the best explains most, and few come near; None else."""
-    standing = comparison.standings.get(best)
-    if standing is None or not standing.resembles or _failed(comparison.held_out.get(best)):
+    if not comparison.standings[best].resembles or _failed(comparison.held_out.get(best)):
         return None
     similar = comparison.similar(best, RESEMBLES)
     if len(similar) > _FEW:
         return None
     alike = comparison.one_mechanism(similar)
     what = f"the mechanism {comparison.refits[best].mechanisms[0]}" if alike and len(similar) > 1 else _listed(similar)
-    choice = f"{what} explains {1.0 - standing.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
+    choice = f"{what} explains {1.0 - comparison.standings[best].left:.0%} of it and leaves something systematic: {_OTHERWISE}"
     return Decision("cannot_tell", similar, f"Something is wrong, but these data cannot tell what: {choice}.")
 
 
@@ -257,8 +263,8 @@ def _failed(confirmation: Confirmation | None) -> bool:
 
 
 def _why(best: Names, comparison: Comparison) -> str:
-    standing = comparison.standings.get(best)
-    if standing is not None and not standing.fits:
+    standing = comparison.standings[best]
+    if not standing.fits:
         return f"leaves {standing.left:.0%} of the misfit, and what it leaves is systematic"
     if (confirmation := comparison.held_out.get(best)) is not None and confirmation.failed:
         return _failing(confirmation)

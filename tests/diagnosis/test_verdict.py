@@ -103,6 +103,14 @@ def test_a_best_cause_that_leaves_a_residual_is_no_explanation() -> None:
     assert _rule({"a": MISFIT, "b": BEATEN}).verdict == "unexplained"
 
 
+def test_the_closest_is_the_best_of_all_trials_not_of_the_fitted_ones_alone() -> None:
+    """A learned form that explains more of the fitted trials and mispredicts the held-out ones is not closest."""
+    decision = _rule({"a": BEATEN, "b": MISFIT})
+    assert (decision.verdict, decision.closest) == ("unexplained", ("b",))
+    assert "the closest, b, leaves 40% of the misfit" in decision.message
+    assert _rule({"a": GOOD}).closest == ()
+
+
 def test_a_rival_that_fits_replaces_a_best_that_does_not() -> None:
     assert _rule({"a": MISFIT, "b": RIVAL}).sets == (("b",),)
 
