@@ -176,22 +176,20 @@ def _partial_moment_rates(
 
 
 @part
-def crossflow_tangent(
-    link: Any, length_rate: float, node_rate: FloatArray, table_rate: FloatArray
-) -> tuple[float, float]:
+def crossflow_tangent(link: Any, rate: Any) -> tuple[float, float]:
     """Return the derivatives of F and G of a link along a change of its outline.
 
     `crossflow` is linear in the tables; the length enters where q changes sign.
 
     Args:
         link: record, with its velocity.
-        length_rate, node_rate, table_rate: rates of change of length, node heights and height moments.
+        rate: record of the rates of change of length, node heights and height moments.
     """
     v, w = link.v, link.w
-    force, moment = crossflow(v, w, link.length, node_rate, table_rate)
-    if length_rate != 0.0 and v * (v + w * link.length) < 0.0:
+    force, moment = crossflow(v, w, link.length, rate.node_height, rate.height_moment)
+    if rate.length != 0.0 and v * (v + w * link.length) < 0.0:
         h0, h1, h2, h3 = _partial_moments_by_length(-v / w, link.length, link.node_height, link.height_moment)
-        scale = -2.0 * length_rate if w > 0.0 else 2.0 * length_rate
+        scale = -2.0 * rate.length if w > 0.0 else 2.0 * rate.length
         force += scale * (v * v * h0 + 2.0 * v * w * h1 + w * w * h2)
         moment += scale * (v * v * h1 + 2.0 * v * w * h2 + w * w * h3)
     return force, moment

@@ -56,12 +56,12 @@ class LinkChanges(NamedTuple):
 
     Attributes:
         changes: (p,) `LINK_CHANGE` records.
-        outlines: (g, INTERVALS + 1, 5) rates of the outlines that change: height and its moments.
+        outlines: (g,) `LINK` records of rates, of the outlines that change.
         records: (2 r,) `LINK` records moved forward and back along their change, for loads.
     """
 
     changes: Any
-    outlines: FloatArray
+    outlines: Any
     records: Any
 
 
@@ -232,7 +232,7 @@ def _by_links(
             mz -= change.munk * u * link.c_m * (link.added[0] * v + link.added[1] * w)
         if change.outline >= 0:
             outline = links.outlines[change.outline]
-            f, g = crossflow_tangent(link, change.length, outline[:, 0], outline[:, 1:])
+            f, g = crossflow_tangent(link, outline)
             fy -= 0.5 * link.density * link.c_d * f
             mz -= 0.5 * link.density * link.c_d * g
         if system.loads.addresses.shape[0] > 0 and change.record >= 0:

@@ -19,7 +19,6 @@ from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, NUMBERS, column
 from mjfish.hydro.load import AT_STATEFUL, PARAMETERS, ROW, Load, LoadTable, load_rows, memory_of
 from mjfish.hydro.load_derivatives import CHANGE, INACTIVE_STEP, RELATIVE_STEP, LoadChanges
-from mjfish.hydro.outline import INTERVALS
 from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative
 from mjfish.ode.rollout import (
     DIVERGED,
@@ -185,8 +184,7 @@ def _link_changes(
     changes["link"] = link
     reshaped = rate[:, _TABLES].any(axis=1) | (rate[:, column("length")] != 0.0)
     changes["outline"] = _numbered(reshaped)
-    tables = rate[reshaped, _TABLES]
-    height, moments = tables[:, : INTERVALS + 1], tables[:, INTERVALS + 1 :].reshape(-1, INTERVALS + 1, 4)
+    outlines = rate[reshaped].reshape(-1).view(LINK)
     read = np.zeros(NUMBERS, dtype=bool)
     for load, _ in loads:
         read |= load.reads
@@ -197,7 +195,6 @@ def _link_changes(
     changes["step"] = np.where(moved, step, 0.0)
     changes["record"] = _numbered(moved)
     sides = here[moved, None] + changes["step"][moved, None, None] * np.array([[[1.0], [-1.0]]]) * seen[moved, None]
-    outlines = np.concatenate([height[:, :, None], moments], axis=2)
     return LinkChanges(changes, outlines, np.ascontiguousarray(sides).reshape(-1).view(LINK))
 
 
