@@ -22,9 +22,9 @@ from typing import Literal
 
 import numpy as np
 
-from mjfish import bounded, ode
+from mjfish import ode
 from mjfish.arrays import FloatArray, readonly
-from mjfish.data import Trial
+from mjfish.data import Trial, columns, read_table, validation
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
@@ -387,7 +387,8 @@ def _row(
         if expected is not None:
             at = np.searchsorted(motions[1].time, expected[:, 0] - 1e-9)
             inside = at < len(motions[1].time)
-            to_reference = float(np.abs(runs[1][at[inside]] - expected[inside, 1 : 1 + len(CHANNELS)]).max())
+            if inside.any():
+                to_reference = float(np.abs(runs[1][at[inside]] - expected[inside, 1:]).max())
     return Row(
         engine=name, coupling=coupling or "-", integrator=integrator, case=case.name, mode=case.mode,
         step=float(np.diff(motions[1].time).max()), to_ode=to_ode, to_reference=to_reference, order=order,
@@ -411,16 +412,13 @@ def _run(engine: Engine, fish: Fish, case: Case, motion: JointMotion, loads: Loa
 
 
 def _read(folder: Path | None, case: Case) -> FloatArray | None:
-    """Return time, surge, sway, yaw rate, ... (n, k) of a case's reference trajectory."""
+    """Return time, surge, sway and yaw rate (n, 4) of a case's reference trajectory."""
     if folder is None:
         return None
     path = folder / f"{case.name}.csv"
-    try:
-        text = bounded.read_text(path, bounded.TABLE, "name the folder of reference trajectories", rows=True)
-        return np.loadtxt(text.split("\n"), delimiter=",", skiprows=1, ndmin=2)
-    except InputError:
-        raise
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"{path}: no reference trajectory: {error}; name the folder that holds {case.name}.csv"
-        ) from None
+    table = read_table(path)
+    for name in ("time", *CHANNELS):
+        if name not in table:
+            raise InputError(f"{path}: column '{columns.header(name)}' is missing; add it")
+    validation.check_increasing(table["time"], path)
+    return np.stack([table[name] for name in ("time", *CHANNELS)], axis=1)

@@ -83,6 +83,8 @@ def test_what_swam_is_found_again(folder: Path) -> None:
         ("run1.txt", "", "its name says no amplitude and bias, expected e.g. Amp20Bias-30.txt"),
         ("Amp20Bias0.txt", "0.1 0.2 0.3\n" * 30, "30 rows of 3 numbers, expected 20 rows or more of seven"),
         ("Amp20Bias0.txt", "0.1 0 0 0 0 0 0\n", "1 rows of 7 numbers, expected 20 rows or more"),
+        ("Amp20Bias0.txt", " \n", "no rows; expected rows of seven numbers"),
+        ("Amp20Bias0.txt", "# 1\n", "expected rows of seven numbers"),
         ("Amp20Bias0.txt", "time u v w h x y\n", "expected rows of seven numbers: time, velocity along"),
         ("Amp20Bias0.txt", "0.1 0 0 0 0 0 0\n" * 30, "row 2: its time is not after that of the row before"),
         ("Amp20Bias0.txt", "0.1 0 nan 0 0 0 0\n" * 30, "row 1, velocity across: no finite number"),

@@ -127,7 +127,9 @@ def _read(path: Path) -> FloatArray:
     """
     try:
         text = bounded.read_text(path, bounded.TABLE, "give the text file of a run", rows=True)
-        table = np.loadtxt(text.split("\n"), ndmin=2)
+        if not text.strip():
+            raise ValueError("no rows")
+        table = np.loadtxt(text.split("\n"), ndmin=2, comments=None)
     except InputError:
         raise
     except OSError as error:
