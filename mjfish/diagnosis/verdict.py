@@ -206,7 +206,8 @@ def _nearly(best: Names, comparison: Comparison) -> Decision | None:
         return None
     alike = comparison.one_mechanism(similar)
     what = f"the mechanism {comparison.refits[best].mechanisms[0]}" if alike and len(similar) > 1 else _listed(similar)
-    choice = f"{what} explains {1.0 - comparison.standings[best].left:.0%} of it and leaves something systematic: {_OTHERWISE}"
+    share = 1.0 - comparison.standings[best].left
+    choice = f"{what} explains {share:.0%} of it and leaves something systematic: {_OTHERWISE}"
     return Decision("cannot_tell", similar, f"Something is wrong, but these data cannot tell what: {choice}.")
 
 
