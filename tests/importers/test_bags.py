@@ -12,13 +12,16 @@ import numpy as np
 import pytest
 from doc_blocks import ROOT, blocks, commands, run_command
 from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType
 from mcap.writer import Writer as RawWriter
 from mcap_ros2.writer import Writer
 
 import mjfish
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, load_dataset, save
-from mjfish.data.importers import FileReport, import_files
+from mjfish.data.importers import FileReport, bag_messages, import_files
 from mjfish.data.importers.bags import read_bag
 from mjfish.errors import MjfishError
 
@@ -450,6 +453,30 @@ def test_a_bag_that_breaks_off_or_has_a_wrong_byte_among_its_messages_is_refused
         path.write_bytes(content[:place] + bytes([content[place] ^ 255]) + content[place + 1 :])
         with pytest.raises(MjfishError, match="it breaks off or is damaged"):
             import_files("mcap", [path], mapping=table)
+
+
+@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
+def test_a_bag_that_is_small_on_disk_alone_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compression: CompressionType
+) -> None:
+    """Its chunk says that it is empty: only unpacking it tells."""
+    path = tmp_path / "run.mcap"
+    with path.open("wb") as stream:
+        writer = RawWriter(stream, compression=compression, chunk_size=10**6)
+        writer.start()
+        number = writer.register_schema("nav_msgs/msg/Odometry", "ros2msg", ODOMETRY.encode())
+        channel = writer.register_channel("/fish/odom", "cdr", number)
+        writer.add_message(channel, 1, bytes(100_000), 1)
+        writer.finish()
+    content = path.read_bytes()
+    with BytesIO(content) as stream:
+        chunk = next(record for record in StreamReader(stream, emit_chunks=True).records if isinstance(record, Chunk))
+    size = chunk.uncompressed_size.to_bytes(8, "little")
+    path.write_bytes(content.replace(size, bytes(8), 1))
+    for most, said in ((chunk.uncompressed_size, "/fish/odom"), (chunk.uncompressed_size - 1, "a chunk unpacks to")):
+        monkeypatch.setattr(bag_messages, "LARGEST_CHUNK", most)
+        with pytest.raises(MjfishError, match=said):
+            import_files("mcap", [path], mapping=mapped(tmp_path))
 
 
 def test_a_mapping_file_that_is_none_of_a_bag_is_refused(tmp_path: Path) -> None:

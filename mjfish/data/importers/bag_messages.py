@@ -8,9 +8,13 @@ from functools import reduce
 from pathlib import Path
 from typing import Any
 
+import lz4.frame
 import numpy as np
+import zstandard
 from mcap.exceptions import DecoderNotFoundError
 from mcap.reader import McapReader, make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
 from mjfish.arrays import FloatArray
@@ -21,6 +25,8 @@ from mjfish.errors import InputError, MjfishError, UnknownNameError
 _YAW = "yaw"
 #: Messages that are read of a bag, and rows that they may stand for.
 MOST = 2_000_000
+#: Largest part of a bag once it is unpacked [bytes]; recorders write some MiB.
+LARGEST_CHUNK = 128 * 2**20
 #: Latest time of a message [ns]: in the year 2116; differences of such times are whole numbers of 64 bits.
 _LATEST = 2**62
 
@@ -46,10 +52,14 @@ def topics(path: Path) -> dict[str, str]:
     Raises:
         InputError: no such bag, or it is damaged.
     """
-    _check_bag(path)
+    if not is_bag(path):
+        raise InputError(f"{path}: {describe(path)}")
     try:
+        _check_chunks(path)
         with path.open("rb") as stream:
             return _topics(make_reader(stream, validate_crcs=True))
+    except InputError:
+        raise
     except Exception as error:
         raise _damaged(path, error) from None
 
@@ -122,9 +132,24 @@ def _decoded(path: Path, wanted: list[str]) -> Iterator[tuple[str, int, Any]]:
         raise _damaged(path, error) from None
 
 
-def _check_bag(path: Path) -> None:
-    if not is_bag(path):
-        raise InputError(f"{path}: {describe(path)}")
+def _check_chunks(path: Path) -> None:
+    """Refuse a bag that is small on disk and too large in memory, whatever it says of its size."""
+    with path.open("rb") as stream:
+        for record in StreamReader(stream, emit_chunks=True).records:
+            if isinstance(record, Chunk) and unpacks_beyond(record, LARGEST_CHUNK):
+                raise InputError(
+                    f"{path}: a chunk unpacks to more than {LARGEST_CHUNK} bytes; record it with smaller chunks, or "
+                    "'mcap filter' it"
+                )
+
+
+def unpacks_beyond(chunk: Chunk, most: int) -> bool:
+    """Return whether a chunk has more than so many bytes once it is unpacked; no more are unpacked to find out."""
+    if chunk.compression == "lz4":
+        return len(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most + 1)) > most
+    if chunk.compression == "zstd":
+        return len(zstandard.ZstdDecompressor().stream_reader(chunk.data).read(most + 1)) > most
+    return len(chunk.data) > most
 
 
 def _damaged(path: Path, error: Exception) -> MjfishError:
