@@ -17,7 +17,7 @@ from operator import methodcaller
 import numpy as np
 
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.failures import blamed, tried
+from mjfish.diagnosis.failures import blamed
 from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
@@ -271,7 +271,7 @@ def _parts(sets: Combinations, known: Mapping[Names, Refit]) -> dict[Names, Refi
             names = _less(refit, out.name)
             if names not in known and names not in found:
                 with blamed(refit.names[-1]):
-                    found[names] = tried(methodcaller("less", out), refit)
+                    (found[names],) = followed(methodcaller("less", out), [refit])
     return found
 
 

@@ -88,16 +88,6 @@ def attempted(make: Callable[[Any], T], task: Any, limit: float | None = None) -
     return Failure(name, f"its refit {fit.status}: {fit.message}") if fit.lost else made
 
 
-def tried(make: Callable[[Any], T], task: Any) -> T:
-    """Return what `make` makes of a candidate or of a refit.
-
-    Raises:
-        CandidatesFailedError: that failed.
-    """
-    (made,) = unfailing([attempted(make, task)])
-    return made
-
-
 def unfailing(made: Iterable[T | Failure]) -> list[T]:
     """Return what was made, where nothing failed.
 

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data.filters import Filter
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, under
-from mjfish.diagnosis.failures import NOMINAL, finite, sound, tried
+from mjfish.diagnosis.failures import NOMINAL, finite, sound
+from mjfish.diagnosis.fan_out import followed
 from mjfish.diagnosis.integration_step import resolved
 from mjfish.diagnosis.progress import Progress, part
 from mjfish.diagnosis.refit import far_off, other_refits, refined, refit_nonsmooth, refits, settled, tried_afresh
@@ -203,7 +205,7 @@ def _under_the_stated_noise(
 def _led(found: dict[str, Refit]) -> Refit:
     """Follow the refit that explains most to its optimum, put it in the place of the coarse one, and return it."""
     best = _leader(found)
-    found[best.names[-1]] = tried(lambda refit: refined(refit, refit.fit.sse), best)
+    (found[best.names[-1]],) = followed(partial(refined, best=best.fit.sse), [best])
     return found[best.names[-1]]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +35,6 @@ class _Set:
     degrees_of_freedom: int = 1
     gains: Any = None
     learned: bool = False
-    fit: ClassVar[Any] = SimpleNamespace(lost=False)
 
     @property
     def effects(self) -> list[Any]:
@@ -89,6 +88,7 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
         }
 
     monkeypatch.setattr(module, "_extended", extended)
+    monkeypatch.setattr(module, "followed", map)
     monkeypatch.setattr(module, "standings", standings)
     monkeypatch.setattr(module.Goodness, "left", lambda _self, _refit: 0.5)
     singles: Any = {name: _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
