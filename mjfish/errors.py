@@ -31,6 +31,10 @@ class InputError(MjfishError, ValueError):
     """A file, key, row or argument is not what it must be."""
 
 
+class UnwritableError(InputError):
+    """A file or folder that cannot be written: no room, no permission, or no such place."""
+
+
 class UnknownNameError(MjfishError, LookupError):
     """A name that is not among the known ones; the message lists those."""
 

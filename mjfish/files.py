@@ -13,14 +13,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from mjfish.errors import InputError
+from mjfish.errors import InputError, UnwritableError
 
 
 def write_text(path: Path, text: str) -> None:
     """Write `text` to `path` through a temporary sibling, so that a reader never sees half of it.
 
     Raises:
-        InputError: the folder does not exist, `path` is one itself, or it cannot be written to.
+        UnwritableError: the folder does not exist, `path` is one itself, or it cannot be written to.
     """
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".partial")
@@ -34,7 +34,7 @@ def write_text(path: Path, text: str) -> None:
             partial.unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise InputError(
+        raise UnwritableError(
             f"{path}: cannot be written: {error.strerror}; choose a folder that you can write to"
         ) from None
 
@@ -46,7 +46,7 @@ def whole(path: Path) -> Iterator[Path]:
     For what libraries write by themselves; `write_text` writes text.
 
     Raises:
-        InputError: the folder does not exist, `path` is one itself, or it cannot be written to.
+        UnwritableError: the folder does not exist, `path` is one itself, or it cannot be written to.
     """
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.", suffix=".partial") as folder:
@@ -54,7 +54,9 @@ def whole(path: Path) -> Iterator[Path]:
             yield partial
             partial.replace(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}; choose a file that you can write to") from None
+        raise UnwritableError(
+            f"{path}: cannot be written: {error.strerror}; choose a file that you can write to"
+        ) from None
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -143,7 +145,7 @@ def new_folder(path: Path) -> Iterator[Path]:
             path.rmdir()
         partial.rename(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error}; choose another place") from None
+        raise UnwritableError(f"{path}: cannot be written: {error}; choose another place") from None
     finally:
         shutil.rmtree(partial, ignore_errors=True)
 

@@ -20,7 +20,7 @@ from mjfish.diagnosis.diagnosis import diagnose
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.result import Diagnosis, Verdict
-from mjfish.errors import InputError
+from mjfish.errors import InputError, UnwritableError
 from mjfish.result import Result
 from mjfish.serialise import plain
 
@@ -244,6 +244,8 @@ def diagnose_splits(
         divided = _divided(dataset, held)
         try:
             rows[held] = _row(made(divided, k, f"split {k} of {len(others)}"), declared=False)
+        except UnwritableError:  # of a folder of refits: no split could keep its own
+            raise
         except InputError as error:
             fitted, out = (tuple(trial.name for trial in trials) for trials in divided.split())
             rows[held] = Split(fitted, out, declared=False, verdict=None, message=str(error))

@@ -17,7 +17,7 @@ from mjfish.data import Dataset
 from mjfish.diagnosis import Diagnosis, Share, Splits, diagnose_splits, splits
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.effects import find
-from mjfish.errors import InputError
+from mjfish.errors import InputError, UnwritableError
 
 _FEW = {name: find(name) for name in ("servo_lag", "time_offset")}
 _FORM = NamedMechanism("servo_dynamics", "drive", "form", CAUSE, (CAUSE,), ())
@@ -203,6 +203,17 @@ def test_a_dataset_that_cannot_be_diagnosed_itself_is_refused(stub: Any) -> None
     stub({("r1",): _too_few})
     with pytest.raises(InputError, match="9 numbers for 12"):
         diagnose_splits(_pool(3, held_out=(1,)), 3)
+
+
+def test_a_folder_without_room_ends_all_splits(stub: Any) -> None:
+    """No split could keep its refits there: it is not one that cannot be diagnosed."""
+
+    def full() -> Diagnosis:
+        raise UnwritableError("kept: cannot be written: No space left on device")
+
+    stub({("r2",): full})
+    with pytest.raises(UnwritableError, match="No space left"):
+        diagnose_splits(_pool(4, (3,)), count=4)
 
 
 def test_a_strong_effect_is_named_in_every_split_that_has_the_numbers_for_it() -> None:
