@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -51,17 +53,25 @@ def start(*arguments: str | Path) -> subprocess.Popen[str]:
 
 
 def start_python(*arguments: str | Path) -> subprocess.Popen[str]:
-    """Start Python in a session of its own, with the paths of this process."""
+    """Start Python in a session of its own, with the paths of this process.
+
+    Ctrl-C ends it, also where it does not end this process, as in the background of a script.
+    """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
     return subprocess.Popen(
         [sys.executable, *map(str, arguments)],
         env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
 
 
 def printed_by(process: subprocess.Popen[str]) -> str:
-    """Wait for the end of a process; return what it printed."""
-    return "".join(process.communicate(timeout=500))
+    """Wait for the end of a process; return what it printed. One that goes on is killed, with its workers."""
+    try:
+        return "".join(process.communicate(timeout=500))
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        raise
 
 
 def said_by(printed: str) -> list[str]:
