@@ -89,6 +89,11 @@ class BlockAngular:
         """Number of rows and of columns."""
         return len(self.shared), len(self.places) + sum(int(part.columns.size) for part in self.parts)
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its numbers."""
+        return self.shared.nbytes + sum(part.rows.nbytes + part.block.nbytes for part in self.parts)
+
     def dense(self) -> FloatArray:
         """Return the matrix (n, p) with its zeros."""
         return self.of_rows(np.arange(len(self.shared)))

@@ -357,7 +357,7 @@ def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Slopes)
         other = replace(problem, noise=noise)
         residual, jacobian = other.rows(raw).shared[:, 0], other.jacobian_of(slopes, x)
         residual[other.measured :] = other.known_rows(x)[0]
-        seen = replace(evidence.fit, residual=residual, jacobian=jacobian)
+        seen = evidence.fit.having(residual=residual, jacobian=jacobian)
         yield gather(other, seen, evidence.candidates, known_signatures)
 
 

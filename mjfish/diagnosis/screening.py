@@ -122,7 +122,7 @@ def nominal_fit(problem: Problem, start: FloatArray) -> Fit:
     from a few points of a Latin hypercube over the bounds, and the best of them is followed to its optimum.
     """
     first = sound(NOMINAL, fit(problem, start, tolerance=1e-6))
-    if first.status == "converged" and first.cost < _EXPLAINED * len(first.residual):
+    if first.status == "converged" and first.cost < _EXPLAINED * first.count:
         return first
     points = [*hypercube(problem, _STARTS - 1, seed=0)]
     best = min(problem.mapped(scouted, points, tolerance=1e-3, evaluations=_SCOUT), key=lambda scout: scout.cost)
@@ -195,7 +195,7 @@ def _under_the_stated_noise(
         if not found:
             return {}
         best = _led(found)
-        if best.fit.sse < _FITTED * len(best.fit.residual):
+        if best.fit.sse < _FITTED * best.fit.count:
             return found
     return {}
 
