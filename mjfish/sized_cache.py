@@ -73,6 +73,15 @@ def sized_cache(size: Callable[[Any], int], limit: float) -> Callable[[Callable[
     return lambda function: SizedCache(function, size, limit)
 
 
+def always(value: R) -> Callable[[], R]:
+    """Return a function that returns this value, and can be sent to another process."""
+    return functools.partial(_same, value)
+
+
+def _same(value: R) -> R:
+    return value
+
+
 class Budget:
     """Bytes that values which can be made again may take together, of those that are still in use.
 
@@ -102,18 +111,18 @@ class Budget:
 
 
 class Remade(Generic[L]):
-    """A large value that is made again, to the last bit, where the budget of its class has dropped it.
+    """A large value that is made again, to the last bit, where it was dropped: all take so many bytes together.
 
     Example:
         >>> import numpy as np
-        >>> class Numbers(Remade[np.ndarray]):
-        ...     budget = Budget(100.0)
-        >>> first, second = (Numbers(lambda: np.arange(8.0)) for _ in range(2))
-        >>> first() is first(), float(second()[7]), first.value is None
-        (True, 7.0, True)
+        >>> squares = Remade(lambda: np.arange(4.0) ** 2)
+        >>> print(squares())
+        [0. 1. 4. 9.]
+        >>> squares() is squares()
+        True
     """
 
-    budget: ClassVar[Budget]
+    budget: ClassVar[Budget] = Budget(0.4e9)
 
     def __init__(self, make: Callable[[], L], value: L | None = None) -> None:
         """Make a value by `make`, unless it is known already."""

@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 from scipy import optimize, sparse, special
@@ -22,9 +21,7 @@ from mjfish.errors import NUMERIC, MjfishError, reason_of
 from mjfish.estimation.problem import LOST, Problem
 from mjfish.estimation.settings import Loss
 from mjfish.parameter import Parameter, bounds
-from mjfish.sized_cache import Budget, Remade
-
-T = TypeVar("T")
+from mjfish.sized_cache import Remade, always
 
 #: 97.5 % point of the standard normal distribution.
 Z95 = 1.959963984540054
@@ -55,18 +52,6 @@ class Linearised:
     def nbytes(self) -> int:
         """Bytes of both."""
         return self.jacobian.nbytes + self.covariance.nbytes
-
-
-class _Residual(Remade[FloatArray]):
-    """Residuals of fits: to make them again takes a third of what derivatives take, but all are compared at once."""
-
-    budget = Budget(0.15e9)
-
-
-class _Linearised(Remade[Linearised]):
-    """Derivatives and covariances of fits."""
-
-    budget = Budget(0.3e9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,10 +119,10 @@ class Fit:
     def having(self, **other: Any) -> Fit:
         """Return the fit with other attributes, `residual`, `jacobian` and `covariance` among them."""
         if "residual" in other:
-            other["residuals"] = partial(_same, other.pop("residual"))
+            other["residuals"] = always(other.pop("residual"))
         large = {name: other.pop(name) for name in ("jacobian", "covariance") if name in other}
         if large:
-            other["linearised"] = partial(_same, replace(self.linearised(), **large))
+            other["linearised"] = always(replace(self.linearised(), **large))
         return replace(self, **other)
 
     @property
@@ -206,10 +191,6 @@ def fit(
         raise
     except NUMERIC as error:
         return _failed(problem, x0, reason_of(error))
-
-
-def _same(value: T) -> T:
-    return value
 
 
 class FitFailedError(ArithmeticError):
@@ -337,8 +318,8 @@ def _fit_at(turned: _Rows, ended: _Ended) -> Fit:
         parameters=problem.parameters,
         x=end.x,
         sse=float(residual @ residual),
-        residuals=_Residual(ended.residual, residual),
-        linearised=_Linearised(ended.linearised, linearised),
+        residuals=Remade(ended.residual, residual),
+        linearised=Remade(ended.linearised, linearised),
         reach=reach,
         at_bound=end.at_bound,
         status="diverged" if divergence else end.status,
@@ -359,8 +340,8 @@ def _failed(problem: Problem, x: FloatArray, reason: str) -> Fit:
         parameters=problem.parameters,
         x=x,
         sse=float(residual @ residual),
-        residuals=partial(_same, residual),
-        linearised=partial(_same, Linearised(BlockAngular.of(np.zeros((len(residual), count))), np.diag(unknown))),
+        residuals=always(residual),
+        linearised=always(Linearised(BlockAngular.of(np.zeros((len(residual), count))), np.diag(unknown))),
         reach=np.sqrt(unknown),
         at_bound=free,
         status="failed",
