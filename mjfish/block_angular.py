@@ -198,7 +198,11 @@ class BlockAngular:
             mine = held.get(int(part.rows[0]))
             theirs = replace(part, columns=p + part.columns)
             held[int(part.rows[0])] = theirs if mine is None else _joined(mine, theirs)
-        shared = np.concatenate([self.shared, other.shared], axis=1)
+        shared = (
+            np.concatenate([self.shared, other.shared], axis=1)
+            if other.shared.size
+            else np.ascontiguousarray(self.shared)
+        )
         return BlockAngular(shared, np.concatenate([self.places, p + other.places]), tuple(held.values()))
 
     def gram(self) -> FloatArray:
