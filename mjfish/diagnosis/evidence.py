@@ -327,10 +327,8 @@ def gather(
     amplitudes = tuple(effect.amplitudes() for effect in kept)
     coefficients = span(fit.jacobian.chosen(~fit.at_bound))
     z = coefficients.off(fit.residual)
-    if known_signatures is None:
-        raws = Remade(partial(signature_rows, problem, fit.values, kept))
-    else:
-        raws = Remade(partial(_rows_of, problem, known_signatures))
+    known = None if known_signatures is None else problem.rows(known_signatures()).shared
+    raws = Remade(partial(signature_rows, problem, fit.values, kept), known)
     raw = raws()
     inside, score, information = coefficients.coordinates(raw), np.zeros(raw.shape[1]), np.zeros((raw.shape[1],) * 2)
     for rows in (*problem.trial_rows, *np.arange(problem.measured, len(raw))[:, None]):
@@ -348,10 +346,6 @@ def gather(
         raws=raws,
         coefficients=coefficients,
     )
-
-
-def _rows_of(problem: Problem, slopes: Callable[[], Slopes]) -> FloatArray:
-    return problem.rows(slopes()).shared
 
 
 def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Callable[[], Slopes]) -> Iterator[Evidence]:
@@ -396,7 +390,9 @@ def signatures(
         check_time()
     if shapes is None:
         _check_finite(slopes.lost, problem, values, candidates)
-    return slopes.scaled(np.array([p.scale for p in amplitudes]))
+    for block in (*slopes.velocity, *slopes.sensors):
+        block *= [p.scale for p in amplitudes]
+    return slopes
 
 
 def signature_rows(

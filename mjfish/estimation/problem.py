@@ -75,11 +75,6 @@ class Slopes:
         """Number of columns."""
         return len(self.shared) + sum(map(len, self.own))
 
-    def scaled(self, factors: FloatArray) -> Slopes:
-        """Return the derivatives by shared parameters times factors (k,)."""
-        velocity, sensors = ([block * factors for block in blocks] for blocks in (self.velocity, self.sensors))
-        return replace(self, velocity=velocity, sensors=sensors)
-
 
 @dataclass(frozen=True)
 class _Predicted:
