@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -92,7 +92,7 @@ class HeldOut:
 
     def __init__(self, evidence: Evidence, trials: tuple[Trial, ...]) -> None:
         self.evidence, self.trials = evidence, trials
-        self.scores: dict[Refit | None, Remade[Score]] = {}
+        self.scores: dict[Refit | None, Callable[[], Score]] = {}
         self.covariance_roots: dict[Refit | None, FloatArray] = {}
 
     def score(self, refit: Refit | None) -> Score:
