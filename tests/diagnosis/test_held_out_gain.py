@@ -116,13 +116,13 @@ def test_held_out_trials_separate_rivals_and_seldom_reject_the_true_one() -> Non
 
 def test_rivals_are_compared_alike_however_many_rows_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
     def compared() -> list[float]:
-        rng = np.random.default_rng(19)
+        rng = np.random.default_rng(58)
         return [standing.rival_p for standing in select._rivalry(*_rivals(rng), rng).values()]
 
     at_once = compared()
     monkeypatch.setattr(select, "_ROWS", 7)
-    assert compared() == pytest.approx(at_once, abs=0.01)
-    assert 0.1 < min(at_once) < 0.9
+    assert compared() == pytest.approx(at_once, abs=0.002)
+    assert 0.01 < min(at_once) < 0.9
 
 
 def test_a_held_out_trial_that_no_rival_predicts_does_not_count() -> None:
