@@ -89,6 +89,11 @@ class BlockAngular:
         """Number of rows and of columns."""
         return len(self.shared), len(self.places) + sum(int(part.columns.size) for part in self.parts)
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its numbers."""
+        return self.shared.nbytes + sum(part.rows.nbytes + part.block.nbytes for part in self.parts)
+
     def dense(self) -> FloatArray:
         """Return the matrix (n, p) with its zeros."""
         return self.of_rows(np.arange(len(self.shared)))
@@ -193,7 +198,11 @@ class BlockAngular:
             mine = held.get(int(part.rows[0]))
             theirs = replace(part, columns=p + part.columns)
             held[int(part.rows[0])] = theirs if mine is None else _joined(mine, theirs)
-        shared = np.concatenate([self.shared, other.shared], axis=1)
+        shared = (
+            np.concatenate([self.shared, other.shared], axis=1)
+            if other.shared.size
+            else np.ascontiguousarray(self.shared)
+        )
         return BlockAngular(shared, np.concatenate([self.places, p + other.places]), tuple(held.values()))
 
     def gram(self) -> FloatArray:

@@ -44,7 +44,7 @@ def fan_out(function: Callable[[T], R], tasks: Sequence[T], executor: Executor) 
     places = {_submitted(function, task, executor): place for place, task in enumerate(tasks)}
     try:
         for future in as_completed(places):
-            yield places[future], future
+            yield places.pop(future), future
     finally:
         for future in places:
             future.cancel()

@@ -1,15 +1,27 @@
-"""A cache whose limit is the memory of what it holds, not their number: a run may last seconds or an hour."""
+"""Caches whose limit is the memory of what they hold, not their number: a run may last seconds or an hour."""
 
 from __future__ import annotations
 
 import functools
 import threading
+import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from typing import Any, Generic, ParamSpec, TypeVar
+from typing import Any, ClassVar, Generic, ParamSpec, Protocol, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+class Large(Protocol):
+    """What has a size."""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that it takes."""
+
+
+L = TypeVar("L", bound=Large)
 
 
 class SizedCache(Generic[P, R]):
@@ -59,3 +71,69 @@ class SizedCache(Generic[P, R]):
 def sized_cache(size: Callable[[Any], int], limit: float) -> Callable[[Callable[P, R]], SizedCache[P, R]]:
     """Return a decorator that keeps results of a function up to `limit` bytes; `size` tells those of one."""
     return lambda function: SizedCache(function, size, limit)
+
+
+def always(value: R) -> Callable[[], R]:
+    """Return a function that returns this value, and can be sent to another process."""
+    return functools.partial(_same, value)
+
+
+def _same(value: R) -> R:
+    return value
+
+
+class Budget:
+    """Bytes that values which can be made again may take together, of those that are still in use.
+
+    The newest is held whatever its size; those not asked for longest are dropped first. Threads may share one.
+
+    Attributes:
+        limit: bytes.
+    """
+
+    def __init__(self, limit: float) -> None:
+        """Hold values of up to `limit` bytes."""
+        self.limit = limit
+        self._lock = threading.Lock()
+        self._sizes: weakref.WeakKeyDictionary[Remade[Any], int] = weakref.WeakKeyDictionary()
+
+    def hold(self, one: Remade[Any], size: int) -> None:
+        """Note that a value was asked for, and drop others where it is one too many."""
+        with self._lock:
+            self._sizes.pop(one, None)
+            self._sizes[one] = size
+            total = sum(self._sizes.values())
+            for oldest in [*self._sizes]:
+                if total <= self.limit or oldest is one:
+                    break
+                total -= self._sizes.pop(oldest)
+                oldest.value = None
+
+
+class Remade(Generic[L]):
+    """A large value that is made again, to the last bit, where it was dropped: all take so many bytes together.
+
+    Example:
+        >>> import numpy as np
+        >>> squares = Remade(lambda: np.arange(4.0) ** 2)
+        >>> print(squares())
+        [0. 1. 4. 9.]
+        >>> squares() is squares()
+        True
+    """
+
+    budget: ClassVar[Budget] = Budget(0.4e9)
+
+    def __init__(self, make: Callable[[], L], value: L | None = None) -> None:
+        """Make a value by `make`, unless it is known already."""
+        self.make, self.value = make, value
+        if value is not None:
+            self.budget.hold(self, value.nbytes)
+
+    def __call__(self) -> L:
+        """Return the value."""
+        value = self.value
+        if value is None:
+            value = self.value = self.make()
+        self.budget.hold(self, value.nbytes)
+        return value

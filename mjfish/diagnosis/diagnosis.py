@@ -472,7 +472,7 @@ def estimates(found: Fit, model: Model) -> dict[str, Estimate]:
     """
     result = {}
     declared = {p.name: p for p in model.parameters}
-    for p, at_bound, length in zip(found.parameters, found.at_bound, found.jacobian.lengths, strict=True):
+    for p, at_bound, length in zip(found.parameters, found.at_bound, found.lengths, strict=True):
         if ":" not in p.name:
             low, high = found.interval(p.name, Z95)
             low = declared.get(p.name, p).low if low <= p.low else low

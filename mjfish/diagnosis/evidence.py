@@ -10,9 +10,9 @@ of an effect, and only what survives it can name one. Amplitudes that cannot be 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain, combinations
 
 import numpy as np
@@ -29,6 +29,7 @@ from mjfish.estimation.problem import Slopes
 from mjfish.estimation.time_limit import check_time, limited
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
+from mjfish.sized_cache import Remade
 
 
 def one_sided_statistic(u: FloatArray, information: FloatArray, positive: BoolArray) -> FloatArray:
@@ -109,7 +110,7 @@ class Evidence:
         cleared: (n,) z, the whitened residual less its part in the span of J.
         score: (d,) u = S^' z, all candidates' amplitudes stacked, amplitudes in units of their scale.
         information: (d, d) S^' S^.
-        raw: (n, d) S~, before the projection.
+        raws: returns `raw`: it may have to be made again.
         coefficients: orthonormal basis of the span of J.
     """
 
@@ -120,8 +121,13 @@ class Evidence:
     cleared: FloatArray
     score: FloatArray
     information: FloatArray
-    raw: FloatArray
+    raws: Callable[[], FloatArray]
     coefficients: Basis
+
+    @property
+    def raw(self) -> FloatArray:
+        """Signatures S~ (n, d) before the projection."""
+        return self.raws()
 
     @property
     def signatures(self) -> FloatArray:
@@ -276,12 +282,9 @@ class Evidence:
         waves = self.waves
         energy = np.array([own.reshape(len(CHANNELS), -1).mean(axis=1) for own in waves.energy])
         size = 1.0 / np.sqrt(np.maximum(energy.mean(axis=0), 1e-300))
-        parts = tuple(
-            replace(part, block=part.block * np.repeat(size, part.block.shape[1] // len(size)))
-            for part in waves.columns.parts
-        )
-        scaled = replace(waves, columns=replace(waves.columns, parts=parts))
-        return scaled.drawn(self.cleared, self.problem.noise.doubt)
+        for part in waves.columns.parts:  # they were made for this test: no second copy
+            part.block[:] *= np.repeat(size, part.block.shape[1] // len(size))
+        return replace(waves, columns=replace(waves.columns)).drawn(self.cleared, self.problem.noise.doubt)
 
     def saturated_excess(self) -> float:
         """Return what all candidates jointly explain beyond chance: their statistic less its rank."""
@@ -309,7 +312,7 @@ class Evidence:
 
 
 def gather(
-    problem: Problem, fit: Fit, candidates: Sequence[Effect], known_signatures: Slopes | None = None
+    problem: Problem, fit: Fit, candidates: Sequence[Effect], known_signatures: Callable[[], Slopes] | None = None
 ) -> Evidence:
     """Compute residual, projected signatures and omnibus scores at a fit.
 
@@ -317,14 +320,16 @@ def gather(
         problem: that was fitted.
         fit: its result; parameters at a bound are treated as fixed.
         candidates: effects to score; those already in the model are left out.
-        known_signatures: their `signatures`, where they are known already.
+        known_signatures: returns their `signatures`, where they are known already.
     """
     held = {effect.name for effect in problem.model.effects}
     kept = tuple(effect for effect in candidates if effect.name not in held)
     amplitudes = tuple(effect.amplitudes() for effect in kept)
     coefficients = span(fit.jacobian.chosen(~fit.at_bound))
     z = coefficients.off(fit.residual)
-    raw = problem.rows(signatures(problem, fit.values, kept) if known_signatures is None else known_signatures).shared
+    known = None if known_signatures is None else problem.rows(known_signatures()).shared
+    raws = Remade(partial(signature_rows, problem, fit.values, kept), known)
+    raw = raws()
     inside, score, information = coefficients.coordinates(raw), np.zeros(raw.shape[1]), np.zeros((raw.shape[1],) * 2)
     for rows in (*problem.trial_rows, *np.arange(problem.measured, len(raw))[:, None]):
         left = coefficients.off_at(rows, raw, inside)
@@ -338,12 +343,12 @@ def gather(
         cleared=z,
         score=score,
         information=information,
-        raw=raw,
+        raws=raws,
         coefficients=coefficients,
     )
 
 
-def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Slopes) -> Iterator[Evidence]:
+def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Callable[[], Slopes]) -> Iterator[Evidence]:
     """Yield what the evidence would be under other noises, refitted to first order.
 
     Args:
@@ -357,7 +362,7 @@ def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Slopes)
         other = replace(problem, noise=noise)
         residual, jacobian = other.rows(raw).shared[:, 0], other.jacobian_of(slopes, x)
         residual[other.measured :] = other.known_rows(x)[0]
-        seen = replace(evidence.fit, residual=residual, jacobian=jacobian)
+        seen = evidence.fit.having(residual=residual, jacobian=jacobian)
         yield gather(other, seen, evidence.candidates, known_signatures)
 
 
@@ -379,24 +384,58 @@ def signatures(
         CandidatesFailedError: derivatives by amplitudes of some are not finite where the prediction is.
         PastLimitError: they took longer than all candidates may.
     """
+    wide, x, amplitudes = _widened(problem, values, candidates, shapes)
+    with limited(candidate_limit() * max(len(candidates), 1)):
+        slopes = wide.slopes(x, only=[p.name for p in amplitudes])
+        check_time()
+    if shapes is None:
+        _check_finite(slopes.lost, problem, values, candidates)
+    for block in (*slopes.velocity, *slopes.sensors):
+        block *= [p.scale for p in amplitudes]
+    return slopes
+
+
+def signature_rows(
+    problem: Problem,
+    values: Mapping[str, float],
+    candidates: Sequence[Effect],
+    shapes: Mapping[str, float] | None = None,
+) -> FloatArray:
+    """Return the same as whitened rows (n, d) of the residual; see `signatures`."""
+    wide, x, amplitudes = _widened(problem, values, candidates, shapes)
+    with limited(candidate_limit() * max(len(candidates), 1)):
+        rows, lost = wide.rows_by(x, [p.name for p in amplitudes], np.array([p.scale for p in amplitudes]))
+        check_time()
+    if shapes is None:
+        _check_finite(lost, problem, values, candidates)
+    return rows
+
+
+def _widened(
+    problem: Problem, values: Mapping[str, float], candidates: Sequence[Effect], shapes: Mapping[str, float] | None
+) -> tuple[Problem, FloatArray, list[Parameter]]:
+    """Return the problem with candidates at their null, where it is derived, and their amplitudes."""
     model = replace(problem.model, effects=(*problem.model.effects, *candidates))
     wide = replace(problem, model=model)
     null = {p.name: p.default for effect in candidates for p in effect.parameters}
     x = wide.start({**null, **(shapes or {}), **values})
-    amplitudes = [p for effect in candidates for p in effect.amplitudes()]
-    with limited(candidate_limit() * max(len(candidates), 1)):
-        slopes = wide.slopes(x, only=[p.name for p in amplitudes])
-        check_time()
-    if slopes.lost and shapes is None and not problem.divergence(problem.start(values)):
-        lost = [effect.name for effect in candidates if any(p.name in slopes.lost for p in effect.amplitudes())]
+    return wide, x, [p for effect in candidates for p in effect.amplitudes()]
+
+
+def _check_finite(
+    names: Collection[str], problem: Problem, values: Mapping[str, float], candidates: Sequence[Effect]
+) -> None:
+    """Refuse candidates whose derivatives by these parameters are not finite though the prediction is."""
+    if names and not problem.divergence(problem.start(values)):
+        lost = [effect.name for effect in candidates if any(p.name in names for p in effect.amplitudes())]
         raise CandidatesFailedError(dict.fromkeys(lost, "the derivative of the prediction by its sizes is not finite"))
-    return slopes.scaled(np.array([p.scale for p in amplitudes]))
 
 
 def whitened_omnibus(problem: Problem) -> BlockAngular:
     """Return the omnibus basis (n, columns) in the problem's whitened space; every column touches one trial only."""
     blocks = []
-    for index, channels in enumerate(omnibus(problem.model.fish.cpg, problem.trials)):
+    for index, trial in enumerate(problem.trials):
+        (channels,) = omnibus(problem.model.fish.cpg, [trial])
         white = problem.whitened(index, np.concatenate(channels, axis=2)[problem.mask(index)])
         blocks.append(white.reshape(3 * len(white), white.shape[2]))
     rows = [np.arange(at.start, at.stop) for at in problem.rows_by_trial()]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +22,7 @@ from mjfish.executors import completed, in_order
 from mjfish.kept import Kept
 from mjfish.parameter import Parameter
 from mjfish.serialise import plain
-
-T = TypeVar("T")
+from mjfish.sized_cache import always
 
 #: A cause that is added to a model, or a refit that is followed.
 Begun = Effect | Refit
@@ -81,7 +80,7 @@ def _side_by_side(
         function = partial(_recorded, function, problem.alone)
 
     def made() -> Iterator[tuple[int, Callable[[], Any]]]:
-        yield from ((place, partial(_same, known)) for place, known in enumerate(found) if known is not None)
+        yield from ((place, always(known)) for place, known in enumerate(found) if known is not None)
         for k, get in completed(function, [tasks[place] for place in rest], problem.jobs, executor):
             if (file := files[rest[k]]) is None:
                 yield rest[k], get
@@ -89,7 +88,7 @@ def _side_by_side(
                 result = get()
                 if not isinstance(result, Failure):
                     Kept.write(file, result)
-                yield rest[k], partial(_same, result)
+                yield rest[k], always(result)
 
     results = in_order(made())
     for task in begun:
@@ -99,10 +98,6 @@ def _side_by_side(
         refit = _restored(result, *_origin(task, problem)) if recorded else result
         own = replace(refit.problem, jobs=problem.jobs, executor=executor, kept=kept)
         yield replace(refit, problem=own)
-
-
-def _same(result: T) -> T:
-    return result
 
 
 def _name(task: Begun) -> str:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.failures import blamed, finite
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.estimation.residual import Score, held_out_covariance_root, predict_held_out
+from mjfish.sized_cache import Remade
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -90,16 +92,16 @@ class HeldOut:
 
     def __init__(self, evidence: Evidence, trials: tuple[Trial, ...]) -> None:
         self.evidence, self.trials = evidence, trials
-        self.scores: dict[Refit | None, Score] = {}
+        self.scores: dict[Refit | None, Callable[[], Score]] = {}
         self.covariance_roots: dict[Refit | None, FloatArray] = {}
 
     def score(self, refit: Refit | None) -> Score:
         """Return the score of a refit, None: of the nominal model."""
         if refit not in self.scores:
             of = self.evidence if refit is None else refit
-            with _of(refit):
-                self.scores[refit] = predict_held_out(of.problem, of.fit.values, self.trials)
-        return self.scores[refit]
+            self.scores[refit] = Remade(partial(predict_held_out, of.problem, of.fit.values, self.trials))
+        with _of(refit):
+            return self.scores[refit]()
 
     def covariance_root(self, refit: Refit | None) -> FloatArray:
         """Return a root (n, k) of the covariance of a refit's prediction; None: of the nominal model's."""

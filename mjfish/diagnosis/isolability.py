@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mjfish.arrays import FloatArray, blocks_of, solve
-from mjfish.diagnosis.evidence import DETECTED, Evidence, signatures
+from mjfish.diagnosis.evidence import DETECTED, Evidence, signature_rows
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
 from mjfish.estimation import Fit, Problem
@@ -83,9 +83,8 @@ def amplitude_signatures(evidence: Evidence, learned: Sequence[Effect]) -> tuple
     Those of a cause that is not smooth at its null are the change of the prediction by one scale of the amplitude.
     """
     problem, fit = evidence.problem, evidence.fit
-    slopes = problem.rows(signatures(problem, fit.values, learned)).shared
     effects = (*evidence.candidates, *learned)
-    raw = np.hstack([evidence.raw, slopes])
+    raw = np.hstack([evidence.raw, signature_rows(problem, fit.values, learned)])
     rough = [(effect, block) for effect, block in zip(effects, _blocks(effects), strict=True) if not effect.smooth]
     nominal = problem.rough.residual(fit.x) if rough else fit.residual
     for effect, block in rough:

@@ -122,7 +122,7 @@ def _may_explain(effect: Effect, found: Mapping[str, Refit]) -> bool:
 
 def far_off(found: Fit) -> bool:
     """Return whether a fit leaves far more than noise."""
-    return found.sse > _FAR * len(found.residual)
+    return found.sse > _FAR * found.count
 
 
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
@@ -171,7 +171,7 @@ def _floor(found: Mapping[str, Refit]) -> float:
     """
     best = max(found.values(), key=lambda refit: refit.gain)
     floor = _RUNNING * best.gain
-    if best.fit.sse > _MISFIT * len(best.fit.residual):
+    if best.fit.sse > _MISFIT * best.fit.count:
         return floor
     return max(floor, best.gain - max(_DISTANCE * best.gain, _WEAK))
 
@@ -241,7 +241,7 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
     start, least = best_start(evidence, problem, effect, formulas)
     hopeless = not effect.smooth and least > evidence.fit.sse - _HOPELESS  # no size on the grid explains anything
     best = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=1 if hopeless else COARSE[not effect.smooth])
-    if effect.learned and not effect.smooth and best.sse > _MISFIT * len(best.residual):  # it has several minima
+    if effect.learned and not effect.smooth and best.sse > _MISFIT * best.count:  # it has several minima
         starts = [problem.start(values) for values in _like(effect, formulas)]
         tried = [fit_or_raise(problem, x, tolerance=TOLERANCE, evaluations=COARSE[True]) for x in starts]
         best = min([best, *tried], key=lambda each: each.objective)
@@ -259,7 +259,7 @@ def made_smooth(refit: Refit, best: float = np.inf) -> Refit:
     """
     problem, least = refit.problem, min(best, refit.fit.sse)
     found = _followed(problem, refit.fit.x, refit.fit.sse, least)
-    if found.sse > _MISFIT * len(found.residual):
+    if found.sse > _MISFIT * found.count:
         own = refit.effects[-1].parameters
         middle = {p.name: p.middle if p.shape else found.values[p.name] for p in own}
         found = _restarted(problem, found, problem.start(middle), least)
@@ -292,7 +292,7 @@ def refined(refit: Refit, best: float) -> Refit:
     """
     there = refit.fit.status == "converged"
     result = refit.fit if there else _followed(refit.problem, refit.fit.x, refit.fit.sse, best)
-    fits = min(best, result.sse) <= _MISFIT * len(result.residual)
+    fits = min(best, result.sse) <= _MISFIT * result.count
     if not fits:
         result = _restarted(refit.problem, result, refit.problem.start(refit.parameter_values()), best)
     for _ in range(_MOST_MINIMA):

@@ -51,7 +51,7 @@ class Refit:
 
         Of a learned form, the effective number: priors take the place of data.
         """
-        responds = {p.name for p, own in zip(self.fit.parameters, self.fit.jacobian.lengths, strict=True) if own > 0.0}
+        responds = {p.name for p, own in zip(self.fit.parameters, self.fit.lengths, strict=True) if own > 0.0}
         formulas = (p for effect in self.effects if not effect.learned for p in effect.parameters)
         learned = [p.name for effect in self.effects if effect.learned for p in effect.parameters]
         plain = sum(not p.shape or p.name in responds for p in formulas)

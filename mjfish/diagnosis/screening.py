@@ -28,6 +28,7 @@ from mjfish.estimation.noise_of_fit import noise_of, saturated, smoothing_of
 from mjfish.estimation.problem import Slopes
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
 from mjfish.noise.sample import noisy_ends
+from mjfish.sized_cache import Remade
 
 #: A relative change of sigma below this leaves the weights as they are; other parameters of a noise may change by four
 #: times as much.
@@ -88,22 +89,22 @@ def screen(
     progress("fitting the nominal model", 0.02)
     problem, start = resolved(problem)
     baseline = nominal_fit(problem, start)
-    slopes = signatures(problem, baseline.values, candidates)
-    ends = noisy_ends(saturated(problem, baseline, slopes.velocity).residuals)
+    slopes = _signatures(problem, baseline.values, candidates)
+    ends = noisy_ends(saturated(problem, baseline, slopes().velocity).residuals)
     if ends:
-        noise, _ = noise_of(problem, baseline, slopes.velocity, stated, patterns=False)
+        noise, _ = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
         if isinstance(noise, DifferentiationNoise):  # its filter lacks positions there, however little noisier it is
             ends = max(ends, noise.window // 2)
         problem = replace(problem, ends=ends)
         baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
-        slopes = signatures(problem, baseline.values, candidates)
+        slopes = _signatures(problem, baseline.values, candidates)
     results: dict[Filter | None, tuple[Screening, str]] = {}
     smoothing, known = problem.smoothing, problem.smoothing is not None
     while smoothing not in results:
         if smoothing != problem.smoothing:
             problem = replace(problem, smoothing=smoothing)
             baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
-            slopes = signatures(problem, baseline.values, candidates)
+            slopes = _signatures(problem, baseline.values, candidates)
         found, noise_remark, smoothing = _screened(problem, baseline, slopes, candidates, stated, rng, progress)
         results[problem.smoothing] = found, noise_remark
         if known:  # the dataset says through which filter its velocities went
@@ -124,7 +125,7 @@ def nominal_fit(problem: Problem, start: FloatArray) -> Fit:
     from a few points of a Latin hypercube over the bounds, and the best of them is followed to its optimum.
     """
     first = sound(NOMINAL, fit(problem, start, tolerance=1e-6))
-    if first.status == "converged" and first.cost < _EXPLAINED * len(first.residual):
+    if first.status == "converged" and first.cost < _EXPLAINED * first.count:
         return first
     points = [*hypercube(problem, _STARTS - 1, seed=0)]
     best = min(problem.mapped(scouted, points, tolerance=1e-3, evaluations=_SCOUT), key=lambda scout: scout.cost)
@@ -137,7 +138,7 @@ def nominal_fit(problem: Problem, start: FloatArray) -> Fit:
 def _screened(
     problem: Problem,
     baseline: Fit,
-    slopes: Slopes,
+    slopes: Remade[Slopes],
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
     rng: np.random.Generator,
@@ -147,25 +148,25 @@ def _screened(
     refitted = _under_the_stated_noise(problem, baseline, slopes, candidates, stated, part(progress, 0.05, 0.1))
     if refitted:
         best = _leader(refitted)
-        noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1], stated)
+        noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1]().velocity, stated)
     else:
-        noise, remark = noise_of(problem, baseline, slopes.velocity, stated, patterns=False)
+        noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
     test = _NominalTest(candidates, slopes, rng, progress)
     seen = test.run(problem, baseline, noise)
     if seen.p_wrong >= ALARM:  # a noise estimate that includes patterns common to all runs may absorb a misfit
-        noise, remark = noise_of(problem, baseline, slopes.velocity, stated)
+        noise, remark = noise_of(problem, baseline, slopes().velocity, stated)
         seen = test.repeat(seen, noise)
     if seen.p_wrong < ALARM:
         refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), refitted, seen.refits)
     else:
         refitted = {}
     if not refitted:
-        smoothing = smoothing_of(problem, baseline, noise, candidates, slopes.velocity)
+        smoothing = smoothing_of(problem, baseline, noise, candidates, slopes().velocity)
     else:
         best = _led(refitted)
         others, beside = _beside(best, candidates)
-        noise, remark = noise_of(best.problem, best.fit, beside, stated)
-        smoothing = smoothing_of(best.problem, best.fit, noise, others, beside)
+        noise, remark = noise_of(best.problem, best.fit, beside().velocity, stated)
+        smoothing = smoothing_of(best.problem, best.fit, noise, others, beside().velocity)
         before, seen = seen, test.repeat(seen, noise)
         if seen.p_wrong >= ALARM:
             refitted = {}
@@ -179,7 +180,7 @@ def _screened(
 def _under_the_stated_noise(
     problem: Problem,
     baseline: Fit,
-    slopes: Slopes,
+    slopes: Remade[Slopes],
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
     progress: Progress,
@@ -197,7 +198,7 @@ def _under_the_stated_noise(
         if not found:
             return {}
         best = _led(found)
-        if best.fit.sse < _FITTED * len(best.fit.residual):
+        if best.fit.sse < _FITTED * best.fit.count:
             return found
     return {}
 
@@ -213,10 +214,16 @@ def _leader(found: Mapping[str, Refit]) -> Refit:
     return max(found.values(), key=lambda refit: refit.gain)
 
 
-def _beside(best: Refit, candidates: tuple[Effect, ...]) -> tuple[tuple[Effect, ...], list[FloatArray]]:
-    """Return the candidates that a refit lacks, and their signatures (n_r, 3, k) there, a trial each."""
+def _beside(best: Refit, candidates: tuple[Effect, ...]) -> tuple[tuple[Effect, ...], Remade[Slopes]]:
+    """Return the candidates that a refit lacks, and their signatures there."""
     others = tuple(effect for effect in candidates if effect.name not in best.names)
-    return others, signatures(best.problem, best.fit.values, others).velocity
+    return others, _signatures(best.problem, best.fit.values, others)
+
+
+def _signatures(problem: Problem, values: Mapping[str, float], candidates: tuple[Effect, ...]) -> Remade[Slopes]:
+    """Return the signatures of candidates, made: what fails among them fails here."""
+    make = partial(signatures, problem, values, candidates)
+    return Remade(make, make())
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +241,7 @@ class _NominalTest:
     """Fits the nominal model under a noise and tests its residual."""
 
     candidates: tuple[Effect, ...]
-    slopes: Slopes
+    slopes: Remade[Slopes]
     rng: np.random.Generator
     progress: Progress
 
@@ -245,9 +252,8 @@ class _NominalTest:
             self.progress("fitting the nominal model", 0.08)
             problem = replace(problem, noise=noise)
             baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
-            slopes = signatures(
-                problem, baseline.values, self.candidates
-            )  # taken at another fit, an unidentifiable effect would seem to show
+            # taken at another fit, an unidentifiable effect would seem to show
+            slopes = _signatures(problem, baseline.values, self.candidates)
         evidence = gather(problem, baseline, self.candidates, slopes)
         self.progress("testing the residual", 0.15)
         directed, p_wrong = self._p_values(evidence)

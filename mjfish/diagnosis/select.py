@@ -53,6 +53,8 @@ _SLIGHT = 0.01
 #: And up to this share, it is like the truth, if nothing else is.
 RESEMBLES = 1.0 / 3.0
 DRAWS = 4000
+#: Rows of residuals that are compared at a time.
+_ROWS = 2**16
 
 
 @dataclass(frozen=True)
@@ -116,12 +118,13 @@ class Standing:
 def _rivalry(refits: Mapping[Key, Refit], held_out: HeldOut, rng: np.random.Generator) -> dict[Key, Standing]:
     """Return, per refit, the margin by which the best rival beats it and its p value; goodness of fit is not tested."""
     names, beyond = list(refits), held_out.of_rivals(refits)
-    residuals = np.stack([np.concatenate([refits[name].fit.residual, beyond[name]]) for name in names])
+    residuals = np.empty((len(names), refits[names[0]].fit.count + len(beyond[names[0]])))
+    for row, name in zip(residuals, names, strict=True):
+        row[:] = np.concatenate([refits[name].fit.residual, beyond[name]])
     gains = np.array([refits[name].adjusted - float(beyond[name] @ beyond[name]) for name in names])
     result = {}
     for index, name in enumerate(names):
-        apart = residuals[index] - residuals  # eta_k - eta_l
-        inner = apart @ apart.T
+        inner = sum(_inner(residuals[:, at : at + _ROWS], index) for at in range(0, residuals.shape[1], _ROWS))
         values, vectors = np.linalg.eigh(inner)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         margin = 2.0 * rng.standard_normal((DRAWS, len(names))) @ root.T - np.diag(inner)
@@ -130,6 +133,12 @@ def _rivalry(refits: Mapping[Key, Refit], held_out: HeldOut, rng: np.random.Gene
         p_value = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
         result[name] = Standing(p_value, float(observed))
     return result
+
+
+def _inner(residuals: FloatArray, index: int) -> FloatArray:
+    """Return the inner products of eta_k - eta_l over some rows, of all k and one l."""
+    apart = residuals[index] - residuals
+    return np.asarray(apart @ apart.T)
 
 
 def tolerated(mechanisms: Sequence[str]) -> float:
@@ -143,11 +152,14 @@ def sharp_p(test: tuple[float, int], gain: float) -> float:
     return 1.0 if statistic - rank < _SLIGHT * gain else tail(statistic, rank)
 
 
-def _drawn_p(test: Drawn, cleared: FloatArray, gain: float) -> float:
-    """Return the p value of a test of random sizes: 1 where it is slight beside the gain, that of flips if larger."""
+def _drawn(test: Drawn, cleared: FloatArray, gain: float) -> tuple[float, float]:
+    """Return what a test of random sizes sees beyond chance, and its p value.
+
+    This is 1 where it is slight beside the gain, that of flips if larger.
+    """
     if test.beyond < _SLIGHT * gain:
-        return 1.0
-    return test.p if test.p >= GOODNESS else max(test.p, test.flipped_p(cleared))
+        return test.beyond, 1.0
+    return test.beyond, test.p if test.p >= GOODNESS else max(test.p, test.flipped_p(cleared))
 
 
 class Goodness:
@@ -179,12 +191,10 @@ class Goodness:
         return self.known[refit]
 
     def _tested(self, refit: Refit) -> dict[str, float]:
+        sizes, (steady, steady_p) = self._by_run(refit)
         after = gather(refit.problem, refit.fit, self.candidates)
-        every = linearised(refit, self.held_out)
-        common, sizes = after.common(), every.sizes()
-        steady = every.coefficients().drawn(every.cleared, refit.problem.noise.doubt)
-        weighed = after.weighed()
-        beyond = [steady.beyond, weighed.beyond, *(statistic - rank for statistic, rank in (common, sizes))]
+        common, (weighed, weighed_p) = after.common(), _drawn(after.weighed(), after.cleared, refit.gain)
+        beyond = [steady, weighed, *(statistic - rank for statistic, rank in (common, sizes))]
         excess = max(after.saturated_excess(), after.omnibus_excess(), *beyond, 0.0)
         saturated_p, omnibus_p = after.saturated_p(), after.omnibus_p()
         if saturated_p < GOODNESS:  # outliers of the noise may be what is left
@@ -198,10 +208,16 @@ class Goodness:
             "left": excess / max(refit.gain + excess, 1e-9),
             "common_p": sharp_p(common, refit.gain),
             "constancy_p": sharp_p(sizes, refit.gain),
-            "weighed_p": _drawn_p(weighed, after.cleared, refit.gain),
-            "steady_p": _drawn_p(steady, every.cleared, refit.gain),
+            "weighed_p": weighed_p,
+            "steady_p": steady_p,
             "tolerance": tolerated(refit.mechanisms),
         }
+
+    def _by_run(self, refit: Refit) -> tuple[tuple[float, int], tuple[float, float]]:
+        """Return the test of the sizes by run; what that of the coefficients sees beyond chance, and its p value."""
+        every = linearised(refit, self.held_out)
+        steady = every.coefficients().drawn(every.cleared, refit.problem.noise.doubt)
+        return every.sizes(), _drawn(steady, every.cleared, refit.gain)
 
 
 def standings(

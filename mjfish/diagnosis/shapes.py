@@ -17,9 +17,10 @@ from dataclasses import replace
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnosis.evidence import Evidence, signatures
+from mjfish.diagnosis.evidence import Evidence, signature_rows
 from mjfish.effects.effect import Effect
 from mjfish.parameter import Parameter
+from mjfish.sized_cache import always
 
 #: Values of a shape that are tried: so many, or where its bounds are wide, a factor apart. A resonance is narrow.
 _VALUES, _FACTOR = 3, 1.45
@@ -69,7 +70,7 @@ def _scored(evidence: Evidence, effect: Effect, tried: Sequence[dict[str, float]
         for twin, own in zip(twins, tried, strict=True)
         for name, value in own.items()
     }
-    stacked = problem.rows(signatures(problem, evidence.fit.values, twins, shapes)).shared
+    stacked = signature_rows(problem, evidence.fit.values, twins, shapes)
     for k in range(len(tried)):
         raw = stacked[:, k * width : (k + 1) * width]
         projected = evidence.coefficients.off(raw)
@@ -79,7 +80,7 @@ def _scored(evidence: Evidence, effect: Effect, tried: Sequence[dict[str, float]
             amplitudes=(effect.amplitudes(),),
             score=projected.T @ evidence.cleared,
             information=projected.T @ projected,
-            raw=raw,
+            raws=always(raw),
         )
 
 

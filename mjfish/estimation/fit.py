@@ -21,6 +21,7 @@ from mjfish.errors import NUMERIC, MjfishError, reason_of
 from mjfish.estimation.problem import LOST, Problem
 from mjfish.estimation.settings import Loss
 from mjfish.parameter import Parameter, bounds
+from mjfish.sized_cache import Remade, always
 
 #: 97.5 % point of the standard normal distribution.
 Z95 = 1.959963984540054
@@ -36,6 +37,24 @@ _EXACTLY = {"atol": 1e-12, "btol": 1e-12, "regularize": False}
 
 
 @dataclass(frozen=True, eq=False)
+class Linearised:
+    """A problem where a fit ended.
+
+    Attributes:
+        jacobian: (n, p) derivative of the whitened prediction.
+        covariance: (p, p) of the estimates.
+    """
+
+    jacobian: BlockAngular
+    covariance: FloatArray
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of both."""
+        return self.jacobian.nbytes + self.covariance.nbytes
+
+
+@dataclass(frozen=True, eq=False)
 class Fit:
     """Result of a fit.
 
@@ -44,9 +63,8 @@ class Fit:
         x: their estimates (p,).
         sse: sum of squared whitened residuals, those of the data.
         penalty: what priors add to it.
-        residual: (n,) whitened.
-        jacobian: (n, p) of the whitened prediction.
-        covariance: (p, p); rows and columns of parameters at a bound are zero.
+        residuals: returns `residual`: it may have to be made again.
+        linearised: returns `jacobian` and `covariance`.
         reach: (p,) standard errors were no parameter held by its bound: how far one that is might lie from it.
         at_bound: (p,) whether the estimate rests on a bound.
         status: ``converged`` or ``stopped`` (too many evaluations), ``diverged``, or ``failed``: the optimiser raised
@@ -55,14 +73,16 @@ class Fit:
         evaluations: of the residual.
         cost: what was minimised: `sse`, or its robust form.
         ended: (p,) where the optimiser ended, each in units of its parameter's scale: there derivatives are taken.
+        count: n, number of whitened residuals.
+        lengths: (p,) of the columns of `jacobian`.
+        errors: (p,) standard errors; 0 where the estimate rests on a bound.
     """
 
     parameters: tuple[Parameter, ...]
     x: FloatArray
     sse: float
-    residual: FloatArray
-    jacobian: BlockAngular
-    covariance: FloatArray
+    residuals: Callable[[], FloatArray]
+    linearised: Callable[[], Linearised]
     reach: FloatArray
     at_bound: BoolArray
     status: Literal["converged", "stopped", "diverged", "failed"]
@@ -71,6 +91,39 @@ class Fit:
     cost: float = math.nan
     penalty: float = 0.0
     ended: FloatArray = field(default_factory=lambda: np.zeros(0))
+    count: int = field(init=False)
+    lengths: FloatArray = field(init=False)
+    errors: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Keep what is small of what is large."""
+        errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        for name, value in {"count": len(self.residual), "lengths": self.jacobian.lengths, "errors": errors}.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def residual(self) -> FloatArray:
+        """Whitened residuals (n,)."""
+        return self.residuals()
+
+    @property
+    def jacobian(self) -> BlockAngular:
+        """Derivative (n, p) of the whitened prediction."""
+        return self.linearised().jacobian
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance (p, p) of the estimates; rows and columns of parameters at a bound are zero."""
+        return self.linearised().covariance
+
+    def having(self, **other: Any) -> Fit:
+        """Return the fit with other attributes, `residual`, `jacobian` and `covariance` among them."""
+        if "residual" in other:
+            other["residuals"] = always(other.pop("residual"))
+        large = {name: other.pop(name) for name in ("jacobian", "covariance") if name in other}
+        if large:
+            other["linearised"] = always(replace(self.linearised(), **large))
+        return replace(self, **other)
 
     @property
     def lost(self) -> bool:
@@ -90,14 +143,12 @@ class Fit:
     @property
     def sigma(self) -> dict[str, float]:
         """Standard errors by name; 0 where the estimate rests on a bound."""
-        errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        return {p.name: float(v) for p, v in zip(self.parameters, errors, strict=True)}
+        return {p.name: float(v) for p, v in zip(self.parameters, self.errors, strict=True)}
 
     @property
     def correlation(self) -> FloatArray:
         """Correlation of the estimates (p, p); 0 where one rests on a bound."""
-        errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        safe = np.where(errors > 0.0, errors, 1.0)
+        safe = np.where(self.errors > 0.0, self.errors, 1.0)
         return np.asarray(self.covariance / np.outer(safe, safe))
 
     def interval(self, name: str, z: float = Z95) -> tuple[float, float]:
@@ -192,7 +243,7 @@ def _minimised(
         int(solution.nfev),
         2.0 * float(solution.cost),
     )
-    return _fit_at(problem, turned, end, loss, loss_scale)
+    return _fit_at(turned, _Ended(problem, end, loss, loss_scale))
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,35 +261,72 @@ class End:
 
 def fit_at(problem: Problem, end: End) -> Fit:
     """Return the `fit` of a problem by squares that is known to have ended there, to the last bit."""
-    turned = _Turned(problem, np.array([p.scale for p in problem.parameters]), large=False)
-    return _fit_at(problem, turned, end, "linear", 1.0)
+    return _fit_at(_Rows(problem, np.array([p.scale for p in problem.parameters])), _Ended(problem, end, "linear", 1.0))
 
 
-def _fit_at(problem: Problem, turned: _Rows, end: End, loss: Loss, loss_scale: float) -> Fit:
-    residual, jacobian = turned.at(end.ended)
-    x, at_bound = end.x, end.at_bound
-    if at_bound.any():  # putting an estimate onto its bound is a move too small for a Jacobian
-        residual = problem.residual(x)
-    divergence = problem.divergence(x) if np.abs(residual).max(initial=0.0) >= LOST else ""
-    weight = np.sqrt(slope(loss, (residual / loss_scale) ** 2))
-    if loss != "linear":
-        residual, jacobian = residual * weight, jacobian.scaled(rows=weight)
-    triangle = jacobian.above(turned.prior).factorised().triangle
-    every = covariance(triangle, np.zeros_like(at_bound))
+@dataclass(frozen=True, eq=False)
+class _Ended:
+    """Where the fit of a problem ended: what is large of the fit is made of this, once and again."""
+
+    problem: Problem
+    end: End
+    loss: Loss
+    loss_scale: float
+
+    @property
+    def _derived_at(self) -> FloatArray:
+        return np.asarray(self.end.ended * [p.scale for p in self.problem.parameters])
+
+    def plain(self) -> FloatArray:
+        """Return the residual; putting an estimate onto its bound is a move too small for a derivative."""
+        return self.problem.residual(self.end.x if self.end.at_bound.any() else self._derived_at)
+
+    def weighted(self, plain: FloatArray) -> FloatArray:
+        """Return the residual as the loss weighs it."""
+        return plain if self.loss == "linear" else plain * self._weight(plain)
+
+    def residual(self) -> FloatArray:
+        """Return the residual of the fit."""
+        return self.weighted(self.plain())
+
+    def linearised(self) -> Linearised:
+        """Return derivatives and covariance of the fit."""
+        return self.seen(self.problem.jacobian(self._derived_at))[0]
+
+    def seen(self, jacobian: BlockAngular) -> tuple[Linearised, FloatArray]:
+        """Return the same by derivatives that are known, and the reach of the fit."""
+        at_bound = self.end.at_bound
+        if self.loss != "linear":
+            jacobian = jacobian.scaled(rows=self._weight(self.plain()))
+        triangle = jacobian.above(self.problem.prior_root).factorised().triangle
+        every = covariance(triangle, np.zeros_like(at_bound))
+        own = covariance(triangle, at_bound) if at_bound.any() else every
+        return Linearised(jacobian, own), np.sqrt(np.diag(every))
+
+    def _weight(self, plain: FloatArray) -> FloatArray:
+        return np.asarray(np.sqrt(slope(self.loss, (plain / self.loss_scale) ** 2)))
+
+
+def _fit_at(turned: _Rows, ended: _Ended) -> Fit:
+    problem, end = ended.problem, ended.end
+    plain, jacobian = turned.at(end.ended)
+    if end.at_bound.any():
+        plain = ended.plain()
+    divergence = problem.divergence(end.x) if np.abs(plain).max(initial=0.0) >= LOST else ""
+    residual, (linearised, reach) = ended.weighted(plain), ended.seen(jacobian)
     return Fit(
         parameters=problem.parameters,
-        x=x,
+        x=end.x,
         sse=float(residual @ residual),
-        residual=residual,
-        jacobian=jacobian,
-        covariance=covariance(triangle, at_bound) if at_bound.any() else every,
-        reach=np.sqrt(np.diag(every)),
-        at_bound=at_bound,
+        residuals=Remade(ended.residual, residual),
+        linearised=Remade(ended.linearised, linearised),
+        reach=reach,
+        at_bound=end.at_bound,
         status="diverged" if divergence else end.status,
         message=divergence or end.message,
         evaluations=end.evaluations,
         cost=end.cost,
-        penalty=float(np.sum((turned.prior @ x - turned.mean) ** 2)),
+        penalty=float(np.sum((turned.prior @ end.x - turned.mean) ** 2)),
         ended=end.ended,
     )
 
@@ -252,9 +340,8 @@ def _failed(problem: Problem, x: FloatArray, reason: str) -> Fit:
         parameters=problem.parameters,
         x=x,
         sse=float(residual @ residual),
-        residual=residual,
-        jacobian=BlockAngular.of(np.zeros((len(residual), count))),
-        covariance=np.diag(unknown),
+        residuals=always(residual),
+        linearised=always(Linearised(BlockAngular.of(np.zeros((len(residual), count))), np.diag(unknown))),
         reach=np.sqrt(unknown),
         at_bound=free,
         status="failed",

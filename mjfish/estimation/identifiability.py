@@ -54,7 +54,7 @@ def weaknesses(fit: Fit) -> tuple[Weakness, ...]:
 
     The noise is taken to be as large as the residual where that is more than stated.
     """
-    noise = max(1.0, float(np.sqrt(fit.sse / max(len(fit.residual) - len(fit.x), 1))))
+    noise = max(1.0, float(np.sqrt(fit.sse / max(fit.count - len(fit.x), 1))))
     triangle = fit.jacobian.factorised().triangle.dense() / noise
     length = np.linalg.norm(triangle, axis=0)
     off = [k for k in range(len(fit.x)) if not fit.at_bound[k]]

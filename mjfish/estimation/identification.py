@@ -195,7 +195,7 @@ class Identification(Result):
             "cost": solution.sse,
             "starts": self.starts,
             "reached": self.reached,
-            "samples": len(solution.residual) if self.problem is None else self._rows(self.problem),
+            "samples": solution.count if self.problem is None else self._rows(self.problem),
             "noise": plain(self.noise),
             "parameters": {
                 p.name: {
@@ -219,7 +219,7 @@ class Identification(Result):
 
     def _rows(self, problem: Problem) -> int:
         """Return how many numbers were fitted: measured ones, and what is known of parameters."""
-        return problem.numbers + len(self.fit.residual) - problem.measured
+        return problem.numbers + self.fit.count - problem.measured
 
 
 def _listed(scores: Sequence[SensorScore]) -> str:
@@ -483,7 +483,7 @@ def origin(fish: Fish, dataset: str, fit: Fit, fixed: Mapping[str, float] | None
     """
     lines = [
         f"Coefficients identified from the dataset '{dataset}' by mjfish {version('mjfish')}: {fit.status},",
-        f"sum of squares {fit.sse:.6g} of {len(fit.residual)} weighted samples. Estimate +- standard error:",
+        f"sum of squares {fit.sse:.6g} of {fit.count} weighted samples. Estimate +- standard error:",
     ]
     for name in fish.coefficient_names:
         if name in fit.values:

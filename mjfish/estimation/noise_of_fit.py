@@ -22,7 +22,7 @@ import numpy as np
 from scipy import fft
 from scipy.interpolate import BSpline, make_interp_spline
 
-from mjfish.arrays import FloatArray, blocks_of, orthonormal, project_out, readonly
+from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out, readonly
 from mjfish.block_angular import BlockAngular, span
 from mjfish.data import Trial
 from mjfish.data.filters import Differentiator, Filter
@@ -31,6 +31,7 @@ from mjfish.effects import Effect
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.omnibus import omnibus
 from mjfish.estimation.problem import Problem
+from mjfish.fish import Cpg
 from mjfish.frames import CHANNELS
 from mjfish.noise import (
     Autoregressive,
@@ -103,13 +104,17 @@ def saturated(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> NoiseS
         fit: its result.
         known: (n_r, 3, k) per trial, signatures of every effect that is not in the model.
     """
-    left = noise_sample(problem, problem.raw(fit.x))
-    basis = omnibus(problem.model.fish.cpg, problem.trials)
-    shapes = [np.concatenate(blocks, axis=2)[mask] for blocks, mask in zip(basis, left.masks, strict=True)]
+    left, cpg = noise_sample(problem, problem.raw(fit.x)), problem.model.fish.cpg
+    shapes = [functools.partial(_shapes, cpg, *pair) for pair in zip(problem.trials, left.masks, strict=True)]
     white = replace(problem, noise=Noise.white(problem.noise.sigma))
     jacobian = white.velocity_rows(white.slopes(fit.x)).chosen(~fit.at_bound)
-    explained = jacobian.beside(BlockAngular.of(white.whiten(known)))
-    return replace(left, shapes=shapes).without(explained)
+    return replace(left, shapes=shapes).without(jacobian.beside(BlockAngular.of(white.whiten(known))))
+
+
+def _shapes(cpg: Cpg | None, trial: Trial, mask: BoolArray) -> FloatArray:
+    """Return the omnibus waves (n_r, 3, columns) of the counted samples of a trial."""
+    (blocks,) = omnibus(cpg, [trial])
+    return np.asarray(np.concatenate(blocks, axis=2)[mask])
 
 
 def state_jacobians(problem: Problem, values: Mapping[str, float]) -> dict[str, FloatArray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -66,14 +66,14 @@ class Slopes:
     lost: frozenset[str] = frozenset()
 
     @property
+    def nbytes(self) -> int:
+        """Bytes of the derivatives."""
+        return sum(block.nbytes for block in (*self.velocity, *self.sensors))
+
+    @property
     def count(self) -> int:
         """Number of columns."""
         return len(self.shared) + sum(map(len, self.own))
-
-    def scaled(self, factors: FloatArray) -> Slopes:
-        """Return the derivatives by shared parameters times factors (k,)."""
-        velocity, sensors = ([block * factors for block in blocks] for blocks in (self.velocity, self.sensors))
-        return replace(self, velocity=velocity, sensors=sensors)
 
 
 @dataclass(frozen=True)
@@ -289,7 +289,9 @@ class Problem:
 
     def jacobian(self, x: FloatArray) -> BlockAngular:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `known_rows`."""
-        return self.jacobian_of(self.slopes(x), x)
+        shared, own, found = self._slopes_by_trial(x, self.parameters)
+        rows = self._stacked(shared, own, (one for one, _ in found), self.measured)
+        return rows.above(self.known_rows(x)[1])
 
     def jacobian_of(self, slopes: Slopes, x: FloatArray) -> BlockAngular:
         """Return the same of derivatives by all free parameters that are known already."""
@@ -299,36 +301,63 @@ class Problem:
         """Return derivatives as rows (n, k) of the whitened residual: zeros in those of known parameters."""
         return self._measured_rows(slopes).above(np.zeros((len(self.known), slopes.count)))
 
+    def rows_by(self, x: FloatArray, names: Sequence[str], factors: FloatArray) -> tuple[FloatArray, frozenset[str]]:
+        """Return derivatives by shared parameters times factors (k,) as such rows (n, k), and names of `Slopes.lost`.
+
+        Of one trial after the other: all their derivatives would take the memory twice and thrice.
+        """
+        shared, own, found = self._slopes_by_trial(x, [p for p in self.parameters if p.name in names])
+        lost: set[str] = set()
+
+        def scaled() -> Iterator[_Predicted]:
+            for one, nowhere in found:
+                lost.update(nowhere)
+                yield _Predicted(one.velocity * factors, tuple(block * factors for block in one.sensors))
+
+        rows = self._stacked(shared, own, scaled(), self.measured).above(np.zeros((len(self.known), len(shared))))
+        return rows.shared, frozenset(lost)
+
     def velocity_rows(self, slopes: Slopes) -> BlockAngular:
         """Return derivatives as whitened rows (`samples`, k) of the velocities alone."""
-        return self._stacked(slopes, [[] for _ in self.trials])
+        blocks = (_Predicted(block, ()) for block in slopes.velocity)
+        return self._stacked(slopes.shared, slopes.own, blocks, self.samples)
 
     def _measured_rows(self, slopes: Slopes) -> BlockAngular:
         """Return derivatives as whitened rows (`measured`, k) of velocities and sensors."""
-        sensors: list[list[tuple[slice, FloatArray]]] = [[] for _ in self.trials]
-        for (i, _), rows, block in zip(self.sensors, self.sensor_rows, slopes.sensors, strict=True):
-            sensors[i].append((rows, block))
-        return self._stacked(slopes, sensors)
+        sensors = iter(slopes.sensors)
+        pairs = zip(self.trials, slopes.velocity, strict=True)
+        blocks = (_Predicted(block, tuple(next(sensors) for _ in trial.sensors)) for trial, block in pairs)
+        return self._stacked(slopes.shared, slopes.own, blocks, self.measured)
 
-    def _stacked(self, slopes: Slopes, beside: list[list[tuple[slice, FloatArray]]]) -> BlockAngular:
-        """Return whitened rows: of the velocities, and blocks (m, k) of sensors with their places, by trial."""
-        count, parts = len(slopes.shared), []
-        shared = np.zeros((self.measured if any(beside) else self.samples, count))
-        for i, (block, own, velocities) in enumerate(
-            zip(slopes.velocity, slopes.own, self.rows_by_trial(), strict=True)
-        ):
-            white = [self.whitened(i, block).reshape(3 * len(block), block.shape[2]), *(rows for _, rows in beside[i])]
-            places = [np.arange(at.start, at.stop) for at in (velocities, *(at for at, _ in beside[i]))]
-            rows, every = np.concatenate(places), np.concatenate(white) if len(white) > 1 else white[0]
-            shared[rows] = every[:, :count]
-            if len(own):
-                parts.append(Part(rows, own, every[:, count:].copy()))  # a view would keep the shared columns twice
-        return BlockAngular(shared, slopes.shared, tuple(parts))
+    def _stacked(
+        self, places: IntArray, own: Sequence[IntArray], blocks: Iterable[_Predicted], rows: int
+    ) -> BlockAngular:
+        """Return whitened rows of the velocities, and those of sensors behind all, of the derivatives of each trial.
+
+        Args:
+            places, own: see `Slopes`.
+            blocks: counted derivatives (n_r, 3, s + k_r) of each trial, and whitened ones (m, s + k_r) of its sensors.
+            rows: number of rows.
+        """
+        count, parts, shared = len(places), [], np.zeros((rows, len(places)))
+        of_sensors = iter(self.sensor_rows)
+        for i, (one, mine, velocities) in enumerate(zip(blocks, own, self.rows_by_trial(), strict=True)):
+            block = one.velocity
+            white = [self.whitened(i, block).reshape(3 * len(block), block.shape[2]), *one.sensors]
+            slices = [velocities, *(next(of_sensors) for _ in one.sensors)]
+            at = np.concatenate([np.arange(s.start, s.stop) for s in slices])
+            every = np.concatenate(white) if len(white) > 1 else white[0]
+            shared[at] = every[:, :count]
+            if len(mine):
+                parts.append(Part(at, mine, every[:, count:].copy()))  # a view would keep the shared columns twice
+        return BlockAngular(shared, places, tuple(parts))
 
     def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
         """Whiten blocks (n_r, 3, k) of velocities, one a trial, and stack them to (`samples`, k)."""
-        white = (self.whitened(i, block) for i, block in enumerate(blocks))
-        return np.concatenate([block.reshape(3 * len(block), block.shape[2]) for block in white])
+        white = np.zeros((self.samples, blocks[0].shape[2]))
+        for i, (block, rows) in enumerate(zip(blocks, self.rows_by_trial(), strict=True)):
+            white[rows] = self.whitened(i, block).reshape(3 * len(block), block.shape[2])
+        return white
 
     def whitened(self, index: int, block: FloatArray) -> FloatArray:
         """Whiten columns (n_r, 3, ...) of the counted samples of one trial."""
@@ -343,6 +372,15 @@ class Problem:
         one-sided difference of second order over a tenth of the parameter's scale. Zero where not measured.
         """
         chosen = [p for p in self.parameters if only is None or p.name in only]
+        shared, own, by_trial = self._slopes_by_trial(x, chosen)
+        found = list(by_trial)
+        velocity, sensors = [one.velocity for one, _ in found], [block for one, _ in found for block in one.sensors]
+        return Slopes(shared, own, velocity, sensors, frozenset(name for _, lost in found for name in lost))
+
+    def _slopes_by_trial(
+        self, x: FloatArray, chosen: Sequence[Parameter]
+    ) -> tuple[IntArray, list[IntArray], Iterator[tuple[_Predicted, set[str]]]]:
+        """Return `shared` and `own` of the slopes by some parameters; of each trial the others, and what is lost."""
         here = self.named(x)
         shared = np.array([k for k, p in enumerate(chosen) if ":" not in p.name], dtype=np.intp)
         names = {trial.name: list[int]() for trial in self.trials}
@@ -358,9 +396,7 @@ class Problem:
             lost = {p.name for known in finite for p, there in zip(asked, known, strict=True) if not there}
             return self._counted(index, found), lost
 
-        found = list(mapped(counted, range(len(self.trials)), self.jobs))
-        velocity, sensors = [one.velocity for one, _ in found], [block for one, _ in found for block in one.sensors]
-        return Slopes(shared, own, velocity, sensors, frozenset(name for _, lost in found for name in lost))
+        return shared, own, mapped(counted, range(len(self.trials)), self.jobs)
 
     def _counted(self, index: int, found: _Predicted) -> _Predicted:
         """Return the derivatives of one trial (n_r, 3, k) of counted samples, and whitened ones (m, k) of its sensors.

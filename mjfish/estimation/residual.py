@@ -38,6 +38,11 @@ class Score:
     sensors: tuple[tuple[SensorResidual, ...], ...] = ()
 
     @property
+    def nbytes(self) -> int:
+        """Bytes of velocities."""
+        return sum(block.nbytes for block in (*self.residuals, *self.predictions, *self.whitened))
+
+    @property
     def whitened_sse(self) -> tuple[float, ...]:
         """Sum of squares of `whitened`, per trial."""
         return tuple(float(block @ block) for block in self.whitened)

@@ -9,7 +9,7 @@ residual of the saturated model, which has every candidate in it, does not, to f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -45,7 +45,8 @@ class NoiseSample:
         span: (n_r, 3, k) per trial, what was taken out of all; as columns divided by `scale`, orthonormal.
         apart: (n_r, 3, m) per trial, what was taken out of it alone, likewise, and orthogonal to those.
         lost: degrees of freedom per channel that it took.
-        shapes: (n_r, 3, m) per trial, functions that the residuals of all trials may share if something is wrong.
+        shapes: per trial, returns functions (n_r, 3, m) that the residuals of all trials may share if something is
+            wrong; they are many.
         own: (n_r, 3, m) per trial, divided by `scale` orthonormal, what the likelihood leaves out of that trial alone.
     """
 
@@ -56,7 +57,7 @@ class NoiseSample:
     span: list[FloatArray]
     apart: list[FloatArray]
     lost: float = 0.0
-    shapes: list[FloatArray] | None = None
+    shapes: Sequence[Callable[[], FloatArray]] | None = None
     own: list[FloatArray] | None = None
 
     @classmethod
@@ -97,7 +98,8 @@ class NoiseSample:
         count, total = sum(len(self.residuals[i]) for i in index), sum(map(len, self.residuals))
         residuals, span, apart = ([block[i] for i in index] for block in (self.residuals, self.span, self.apart))
         masks = [self.masks[i] for i in index]
-        shapes, own = (None if part is None else [part[i] for i in index] for part in (self.shapes, self.own))
+        shapes = None if self.shapes is None else [self.shapes[i] for i in index]
+        own = None if self.own is None else [self.own[i] for i in index]
         trials = tuple(self.trials[i] for i in index)
         return NoiseSample(trials, masks, residuals, self.scale, span, apart, self.lost * count / total, shapes, own)
 
@@ -105,6 +107,7 @@ class NoiseSample:
         """Return what is left when further columns (3 n, k), divided by `scale`, are taken out."""
         before, rows = self.columns, self.rows
         basis = span(before.beside(columns) if before.shape[1] else columns)
+        del columns  # as large as the basis
         scaled = np.concatenate([(block / self.scale).ravel() for block in self.residuals])
         left = basis.off(scaled)
         taken, apart = [], []
@@ -122,12 +125,12 @@ class NoiseSample:
 
     def without_shapes(self) -> NoiseSample:
         """Return what is left when the `shapes` that trials may share are taken out."""
-        shapes = [block.reshape(-1, block.shape[2]) for block in self.shapes or []]
-        return self.without(BlockAngular.of(np.concatenate(shapes)))
+        blocks = (shape() for shape in self.shapes or [])
+        return self.without(BlockAngular.of(np.concatenate([block.reshape(-1, block.shape[2]) for block in blocks])))
 
     def without_own_shapes(self) -> NoiseSample:
         """Return a sample whose likelihood is that of what the `shapes` leave, each trial having sizes of its own."""
-        flat = [self._flat(block) for block in self.shapes or []]
+        flat = (self._flat(shape()) for shape in self.shapes or [])
         own = [orthonormal(block).reshape(len(block) // 3, 3, -1) * self.scale[:, None] for block in flat]
         return replace(self, own=own or None)
 

@@ -12,6 +12,7 @@ from mjfish.diagnosis.evidence import gather
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.model import Model
+from mjfish.sized_cache import always
 
 
 def test_a_cause_that_the_coefficients_hide_changes_no_p_value() -> None:
@@ -45,4 +46,4 @@ def test_a_cause_is_identifiable_by_whatever_a_refit_leaves_of_it(beyond: float,
     column = evidence.fit.jacobian.of_columns([0])
     column /= np.linalg.norm(column)
     other = evidence.signatures / np.linalg.norm(evidence.signatures)
-    assert replace(evidence, raw=column + beyond * other).unidentifiable("com_offset") is hidden
+    assert replace(evidence, raws=always(column + beyond * other)).unidentifiable("com_offset") is hidden

@@ -15,6 +15,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis import select
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.estimation.residual import Score
+from mjfish.sized_cache import always
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +55,7 @@ class _Linear:
 
     columns: FloatArray
     data: FloatArray
+    names: tuple[str, ...] = ("linear",)
 
     @property
     def size(self) -> FloatArray:
@@ -61,7 +63,7 @@ class _Linear:
 
     @property
     def fit(self) -> Any:
-        return SimpleNamespace(residual=self.data - self.columns @ self.size)
+        return SimpleNamespace(residual=self.data - self.columns @ self.size, count=len(self.data))
 
     @property
     def adjusted(self) -> float:
@@ -79,7 +81,7 @@ def _rivals(rng: np.random.Generator, strays: float = 0.0) -> tuple[dict[str, An
     for refit, last in zip(refits.values(), (own, other), strict=True):
         columns = np.hstack([shared, last])
         residual = (data - columns @ refit.size)[40:]
-        held_out.scores[refit] = Score((), (), (residual[:40], residual[40:]))  # type: ignore[index]
+        held_out.scores[refit] = always(Score((), (), (residual[:40], residual[40:])))  # type: ignore[index]
         inverse = np.linalg.inv(columns[:40].T @ columns[:40])
         held_out.covariance_roots[refit] = columns[40:] @ np.linalg.cholesky(inverse)  # type: ignore[index]
     return refits, held_out
@@ -110,6 +112,17 @@ def test_held_out_trials_separate_rivals_and_seldom_reject_the_true_one() -> Non
             kept[heard] += [standing[name].rival_p >= select.KEEP for name in refits]
     assert np.all([one[0] > 0.9 * 300 for one in kept.values()]), kept
     assert kept[True][1] < 0.3 * 300 < 0.65 * 300 < kept[False][1], kept
+
+
+def test_rivals_are_compared_alike_however_many_rows_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    def compared() -> list[float]:
+        rng = np.random.default_rng(58)
+        return [standing.rival_p for standing in select._rivalry(*_rivals(rng), rng).values()]
+
+    at_once = compared()
+    monkeypatch.setattr(select, "_ROWS", 7)
+    assert compared() == pytest.approx(at_once, abs=0.002)
+    assert 0.01 < min(at_once) < 0.9
 
 
 def test_a_held_out_trial_that_no_rival_predicts_does_not_count() -> None:

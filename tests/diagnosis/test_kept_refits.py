@@ -41,6 +41,7 @@ from mjfish.kept import Kept
 from mjfish.noise import Noise
 from mjfish.parameter import Parameter
 from mjfish.simulation import generate
+from mjfish.sized_cache import Budget, Remade
 
 QUICK = {name: find(name) for name in ("time_offset", "servo_lag", "ambient_current")}
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"
@@ -96,6 +97,21 @@ def test_an_executor_gives_the_same_answer_whatever_the_order_of_completion(data
     executor = Backwards()
     assert text(diagnose(dataset, effects=QUICK, executor=executor, seed=3)) == answer
     assert executor.ran >= len(QUICK)
+
+
+def test_what_is_large_may_be_dropped_at_any_time(
+    dataset: Dataset, answer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Residuals, derivatives, covariances, signatures: made again, they give the same answer to the last bit."""
+    asked: list[Remade[Any]] = []
+
+    def forgotten(_: Budget, one: Remade[Any], size: int) -> None:
+        asked.append(one)
+        one.value = None
+
+    monkeypatch.setattr(Budget, "hold", forgotten)
+    assert text(diagnose(dataset, effects=QUICK, jobs=1, seed=3)) == answer
+    assert len(asked) > 100
 
 
 def test_a_worker_that_is_gone_is_an_error_that_says_so(dataset: Dataset) -> None:

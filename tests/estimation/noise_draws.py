@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import signal
@@ -68,8 +68,7 @@ class Draws:
         residual = self.problem.residual(x) + noise
         jacobian = self.jacobian(x)
         spread = covariance(BlockAngular.of(jacobian), self.base.at_bound)
-        return replace(
-            self.base,
+        return self.base.having(
             x=x,
             sse=float(residual @ residual),
             residual=residual,

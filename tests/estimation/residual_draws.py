@@ -10,7 +10,7 @@ from synthetic_swimming import SIGMA, TRUTH, problem, swimming
 
 from mjfish.arrays import FloatArray
 from mjfish.estimation import Fit, Problem
-from mjfish.estimation.fit import covariance
+from mjfish.estimation.fit import Linearised, covariance
 from mjfish.estimation.residual import Residual
 from mjfish.estimation.residual_tests import Absorbed, absorbed
 from mjfish.fish import Fish
@@ -28,8 +28,8 @@ def at(posed: Problem, x: FloatArray) -> Fit:
     spread = covariance(jacobian, free)
     whitened = posed.residual(x)
     return Fit(
-        posed.parameters, x, float(whitened @ whitened), whitened, jacobian, spread, np.sqrt(np.diag(spread)), free,
-        "converged", "", 1,
+        posed.parameters, x, float(whitened @ whitened), lambda: whitened, lambda: Linearised(jacobian, spread),
+        np.sqrt(np.diag(spread)), free, "converged", "", 1,
     )  # fmt: skip
 
 

@@ -17,8 +17,10 @@ from mjfish.block_angular import block_angular
 from mjfish.data import Dataset
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.fit import _Turned
+from mjfish.estimation.settings import Loss
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
+from mjfish.sized_cache import Remade
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +53,19 @@ def test_true_coefficients_come_back_from_the_papers_start_values(posed: Problem
     assert min(moved) > 20.0
     truth = np.array([TRUTH[name] for name in COEFFICIENTS]) - fitted.x
     assert truth @ np.linalg.inv(fitted.covariance) @ truth < stats.chi2.ppf(0.9999, 9)
+
+
+@pytest.mark.parametrize("loss", ["linear", "huber"])
+def test_what_is_made_again_of_a_fit_is_the_same_to_the_last_bit(pike: Fish, posed: Problem, loss: Loss) -> None:
+    """With an estimate at its bound."""
+    tight = replace(posed, declared=_declared(pike, "c_d.head", high=1.2))
+    found = fit(tight, loss=loss)
+    assert found.at_bound.any()
+    before = found.residual.tobytes(), found.jacobian.dense().tobytes(), found.covariance.tobytes()
+    for large in (found.residuals, found.linearised):
+        assert isinstance(large, Remade)
+        large.value = None
+    assert (found.residual.tobytes(), found.jacobian.dense().tobytes(), found.covariance.tobytes()) == before
 
 
 def test_what_is_left_is_the_noise(fitted: Fit) -> None:

@@ -26,8 +26,7 @@ def fitted(pike: Fish) -> Fit:
 def _with(fitted: Fit, jacobian: FloatArray, sse: float | None = None) -> Fit:
     """Return the fit with another Jacobian, and its covariance."""
     spread = covariance(BlockAngular.of(jacobian), fitted.at_bound)
-    return replace(
-        fitted,
+    return fitted.having(
         jacobian=BlockAngular.of(jacobian),
         covariance=spread,
         sse=float(len(jacobian) - 9) if sse is None else sse,

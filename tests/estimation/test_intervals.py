@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -79,7 +78,7 @@ def test_a_parameter_that_nothing_moves_has_no_narrow_interval(shared: Draws) ->
     one = shared.fit(shared.noise(0.8, np.random.default_rng(1)))
     still = one.jacobian.dense()
     still[:, 3] = 0.0
-    found = intervals(shared.problem, replace(one, jacobian=BlockAngular.of(still)))
+    found = intervals(shared.problem, one.having(jacobian=BlockAngular.of(still)))
     assert found.interval("c_d.head") == (0.1, 4.0)
     assert found.inflation[0] < 3.0
 

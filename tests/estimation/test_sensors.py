@@ -154,6 +154,18 @@ def test_residual_and_jacobian_are_velocities_then_sensors_then_what_is_known(po
         assert worst < 2e-4 * np.abs(expected).max() + 1e-6, p.name
 
 
+def test_derivatives_whitened_trial_by_trial_are_those_of_all(pool: Dataset) -> None:
+    problem = _problem(pool)
+    x, names, factors = problem.start(), ("c_d.tail", "c_m.body"), np.array([0.1, 7.0])
+    slopes = problem.slopes(x, names)
+    rows, lost = problem.rows_by(x, names, factors)
+    np.testing.assert_allclose(rows, problem.rows(slopes).shared * factors, rtol=1e-12)
+    every = [p.name for p in problem.parameters]
+    shared = problem.jacobian(x).of_columns([every.index(p) for p in every if p in names])
+    np.testing.assert_allclose(rows, shared * factors, rtol=1e-9, atol=1e-9)
+    assert not lost
+
+
 def test_velocities_that_were_not_measured_have_rows_of_zero(pool: Dataset) -> None:
     problem = _problem(_only(pool, "tag", velocities=(0,)))
     x = problem.start()

@@ -34,6 +34,7 @@ from mjfish.noise import (
 from mjfish.noise.differentiation import sharpened
 from mjfish.noise.sample import noisy_ends, remaining_power
 from mjfish.simulation.synthetic import generate
+from mjfish.sized_cache import always
 
 SIGMA = readonly([0.01, 0.02, 0.05])
 STEP = 0.02
@@ -270,7 +271,7 @@ def test_rounding_is_estimated_where_the_saturated_model_absorbs_slow_noise(
     for seed in range(5):
         rng = np.random.default_rng(seed)
         blocks = [_rough(rng, int(problem.mask(i).sum()), rounding) for i in range(2)]
-        left = replace(noise_sample(problem, blocks), shapes=_shapes(problem)).without_shapes()
+        left = replace(noise_sample(problem, blocks), shapes=[*map(always, _shapes(problem))]).without_shapes()
         plain = differentiation_noise(left)
         sharp = sharpened(plain, left)
         assert left.log_likelihood(sharp) > left.log_likelihood(plain)
@@ -287,7 +288,7 @@ def test_a_slow_misfit_is_not_taken_for_rounding(swum: tuple[Problem, Fit]) -> N
         blocks = [_rough(rng, int(problem.mask(i).sum()), 0.05) for i in range(2)]
         for block, rows in zip(blocks, shapes, strict=True):
             block += 0.2 * SIGMA * (hats(np.arange(float(len(rows)))) @ rng.standard_normal((HATS, 3)))
-        left = replace(noise_sample(problem, blocks), shapes=shapes)
+        left = replace(noise_sample(problem, blocks), shapes=[*map(always, shapes)])
         sharp = sharpened(differentiation_noise(left), left)
         found.append([sharp.rounding / 0.05, sharp.doubt])
     rounding, doubt = np.median(found, axis=0)
