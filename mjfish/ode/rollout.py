@@ -346,19 +346,19 @@ def strike(joints: Joints, step: int, workspace: Workspace) -> None:
 @merged
 def advance(phase: int, h: float, k: FloatArray, total: FloatArray, trial: FloatArray, state: FloatArray) -> None:
     """Take up the rates `k` of a Runge-Kutta stage; after the last one, advance the state by the step `h`."""
-    if phase == 3:
-        for i in range(state.shape[0]):
-            state[i] += h / 6.0 * (total[i] + k[i])
-        return
-    reach = h if phase == 2 else 0.5 * h
     if phase == 0:
+        copy(k, total)
+    else:
+        weight = 1.0 if phase == 3 else 2.0
         for i in range(state.shape[0]):
-            total[i] = k[i]
+            total[i] += weight * k[i]
+    if phase < 3:
+        reach = h if phase == 2 else 0.5 * h
+        for i in range(state.shape[0]):
             trial[i] = state[i] + reach * k[i]
     else:
         for i in range(state.shape[0]):
-            total[i] += 2.0 * k[i]
-            trial[i] = state[i] + reach * k[i]
+            state[i] += h / 6.0 * total[i]
 
 
 @merged
