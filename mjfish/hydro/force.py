@@ -46,12 +46,12 @@ def gyroscopic(link: Any) -> tuple[float, float, float]:
 @merged
 def drag(link: Any) -> tuple[float, float, float]:
     """Return (fx, fy, mz) [N, N, N m] of friction along and drag across one link, eqs. (9) and (10)."""
-    return drag_beyond(link, sign_change(link.v, link.w, link.length))
+    return drag_at(link, sign_change(link.v, link.w, link.length))
 
 
 @merged
-def drag_beyond(link: Any, xi: Any) -> tuple[float, float, float]:
-    """Return `drag` with the sign change of the flow across at hand."""
+def drag_at(link: Any, xi: Any) -> tuple[float, float, float]:
+    """Return `drag`; `xi` is the `sign_change` of the flow across."""
     force, moment = _crossflow(link.v, link.w, xi, link.length, link.node_height, link.height_moment)
     sway = -0.5 * link.density * link.c_d
     surge = -0.5 * link.density * link.c_f * link.wetted

@@ -15,7 +15,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import merged
 from mjfish.fish import Fish
-from mjfish.hydro.force import added_mass, drag_beyond, gyroscopic, magnitude, sign_change
+from mjfish.hydro.force import added_mass, drag_at, gyroscopic, magnitude, sign_change
 from mjfish.hydro.load import ANSWER, AT_STATEFUL, LoadBuffers, LoadTable, loads_on
 
 #: u, v, w [m/s, m/s, rad/s] of the nose, x, y [m], yaw [rad], tail deflection [rad], its rate [rad/s]; model's frame.
@@ -194,7 +194,7 @@ def accelerate(system: System, joints: Joints, state: FloatArray, scratch: Scrat
     _move(system, joints, state, scratch)
     for i in range(n):
         drag_on = scratch.drag[i]
-        drag_on[0], drag_on[1], drag_on[2] = drag_beyond(links[i], scratch.change[i])
+        drag_on[0], drag_on[1], drag_on[2] = drag_at(links[i], scratch.change[i])
     g0, g1, g2, torque = 0.0, 0.0, 0.0, 0.0
     for i in range(n):
         link, drag_on, bias = links[i], scratch.drag[i], scratch.bias[i]

@@ -206,8 +206,8 @@ class Workspace(NamedTuple):
 
     Attributes:
         state, trial, total, rates: (STATES + memory,) state, trial state, weighted sum of the stages, rates.
-        joint_rate, joint_acceleration: (joints,) at one instant.
-        tail: (TAIL,) then.
+        joint_rate, joint_acceleration: (joints,) of one sample.
+        tail: (TAIL,) of the last joint's deflection in one phase.
         scratch: of the equation of motion.
     """
 
@@ -249,10 +249,8 @@ def integrate(
         states, rates: (steps, 2, STATES + memory), written: state and derivative at start and end of each step.
     """
     steps = time.shape[0] - 1
-    state, trial, k, tail = workspace.state, workspace.trial, workspace.rates, workspace.tail
-    flexible = system.tail[0].real > 0.0
+    state, trial, k = workspace.state, workspace.trial, workspace.rates
     copy(start, state)
-    copy(system.tail, tail)
     for step in range(steps + 1):
         over = step == steps
         jump = step > 0 and (over or jumps[step])
@@ -261,19 +259,20 @@ def integrate(
                 copy(state, trial)
             now, stage = sample_of(step, phase)
             at = joints_in(joints, now, stage, workspace)
-            loads = system.loads
+            copy(system.tail, workspace.tail)
+            acting = system.loads.addresses.shape[0]
             if phase == PHASE_JUMP:
-                loads = LoadTable(loads.addresses[:0], loads.rows)
-                rest(trial, tail)
+                acting = 0
+                rest(trial, workspace.tail)
                 strike(joints, step, workspace)
-            now_system = System(system.links, tail, system.printed, loads)
-            if flexible or bends(joints, step, phase, jump):
+            loads = LoadTable(system.loads.addresses[:acting], system.loads.rows)
+            now_system = System(system.links, workspace.tail, system.printed, loads)
+            if system.tail[0].real > 0.0 or bends(joints, step, phase, jump):
                 place(now_system, at, trial, workspace.scratch)
             accelerate(now_system, at, trial, workspace.scratch, k)
             if phase == PHASE_JUMP:
                 for row in (0, 1, 2, 7):
                     state[row] += k[row]
-                copy(system.tail, tail)
                 continue
             if phase == PHASE_END or (phase == 0 and step > 0 and not jump):
                 copy(k, rates[step - 1, 1])
