@@ -174,11 +174,7 @@ def merged(function: F) -> F:
     return cast(F, _Part(function, {**_OF_PARTS, "_nrt": False, "forceinline": True}))
 
 
-#: A product and a sum may become one instruction, which rounds once: the bits depend on the processor, not on the run.
-_OPTIONS = {
-    "nopython": True, "boundscheck": None, "nogil": True, "error_model": "numpy", "fastmath": {"contract"},
-    "no_cfunc_wrapper": True,
-}  # fmt: skip
+_OPTIONS = {"nopython": True, "boundscheck": None, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 _OF_PARTS = {**_OPTIONS, "no_cpython_wrapper": True}
 
 
