@@ -16,7 +16,7 @@ from typing import ParamSpec
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.drive.trigonometry import cos_sin
+from mjfish.compiled import compiled
 from mjfish.sized_cache import SizedCache, sized_cache
 
 P = ParamSpec("P")
@@ -59,7 +59,7 @@ class JointMotion:
     @functools.cached_property
     def trigonometry(self) -> tuple[FloatArray, FloatArray]:
         """Cosines and sines of the angles, each (n, 3, joints); kept, because many rollouts share a motion."""
-        return cos_sin(self.angle)
+        return _trigonometry(self.angle)
 
     @functools.cached_property
     def jumps(self) -> BoolArray:
@@ -119,3 +119,22 @@ def grid(breaks: FloatArray, step: float, *, graded: bool = False) -> FloatArray
             even = np.concatenate([even[:1], a + first * 0.5 ** np.arange(doublings, 0, -1), even[1:]])
         stretches.append(even)
     return np.concatenate([*stretches, breaks[-1:]])
+
+
+@compiled
+def _trigonometry(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return cosines and sines (n, 3, joints); a step that starts where the one before ended takes those over."""
+    steps, _, joints = angle.shape
+    cos = np.empty(angle.shape)
+    sin = np.empty(angle.shape)
+    for step in range(steps):
+        for stage in range(3):
+            for i in range(joints):
+                here = angle[step, stage, i]
+                if stage == 0 and step > 0 and here == angle[step - 1, 2, i]:
+                    cos[step, 0, i] = cos[step - 1, 2, i]
+                    sin[step, 0, i] = sin[step - 1, 2, i]
+                else:
+                    cos[step, stage, i] = np.cos(here)
+                    sin[step, stage, i] = np.sin(here)
+    return cos, sin
