@@ -220,6 +220,10 @@ def _gradient(load_: Load) -> Any:
     return c_callback(_SIGNATURE, cached=is_ours(load_.slopes))(sloping)
 
 
+#: Instructions end in these where the last thing that they do is to load a name.
+_LOADS = ("LOAD_FAST", "LOAD_FAST_BORROW")
+
+
 def fields_read(function: Callable[..., Any]) -> frozenset[str]:
     """Return the fields of its first argument that a function may read: all, where it does more than name them."""
     every = frozenset(LINK.names or ())
@@ -229,7 +233,9 @@ def fields_read(function: Callable[..., Any]) -> frozenset[str]:
     for instruction, following in itertools.pairwise(code):
         names = instruction.argval if isinstance(instruction.argval, tuple) else (instruction.argval,)
         if instruction.opname.startswith(("LOAD_FAST", "LOAD_DEREF", "LOAD_CLOSURE", "STORE_FAST")) and link in names:
-            if instruction.opname != "LOAD_FAST" or following.opname != "LOAD_ATTR":
+            # From Python 3.13 on, one instruction may load or store two names: the last one is what is read of.
+            read_of = names[-1] == link and names.count(link) == 1 and instruction.opname.endswith(_LOADS)
+            if not read_of or following.opname != "LOAD_ATTR":
                 return every
             read.add(str(following.argval))
     return every & read

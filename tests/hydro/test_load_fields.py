@@ -26,6 +26,23 @@ def test_fields_named_are_the_fields_read() -> None:
     assert plain.reads.sum() == 1 + LINK["strip_height"].shape[0]
 
 
+def test_a_field_is_read_beside_another_name() -> None:
+    """Python 3.13 and later load or store two names in one instruction."""
+
+    def beside(link: Any, parameters: Any) -> tuple[float, float, float]:
+        scale = parameters[0]
+        doubled = 2.0 * scale
+        force = link.u
+        return scale * link.c_d, doubled * link.v, force * link.w
+
+    def both(link: Any, parameters: Any) -> tuple[float, float, float]:
+        scale = parameters[0]
+        return max(scale, link), max(link, scale), link.u
+
+    assert fields_read(beside) == {"u", "v", "w", "c_d"}
+    assert fields_read(both) == frozenset(LINK.names or ())
+
+
 def test_a_link_that_is_handed_on_may_be_read_whole() -> None:
     """A helper, another name or a closure may read anything: derivatives must not be left out."""
 
