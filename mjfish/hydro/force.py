@@ -46,13 +46,7 @@ def gyroscopic(link: Any) -> tuple[float, float, float]:
 @merged
 def drag(link: Any) -> tuple[float, float, float]:
     """Return (fx, fy, mz) [N, N, N m] of friction along and drag across one link, eqs. (9) and (10)."""
-    return drag_at(link, sign_change(link.v, link.w, link.length))
-
-
-@merged
-def drag_at(link: Any, xi: Any) -> tuple[float, float, float]:
-    """Return `drag`; `xi` is the `sign_change` of the flow across."""
-    force, moment = _crossflow(link.v, link.w, xi, link.length, link.node_height, link.height_moment)
+    force, moment = crossflow(link.v, link.w, link.length, link.node_height, link.height_moment)
     sway = -0.5 * link.density * link.c_d
     surge = -0.5 * link.density * link.c_f * link.wetted
     return surge * magnitude(link.u) * link.u, sway * force, sway * moment
@@ -78,20 +72,6 @@ def crossflow(v: float, w: float, length: float, node: FloatArray, table: FloatA
         node: (INTERVALS + 1,) h at the nodes [m], see `mjfish.hydro.outline.LinkOutline.node_height`.
         table: (INTERVALS + 1, 4) H_0 .. H_3 up to the nodes.
     """
-    return _crossflow(v, w, sign_change(v, w, length), length, node, table)
-
-
-@merged
-def sign_change(v: Any, w: Any, length: Any) -> Any:
-    """Return xi = INTERVALS sqrt(r* / length) where q = v + w r changes sign on a link, else -1."""
-    xi = -1.0
-    if v.real * (v + w * length).real < 0.0:
-        xi = INTERVALS * np.sqrt(-v / (w * length))
-    return xi
-
-
-@merged
-def _crossflow(v: Any, w: Any, xi: Any, length: Any, node: FloatArray, table: FloatArray) -> tuple[float, float]:
     vv = v * v
     vw = 2.0 * v * w
     ww = w * w
@@ -99,8 +79,8 @@ def _crossflow(v: Any, w: Any, xi: Any, length: Any, node: FloatArray, table: Fl
     force = vv * full[0] + vw * full[1] + ww * full[2]
     moment = vv * full[1] + vw * full[2] + ww * full[3]
     sign = 1.0 if (v + 0.5 * w * length).real >= 0.0 else -1.0
-    if xi.real >= 0.0:
-        h0, h1, h2, h3 = partial_moments(xi, length, node, table)
+    if v.real * (v + w * length).real < 0.0:
+        h0, h1, h2, h3 = partial_moments(-v / w, length, node, table)
         sign = 1.0 if w.real > 0.0 else -1.0  # behind r* the strip moves with w
         force -= 2.0 * (vv * h0 + vw * h1 + ww * h2)
         moment -= 2.0 * (vv * h1 + vw * h2 + ww * h3)
@@ -108,11 +88,12 @@ def _crossflow(v: Any, w: Any, xi: Any, length: Any, node: FloatArray, table: Fl
 
 
 @merged
-def partial_moments(xi: float, length: float, node: FloatArray, table: FloatArray) -> tuple[float, float, float, float]:
+def partial_moments(r: float, length: float, node: FloatArray, table: FloatArray) -> tuple[float, float, float, float]:
     """Return H_k = INT_0^r h r'^k dr', k = 0..3, by Hermite interpolation between exact nodes.
 
-    Nodes are equally spaced in xi = INTERVALS sqrt(r / length): at a blunt nose h goes as xi, and H_0 is then a cubic.
+    Nodes are equally spaced in xi = sqrt(r / length): at a blunt nose h goes as xi, and H_0 is then a cubic.
     """
+    xi = INTERVALS * np.sqrt(r / length)
     left = min(int(xi.real), INTERVALS - 1)
     s = xi - left
     keep = (1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s)
@@ -154,12 +135,11 @@ def crossflow_derivatives(v: float, w: float, length: float, node: FloatArray, t
     moment_v = force_w
     moment_w = 2.0 * (v * h[2] + w * h[3])
     sign = 1.0 if v + 0.5 * w * length >= 0.0 else -1.0
-    xi = sign_change(v, w, length)
-    if xi >= 0.0:
+    if v * (v + w * length) < 0.0:
         sign = 1.0 if w > 0.0 else -1.0
         r = -v / w
-        h0, h1, h2, h3 = partial_moments(xi, length, node, table)
-        d0, d1, d2, d3 = _partial_moment_rates(xi, length, node, table)
+        h0, h1, h2, h3 = partial_moments(r, length, node, table)
+        d0, d1, d2, d3, xi = _partial_moment_rates(r, length, node, table)
         move = -xi / (r * w)  # 2 d xi / d v; d xi / d w is r times that
         force_move = move * (vv * d0 + vw * d1 + ww * d2)
         moment_move = move * (vv * d1 + vw * d2 + ww * d3)
@@ -174,9 +154,10 @@ def crossflow_derivatives(v: float, w: float, length: float, node: FloatArray, t
 
 @merged
 def _partial_moment_rates(
-    xi: float, length: float, node: FloatArray, table: FloatArray
-) -> tuple[float, float, float, float]:
-    """Return d H_k / d xi of the interpolation in `partial_moments`, k = 0..3."""
+    r: float, length: float, node: FloatArray, table: FloatArray
+) -> tuple[float, float, float, float, float]:
+    """Return d H_k / d xi of the interpolation in `partial_moments`, k = 0..3, and xi."""
+    xi = INTERVALS * np.sqrt(r / length)
     left = min(int(xi), INTERVALS - 1)
     s = xi - left
     turn = 6.0 * s * (1.0 - s)
@@ -191,7 +172,7 @@ def _partial_moment_rates(
     d1 = turn * (b[1] - a[1]) + p * r_left + q * r_right
     d2 = turn * (b[2] - a[2]) + p * r_left * r_left + q * r_right * r_right
     d3 = turn * (b[3] - a[3]) + p * r_left * r_left * r_left + q * r_right * r_right * r_right
-    return d0, d1, d2, d3
+    return d0, d1, d2, d3, xi
 
 
 @part
@@ -206,9 +187,8 @@ def crossflow_tangent(link: Any, rate: Any) -> tuple[float, float]:
     """
     v, w = link.v, link.w
     force, moment = crossflow(v, w, link.length, rate.node_height, rate.height_moment)
-    xi = sign_change(v, w, link.length)
-    if rate.length != 0.0 and xi >= 0.0:
-        h0, h1, h2, h3 = _partial_moments_by_length(xi, link.length, link.node_height, link.height_moment)
+    if rate.length != 0.0 and v * (v + w * link.length) < 0.0:
+        h0, h1, h2, h3 = _partial_moments_by_length(-v / w, link.length, link.node_height, link.height_moment)
         scale = -2.0 * rate.length if w > 0.0 else 2.0 * rate.length
         force += scale * (v * v * h0 + 2.0 * v * w * h1 + w * w * h2)
         moment += scale * (v * v * h1 + 2.0 * v * w * h2 + w * w * h3)
@@ -217,13 +197,13 @@ def crossflow_tangent(link: Any, rate: Any) -> tuple[float, float]:
 
 @merged
 def _partial_moments_by_length(
-    xi: float, length: float, node: FloatArray, table: FloatArray
+    r: float, length: float, node: FloatArray, table: FloatArray
 ) -> tuple[float, float, float, float]:
     """Return d H_k / d length of the interpolation in `partial_moments`, r and the tables held.
 
     With xi held, what the heights add to H_k goes as length^(k + 1).
     """
-    d0, d1, d2, d3 = _partial_moment_rates(xi, length, node, table)
+    d0, d1, d2, d3, xi = _partial_moment_rates(r, length, node, table)
     left = min(int(xi), INTERVALS - 1)
     s = xi - left
     scale = length / (INTERVALS * INTERVALS)

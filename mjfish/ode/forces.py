@@ -19,8 +19,8 @@ from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.force import added_mass, drag, gyroscopic
-from mjfish.hydro.load import Load, LoadBuffers, load_rows, loads_on, memory_of
-from mjfish.ode.equation import STATES, Joints, Scratch, System, derivative, next_link
+from mjfish.hydro.load import ANSWER, Load, LoadBuffers, load_rows, loads_on, memory_of
+from mjfish.ode.equation import STATES, Joints, System, derivative, next_link
 from mjfish.ode.rollout import system_of
 
 
@@ -88,7 +88,7 @@ def link_forces(
     system = system_of(fish, values, "corrected", load_rows(loads, len(fish.links), STATES))
     wrench = np.zeros((3, len(state), len(fish.links), 3))
     joints = Joints(np.cos(angle), np.sin(angle), rate, acceleration, angle[:, -1].copy())
-    _wrenches(system, joints, full, Scratch.of(len(fish.links)), wrench)
+    _wrenches(system, joints, full, wrench)
     if fish.tail_compliance > 0.0:
         angle[:, -1] += full[:, 6]
     heading = full[:, 5:6] + np.concatenate([np.zeros((len(state), 1)), np.cumsum(angle, axis=1)], axis=1)
@@ -104,16 +104,17 @@ def link_forces(
 
 
 @compiled
-def _wrenches(system: System, joints: Joints, states: FloatArray, scratch: Scratch, out: FloatArray) -> None:
+def _wrenches(system: System, joints: Joints, states: FloatArray, out: FloatArray) -> None:
     """Write drag, added mass and loads (3, n, links, 3) in the frames of the links; `states` in the model's frame."""
     links, loads = system.links, system.loads
     count = links.shape[0]
     flexible = system.tail[0] > 0.0
     rates = np.empty(states.shape[1])
+    output = np.zeros(ANSWER)
     for k in range(states.shape[0]):
         state = states[k]
         at = Joints(joints.cos[k], joints.sin[k], joints.rate[k], joints.acceleration[k], joints.angle_last[k])
-        derivative(system, at, state, scratch, rates)  # leaves the velocities of the links in their records
+        derivative(system, at, state, output, rates)  # leaves the velocities of the links in their records
         u, v, w = rates[0], rates[1], rates[2]
         for i in range(count):
             link = links[i]
@@ -133,5 +134,5 @@ def _wrenches(system: System, joints: Joints, states: FloatArray, scratch: Scrat
             out[1, k, i, 0], out[1, k, i, 1] = gyro_x, gyro_y - a0 * v - a1 * w
             out[1, k, i, 2] = gyro_z - a1 * v - a2 * w
             if loads.addresses.shape[0] > 0:
-                buffers = LoadBuffers(scratch.output, state, rates)
+                buffers = LoadBuffers(output, state, rates)
                 out[2, k, i, 0], out[2, k, i, 1], out[2, k, i, 2] = loads_on(links, i, i, loads, False, buffers)

@@ -17,8 +17,8 @@ from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.compiled import borrowing
 from mjfish.fish import Fish
-from mjfish.hydro.load import Load, load_rows
-from mjfish.ode.equation import STATES, Joints, Scratch, System, derivative
+from mjfish.hydro.load import ANSWER, Load, LoadBuffers, load_rows
+from mjfish.ode.equation import STATES, Joints, System, derivative
 from mjfish.ode.linearisation import Linearisation, linearise
 from mjfish.ode.rollout import Rollout, system_of
 
@@ -47,8 +47,7 @@ def state_jacobian(
     starts = (part[:steps, 0].copy() for part in (cos, sin, motion.rate, motion.acceleration, motion.angle[..., -1]))
     system = system_of(fish, values, "corrected", load_rows(loads, len(fish.links), STATES))
     linear = Linearisation.empty(motion.joints, states.shape[1], len(loads))
-    scratch = Scratch.of(len(fish.links))
-    _write_state_jacobian(system, Joints(*starts), states, np.zeros(states.shape[1]), scratch, linear, out)
+    _write_state_jacobian(system, Joints(*starts), states, np.zeros(states.shape[1]), linear, out)
     signs = frames.flip(np.ones(3))
     return np.asarray(signs[:, None] * out * signs)
 
@@ -74,8 +73,8 @@ def input_jacobian(
     out = np.zeros((steps, 3, 3, motion.joints))
     sampled = np.stack([part[:steps, 0] for part in (motion.angle, motion.rate, motion.acceleration)], axis=1)
     system = system_of(fish, values, "corrected", load_rows(loads, len(fish.links), STATES))
-    rates, trial, scratch = np.zeros(states.shape[1]), np.empty((5, motion.joints)), Scratch.of(len(fish.links))
-    _write_input_jacobian(system, sampled, states, rates, trial, scratch, out)
+    buffers = LoadBuffers(np.zeros(ANSWER), states[0], np.zeros(states.shape[1]))
+    _write_input_jacobian(system, sampled, states, buffers, np.empty((5, motion.joints)), out)
     return np.asarray(frames.flip(np.ones(3))[:, None, None] * out)
 
 
@@ -106,12 +105,11 @@ def _states(rollout: Rollout) -> FloatArray:
 
 @borrowing
 def _write_state_jacobian(
-    system: System, joints: Joints, states: FloatArray, rates: FloatArray, scratch: Scratch, linear: Linearisation,
-    out: FloatArray,
-) -> None:  # fmt: skip
+    system: System, joints: Joints, states: FloatArray, rates: FloatArray, linear: Linearisation, out: FloatArray
+) -> None:
     for k in range(out.shape[0]):
         at = Joints(joints.cos[k], joints.sin[k], joints.rate[k], joints.acceleration[k], joints.angle_last[k])
-        derivative(system, at, states[k], scratch, rates)
+        derivative(system, at, states[k], linear.output, rates)
         linearise(system, at, states[k], rates, False, False, linear)
         for i in range(3):
             for j in range(3):
@@ -120,10 +118,9 @@ def _write_state_jacobian(
 
 @borrowing
 def _write_input_jacobian(
-    system: System, motion: FloatArray, states: FloatArray, rates: FloatArray, trial: FloatArray, scratch: Scratch,
-    out: FloatArray,
-) -> None:  # fmt: skip
-    """Write differences by joint motion (n, 3, joints); `trial` (5, joints), `rates`, `scratch` are scratch."""
+    system: System, motion: FloatArray, states: FloatArray, buffers: LoadBuffers, trial: FloatArray, out: FloatArray
+) -> None:
+    """Write differences by joint motion (n, 3, joints); `trial` (5, joints) and `buffers` are scratch."""
     joints = motion.shape[2]
     for k in range(out.shape[0]):
         for order in range(3):
@@ -135,6 +132,6 @@ def _write_input_jacobian(
                     for i in range(joints):
                         trial[3, i], trial[4, i] = np.cos(trial[0, i]), np.sin(trial[0, i])
                     at = Joints(trial[3], trial[4], trial[1], trial[2], trial[0, joints - 1])
-                    derivative(system, at, states[k], scratch, rates)
+                    derivative(system, at, states[k], buffers.output, buffers.rates)
                     for i in range(3):
-                        out[k, i, order, joint] += sign * rates[i] / (2.0 * _STEP)
+                        out[k, i, order, joint] += sign * buffers.rates[i] / (2.0 * _STEP)

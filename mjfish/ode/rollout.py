@@ -18,8 +18,8 @@ from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import Load, LoadTable, load_rows, memory_of
-from mjfish.ode.equation import STATES, TAIL, Joints, Scratch, System, accelerate, place, tail_of
+from mjfish.hydro.load import ANSWER, Load, LoadTable, load_rows, memory_of
+from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative, tail_of
 
 Coriolis = Literal["corrected", "printed"]
 #: A rollout has diverged once a velocity passes this [m/s or rad/s]: no fish does.
@@ -202,31 +202,23 @@ def start_of(velocity: FloatArray | None, pose: FloatArray | None = None, memory
 
 
 class Workspace(NamedTuple):
-    """Scratch of an integration.
-
-    Attributes:
-        state, trial, total, rates: (STATES + memory,) state, trial state, weighted sum of the stages, rates.
-        joint_rate, joint_acceleration: (joints,) of one sample.
-        tail: (TAIL,) of the last joint's deflection in one phase.
-        scratch: of the equation of motion.
-    """
+    """Scratch of an integration: state, trial state, weighted sum of the stages, rates; output of a load; joints."""
 
     state: FloatArray
     trial: FloatArray
     total: FloatArray
     rates: FloatArray
+    output: FloatArray
     joint_rate: FloatArray
     joint_acceleration: FloatArray
     tail: FloatArray
-    scratch: Scratch
 
     @classmethod
     def of(cls, states: int, joints: int, kind: Any = np.float64) -> Workspace:
         """Return scratch for a number of states and joints; `kind` of numbers is real or complex."""
         state, trial, total, rates = (np.zeros(states, dtype=kind) for _ in range(4))
         rate, acceleration = (np.zeros(joints, dtype=kind) for _ in range(2))
-        tail, scratch = np.zeros(TAIL, dtype=kind), Scratch.of(joints + 1, kind)
-        return cls(state, trial, total, rates, rate, acceleration, tail, scratch)
+        return cls(state, trial, total, rates, np.zeros(ANSWER), rate, acceleration, np.zeros(TAIL, dtype=kind))
 
 
 @borrowing
@@ -267,9 +259,7 @@ def integrate(
                 strike(joints, step, workspace)
             loads = LoadTable(system.loads.addresses[:acting], system.loads.rows)
             now_system = System(system.links, workspace.tail, system.printed, loads)
-            if system.tail[0].real > 0.0 or bends(joints, step, phase, jump):
-                place(now_system, at, trial, workspace.scratch)
-            accelerate(now_system, at, trial, workspace.scratch, k)
+            derivative(now_system, at, trial, workspace.output, k)
             if phase == PHASE_JUMP:
                 for row in (0, 1, 2, 7):
                     state[row] += k[row]
@@ -295,20 +285,6 @@ def sample_of(step: int, phase: int) -> tuple[int, int]:
     if phase == PHASE_END:
         return step - 1, 2
     return step, 0 if phase <= 0 else (2 if phase == 3 else 1)
-
-
-@merged
-def bends(joints: Joints, step: int, phase: int, jump: bool) -> bool:
-    """Return whether the angles of the joints may be others than in the phase before."""
-    if phase != 0:
-        return phase == PHASE_JUMP or phase == 1 or phase == 3
-    if jump:
-        return False
-    same = step > 0
-    for j in range(joints.cos.shape[2]):
-        same = same and joints.cos[step, 0, j] == joints.cos[step - 1, 2, j]
-        same = same and joints.sin[step, 0, j] == joints.sin[step - 1, 2, j]
-    return not same
 
 
 @merged

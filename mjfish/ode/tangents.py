@@ -19,7 +19,7 @@ from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, NUMBERS, column
 from mjfish.hydro.load import AT_STATEFUL, PARAMETERS, ROW, Load, LoadTable, load_rows, memory_of
 from mjfish.hydro.load_derivatives import CHANGE, INACTIVE_STEP, RELATIVE_STEP, LoadChanges
-from mjfish.ode.equation import STATES, TAIL, Joints, System, accelerate, place
+from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative
 from mjfish.ode.rollout import (
     DIVERGED,
     PHASE_END,
@@ -29,7 +29,6 @@ from mjfish.ode.rollout import (
     Rollout,
     Workspace,
     advance,
-    bends,
     copy,
     joints_in,
     joints_of,
@@ -342,9 +341,7 @@ def integrate_tangents(
                 ),
                 directions.length,
             )  # fmt: skip
-            if system.tail[0] > 0.0 or bends(joints, step, phase, jump):
-                place(now_system, at, trial, work.state.scratch)
-            accelerate(now_system, at, trial, work.state.scratch, k)
+            derivative(now_system, at, trial, work.state.output, k)
             tangent_rates(now_system, at, trial, k, work.trial, now_directions, work.scratch, work.rates)
             if phase == PHASE_JUMP:
                 for row in (0, 1, 2, 7):

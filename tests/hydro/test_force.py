@@ -16,7 +16,7 @@ from mjfish.errors import UnknownNameError
 from mjfish.fish import Fish, load_fish
 from mjfish.hydro.force import added_mass, drag, gyroscopic, partial_moments
 from mjfish.hydro.link import link_records
-from mjfish.hydro.outline import INTERVALS, section_at
+from mjfish.hydro.outline import section_at
 
 PIKE = load_fish("pike")
 STARTS = np.concatenate([[0.0], np.cumsum([link.length for link in PIKE.links])])
@@ -90,8 +90,7 @@ def _stepped() -> Fish:
 
 
 def _partial(link: RecordArray, end: float) -> tuple[float, float, float, float]:
-    xi = INTERVALS * np.sqrt(end / link["length"])
-    return partial_moments(xi, link["length"], link["node_height"], link["height_moment"])
+    return partial_moments(end, link["length"], link["node_height"], link["height_moment"])
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
-from mjfish.hydro.load import load_rows
-from mjfish.ode.equation import STATES, Joints, Scratch, derivative
+from mjfish.hydro.load import ANSWER, load_rows
+from mjfish.ode.equation import STATES, Joints, derivative
 from mjfish.ode.rollout import system_of
 
 BIAS = np.array([0.1, -0.2, 0.3, 0.1])
@@ -42,8 +42,7 @@ def test_heading_does_not_matter_to_the_water(pike: Fish) -> None:
         out = np.empty(STATES)
         angle, rate, acceleration = motion.angle[3, 1], motion.rate[3, 1], motion.acceleration[3, 1]
         joints = Joints(np.cos(angle), np.sin(angle), rate, acceleration, angle[-1])
-        system, scratch = system_of(pike, None, "corrected", load_rows([])), Scratch.of(len(pike.links))
-        derivative(system, joints, state, scratch, out)
+        derivative(system_of(pike, None, "corrected", load_rows([])), joints, state, np.zeros(ANSWER), out)
         turned = complex(out[3], out[4]) * np.exp(-1j * yaw)
         rates.append([*out[:3], turned.real, turned.imag])
     assert rates[1][:3] == rates[0][:3] == rates[2][:3]
