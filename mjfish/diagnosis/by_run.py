@@ -85,7 +85,10 @@ class ByRun:
         ridge = Ridge.of(np.concatenate(values), np.concatenate(coupling), _DRAWN)
         statistic = ridge.statistic(np.concatenate(score))
         beyond = (statistic - ridge.total) / max(ridge.largest, 1e-300)
-        return Drawn(self, weighted_tail(statistic, ridge, doubt), beyond, ridge.variance)
+        p = weighted_tail(statistic, ridge, doubt)
+        if not np.isfinite([p, beyond, ridge.variance]).all():
+            raise FloatingPointError("the test of drawn sizes is no number")
+        return Drawn(self, p, beyond, ridge.variance)
 
 
 @dataclass(frozen=True, eq=False)
