@@ -45,6 +45,13 @@ def _data(hidden: bool) -> Dataset:
     )  # fmt: skip
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _made() -> None:
+    """Make the data before a test spoils the rollouts that they are made of, whichever test comes first."""
+    for hidden in (False, True):
+        _data(hidden)
+
+
 def _diagnosed(hidden: bool, *own: Effect, **options: Any) -> Diagnosis:
     effects = {name: find(name) for name in CANDIDATES} | {effect.name: effect for effect in own}
     return diagnose(_data(hidden), effects=effects, **{"jobs": 1, **options})

@@ -32,6 +32,12 @@ def _data() -> Dataset:
     return generate(load_fish("pike"), ["v1", "v3", "v5"], noise=noise, duration=5.2, held_out=["v5"], seed=1)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _made() -> None:
+    """Make the data before a test spoils the rollouts that they are made of, whichever test comes first."""
+    _data()
+
+
 def _identified(starts: int = 1) -> Identification:
     return identify(_data(), Settings(starts=starts), jobs=1)
 
