@@ -10,10 +10,11 @@ of an effect, and only what survives it can name one. Amplitudes that cannot be 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import chain, combinations
+from typing import TypeVar
 
 import numpy as np
 from scipy import special, stats
@@ -30,6 +31,8 @@ from mjfish.estimation.time_limit import check_time, limited
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
 from mjfish.sized_cache import Remade
+
+T = TypeVar("T")
 
 
 def one_sided_statistic(u: FloatArray, information: FloatArray, positive: BoolArray) -> FloatArray:
@@ -282,8 +285,9 @@ class Evidence:
         waves = self.waves
         energy = np.array([own.reshape(len(CHANNELS), -1).mean(axis=1) for own in waves.energy])
         size = 1.0 / np.sqrt(np.maximum(energy.mean(axis=0), 1e-300))
-        for part in waves.columns.parts:  # they were made for this test: no second copy
+        for part in waves.columns.parts:  # in place: they were made for this test, and are large
             part.block[:] *= np.repeat(size, part.block.shape[1] // len(size))
+        # New objects: what the old ones derived from the columns no longer holds.
         return replace(waves, columns=replace(waves.columns)).drawn(self.cleared, self.problem.noise.doubt)
 
     def saturated_excess(self) -> float:
@@ -384,15 +388,14 @@ def signatures(
         CandidatesFailedError: derivatives by amplitudes of some are not finite where the prediction is.
         PastLimitError: they took longer than all candidates may.
     """
-    wide, x, amplitudes = _widened(problem, values, candidates, shapes)
-    with limited(candidate_limit() * max(len(candidates), 1)):
-        slopes = wide.slopes(x, only=[p.name for p in amplitudes])
-        check_time()
-    if shapes is None:
-        _check_finite(slopes.lost, problem, values, candidates)
-    for block in (*slopes.velocity, *slopes.sensors):
-        block *= [p.scale for p in amplitudes]
-    return slopes
+
+    def slopes(wide: Problem, x: FloatArray, names: Sequence[str], scales: FloatArray) -> tuple[Slopes, frozenset[str]]:
+        found = wide.slopes(x, only=names)
+        for block in (*found.velocity, *found.sensors):
+            block *= scales
+        return found, found.lost
+
+    return _derived(slopes, problem, values, candidates, shapes)
 
 
 def signature_rows(
@@ -402,41 +405,42 @@ def signature_rows(
     shapes: Mapping[str, float] | None = None,
 ) -> FloatArray:
     """Return the same as whitened rows (n, d) of the residual; see `signatures`."""
-    wide, x, amplitudes = _widened(problem, values, candidates, shapes)
-    with limited(candidate_limit() * max(len(candidates), 1)):
-        rows, lost = wide.rows_by(x, [p.name for p in amplitudes], np.array([p.scale for p in amplitudes]))
-        check_time()
-    if shapes is None:
-        _check_finite(lost, problem, values, candidates)
-    return rows
+    return _derived(Problem.rows_by, problem, values, candidates, shapes)
 
 
-def _widened(
-    problem: Problem, values: Mapping[str, float], candidates: Sequence[Effect], shapes: Mapping[str, float] | None
-) -> tuple[Problem, FloatArray, list[Parameter]]:
-    """Return the problem with candidates at their null, where it is derived, and their amplitudes."""
-    model = replace(problem.model, effects=(*problem.model.effects, *candidates))
-    wide = replace(problem, model=model)
+def _derived(
+    derive: Callable[[Problem, FloatArray, Sequence[str], FloatArray], tuple[T, frozenset[str]]],
+    problem: Problem,
+    values: Mapping[str, float],
+    candidates: Sequence[Effect],
+    shapes: Mapping[str, float] | None,
+) -> T:
+    """Return what `derive` finds by the candidates' amplitudes at their null, each in units of its scale.
+
+    Args:
+        derive: takes the problem with the candidates, x, names and scales; returns also the names of `Slopes.lost`.
+        problem, values, candidates, shapes: as of `signatures`.
+    """
+    wide = replace(problem, model=replace(problem.model, effects=(*problem.model.effects, *candidates)))
     null = {p.name: p.default for effect in candidates for p in effect.parameters}
     x = wide.start({**null, **(shapes or {}), **values})
-    return wide, x, [p for effect in candidates for p in effect.amplitudes()]
-
-
-def _check_finite(
-    names: Collection[str], problem: Problem, values: Mapping[str, float], candidates: Sequence[Effect]
-) -> None:
-    """Refuse candidates whose derivatives by these parameters are not finite though the prediction is."""
-    if names and not problem.divergence(problem.start(values)):
-        lost = [effect.name for effect in candidates if any(p.name in names for p in effect.amplitudes())]
-        raise CandidatesFailedError(dict.fromkeys(lost, "the derivative of the prediction by its sizes is not finite"))
+    amplitudes = [p for effect in candidates for p in effect.amplitudes()]
+    with limited(candidate_limit() * max(len(candidates), 1)):
+        found, lost = derive(wide, x, [p.name for p in amplitudes], np.array([p.scale for p in amplitudes]))
+        check_time()
+    if lost and shapes is None and not problem.divergence(problem.start(values)):
+        failed = [effect.name for effect in candidates if any(p.name in lost for p in effect.amplitudes())]
+        raise CandidatesFailedError(
+            dict.fromkeys(failed, "the derivative of the prediction by its sizes is not finite")
+        )
+    return found
 
 
 def whitened_omnibus(problem: Problem) -> BlockAngular:
     """Return the omnibus basis (n, columns) in the problem's whitened space; every column touches one trial only."""
     blocks = []
     for index, trial in enumerate(problem.trials):
-        (channels,) = omnibus(problem.model.fish.cpg, [trial])
-        white = problem.whitened(index, np.concatenate(channels, axis=2)[problem.mask(index)])
+        white = problem.whitened(index, omnibus(problem.model.fish.cpg, trial)[problem.mask(index)])
         blocks.append(white.reshape(3 * len(white), white.shape[2]))
     rows = [np.arange(at.start, at.stop) for at in problem.rows_by_trial()]
     return block_angular(np.zeros((problem.measured + len(problem.known), 0)), rows, blocks)

@@ -291,13 +291,13 @@ class _Ended:
 
     def linearised(self) -> Linearised:
         """Return derivatives and covariance of the fit."""
-        return self.seen(self.problem.jacobian(self._derived_at))[0]
+        return self.seen(self.problem.jacobian(self._derived_at), self.plain)[0]
 
-    def seen(self, jacobian: BlockAngular) -> tuple[Linearised, FloatArray]:
-        """Return the same by derivatives that are known, and the reach of the fit."""
+    def seen(self, jacobian: BlockAngular, plain: Callable[[], FloatArray]) -> tuple[Linearised, FloatArray]:
+        """Return the same of derivatives and of a residual, which a robust loss asks for; and the reach of the fit."""
         at_bound = self.end.at_bound
         if self.loss != "linear":
-            jacobian = jacobian.scaled(rows=self._weight(self.plain()))
+            jacobian = jacobian.scaled(rows=self._weight(plain()))
         triangle = jacobian.above(self.problem.prior_root).factorised().triangle
         every = covariance(triangle, np.zeros_like(at_bound))
         own = covariance(triangle, at_bound) if at_bound.any() else every
@@ -313,7 +313,7 @@ def _fit_at(turned: _Rows, ended: _Ended) -> Fit:
     if end.at_bound.any():
         plain = ended.plain()
     divergence = problem.divergence(end.x) if np.abs(plain).max(initial=0.0) >= LOST else ""
-    residual, (linearised, reach) = ended.weighted(plain), ended.seen(jacobian)
+    residual, (linearised, reach) = ended.weighted(plain), ended.seen(jacobian, always(plain))
     return Fit(
         parameters=problem.parameters,
         x=end.x,

@@ -113,8 +113,7 @@ def saturated(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> NoiseS
 
 def _shapes(cpg: Cpg | None, trial: Trial, mask: BoolArray) -> FloatArray:
     """Return the omnibus waves (n_r, 3, columns) of the counted samples of a trial."""
-    (blocks,) = omnibus(cpg, [trial])
-    return np.asarray(np.concatenate(blocks, axis=2)[mask])
+    return np.asarray(omnibus(cpg, trial)[mask])
 
 
 def state_jacobians(problem: Problem, values: Mapping[str, float]) -> dict[str, FloatArray]:

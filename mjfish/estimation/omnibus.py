@@ -6,8 +6,6 @@ of twice the phase. It knows no cause, and so sees those that are not on the lis
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy import signal
 
@@ -49,15 +47,10 @@ def functions(cpg: Cpg | None, trial: Trial) -> FloatArray:
     return np.asarray(np.einsum("nh,nw->nhw", hats(trial.time), np.stack(waves, axis=1)).reshape(len(phase), -1))
 
 
-def omnibus(cpg: Cpg | None, trials: Sequence[Trial]) -> list[list[FloatArray]]:
-    """Return, per trial, the blocks (n_r, 3, columns) of its three channels."""
-    result = []
-    for trial in trials:
-        waves = functions(cpg, trial)
-        blocks = []
-        for channel in range(3):
-            block = np.zeros((len(trial.time), 3, waves.shape[1]))
-            block[:, channel] = waves
-            blocks.append(block)
-        result.append(blocks)
-    return result
+def omnibus(cpg: Cpg | None, trial: Trial) -> FloatArray:
+    """Return the basis (n, 3, columns) of a trial: the functions of each of its three channels, one after the other."""
+    waves = functions(cpg, trial)
+    blocks = np.zeros((len(waves), 3, 3, waves.shape[1]))
+    for channel in range(3):
+        blocks[:, channel, channel] = waves
+    return blocks.reshape(len(waves), 3, -1)

@@ -257,8 +257,8 @@ def test_the_filter_of_differentiated_positions_is_found_and_is_likelier_than_an
 
 
 def _shapes(problem: Problem) -> list[FloatArray]:
-    basis = omnibus(problem.model.fish.cpg, problem.trials)
-    return [np.concatenate(blocks, axis=2)[problem.mask(i)] for i, blocks in enumerate(basis)]
+    cpg = problem.model.fish.cpg
+    return [omnibus(cpg, trial)[problem.mask(i)] for i, trial in enumerate(problem.trials)]
 
 
 @pytest.mark.parametrize("rounding", [0.03, 0.07, 0.15])
