@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from mjfish.data.filters import Differentiator, Filter, GaussianFilter
 from mjfish.data.sensor import Kind
-from mjfish.data.trial import Clock, Role
+from mjfish.data.trial import Clock, Hold, Role
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import KINDS, Fish
 from mjfish.known import Beforehand
@@ -165,6 +165,8 @@ class TrialTable(Table):
 
     `gaps`: samples are missing, rows or velocities in rows; only where a CPG drives the fish, whose motion is known.
     `joints`: whether the columns of joint angles are what the joints did, or what the servos were told.
+    `hold`: what a commanded angle does until the next one (`mjfish.data.Trial.hold`).
+    `from_rest`: whether the fish is known to be at rest in the water at the first sample.
     `errors`: file of the modes of the errors of velocities and joint angles, see `mjfish.data.error_modes`.
     """
 
@@ -173,6 +175,8 @@ class TrialTable(Table):
     role: Role | None = None
     gaps: bool = False
     joints: Literal["measured", "commanded"] = "measured"
+    hold: Hold = "linear"
+    from_rest: bool = False
     errors: Annotated[str, AfterValidator(_path)] | None = None
     drive: tuple[Drive, ...] = ()
     wave: WaveDrive | None = None

@@ -162,6 +162,8 @@ def build_trial(
         wave=wave,
         tank=tank,
         commanded=entry.joints == "commanded",
+        hold=entry.hold,
+        from_rest=entry.from_rest,
         sensors=tuple(within(s, float(time[0]), float(time[-1]), s.source or source) for s in sensors),
     )
 

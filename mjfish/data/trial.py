@@ -22,6 +22,7 @@ from mjfish.known import Beforehand
 
 Role = Literal["fit", "held_out"]
 Clock = Literal["synchronised", "free"]
+Hold = Literal["zero", "linear"]
 #: Trials that the text of a dataset lists.
 _TRIALS_SHOWN = 8
 
@@ -77,7 +78,9 @@ class Trial:
             that were not `measured`.
         drive: CPG segments; empty where the joints were measured.
         joint_angle: (n, joints) measured joint angles [rad], or None.
-        commanded: the angles are those that the servos were told, each held until the next; else those of the joints.
+        commanded: the angles are those that the servos were told, with a `hold` between them; else those of the joints.
+        hold: what a commanded angle does until the next one: ``zero``, it stays; ``linear``, it goes there on a line.
+        from_rest: the fish is known to be at rest in the water at the first sample, though no CPG drives it.
         pose: (n, 3) x [m], y [m], yaw [rad] in the world, or None; yaw alone may be given (x, y are NaN then).
         roll: (n,) [rad], or None.
         source: the file it was read from.
@@ -109,6 +112,8 @@ class Trial:
     tank: Tank | None = None
     errors: FloatArray | None = None
     commanded: bool = False
+    hold: Hold = "linear"
+    from_rest: bool = False
     sensors: tuple[Sensor, ...] = ()
 
     def __repr__(self) -> str:
@@ -151,11 +156,11 @@ class Trial:
 
     @property
     def starts_at_rest(self) -> bool:
-        """Whether the trial begins at time 0 with the fish at rest in the water, as every CPG-driven trial does.
+        """Whether the trial begins with the fish at rest in the water, as every CPG-driven trial does, at time 0.
 
-        A wave starts it from rest where it has a ramp.
+        A wave starts it from rest where it has a ramp; measured or commanded angles do where the dataset says so.
         """
-        return self.joint_angle is None and (self.wave is None or self.wave.ramp > 0.0)
+        return self.from_rest or (self.joint_angle is None and (self.wave is None or self.wave.ramp > 0.0))
 
     def waved(self, frequency: float, phase: float, scale: float = 1.0) -> Trial:
         """Return the trial with another wave.

@@ -98,6 +98,8 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
             "role": trial.role,
             "gaps": trial.gaps,
             "joints": "commanded" if trial.commanded else None,
+            "hold": trial.hold if trial.commanded else None,
+            "from_rest": trial.from_rest,
             "errors": None if trial.errors is None else error_modes.file_name(trial.name),
             "drive": [
                 {"start": float(part.start), "omega": float(part.omega), "bias": [float(bias) for bias in part.bias]}

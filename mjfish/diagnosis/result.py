@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from mjfish.arrays import FloatArray
-from mjfish.data import Dataset, Trial
+from mjfish.data import Dataset, Sensor, Trial
 from mjfish.diagnosis.curves import knots_of
 from mjfish.diagnosis.description import Description
 from mjfish.diagnosis.fingerprint import Measured
@@ -149,6 +149,15 @@ class FittedModel:
 
 
 @dataclass(frozen=True, eq=False)
+class SensorOverlay:
+    """What one sensor of a trial measured, and what both models predict it to read; (m, c) at its own samples."""
+
+    sensor: Sensor
+    nominal: FloatArray
+    extended: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Overlay:
     """One trial as measured and as both models predict it, for pictures.
 
@@ -157,12 +166,14 @@ class Overlay:
         held_out: whether it was kept out of the fits.
         nominal: (n, 3) prediction of the nominal model.
         extended: (n, 3) prediction of the extended model (the best candidate's, even where it was not named).
+        sensors: the same of every sensor of the trial.
     """
 
     trial: Trial
     held_out: bool
     nominal: FloatArray
     extended: FloatArray
+    sensors: tuple[SensorOverlay, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

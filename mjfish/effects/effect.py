@@ -25,7 +25,7 @@ Part = Literal["start-up", "transition", "steady", "turn", "everywhere"]
 #: Exponents of the beat frequency above this size count as a change with frequency.
 _SCALES = 0.25
 _DECLARED = ("name", "domain", "summary", "parameters", "source", "signature", "confirm")
-_HOOKS = ("drive", "body", "clock", "reading")
+_HOOKS = ("drive", "body", "clock", "reading", "camera")
 
 
 @dataclass(frozen=True)
@@ -157,6 +157,17 @@ class Effect(ABC):
         """
         del values, trial
         return state
+
+    def camera(
+        self, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return where the camera sees points of the fish (m, 2) [m], and their headings (m,) [rad], in the world.
+
+        `place` and `heading` are those of a point and of the link that it is on, as they are. What a position sensor
+        and a heading sensor read passes through this hook, what an inertial unit reads does not.
+        """
+        del values, trial
+        return place, heading
 
     def priors(self) -> tuple[Prior, ...]:
         """Return what keeps a learned form smooth, and what is known of its numbers beforehand."""

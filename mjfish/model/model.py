@@ -268,7 +268,8 @@ def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
 
 @cached(0.5e9)
 def _measured_motion(trial: Trial, step: float) -> JointMotion:
-    held = 0.5 * trial.step if trial.commanded else 0.0  # a staircase is late by half a step, on average
+    staircase = trial.commanded and trial.hold == "zero"
+    held = 0.5 * trial.step if staircase else 0.0  # a staircase is late by half a step, on average
     return measured.sampled(_splines(trial), trial.time, step, late=held)
 
 
