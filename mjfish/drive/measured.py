@@ -65,6 +65,7 @@ class Smoothing:
         spline: of the signal.
         design: (n, size) basis functions at the samples.
         bands: of the normal matrix with the penalty, in the layout of `scipy.linalg.solveh_banded`.
+        penalty: lam, of the third derivative.
         sigma: of the white noise that was smoothed away, [unit of the signal].
         degrees_of_freedom: of the spline, the trace of its hat matrix.
     """
@@ -72,6 +73,7 @@ class Smoothing:
     spline: BSpline
     design: sparse.csr_array
     bands: FloatArray
+    penalty: float
     sigma: float
     degrees_of_freedom: float
 
@@ -121,7 +123,8 @@ def smoothing(time: FloatArray, signal: FloatArray) -> Smoothing:
     penalty = float(best.x)
     coefficients, _, variance, degrees_of_freedom = solve(penalty)
     spline = BSpline(knots, coefficients, _DEGREE)
-    return Smoothing(spline, design, bands(penalty), float(np.sqrt(variance)), degrees_of_freedom)
+    dear = float(10.0**penalty * scale)
+    return Smoothing(spline, design, bands(penalty), dear, float(np.sqrt(variance)), degrees_of_freedom)
 
 
 def _roughness(knots: FloatArray) -> sparse.csr_array:

@@ -18,6 +18,7 @@ from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
+from mjfish.estimation.joint_errors import Linearised
 from mjfish.estimation.time_limit import check_time
 from mjfish.executors import mapped
 from mjfish.frames import CHANNELS, UNITS
@@ -109,6 +110,8 @@ class Problem:
         nominal: names of the effects that are a part of the nominal model; others are causes that extend it.
         prior_sds: of learned priors, by name; those of others, and where it has none, are the declared ones.
         sensor_sigma: (c,) of every sensor whose sigma is not stated, by name.
+        joint_errors: trials whose joint angles were measured, linearised for the errors of these, by name; the sensors
+            of others, and of all where it is None, have white noise alone.
         jobs: threads.
         executor: takes whole fits in place of the threads; None: they do those as well.
         kept: where finished refits of a diagnosis are kept; None: nowhere.
@@ -127,6 +130,7 @@ class Problem:
     nominal: tuple[str, ...] = ()
     prior_sds: Mapping[str, float] = field(default_factory=dict)
     sensor_sigma: Mapping[str, FloatArray] = field(default_factory=dict)
+    joint_errors: Mapping[str, Linearised] = field(default_factory=dict)
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
     executor: Executor | None = None
     kept: Kept | None = None
@@ -407,11 +411,17 @@ class Problem:
         velocity = np.nan_to_num(found.velocity[self.mask(index)], copy=False)
         if not trial.measured.all():
             velocity *= trial.measured[:, None]
-        sensors = (
-            np.nan_to_num(block)[self.sensor_mask(index, sensor)] / self.sigma_of(sensor)[:, None]
-            for sensor, block in zip(trial.sensors, found.sensors, strict=True)
-        )
+        sensors = self._white_sensors(index, [np.nan_to_num(block) for block in found.sensors])
         return _Predicted(velocity, tuple(b.reshape(b.shape[0] * b.shape[1], b.shape[2]) for b in sensors))
+
+    def _white_sensors(self, index: int, blocks: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the whitened columns (m, c, k) of the counted samples of each sensor of a trial, from all samples."""
+        sensors = self.trials[index].sensors
+        sigma, masks = [self.sigma_of(s) for s in sensors], [self.sensor_mask(index, s) for s in sensors]
+        errors = self.joint_errors.get(self.trials[index].name)
+        if errors is not None and sensors:
+            return errors.whiten(sigma, masks, blocks)
+        return [block[mask] / own[:, None] for block, mask, own in zip(blocks, masks, sigma, strict=True)]
 
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:
         """Return the derivatives (n, 3, k), (m, c, k) of one trial's prediction by parameters of it or shared."""
@@ -531,10 +541,11 @@ class Problem:
 
     def _sensors_left(self, predicted: list[_Predicted]) -> list[FloatArray]:
         """Return whitened residuals (m,) of each sensor."""
-        parts, every = [], [(own.lost, block) for own in predicted for block in own.sensors]
-        for (i, sensor), (lost, block) in zip(self.sensors, every, strict=True):
-            white = ((sensor.values - block) / self.sigma_of(sensor))[self.sensor_mask(i, sensor)].ravel()
-            parts.append(np.full_like(white, LOST) if lost else white)
+        parts: list[FloatArray] = []
+        for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True)):
+            left = [(sensor.values - block)[:, :, None] for sensor, block in zip(trial.sensors, own.sensors, strict=True)]
+            white = [block.ravel() for block in self._white_sensors(i, left)]
+            parts += [np.full_like(block, LOST) for block in white] if own.lost else white
         return parts
 
     def _run(self, x: FloatArray) -> list[_Predicted]:

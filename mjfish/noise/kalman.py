@@ -26,7 +26,7 @@ class Gains:
 
     Attributes:
         transition: (n, d, d) F_t, from sample t to t + 1; one for all where n = 1.
-        reading: (m, d) H.
+        reading: (m, d) H, or (n, m, d) where it changes.
         gain: (n, d, m) K_t; zero where the sample is missing.
         root: (n, m, m) inverse of the Cholesky factor of S_t.
         log_determinant: sum of log det S_t over the samples that are there.
@@ -58,18 +58,23 @@ def gains(
     Args:
         transition: (n or 1, d, d) F_t.
         drive: (n or 1, d, d) covariance of w_t.
-        reading: (m, d) H.
-        spread: (m, m) covariance R of e_t.
+        reading: (m, d) H, or (n, m, d) where it changes.
+        spread: (m, m) covariance R of e_t, or (n, m, m).
         start: (d, d) covariance of the state at the first sample.
         seen: (n,) whether there is a sample.
     """
-    n, (m, d) = len(seen), reading.shape
+    n, (m, d) = len(seen), reading.shape[-2:]
     gain, root = np.zeros((n, d, m)), np.zeros((n, m, m))
     total = _gains(
-        np.ascontiguousarray(transition), np.ascontiguousarray(drive), np.ascontiguousarray(reading),
-        np.ascontiguousarray(spread), start.copy(), seen, gain, root,
+        np.ascontiguousarray(transition), np.ascontiguousarray(drive), _each(reading), _each(spread), start.copy(),
+        seen, gain, root,
     )  # fmt: skip
     return Gains(np.ascontiguousarray(transition), np.ascontiguousarray(reading), gain, root, float(total))
+
+
+def _each(matrices: FloatArray) -> FloatArray:
+    """Return matrices (n or 1, i, j), one for all times where there is one alone."""
+    return np.ascontiguousarray(matrices if matrices.ndim == 3 else matrices[None])
 
 
 @compiled
@@ -86,17 +91,18 @@ def _gains(
     """Write gains and roots; loops, for numba takes seven seconds to compile products and factors of matrices."""
     total = 0.0
     last = transition.shape[0] - 1
-    m, d = reading.shape
+    m, d = reading.shape[1:]
     across, innovation = np.empty((m, d)), np.empty((m, m))  # H P, S
     ahead = np.empty((d, d))
     for t in range(seen.shape[0]):
         if seen[t]:
-            _product(reading, covariance, across)
+            read, white = reading[min(t, reading.shape[0] - 1)], spread[min(t, spread.shape[0] - 1)]
+            _product(read, covariance, across)
             for i in range(m):
                 for j in range(m):
-                    innovation[i, j] = spread[i, j]
+                    innovation[i, j] = white[i, j]
                     for k in range(d):
-                        innovation[i, j] += across[i, k] * reading[j, k]
+                        innovation[i, j] += across[i, k] * read[j, k]
             factor = root[t]
             _invert_root(innovation, factor)
             for k in range(m):
@@ -159,7 +165,8 @@ def _invert_root(matrix: FloatArray, out: FloatArray) -> None:
 def whitened(filter_: Gains, seen: BoolArray, columns: FloatArray) -> FloatArray:
     """Return the white innovations (samples seen, m, k) of columns (samples seen, m, k)."""
     out = np.empty_like(columns)
-    _whiten(filter_.transition, filter_.reading, filter_.gain, filter_.root, seen, np.ascontiguousarray(columns), out)
+    reading = _each(filter_.reading)
+    _whiten(filter_.transition, reading, filter_.gain, filter_.root, seen, np.ascontiguousarray(columns), out)
     return out
 
 
@@ -198,7 +205,7 @@ def _whiten(
     out: FloatArray,
 ) -> None:
     last = transition.shape[0] - 1
-    m, d = reading.shape
+    m, d = reading.shape[1:]
     width = columns.shape[2]
     state = np.zeros((d, width))
     ahead = np.zeros((d, width))
@@ -209,7 +216,7 @@ def _whiten(
             for i in range(m):
                 for k in range(width):  # numba compiles three seconds of error messages for a slice
                     innovation[i, k] = columns[row, i, k]
-                _add(innovation, i, reading[i], state, -1.0)
+                _add(innovation, i, reading[min(t, reading.shape[0] - 1), i], state, -1.0)
             for i in range(d):
                 _add(state, i, gain[t, i], innovation, 1.0)
             for i in range(m):

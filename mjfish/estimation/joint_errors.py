@@ -1,0 +1,99 @@
+"""Sensors of trials whose joint angles were measured, whitened with the errors of the angles (`mjfish.noise`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mjfish.arrays import BoolArray, FloatArray
+from mjfish.data import Sensor, Trial
+from mjfish.drive.measured import smoothing
+from mjfish.model import Model
+from mjfish.model.model import Prepared
+from mjfish.model.sensing import Moments, moments, read
+from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
+from mjfish.noise.kalman import Gains, whitened
+from mjfish.ode.jacobians import input_jacobian, state_jacobian
+from mjfish.ode.rollout import Rollout
+
+#: Steps of the differences of what a sensor reads, by states of the head and by angles.
+_STEP = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """A trial whose joints were measured, linearised along a rollout.
+
+    Attributes:
+        trial: the trial.
+        errors: of its joint angles and of the head.
+        rows: places in the times of `errors` of the samples of each sensor.
+        readings: (m, c, d) derivatives of what each sensor reads by the state of `errors`.
+    """
+
+    trial: Trial
+    errors: JointErrors
+    rows: tuple[FloatArray, ...]
+    readings: tuple[FloatArray, ...]
+    _cache: dict[tuple[bytes, ...], Gains] = field(default_factory=dict)
+
+    @classmethod
+    def along(cls, trial: Trial, run: Prepared, rollout: Rollout) -> Linearised:
+        """Linearise a trial along a rollout that reached its end."""
+        assert trial.joint_angle is not None  # noqa: S101 - its joints were measured
+        a, b = (of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (state_jacobian, input_jacobian))
+        joints = [smoothing(trial.time, column) for column in trial.joint_angle.T]
+        time = rollout.time[: len(a)]
+        errors = JointErrors.of(trial, joints, Along(time, rollout.state[: len(a), 0, :HEAD].copy(), a, b))
+        at = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
+        readings = (_reading(s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors)
+        return cls(trial, errors, tuple(at), tuple(readings))
+
+    def whiten(
+        self, sigma: Sequence[FloatArray], masks: Sequence[BoolArray], blocks: Sequence[FloatArray]
+    ) -> list[FloatArray]:
+        """Return columns (m, c, k) of the counted samples of each sensor, whitened.
+
+        Args:
+            sigma: (c,) of each sensor.
+            masks: (m,) which of its samples count.
+            blocks: (m, c, k) of each sensor, all its samples, in physical units.
+        """
+        rows = [at[mask] for at, mask in zip(self.rows, masks, strict=True)]
+        key = (*(one.tobytes() for one in sigma), *(mask.tobytes() for mask in masks))
+        if key not in self._cache:
+            readings = [read[mask] for read, mask in zip(self.readings, masks, strict=True)]
+            self._cache[key] = self.errors.filter(rows, readings, sigma)
+        channels = np.cumsum([0, *map(len, sigma)])
+        every = np.zeros((len(self.errors.time), channels[-1], blocks[0].shape[2]))
+        for at, mask, first, last, block in zip(rows, masks, channels, channels[1:], blocks, strict=False):
+            every[at, first:last] = block[mask]
+        white = whitened(self._cache[key], np.ones(len(every), dtype=np.bool_), every)
+        return [white[at, first:last] for at, first, last in zip(rows, channels, channels[1:], strict=False)]
+
+
+def _reading(sensor: Sensor, here: Moments) -> FloatArray:
+    """Return the derivatives (m, c, d) of what a sensor reads, by the state of the head and of every joint."""
+    joints, samples = here.angle.shape[1], len(here.angle)
+    found = np.zeros((samples, len(sensor.channels), HEAD + JOINT * joints))
+    for column in range(HEAD + joints):
+        state, angle = np.zeros_like(here.state), np.zeros_like(here.angle)
+        if column < HEAD:
+            state[:, column] = 1.0
+        else:
+            angle[:, column - HEAD] = 1.0
+        along = Moments(state, np.zeros_like(here.rate), angle, np.zeros_like(here.length))
+        ahead, behind = (read(sensor, here.moved(by, along)) for by in (_STEP, -_STEP))
+        place = column if column < HEAD else HEAD + JOINT * (column - HEAD)
+        found[:, :, place] = (ahead - behind) / (2.0 * _STEP)
+    return found
+
+
+def linearised(model: Model, trial: Trial, run: Prepared, rollout: Rollout) -> Linearised | None:
+    """Return a trial linearised; None where its joints were not measured, or the rollout diverges."""
+    del model
+    if not trial.joints_measured or not trial.sensors or rollout.message:
+        return None
+    return Linearised.along(trial, run, rollout)

@@ -1,0 +1,243 @@
+"""Errors of measured joint angles, as a noise of what sensors read: the fish in the loop of the joints' smoother.
+
+The angle of a joint is a twice integrated white acceleration of intensity q, measured with white noise of sigma: the
+prior of the smoothing spline that the rollout goes by (`mjfish.drive.measured`), with lam = sigma^2 / q. Its error
+d = (d, d', d'') around that spline is then a Gauss-Markov process ([Wahba1990], ch. 1.5; [Rauch1965]),
+
+    d_{k+1} = F~ d_k + w,   F~ = (1 + Q L_{k+1})^-1 F,   cov w = (1 + Q L_{k+1})^-1 Q,   L_k = F' L_{k+1} F~ + m_k e e' / sigma^2
+
+with F, Q of the prior, L the information that later samples have, and m_k whether k is one. It begins with
+cov d_0 = L_0^-1. Through the equation of motion, linearised along the rollout, it moves the head:
+
+    dv' = A dv + B (d, d', d''),   d(x, y)' = R(yaw) (dv + dyaw x v),   dyaw' = dw
+
+Both together are the state of a Kalman filter (`mjfish.noise.kalman`) whose innovations are white: exact, and linear in
+the number of samples.
+
+[Rauch1965] H. Rauch, F. Tung and C. Striebel, AIAA Journal 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mjfish.arrays import BoolArray, FloatArray
+from mjfish.compiled import compiled, part
+from mjfish.data import Trial
+from mjfish.drive.measured import Smoothing
+from mjfish.noise.kalman import Gains, gains
+
+#: States of the head: surge, sway, yaw rate, x, y, yaw; and of a joint.
+HEAD, JOINT = 6, 3
+#: Longest step by which the disturbed head is integrated [s].
+_STEP = 0.01
+#: Times closer than this are one [s].
+_SAME = 1e-9
+#: Coefficients of the quintics by powers of the share of the step.
+_QUINTIC = np.array(
+    [
+        [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
+        [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
+        [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
+        [0.0, 0.0, 0.0, 10.0, -15.0, 6.0],
+        [0.0, 0.0, 0.0, -4.0, 7.0, -3.0],
+        [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """A rollout, linearised at the starts of its steps.
+
+    Attributes:
+        time: (n,) [s].
+        state: (n, 6) surge, sway [m/s], yaw rate [rad/s], x, y [m], yaw [rad].
+        state_jacobian: (n, 3, 3) A.
+        input_jacobian: (n, 3, 3, joints) B; the last but one axis: by angle, rate and acceleration.
+    """
+
+    time: FloatArray
+    state: FloatArray
+    state_jacobian: FloatArray
+    input_jacobian: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class JointErrors:
+    """The errors of the joint angles of one trial, and of the head that they move.
+
+    Attributes:
+        time: (n,) of all samples of joints and sensors, each once [s].
+        transition: (n, d, d) of the state of the head, then of every joint.
+        drive: (n, d, d) covariance of what comes in until the next time.
+        start: (d, d) covariance of the state at the first time.
+    """
+
+    time: FloatArray
+    transition: FloatArray
+    drive: FloatArray
+    start: FloatArray
+
+    @classmethod
+    def of(cls, trial: Trial, joints: Sequence[Smoothing], along: Along) -> JointErrors:
+        """Return the errors of a trial with measured joint angles.
+
+        Args:
+            trial: gives the times of its joints and sensors.
+            joints: the smoothed angles.
+            along: the rollout.
+        """
+        every = np.concatenate([trial.time, *(sensor.time for sensor in trial.sensors)])
+        time = np.unique(np.maximum(every, trial.time[0]))
+        time = time[np.concatenate([[True], np.diff(time) > _SAME])]
+        measured = np.zeros(len(time), dtype=np.bool_)
+        measured[np.searchsorted(time, trial.time - _SAME)] = True
+        moved = _moved(time, along.time, along.state, along.state_jacobian, along.input_jacobian)
+        size = HEAD + JOINT * len(joints)
+        transition, drive, start = np.zeros((len(time), size, size)), np.zeros((len(time), size, size)), np.zeros((size, size))
+        transition[:, :HEAD, :HEAD] = moved[:, :, :HEAD]
+        for j, joint in enumerate(joints):
+            own, push, begin = _conditioned(np.diff(time), measured, joint.sigma, joint.sigma**2 / joint.penalty)
+            at = slice(HEAD + JOINT * j, HEAD + JOINT * (j + 1))
+            left, right = (moved[:, :, HEAD + JOINT * (2 * j + k) : HEAD + JOINT * (2 * j + k + 1)] for k in (0, 1))
+            transition[:, at, at] = own
+            transition[:, :HEAD, at] = left + right @ own
+            drive[:, at, at] = push
+            drive[:, :HEAD, at] = right @ push
+            drive[:, at, :HEAD] = drive[:, :HEAD, at].transpose(0, 2, 1)
+            drive[:, :HEAD, :HEAD] += right @ push @ right.transpose(0, 2, 1)
+            start[at, at] = begin
+        return cls(time, transition, drive, start)
+
+    def filter(self, rows: Sequence[FloatArray], readings: Sequence[FloatArray], sigma: Sequence[FloatArray]) -> Gains:
+        """Return the filter of the channels of all sensors.
+
+        Args:
+            rows: places in `time` of the samples of each sensor.
+            readings: (m, c, d) derivatives of what each sensor reads by the state.
+            sigma: (c,) of each sensor.
+        """
+        channels = [len(own) for own in sigma]
+        reading = np.zeros((len(self.time), sum(channels), self.start.shape[0]))
+        spread = np.tile(np.eye(sum(channels)), (len(self.time), 1, 1))
+        first = 0
+        for at, read, own in zip(rows, readings, sigma, strict=True):
+            places = np.arange(first, first + len(own))
+            reading[at[:, None], places] = read
+            spread[at[:, None], places, places] = own**2
+            first += len(own)
+        return gains(self.transition, self.drive, reading, spread, self.start, np.ones(len(self.time), dtype=np.bool_))
+
+
+def _conditioned(
+    steps: FloatArray, measured: BoolArray, sigma: float, intensity: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return F~ (n, 3, 3), cov w (n, 3, 3) and cov d_0 (3, 3) of the error of one joint; those of the last time are 0.
+
+    In units of a typical step, in which all numbers are of one size.
+    """
+    unit = float(np.median(steps))
+    scale = unit ** -np.arange(3.0)
+    one = np.zeros((JOINT, JOINT))
+    one[0, 0] = 1.0 / sigma**2
+    transition, push = np.zeros((len(steps) + 1, JOINT, JOINT)), np.zeros((len(steps) + 1, JOINT, JOINT))
+    information = one * measured[-1]
+    for k in range(len(steps) - 1, -1, -1):
+        h = steps[k] / unit
+        forward = np.array([[1.0, h, 0.5 * h * h], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
+        q = intensity * unit**5 * np.array(
+            [[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]]
+        )  # fmt: skip
+        shrink = np.linalg.inv(np.eye(JOINT) + q @ information)
+        transition[k], push[k] = shrink @ forward, shrink @ q
+        information = forward.T @ information @ transition[k] + one * measured[k]
+        information = 0.5 * (information + information.T)
+    turn = scale[:, None] / scale
+    return transition * turn, push * (scale[:, None] * scale), np.linalg.inv(information) * (scale[:, None] * scale)
+
+
+@compiled
+def _moved(
+    time: FloatArray, grid: FloatArray, state: FloatArray, by_state: FloatArray, by_input: FloatArray
+) -> FloatArray:
+    """Return how the head (n, 6, 6 + 6 joints) at the next time depends on what is now, by Runge-Kutta steps.
+
+    Columns: of the head; then of every joint its (d, d', d'') now and at the next time, between which d is a quintic.
+    """
+    joints = by_input.shape[3]
+    width = 6 + 6 * joints
+    out = np.zeros((time.shape[0], 6, width))
+    at = 0
+    x, k, sum_k, there = np.zeros((6, width)), np.zeros((6, width)), np.zeros((6, width)), np.zeros((6, width))
+    basis = np.zeros((3, 6))
+    a, b = np.zeros((3, 3)), np.zeros((3, 3, joints))
+    for i in range(time.shape[0] - 1):
+        w = time[i + 1] - time[i]
+        parts = max(int(np.ceil(w / _STEP)), 1)
+        h = w / parts
+        x[:] = 0.0
+        for r in range(6):
+            x[r, r] = 1.0
+        for piece in range(parts):
+            there[:] = x
+            sum_k[:] = 0.0
+            for stage in range(4):
+                ahead = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
+                now = time[i] + piece * h + ahead
+                while at < grid.shape[0] - 2 and grid[at + 1] <= now:
+                    at += 1
+                while at > 0 and grid[at] > now:
+                    at -= 1
+                share = min(max((now - grid[at]) / (grid[at + 1] - grid[at]), 0.0), 1.0)
+                for r in range(3):
+                    for c in range(3):
+                        a[r, c] = (1.0 - share) * by_state[at, r, c] + share * by_state[at + 1, r, c]
+                        for j in range(joints):
+                            b[r, c, j] = (1.0 - share) * by_input[at, r, c, j] + share * by_input[at + 1, r, c, j]
+                surge = (1.0 - share) * state[at, 0] + share * state[at + 1, 0]
+                sway = (1.0 - share) * state[at, 1] + share * state[at + 1, 1]
+                yaw = (1.0 - share) * state[at, 5] + share * state[at + 1, 5]
+                cos, sin = np.cos(yaw), np.sin(yaw)
+                _quintic((piece * h + ahead) / w, w, basis)
+                k[:] = 0.0
+                for c in range(width):
+                    for r in range(3):
+                        k[r, c] = a[r, 0] * there[0, c] + a[r, 1] * there[1, c] + a[r, 2] * there[2, c]
+                    k[3, c] = cos * there[0, c] - sin * there[1, c] - (sin * surge + cos * sway) * there[5, c]
+                    k[4, c] = sin * there[0, c] + cos * there[1, c] + (cos * surge - sin * sway) * there[5, c]
+                    k[5, c] = there[2, c]
+                for j in range(joints):
+                    for c in range(6):
+                        for r in range(3):
+                            for order in range(3):
+                                k[r, 6 + 6 * j + c] += b[r, order, j] * basis[order, c]
+                weight = 1.0 if stage == 0 or stage == 3 else 2.0
+                step = 0.5 * h if stage < 2 else h
+                for r in range(6):
+                    for c in range(width):
+                        sum_k[r, c] += weight * k[r, c]
+                        there[r, c] = x[r, c] + step * k[r, c]
+            for r in range(6):
+                for c in range(width):
+                    x[r, c] += h / 6.0 * sum_k[r, c]
+        out[i] = x
+    return out
+
+
+@part
+def _quintic(s: float, w: float, out: FloatArray) -> None:
+    """Write value, rate and acceleration of the quintics (3, 6) of unit value, rate, acceleration at 0, then at w."""
+    for c in range(6):
+        scale = w ** (c % 3)
+        for order in range(3):
+            value = 0.0
+            for power in range(order, 6):
+                factor = 1.0
+                for m in range(order):
+                    factor *= power - m
+                value += _QUINTIC[c, power] * factor * s ** (power - order)
+            out[order, c] = value * scale / w**order
