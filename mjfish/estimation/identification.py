@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray, robust_sigma
-from mjfish.data import Dataset, Sensor, Trial, load_dataset
-from mjfish.data.sensor import smallest_sigma
+from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.errors import NUMERIC, InputError, MjfishError, reason_of
 from mjfish.estimation.agreement import Agreement, Criteria, agreement, criteria
 from mjfish.estimation.clocks import aligned
@@ -26,6 +25,7 @@ from mjfish.estimation.posterior import posterior
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual, fitted, held_out
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests
+from mjfish.estimation.sensor_noise import with_sensor_noise
 from mjfish.estimation.settings import Loss, Settings
 from mjfish.estimation.stability import Stability, stability
 from mjfish.estimation.table_iv import Row, table_iv
@@ -33,7 +33,7 @@ from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.model.posterior import Posterior
 from mjfish.noise import Noise
-from mjfish.noise.autoregressive import FLOOR, floor
+from mjfish.noise.autoregressive import floor
 from mjfish.result import Result
 from mjfish.serialise import plain, unsaved
 
@@ -322,18 +322,18 @@ def identify(
     remarks = (*_of_recordings(dataset.trials), *_remarks(trials))
     weighed = stated is None and settings.weights == "noise"
     unknown = [sensor for _, sensor in problem.sensors if sensor.sigma is None]
-    for _ in range(2 if weighed or unknown else 0):
+    for _ in range(2 if weighed or problem.sensors else 0):
         if solution.lost:
             break
         if weighed:
             residual = _of_measured(problem, problem.raw(solution.x))
             problem = replace(problem, noise=white(np.maximum(_spread(residual, settings.loss), floor(trials))))
-        problem = replace(problem, sensor_sigma=_sensor_spread(problem, solution.x, settings.loss))
+        problem = with_sensor_noise(problem, solution.x)
         solution = fit(problem, solution.x, **robust)  # type: ignore[arg-type]
     if weighed and any(trial.measured.any() for trial in trials):
         remarks += ("noise: none stated; the weights are the RMS of the residual",)
     for name in dict.fromkeys(sensor.name for sensor in unknown):
-        remarks += (f"{name}: no sigma stated; its weights are the RMS of the residual",)
+        remarks += (f"{name}: no sigma stated; its weights are that of the third differences of the residual",)
     residuals = fitted(problem, solution.x)
     try:
         residuals += held_out(problem, solution.values, held)
@@ -369,21 +369,6 @@ def _of_measured(problem: Problem, residuals: list[FloatArray]) -> FloatArray:
         return np.concatenate(residuals)
     pairs = zip(problem.trials, residuals, strict=True)
     return np.concatenate([np.where(trial.measured, block, np.nan) for trial, block in pairs])
-
-
-def _sensor_spread(problem: Problem, x: FloatArray, loss: Loss) -> dict[str, FloatArray]:
-    """Return the sigma of every sensor that states none: of its residuals in all trials, at least its floor."""
-    found: dict[str, list[FloatArray]] = {}
-    same: dict[str, list[Sensor]] = {}
-    for (i, sensor), predicted in zip(problem.sensors, problem.sensor_predictions(x), strict=True):
-        if sensor.sigma is None:
-            error = (sensor.values - predicted)[problem.sensor_mask(i, sensor)]
-            found.setdefault(sensor.name, []).append(error)
-            same.setdefault(sensor.name, []).append(sensor)
-    return {
-        name: np.maximum(_spread(np.concatenate(errors), loss), smallest_sigma(same[name], FLOOR))
-        for name, errors in found.items()
-    }
 
 
 def _spread(residual: FloatArray, loss: Loss) -> FloatArray:

@@ -10,7 +10,6 @@ import numpy as np
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Sensor, Trial
 from mjfish.drive.measured import smoothing
-from mjfish.model import Model
 from mjfish.model.model import Prepared
 from mjfish.model.sensing import Moments, moments, read
 from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
@@ -20,6 +19,8 @@ from mjfish.ode.rollout import Rollout
 
 #: Steps of the differences of what a sensor reads, by states of the head and by angles.
 _STEP = 1e-6
+#: Errors of joint angles that move what a sensor reads by a smaller share of its sigma are left out.
+_MATTERS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,12 @@ class Linearised:
     rows: tuple[FloatArray, ...]
     readings: tuple[FloatArray, ...]
     _cache: dict[tuple[bytes, ...], Gains] = field(default_factory=dict)
+
+    def matter(self, sigma: Sequence[FloatArray]) -> bool:
+        """Return whether the errors move what any sensor reads by `_MATTERS` of its sigma or more, rms."""
+        every = self.errors.variances(self.rows, self.readings)
+        shares = [np.sqrt(np.mean(one, axis=0)) / own for one, own in zip(every, sigma, strict=True)]
+        return bool(np.max(np.concatenate(shares)) >= _MATTERS)
 
     @classmethod
     def along(cls, trial: Trial, run: Prepared, rollout: Rollout) -> Linearised:
@@ -89,11 +96,3 @@ def _reading(sensor: Sensor, here: Moments) -> FloatArray:
         place = column if column < HEAD else HEAD + JOINT * (column - HEAD)
         found[:, :, place] = (ahead - behind) / (2.0 * _STEP)
     return found
-
-
-def linearised(model: Model, trial: Trial, run: Prepared, rollout: Rollout) -> Linearised | None:
-    """Return a trial linearised; None where its joints were not measured, or the rollout diverges."""
-    del model
-    if not trial.joints_measured or not trial.sensors or rollout.message:
-        return None
-    return Linearised.along(trial, run, rollout)

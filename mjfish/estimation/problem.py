@@ -35,11 +35,11 @@ R = TypeVar("R")
 
 #: Residual of a sample that the rollout did not reach, in units of sigma: worse than any honest misfit.
 LOST = 1e3
-#: Scale and half-range of start velocities around the measured ones [m/s, m/s, rad/s], half-range around rest where
-#: they were not measured, and scale and half-range of clock offsets [s].
+#: Scale and half-range of start velocities [m/s, m/s, rad/s], the standard deviation of measured ones, and scale and
+#: half-range of clock offsets [s].
 _START_SCALE = (0.01, 0.01, 0.05)
-_START_RANGE = (0.1, 0.1, 0.5)
-_UNMEASURED_RANGE = (2.0, 1.0, 10.0)
+_START_RANGE = (2.0, 1.0, 10.0)
+_START_SD = (0.1, 0.1, 0.5)
 _CLOCK_SCALE, _CLOCK_RANGE = 0.005, 0.25
 #: Scale and half-range of the pose at the start around a first guess of it [m, m, rad].
 _POSE_SCALE = (0.01, 0.01, 0.02)
@@ -110,8 +110,8 @@ class Problem:
         nominal: names of the effects that are a part of the nominal model; others are causes that extend it.
         prior_sds: of learned priors, by name; those of others, and where it has none, are the declared ones.
         sensor_sigma: (c,) of every sensor whose sigma is not stated, by name.
-        joint_errors: trials whose joint angles were measured, linearised for the errors of these, by name; the sensors
-            of others, and of all where it is None, have white noise alone.
+        joint_errors: returns a trial linearised for the errors of its measured joint angles, None where they do not
+            matter; its sensors have white noise alone then, and those of all trials where it is None.
         jobs: threads.
         executor: takes whole fits in place of the threads; None: they do those as well.
         kept: where finished refits of a diagnosis are kept; None: nowhere.
@@ -130,7 +130,7 @@ class Problem:
     nominal: tuple[str, ...] = ()
     prior_sds: Mapping[str, float] = field(default_factory=dict)
     sensor_sigma: Mapping[str, FloatArray] = field(default_factory=dict)
-    joint_errors: Mapping[str, Linearised] = field(default_factory=dict)
+    joint_errors: Callable[[Trial], Linearised | None] | None = None
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
     executor: Executor | None = None
     kept: Kept | None = None
@@ -418,8 +418,8 @@ class Problem:
         """Return the whitened columns (m, c, k) of the counted samples of each sensor of a trial, from all samples."""
         sensors = self.trials[index].sensors
         sigma, masks = [self.sigma_of(s) for s in sensors], [self.sensor_mask(index, s) for s in sensors]
-        errors = self.joint_errors.get(self.trials[index].name)
-        if errors is not None and sensors:
+        errors = self.joint_errors(self.trials[index]) if self.joint_errors is not None and sensors else None
+        if errors is not None:
             return errors.whiten(sigma, masks, blocks)
         return [block[mask] / own[:, None] for block, mask, own in zip(blocks, masks, sigma, strict=True)]
 
@@ -468,9 +468,12 @@ class Problem:
 
         Left out are the samples next to a step of the drive, where the velocity jumps and a reading depends on which
         side of the step it fell; `ends`; where the joints were measured, the ends: a shifted clock would ask for motion
-        that nobody saw; and where velocities were smoothed, what the filter feels of such a step or of an end.
+        that nobody saw; and where velocities were smoothed, what the filter feels of such a step or of an end. None
+        counts of a trial without any velocity.
         """
         trial = self.trials[index]
+        if not trial.measured.any():
+            return np.zeros(len(trial.time), dtype=np.bool_)
         keep = np.ones(len(trial.time), dtype=np.bool_)
         beside = 1.5 * trial.step
         if self.smoothing is not None:
@@ -603,23 +606,12 @@ def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:
     """
     declared = []
     if not trial.starts_at_rest:
-        for channel, scale, reach, wide, measured in zip(
-            CHANNELS, _START_SCALE, _START_RANGE, _UNMEASURED_RANGE, trial.velocity[0], strict=True
-        ):
+        rows = zip(CHANNELS, _START_SCALE, _START_RANGE, _START_SD, trial.velocity[0], strict=True)
+        for channel, scale, reach, sd, measured in rows:
             centre = float(np.nan_to_num(measured))
-            reach = wide if np.isnan(measured) else reach
-            declared.append(
-                Parameter(
-                    f"{trial.name}:start.{channel}",
-                    UNITS[channel],
-                    centre,
-                    centre - reach,
-                    centre + reach,
-                    centre,
-                    scale,
-                    about="velocity at the start",
-                )
-            )
+            name, unit = f"{trial.name}:start.{channel}", UNITS[channel]
+            own = Parameter(name, unit, centre, centre - reach, centre + reach, centre, scale, about="at the start")
+            declared.append(own if np.isnan(measured) else replace(own, sd=sd))
     if free_clock:
         declared.append(
             Parameter(f"{trial.name}:clock.offset", "s", 0.0, -0.25, 0.25, 0.0, _CLOCK_SCALE, about="clock offset")

@@ -26,9 +26,9 @@ class Score:
     """Residuals of one model on the held-out trials.
 
     Attributes:
-        residuals: (n_r, 3) per trial, scored samples only, physical units.
+        residuals: (n_r, 3) of the velocities per trial, scored samples only, physical units.
         predictions: (n_r, 3) per trial, all samples.
-        whitened: the scored residuals in the metric of the noise, (3 n_r,) per trial.
+        whitened: the scored residuals of velocities and sensors in the metric of the noise, (rows,) per trial.
         sensors: per trial, those of its sensors.
     """
 
@@ -39,7 +39,7 @@ class Score:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of velocities."""
+        """Bytes of velocities and whitened residuals."""
         return sum(block.nbytes for block in (*self.residuals, *self.predictions, *self.whitened))
 
     @property
@@ -54,7 +54,7 @@ def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple
     for alone, x in _alone(fitted, values, trials):
         residuals.append(alone.raw(x)[0])
         predictions.append(alone.predictions(x)[0])
-        whitened.append(alone.residual(x)[: alone.samples])
+        whitened.append(alone.residual(x)[: alone.measured])
         sensors.append(of_sensors(alone, x, 0))
     return Score(tuple(residuals), tuple(predictions), tuple(whitened), tuple(sensors))
 
@@ -71,8 +71,8 @@ def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, .
     slopes = []
     for alone, x in _alone(fitted, found.values, trials):
         free = replace(alone, fixed=fitted.fixed)
-        columns = free.slopes(free.start({**alone.named(x), **found.values}), shared).velocity
-        slopes.append(free.whiten(columns))
+        columns = free.slopes(free.start({**alone.named(x), **found.values}), shared)
+        slopes.append(free.rows(columns).shared[: free.measured])
     return np.asarray(np.concatenate(slopes) @ root)
 
 
@@ -87,12 +87,18 @@ def _alone(
         alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
         x = alone.start()
         if own:
-            counted = trial.time[alone.mask(0)]
+            counted = np.sort(np.concatenate([trial.time[alone.mask(0)], *_sensor_times(alone)]))
             split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))
             first = replace(alone, windows=((-np.inf, split),))
             x = fit_or_raise(first, x, tolerance=1e-8).x
             alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
         yield alone, x
+
+
+def _sensor_times(alone: Problem) -> Iterator[FloatArray]:
+    """Yield the times of the samples of each sensor that count, where no velocity was measured."""
+    if not alone.samples:
+        yield from (sensor.time[alone.sensor_mask(i, sensor)] for i, sensor in alone.sensors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +190,6 @@ def held_out(problem: Problem, values: Mapping[str, float], trials: tuple[Trial,
     for trial, left, predicted, sensors in zip(trials, score.residuals, score.predictions, score.sensors, strict=True):
         counted = replace(problem, trials=(trial,), windows=None).mask(0)
         scored = np.zeros_like(counted)
-        scored[np.flatnonzero(counted)[-len(left) :]] = True
+        scored[np.flatnonzero(counted)[np.count_nonzero(counted) - len(left) :]] = True
         result.append(Residual(trial, "held_out", predicted, counted, scored, sensors))
     return tuple(result)

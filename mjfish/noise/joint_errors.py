@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray
+from mjfish.arrays import BoolArray, FloatArray, blocks_of
 from mjfish.compiled import compiled, part
 from mjfish.data import Trial
 from mjfish.drive.measured import Smoothing
@@ -121,16 +121,51 @@ class JointErrors:
             readings: (m, c, d) derivatives of what each sensor reads by the state.
             sigma: (c,) of each sensor.
         """
-        channels = [len(own) for own in sigma]
-        reading = np.zeros((len(self.time), sum(channels), self.start.shape[0]))
-        spread = np.tile(np.eye(sum(channels)), (len(self.time), 1, 1))
-        first = 0
-        for at, read, own in zip(rows, readings, sigma, strict=True):
-            places = np.arange(first, first + len(own))
-            reading[at[:, None], places] = read
-            spread[at[:, None], places, places] = own**2
-            first += len(own)
+        spread = np.tile(np.eye(sum(map(len, sigma))), (len(self.time), 1, 1))
+        for at, own, places in zip(rows, sigma, blocks_of([*map(len, sigma)]), strict=True):
+            channels = np.arange(places.start, places.stop)
+            spread[at[:, None], channels, channels] = own**2
+        reading = self._stacked(rows, readings)
         return gains(self.transition, self.drive, reading, spread, self.start, np.ones(len(self.time), dtype=np.bool_))
+
+    def variances(self, rows: Sequence[FloatArray], readings: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the variances (m, c) of what each sensor reads by the errors alone; arguments as of `filter`."""
+        every = _variances(self.transition, self.drive, self.start.copy(), self._stacked(rows, readings))
+        places = blocks_of([read.shape[1] for read in readings])
+        return [every[at, own] for at, own in zip(rows, places, strict=True)]
+
+    def _stacked(self, rows: Sequence[FloatArray], readings: Sequence[FloatArray]) -> FloatArray:
+        """Return the derivatives (n, channels, d) of the channels of all sensors; 0 where a sensor has no sample."""
+        places = blocks_of([read.shape[1] for read in readings])
+        reading = np.zeros((len(self.time), places[-1].stop, self.start.shape[0]))
+        for at, read, own in zip(rows, readings, places, strict=True):
+            reading[at, own] = read
+        return reading
+
+
+@compiled
+def _variances(transition: FloatArray, drive: FloatArray, covariance: FloatArray, reading: FloatArray) -> FloatArray:
+    """Return diag H P H' (n, m) of the state that nothing is measured of."""
+    n, m, d = reading.shape
+    out = np.zeros((n, m))
+    ahead = np.zeros((d, d))
+    for t in range(n):
+        for c in range(m):
+            for i in range(d):
+                if reading[t, c, i] != 0.0:
+                    for j in range(d):
+                        out[t, c] += reading[t, c, i] * covariance[i, j] * reading[t, c, j]
+        for i in range(d):
+            for j in range(d):
+                ahead[i, j] = 0.0
+                for k in range(d):
+                    ahead[i, j] += transition[t, i, k] * covariance[k, j]
+        for i in range(d):
+            for j in range(d):
+                covariance[i, j] = drive[t, i, j]
+                for k in range(d):
+                    covariance[i, j] += ahead[i, k] * transition[t, j, k]
+    return out
 
 
 def _conditioned(

@@ -1,0 +1,79 @@
+"""Noise of what sensors read, once a model has been fitted: sizes that nobody states, and errors of measured joints.
+
+The size is that of the third differences of what the fit leaves (`mjfish.data.sensor.third_differences`). A misfit that
+goes on from sample to sample hardly shows in them: no model can buy itself a noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.data import Sensor, Trial
+from mjfish.data.sensor import smallest_sigma, third_differences
+from mjfish.estimation.joint_errors import Linearised
+from mjfish.estimation.problem import Problem
+
+#: Smallest sigma that is believed, as a share of the range of a channel: samples are rounded.
+_ROUNDED = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class AlongFit:
+    """Returns trials linearised along the rollouts of a fit: of a trial that was not fitted, from a guess of its start.
+
+    Attributes:
+        problem: that was fitted.
+        values: of its parameters by name.
+    """
+
+    problem: Problem
+    values: Mapping[str, float]
+    _cache: dict[str, Linearised | None] = field(default_factory=dict)
+
+    def __call__(self, trial: Trial) -> Linearised | None:
+        """Return a trial; None where its joints were not measured, or their errors do not matter."""
+        if trial.name not in self._cache:
+            self._cache[trial.name] = self._linearised(trial) if trial.joints_measured and trial.sensors else None
+        return self._cache[trial.name]
+
+    def _linearised(self, trial: Trial) -> Linearised | None:
+        alone = replace(self.problem, trials=(trial,), joint_errors=None)
+        values = alone.named(alone.start(self.values))
+        rollout = alone.prediction(trial, values).rollout
+        if rollout.message:  # nothing is linear about a run that diverges
+            return None
+        found = Linearised.along(trial, alone.model.prepare(trial, values), rollout)
+        return found if found.matter([self.problem.sigma_of(sensor) for sensor in trial.sensors]) else None
+
+
+def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:
+    """Return a problem with the noise of its sensors that a fit shows; the same one where it has none.
+
+    Args:
+        problem: that was fitted.
+        x: estimates of its free parameters.
+    """
+    if not problem.sensors:
+        return problem
+    left: dict[str, list[FloatArray]] = {}
+    for (_, sensor), predicted in zip(problem.sensors, problem.sensor_predictions(x), strict=True):
+        if sensor.sigma is None:
+            left.setdefault(sensor.name, []).append(_spread(sensor, predicted))
+    sigma = dict(problem.sensor_sigma)
+    for name, rows in left.items():
+        own = [sensor for _, sensor in problem.sensors if sensor.name == name]
+        sigma[name] = np.maximum(np.sqrt(np.mean(np.concatenate(rows), axis=0)), smallest_sigma(own, _ROUNDED))
+    problem = replace(problem, sensor_sigma=sigma, joint_errors=None)
+    if not any(trial.joints_measured for trial in problem.trials):
+        return problem
+    return replace(problem, joint_errors=AlongFit(problem, problem.named(x)))
+
+
+def _spread(sensor: Sensor, predicted: FloatArray) -> FloatArray:
+    """Return the squared third differences (k, c) of what is left of the samples of a sensor that were reached."""
+    reached = np.isfinite(predicted).all(axis=1)
+    return third_differences(replace(sensor, time=sensor.time[reached], values=(sensor.values - predicted)[reached])) ** 2
