@@ -236,13 +236,23 @@ def check_in_tank(pose: FloatArray, tank: Tank, source: Path) -> None:
         )
 
 
-def check_velocities(dataset: Dataset, what: str) -> None:
-    """Refuse a dataset where a trial has not all three velocities, which `what` needs."""
+def check_comparable(dataset: Dataset, what: str) -> None:
+    """Refuse a dataset whose trials were not measured alike: all three velocities in each, or places and headings.
+
+    `what` needs that.
+    """
     for trial in dataset.trials:
         absent = [columns.header(name) for name, there in zip(CHANNELS, trial.measured, strict=True) if not there]
-        if absent:
+        seen = {sensor.kind for sensor in trial.sensors} & {"position", "heading"}
+        if absent and (len(absent) < len(CHANNELS) or not seen):
             raise InputError(
-                f"{dataset.name}: trial '{trial.name}' has no {', '.join(absent)}, and {what} rests on residuals of "
-                "surge, sway and yaw rate in every trial, whatever other sensors there are; add what is missing, leave "
+                f"{dataset.name}: trial '{trial.name}' has no {', '.join(absent)}, and {what} rests on surge, sway and "
+                "yaw rate in every trial, or on sensors of kind 'position' and 'heading'; add what is missing, leave "
                 "the trial out, or fit the coefficients with `mjfish identify`"
             )
+    moving = [trial.name for trial in dataset.trials if trial.measured.any()]
+    if moving and len(moving) < len(dataset.trials):
+        raise InputError(
+            f"{dataset.name}: trials {', '.join(moving)} have velocities, the others places or headings alone, and "
+            f"{what} compares all trials in the same numbers; make a dataset of each kind"
+        )

@@ -170,7 +170,7 @@ def _pursuit(score: FloatArray, information: FloatArray) -> list[int]:
 
 def _halves(evidence: Evidence, rng: np.random.Generator) -> list[list[int]]:
     """Choose terms again on random complementary halves of the runs."""
-    rows = evidence.problem.rows_by_trial()
+    rows = evidence.problem.trial_rows
     if len(rows) < 2:
         return [_pursuit(evidence.score, evidence.information)]
     z = evidence.cleared

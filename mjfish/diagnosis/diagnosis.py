@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, load_dataset
-from mjfish.data.validation import check_velocities
+from mjfish.data.validation import check_comparable
 from mjfish.diagnosis.begun import Begun, culprits, failed_candidates, failed_remarks, unfinished_diagnosis
 from mjfish.diagnosis.combinations import MEMBER, find_combinations, find_small_addition, to_optimum
 from mjfish.diagnosis.description import describe
@@ -38,7 +39,16 @@ from mjfish.diagnosis.missing_force import MissingForce, missing_force
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.provenance import identity, provenance
 from mjfish.diagnosis.refit_result import Refit
-from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, KnownNumber, Overlay
+from mjfish.diagnosis.result import (
+    Candidate,
+    Cause,
+    Diagnosis,
+    Estimate,
+    FittedModel,
+    KnownNumber,
+    Overlay,
+    SensorOverlay,
+)
 from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.select import Goodness, standings
 from mjfish.diagnosis.verdict import ALARM, Comparison, Decision, decide, message_of, withheld
@@ -52,7 +62,7 @@ from mjfish.estimation.fit import Z95
 from mjfish.estimation.identification import check_enough, first_sigma, identified_fish
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.posterior import posterior
-from mjfish.estimation.residual import Score
+from mjfish.estimation.residual import ChannelError, Score, SensorResidual, channel_errors, of_sensors
 from mjfish.estimation.scatter import scatter
 from mjfish.estimation.time_limit import PastLimitError
 from mjfish.inspection import Finding, Inspection, inspect, inspect_fit
@@ -136,7 +146,7 @@ def diagnose(
 
 def _begun(dataset: Dataset, effects: Mapping[str, Effect], jobs: int | None) -> Begun:
     """Return what a diagnosis starts with, however often it begins anew."""
-    check_velocities(dataset, "a diagnosis")
+    check_comparable(dataset, "a diagnosis")
     measured, dataset = dataset, aligned(dataset)
     fitted, _ = dataset.split()
     stated = None if dataset.noise is None else np.asarray(dataset.noise)
@@ -203,8 +213,8 @@ def _diagnosed(begun: Begun, left_out: Mapping[str, str], seed: int, progress: P
         "the tests of the fit", lambda: inspect_fit(evidence.problem, evidence.fit, known, held), Inspection()
     )
     checks = checks.joined(seen)
-    wrong = screening.p_wrong < ALARM
-    if not wrong:
+    wrong, moving = screening.p_wrong < ALARM, bool(evidence.problem.samples)
+    if not wrong and moving:
         repeats = checks.repeats
         implausible: tuple[Finding | None, ...] = parts.run(
             "the test of the noise",
@@ -269,16 +279,16 @@ def _diagnosed(begun: Begun, left_out: Mapping[str, str], seed: int, progress: P
     extended = evidence.problem if best is None else best.problem
     checks = checks.joined(Inspection.of(contradicted(extended, final), known))
     parts.failures |= _unfinished(refits, best)
-    errors = {name: pooled_error(held_out.score(refit).residuals, held) for name, refit in refits.items() if held}
+    errors = {name: pooled_error(held_out.score(refit).channels) for name, refit in refits.items() if held}
     table = _candidates(candidates, begun.reasons, evidence, refits, single.joined(others), errors)
     converged = {"the nominal model": evidence.fit.status, "the extended model": final.status}
     none = Isolability((), (), (), ())
     told = parts.run("what can be told apart", lambda: isolability(evidence, learnable), none)
     where = parts.run("where it is", lambda: locate(evidence, screening.directed), None) if wrong else None
     force: tuple[MissingForce, ...] = ()
-    if wrong:
+    if wrong and moving:
         force = parts.run("the missing force", lambda: missing_force(evidence.problem, evidence.fit), force)
-    print_ = None if best is None else parts.run("the fingerprint", lambda: fingerprint(best), None)
+    print_ = None if best is None or not moving else parts.run("the fingerprint", lambda: fingerprint(best), None)
     description = (
         parts.run("the description", lambda: describe(evidence.problem, evidence.fit, rng), None)
         if unexplained
@@ -421,14 +431,14 @@ def _best(decision: Decision, single: Comparison, combined: Comparison | None) -
 
 def _misleads(closest: Refit, held_out: HeldOut, held: Sequence[Trial]) -> bool:
     """Return whether the closest model errs more on the held-out runs than the nominal one."""
-    nominal, extended = (pooled_error(held_out.score(model).residuals, held) for model in (None, closest))
+    nominal, extended = (pooled_error(held_out.score(model).channels) for model in (None, closest))
     return not extended <= nominal
 
 
 def _kept(closest: Refit, held_out: HeldOut, held: Sequence[Trial]) -> str:
     """Say why the nominal model is shown, by both measures of the table, which may disagree where noise is slow."""
     scores = [held_out.score(model) for model in (None, closest)]
-    nominal, extended = (pooled_error(score.residuals, held) for score in scores)
+    nominal, extended = (pooled_error(score.channels) for score in scores)
     before, after = (float(np.sum(np.concatenate(score.whitened) ** 2)) for score in scores)
     although = f", although its log-likelihood is {0.5 * (before - after):.3g} lower" if after < before else ""
     return (
@@ -522,7 +532,7 @@ def _candidates(
                 scored,
                 statistic=max(refit.gain, 0.0),  # a formula may not have the nominal model in it
                 degrees_of_freedom=refit.degrees_of_freedom,
-                error=pooled_error(refit.problem.raw(refit.fit.x), refit.problem.trials),
+                error=pooled_error(_left(refit.problem, refit.fit.x)),
                 held_out_error=held_out_errors.get(name),
                 parameters=_parameters(refit, effect),
                 remark=_remark_of(refit.fit),
@@ -534,6 +544,11 @@ def _candidates(
             scored = replace(scored, held_out_gain=confirmation.gained)
         result.append(replace(scored, p_value=p_value_of(scored.statistic, scored.degrees_of_freedom)))
     return tuple(sorted(result, key=lambda candidate: -candidate.statistic))
+
+
+def _left(problem: Problem, x: FloatArray) -> list[tuple[ChannelError, ...]]:
+    """Return what a model leaves of the channels of the fitted trials."""
+    return [channel_errors(problem, x, index) for index in range(len(problem.trials))]
 
 
 def _remark_of(found: Fit) -> str:
@@ -586,11 +601,22 @@ def _overlays(
 ) -> tuple[Overlay, ...]:
     """Return every trial as both models predict it; `scores` of the nominal and of the extended model."""
     nominal, after = evidence.problem.predictions(evidence.fit.x), extended.predictions(final.x)
-    shown = [Overlay(t, False, a, b) for t, a, b in zip(evidence.problem.trials, nominal, after, strict=True)]
+    read = [_both(evidence.problem, evidence.fit.x, extended, final.x, i) for i in range(len(nominal))]
+    rows = zip(evidence.problem.trials, nominal, after, read, strict=True)
+    shown = [Overlay(trial, False, *own) for trial, *own in rows]
     if scores is not None:
-        pairs = zip(held, scores[0].predictions, scores[1].predictions, strict=True)
-        shown += [Overlay(t, True, a, b) for t, a, b in pairs]
+        read = [_paired(*own) for own in zip(scores[0].sensors, scores[1].sensors, strict=True)]
+        pairs = zip(held, scores[0].predictions, scores[1].predictions, read, strict=True)
+        shown += [Overlay(trial, True, *own) for trial, *own in pairs]
     return tuple(shown)
+
+
+def _both(nominal: Problem, x: FloatArray, extended: Problem, y: FloatArray, index: int) -> tuple[SensorOverlay, ...]:
+    return _paired(of_sensors(nominal, x, index), of_sensors(extended, y, index))
+
+
+def _paired(nominal: Sequence[SensorResidual], extended: Sequence[SensorResidual]) -> tuple[SensorOverlay, ...]:
+    return tuple(SensorOverlay(a.sensor, a.predicted, b.predicted) for a, b in zip(nominal, extended, strict=True))
 
 
 def _undetectable(candidates: Sequence[Candidate], evidence: Evidence) -> dict[str, str]:

@@ -25,7 +25,7 @@ from mjfish.diagnosis.by_run import ByRun, Drawn
 from mjfish.diagnosis.failures import CandidatesFailedError, candidate_limit
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
-from mjfish.estimation.omnibus import HATS, omnibus
+from mjfish.estimation.omnibus import HATS, WAVES, by_channel, functions
 from mjfish.estimation.problem import Slopes
 from mjfish.estimation.time_limit import check_time, limited
 from mjfish.frames import CHANNELS
@@ -269,11 +269,10 @@ class Evidence:
         They are few, and see what is small in each run, yet there in every one.
         """
         waves = self.waves.columns
-        summed = np.zeros((len(self.cleared), 0))
+        summed = np.zeros((len(self.cleared), max(part.block.shape[1] for part in waves.parts) // HATS))
         for part in waves.parts:
-            own = part.block.reshape(len(part.rows), len(CHANNELS), HATS, -1).sum(axis=2).reshape(len(part.rows), -1)
-            summed = summed if summed.shape[1] else np.zeros((len(self.cleared), own.shape[1]))
-            summed[part.rows] = own
+            own = part.block.reshape(len(part.rows), -1, HATS, WAVES).sum(axis=2).reshape(len(part.rows), -1)
+            summed[part.rows, : own.shape[1]] = own
         beyond = self.coefficients.off(summed)
         return _quadratic(beyond.T @ self.cleared, beyond.T @ beyond)
 
@@ -283,10 +282,12 @@ class Evidence:
         Under white noise it is the omnibus test. Where the noise is far smaller at some frequencies, it asks there.
         """
         waves = self.waves
-        energy = np.array([own.reshape(len(CHANNELS), -1).mean(axis=1) for own in waves.energy])
-        size = 1.0 / np.sqrt(np.maximum(energy.mean(axis=0), 1e-300))
+        energy = [own.reshape(-1, HATS * WAVES).mean(axis=1) for own in waves.energy]
+        most = max(map(len, energy))
+        mean = np.nanmean([np.pad(own, (0, most - len(own)), constant_values=np.nan) for own in energy], axis=0)
+        size = 1.0 / np.sqrt(np.maximum(mean, 1e-300))
         for part in waves.columns.parts:  # in place: they were made for this test, and are large
-            part.block[:] *= np.repeat(size, part.block.shape[1] // len(size))
+            part.block[:] *= np.repeat(size, HATS * WAVES)[: part.block.shape[1]]
         # New objects: what the old ones derived from the columns no longer holds.
         return replace(waves, columns=replace(waves.columns)).drawn(self.cleared, self.problem.noise.doubt)
 
@@ -437,13 +438,23 @@ def _derived(
 
 
 def whitened_omnibus(problem: Problem) -> BlockAngular:
-    """Return the omnibus basis (n, columns) in the problem's whitened space; every column touches one trial only."""
-    blocks = []
+    """Return the omnibus basis (n, columns) in the problem's whitened space; every column touches one trial only.
+
+    A trial has columns of its velocities, where any was measured, then of every channel of its sensors.
+    """
+    cpg, blocks = problem.model.fish.cpg, []
     for index, trial in enumerate(problem.trials):
-        white = problem.whitened(index, omnibus(problem.model.fish.cpg, trial)[problem.mask(index)])
-        blocks.append(white.reshape(3 * len(white), white.shape[2]))
-    rows = [np.arange(at.start, at.stop) for at in problem.rows_by_trial()]
-    return block_angular(np.zeros((problem.measured + len(problem.known), 0)), rows, blocks)
+        sizes = [len(CHANNELS) * bool(trial.measured.any()), *(len(sensor.channels) for sensor in trial.sensors)]
+        count, white = sum(sizes), []
+        if sizes[0]:
+            waves = functions(cpg, trial, trial.time)[problem.mask(index)]
+            white.append(problem.whitened(index, by_channel(waves, range(len(CHANNELS)), count)))
+        pairs = zip(trial.sensors, blocks_of(sizes)[1:], strict=True)
+        read = [by_channel(functions(cpg, trial, s.time), range(at.start, at.stop), count) for s, at in pairs]
+        white += problem.white_sensors(index, read)
+        blocks.append(np.concatenate([own.reshape(-1, own.shape[2]) for own in white]))
+    shared = np.zeros((problem.measured + len(problem.known), 0))
+    return block_angular(shared, problem.trial_rows, blocks)
 
 
 def tail(statistic: float, rank: int) -> float:

@@ -16,7 +16,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.failures import blamed, finite
 from mjfish.diagnosis.refit_result import Refit
-from mjfish.estimation.residual import Score, held_out_covariance_root, predict_held_out
+from mjfish.estimation.residual import ChannelError, Score, held_out_covariance_root, predict_held_out
 from mjfish.sized_cache import Remade
 
 Key = TypeVar("Key", bound=Hashable)
@@ -116,7 +116,7 @@ class HeldOut:
         if not self.trials:
             return None
         scores = self.score(against), self.score(refit)
-        before, after = (pooled_error(score.residuals, self.trials) for score in scores)
+        before, after = (pooled_error(score.channels) for score in scores)
         found = confirmation(*scores, (self.covariance_root(against), self.covariance_root(refit)))
         finite("the held-out trials", found.gained, found.probability, before, after)
         return replace(found, error_ratio=after / before)
@@ -207,73 +207,90 @@ def _speeds(errors: tuple[float, float]) -> dict[str, Any]:
 
 def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.random.Generator) -> Gain:
     """Compare two models on the held-out trials."""
-    ranges = _ranges(trials)
-    blocks = [_blocks(a, b, trial) for a, b, trial in zip(nominal.residuals, extended.residuals, trials, strict=True)]
-    sums = np.concatenate(blocks)  # (blocks, 7): squared errors of both models per channel, and the count
+    reach = _reach(nominal.channels)
+    blocks = [_blocks(a, b, list(reach)) for a, b in zip(nominal.channels, extended.channels, strict=True)]
+    sums = np.concatenate(blocks)  # (blocks, 3, channels): squared errors of both models, and the count
     draws = sums[rng.integers(len(sums), size=(_DRAWS, len(sums)))].sum(axis=1)
-    reductions = _reduction(draws, ranges)
-    before, after = _nrmse(sums.sum(axis=0), ranges)
-    low, high = np.quantile(reductions, [0.025, 0.975])
+    ranges = np.array([*reach.values()])
+    low, high = np.nanquantile(_reduction(draws, ranges), [0.025, 0.975])
+    pairs = [*zip(trials, nominal.channels, extended.channels, strict=True)]
     return Gain(
-        nominal=_table(before),
-        extended=_table(after),
+        nominal=_table(nominal.channels),
+        extended=_table(extended.channels),
         relative_reduction=float(_reduction(sums.sum(axis=0)[None], ranges)[0]),
         low=float(low),
         high=float(high),
-        mean_speed_error=(_speed_error(nominal.residuals), _speed_error(extended.residuals)),
+        mean_speed_error=(_speed_error(nominal.channels), _speed_error(extended.channels)),
         by_run=tuple(
-            RunGain(
-                trial=trial.name,
-                nominal=_table(_errors([before], [trial])),
-                extended=_table(_errors([after], [trial])),
-                mean_speed_error=(_speed_error([before]), _speed_error([after])),
-            )
-            for trial, before, after in zip(trials, nominal.residuals, extended.residuals, strict=True)
+            RunGain(trial.name, _table([before]), _table([after]), (_speed_error([before]), _speed_error([after])))
+            for trial, before, after in pairs
         ),
     )
 
 
-def pooled_error(residuals: Sequence[FloatArray], trials: Sequence[Trial]) -> float:
-    """Return the nRMSE of residuals (n_r, 3), mean over channels: RMSE over the range of the measured channel."""
-    return float(np.mean(_errors(residuals, trials)))
+#: What is left of the channels of trials.
+Left = Sequence[Sequence[ChannelError]]
 
 
-def _errors(residuals: Sequence[FloatArray], trials: Sequence[Trial]) -> FloatArray:
-    """Return the nRMSE (3,) of residuals (n_r, 3): RMSE over the range of the measured channel in these trials."""
-    return np.asarray(np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0)) / _ranges(trials))
+def pooled_error(left: Left) -> float:
+    """Return the nRMSE, mean over channels: RMSE over the range of the measured channel in these trials."""
+    return float(np.mean([*_errors(left).values()]))
 
 
-def _ranges(trials: Sequence[Trial]) -> FloatArray:
-    """Return the range (3,) of the measured channels; infinite where one stands still: its errors do not count."""
-    ranges = np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0)
-    return np.where(ranges > 0.0, ranges, np.inf)
+def _by_channel(left: Left) -> dict[str, list[ChannelError]]:
+    found: dict[str, list[ChannelError]] = {}
+    for own in (own for trial in left for own in trial):
+        found.setdefault(own.name, []).append(own)
+    return found
 
 
-def _speed_error(residuals: Sequence[FloatArray]) -> float:
-    return float(np.mean([abs(residual[:, 0].mean()) for residual in residuals]))
+def _reach(left: Left) -> dict[str, float]:
+    """Return the range of each channel; infinite where one stands still: its errors do not count."""
+    found = {}
+    for name, every in _by_channel(left).items():
+        reach = max(own.ends[1] for own in every) - min(own.ends[0] for own in every)
+        found[name] = reach if reach > 0.0 else np.inf
+    return found
 
 
-def _blocks(nominal: FloatArray, extended: FloatArray, trial: Trial) -> FloatArray:
-    step = trial.step
-    size = max(round(_BLOCK / step), 1)
-    count = max(len(nominal) // size, 1)
-    rows = [
-        np.concatenate([(a**2).sum(axis=0), (b**2).sum(axis=0), [len(a)]])
-        for a, b in zip(np.array_split(nominal, count), np.array_split(extended, count), strict=True)
-    ]
-    return np.array(rows)
+def _errors(left: Left) -> dict[str, float]:
+    reach = _reach(left)
+    return {
+        name: float(np.sqrt(np.mean(np.concatenate([own.left for own in every]) ** 2)) / reach[name])
+        for name, every in _by_channel(left).items()
+    }
 
 
-def _nrmse(sums: FloatArray, ranges: FloatArray) -> tuple[FloatArray, FloatArray]:
-    count = sums[..., 6:]
-    return np.sqrt(sums[..., :3] / count) / ranges, np.sqrt(sums[..., 3:6] / count) / ranges
+def _speed_error(left: Left) -> float:
+    """Return |mean speed simulated - measured| [m/s], mean over trials: of the surge, or of the way from end to end."""
+    found = []
+    for trial in left:
+        own = {error.name.rpartition(" ")[2]: error for error in trial}
+        if "surge" in own:
+            found.append(abs(float(own["surge"].left.mean())))
+        elif {"x", "y"} <= own.keys():
+            ways = [np.hypot(*(np.ptp(own[c].measured[[0, -1]] - k * own[c].left[[0, -1]]) for c in "xy")) for k in (0, 1)]
+            found.append(abs(float(ways[0] - ways[1])) / float(np.ptp(own["x"].time)))
+    return float(np.mean(found)) if found else np.nan
+
+
+def _blocks(nominal: Sequence[ChannelError], extended: Sequence[ChannelError], names: list[str]) -> FloatArray:
+    """Return sums (blocks, 3, channels) over blocks of `_BLOCK` of one trial."""
+    first, last = min(own.time[0] for own in nominal), max(own.time[-1] for own in nominal)
+    count = max(int((last - first) / _BLOCK), 1)
+    sums = np.zeros((count, 3, len(names)))
+    for before, after in zip(nominal, extended, strict=True):
+        at = np.minimum(((before.time - first) / (last - first) * count).astype(np.intp), count - 1)
+        for row, values in enumerate((before.left**2, after.left**2, np.ones(len(at)))):
+            np.add.at(sums[:, row, names.index(before.name)], at, values)
+    return sums
 
 
 def _reduction(sums: FloatArray, ranges: FloatArray) -> FloatArray:
-    before, after = _nrmse(sums, ranges)
-    return np.asarray(1.0 - after.mean(axis=-1) / before.mean(axis=-1))
+    with np.errstate(invalid="ignore"):  # blocks drawn without any sample of a channel
+        before, after = (np.sqrt(sums[:, row] / sums[:, 2]) / ranges for row in (0, 1))
+    return np.asarray(1.0 - np.nanmean(after, axis=-1) / np.nanmean(before, axis=-1))
 
 
-def _table(nrmse: FloatArray) -> dict[str, float]:
-    surge, sway, yaw_rate = (float(v) for v in nrmse)
-    return {"surge": surge, "sway": sway, "yaw_rate": yaw_rate, "pooled": float(nrmse.mean())}
+def _table(left: Left) -> dict[str, float]:
+    return {**_errors(left), "pooled": pooled_error(left)}

@@ -26,6 +26,7 @@ from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.fit import fit_or_raise, hypercube, scouted
 from mjfish.estimation.noise_of_fit import noise_of, saturated, smoothing_of
 from mjfish.estimation.problem import Slopes
+from mjfish.estimation.sensor_noise import with_sensor_noise
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
 from mjfish.noise.sample import noisy_ends
 from mjfish.sized_cache import Remade
@@ -42,6 +43,8 @@ _BEYOND = 1e-12
 #: the first start suffices; the cost, relative to that of the first, below which the best trial start is followed.
 _STARTS, _SCOUT = 4, 8
 _EXPLAINED, _PROMISING = 2.0, 1.05
+#: Rounds of estimating the noise of sensors and fitting the nominal model.
+_ROUNDS = 2
 #: Mean square under the stated noise below which a refit tells the noise, where the nominal model is far off.
 _FITTED = 1.5
 _OTHER = ErrorsInVariables | NoiseByRate | ProcessNoise | GaussMarkov | DifferentiationNoise
@@ -89,7 +92,13 @@ def screen(
     progress("fitting the nominal model", 0.02)
     problem, start = resolved(problem)
     baseline = nominal_fit(problem, start)
+    if problem.sensors:
+        for _ in range(_ROUNDS):
+            problem = with_sensor_noise(problem, baseline.x)
+            baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
     slopes = _signatures(problem, baseline.values, candidates)
+    if not problem.samples:
+        return _screened_sensors(problem, baseline, slopes, candidates, rng, progress), ""
     ends = noisy_ends(saturated(problem, baseline, slopes().velocity).residuals)
     if ends:
         noise, _ = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
@@ -116,6 +125,23 @@ def screen(
     if smoothing is not None and not known:
         remark += f"; the motion was smoothed with it, and predictions are, too: {smoothing.words}"
     return screening, remark
+
+
+def _screened_sensors(
+    problem: Problem,
+    baseline: Fit,
+    slopes: Remade[Slopes],
+    candidates: tuple[Effect, ...],
+    rng: np.random.Generator,
+    progress: Progress,
+) -> Screening:
+    """Screen where sensors alone were measured, whose noise is white and known from their third differences."""
+    refitted = _under_the_known_noise(problem, baseline, slopes, candidates, part(progress, 0.05, 0.1))
+    seen = _NominalTest(candidates, slopes, rng, progress).run(problem, baseline, problem.noise)
+    if seen.p_wrong >= ALARM:
+        return Screening(seen.evidence, {}, seen.p_wrong, directed=False)
+    refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.4), refitted, seen.refits)
+    return Screening(seen.evidence, settled(refitted, part(progress, 0.6, 0.1)), seen.p_wrong, seen.directed < ALARM)
 
 
 def nominal_fit(problem: Problem, start: FloatArray) -> Fit:
@@ -145,7 +171,9 @@ def _screened(
     progress: Progress,
 ) -> tuple[Screening, str, Filter | None]:
     """Screen with the smoothing of the problem; return it, a remark on the noise, and the suggested smoothing."""
-    refitted = _under_the_stated_noise(problem, baseline, slopes, candidates, stated, part(progress, 0.05, 0.1))
+    refitted: dict[str, Refit] = {}
+    if stated is not None:
+        refitted = _under_the_known_noise(problem, baseline, slopes, candidates, part(progress, 0.05, 0.1))
     if refitted:
         best = _leader(refitted)
         noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1]().velocity, stated)
@@ -177,20 +205,15 @@ def _screened(
     return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark, smoothing
 
 
-def _under_the_stated_noise(
-    problem: Problem,
-    baseline: Fit,
-    slopes: Remade[Slopes],
-    candidates: tuple[Effect, ...],
-    stated: FloatArray | None,
-    progress: Progress,
+def _under_the_known_noise(
+    problem: Problem, baseline: Fit, slopes: Remade[Slopes], candidates: tuple[Effect, ...], progress: Progress
 ) -> dict[str, Refit]:
-    """Return refits under the stated noise where the nominal model is far off, and one of them fits; none else.
+    """Return refits under the noise of the problem, which is known, where the nominal model is far off, and one of them fits; none else.
 
     What no linearised model explains of a large misfit would be taken for noise, and the true cause have little to
     explain.
     """
-    if stated is None or not far_off(baseline):
+    if not far_off(baseline):
         return {}
     evidence, found = gather(problem, baseline, candidates, slopes), dict[str, Refit]()
     for make in (refits, other_refits):  # where the nominal model is far off, the score of the true cause may be small

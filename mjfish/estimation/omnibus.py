@@ -6,6 +6,8 @@ of twice the phase. It knows no cause, and so sees those that are not on the lis
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import signal
 
@@ -17,6 +19,8 @@ from mjfish.ode.rollout import STEP
 
 HATS = 4
 HARMONICS = 2
+#: Functions of the phase beside each hat.
+WAVES = 1 + 2 * HARMONICS
 
 
 def beat_phase(cpg: Cpg | None, trial: Trial) -> FloatArray:
@@ -32,25 +36,30 @@ def beat_phase(cpg: Cpg | None, trial: Trial) -> FloatArray:
     return np.asarray(np.interp(trial.time, time, phase))
 
 
-def hats(time: FloatArray, count: int = HATS) -> FloatArray:
-    """Return piecewise linear hats (n, count) that sum to one over the trial."""
-    centres = np.linspace(time[0], time[-1], count)
+def hats(time: FloatArray, first: float, last: float, count: int = HATS) -> FloatArray:
+    """Return piecewise linear hats (n, count) that sum to one from the `first` to the `last` time of a trial."""
+    centres = np.linspace(first, last, count)
     return np.stack([np.interp(time, centres, row) for row in np.eye(count)], axis=1)
 
 
-def functions(cpg: Cpg | None, trial: Trial) -> FloatArray:
-    """Return the basis functions of one channel of a trial (n, HATS (1 + 2 HARMONICS))."""
-    phase = beat_phase(cpg, trial)
+def functions(cpg: Cpg | None, trial: Trial, time: FloatArray) -> FloatArray:
+    """Return the basis functions of one channel of a trial at some times (n, HATS (1 + 2 HARMONICS))."""
+    phase = np.interp(time, trial.time, beat_phase(cpg, trial))
     waves = [np.ones_like(phase)]
     for harmonic in range(1, HARMONICS + 1):
         waves += [np.cos(harmonic * phase), np.sin(harmonic * phase)]
-    return np.asarray(np.einsum("nh,nw->nhw", hats(trial.time), np.stack(waves, axis=1)).reshape(len(phase), -1))
+    shape = hats(time, float(trial.time[0]), float(trial.time[-1]))
+    return np.asarray(np.einsum("nh,nw->nhw", shape, np.stack(waves, axis=1)).reshape(len(phase), -1))
 
 
 def omnibus(cpg: Cpg | None, trial: Trial) -> FloatArray:
-    """Return the basis (n, 3, columns) of a trial: the functions of each of its three channels, one after the other."""
-    waves = functions(cpg, trial)
-    blocks = np.zeros((len(waves), 3, 3, waves.shape[1]))
-    for channel in range(3):
-        blocks[:, channel, channel] = waves
-    return blocks.reshape(len(waves), 3, -1)
+    """Return the basis (n, 3, columns) of the velocities of a trial: the functions of one channel after the other."""
+    return by_channel(functions(cpg, trial, trial.time), range(3), 3)
+
+
+def by_channel(waves: FloatArray, places: Sequence[int], channels: int) -> FloatArray:
+    """Return functions (n, k) for each of some channels (n, places, channels k), in the columns of its place."""
+    blocks = np.zeros((len(waves), len(places), channels, waves.shape[1]))
+    for row, place in enumerate(places):
+        blocks[:, row, place] = waves
+    return blocks.reshape(len(waves), len(places), -1)

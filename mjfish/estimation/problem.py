@@ -411,10 +411,10 @@ class Problem:
         velocity = np.nan_to_num(found.velocity[self.mask(index)], copy=False)
         if not trial.measured.all():
             velocity *= trial.measured[:, None]
-        sensors = self._white_sensors(index, [np.nan_to_num(block) for block in found.sensors])
+        sensors = self.white_sensors(index, [np.nan_to_num(block) for block in found.sensors])
         return _Predicted(velocity, tuple(b.reshape(b.shape[0] * b.shape[1], b.shape[2]) for b in sensors))
 
-    def _white_sensors(self, index: int, blocks: Sequence[FloatArray]) -> list[FloatArray]:
+    def white_sensors(self, index: int, blocks: Sequence[FloatArray]) -> list[FloatArray]:
         """Return the whitened columns (m, c, k) of the counted samples of each sensor of a trial, from all samples."""
         sensors = self.trials[index].sensors
         sigma, masks = [self.sigma_of(s) for s in sensors], [self.sensor_mask(index, s) for s in sensors]
@@ -547,7 +547,7 @@ class Problem:
         parts: list[FloatArray] = []
         for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True)):
             left = [(sensor.values - block)[:, :, None] for sensor, block in zip(trial.sensors, own.sensors, strict=True)]
-            white = [block.ravel() for block in self._white_sensors(i, left)]
+            white = [block.ravel() for block in self.white_sensors(i, left)]
             parts += [np.full_like(block, LOST) for block in white] if own.lost else white
         return parts
 

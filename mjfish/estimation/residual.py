@@ -16,9 +16,57 @@ from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Role, Sensor, Trial
 from mjfish.estimation.fit import Fit, fit_or_raise
 from mjfish.estimation.problem import Problem, nuisances
+from mjfish.frames import CHANNELS, UNITS
 
 #: Share of a held-out trial, as far as its samples count, on which its nuisance parameters are fitted, if it has any.
 PREFIX = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelError:
+    """What a model leaves of one channel of a trial: a velocity, or where none was measured, a channel of a sensor.
+
+    Attributes:
+        name: of the channel, behind that of its sensor.
+        unit: of it.
+        time: (n,) of its scored samples [s].
+        measured: (n,) there.
+        left: (n,) measured less predicted.
+        ends: least and largest value of all samples of the trial.
+    """
+
+    name: str
+    unit: str
+    time: FloatArray
+    measured: FloatArray
+    left: FloatArray
+    ends: tuple[float, float]
+
+
+def channel_errors(problem: Problem, x: FloatArray, index: int) -> tuple[ChannelError, ...]:
+    """Return what a model leaves of the channels of one trial of a problem, counted samples only."""
+    trial = problem.trials[index]
+    if trial.measured.any():
+        mask, left = problem.mask(index), problem.raw(x)[index]
+        return tuple(
+            _channel_error(name, UNITS[name], trial.time[mask], trial.velocity[:, c], mask, left[:, c])
+            for c, name in enumerate(CHANNELS)
+            if trial.measured[c]
+        )
+    return tuple(
+        _channel_error(
+            f"{own.sensor.name} {name}", unit, own.sensor.time[own.scored], own.sensor.values[:, c], own.scored,
+            (own.sensor.values - own.predicted)[own.scored, c],
+        )
+        for own in of_sensors(problem, x, index)
+        for c, (name, unit) in enumerate(zip(own.sensor.channels, own.sensor.units, strict=True))
+    )  # fmt: skip
+
+
+def _channel_error(
+    name: str, unit: str, time: FloatArray, every: FloatArray, mask: BoolArray, left: FloatArray
+) -> ChannelError:
+    return ChannelError(name, unit, time, every[mask], left, (float(every.min()), float(every.max())))
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +75,7 @@ class Score:
 
     Attributes:
         residuals: (n_r, 3) of the velocities per trial, scored samples only, physical units.
+        channels: per trial, what is left of its channels.
         predictions: (n_r, 3) per trial, all samples.
         whitened: the scored residuals of velocities and sensors in the metric of the noise, (rows,) per trial.
         sensors: per trial, those of its sensors.
@@ -36,6 +85,7 @@ class Score:
     predictions: tuple[FloatArray, ...]
     whitened: tuple[FloatArray, ...]
     sensors: tuple[tuple[SensorResidual, ...], ...] = ()
+    channels: tuple[tuple[ChannelError, ...], ...] = ()
 
     @property
     def nbytes(self) -> int:
@@ -50,13 +100,14 @@ class Score:
 
 def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
     """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""
-    residuals, predictions, whitened, sensors = [], [], [], []
+    residuals, predictions, whitened, sensors, channels = [], [], [], [], []
     for alone, x in _alone(fitted, values, trials):
         residuals.append(alone.raw(x)[0])
         predictions.append(alone.predictions(x)[0])
         whitened.append(alone.residual(x)[: alone.measured])
         sensors.append(of_sensors(alone, x, 0))
-    return Score(tuple(residuals), tuple(predictions), tuple(whitened), tuple(sensors))
+        channels.append(channel_errors(alone, x, 0))
+    return Score(tuple(residuals), tuple(predictions), tuple(whitened), tuple(sensors), tuple(channels))
 
 
 def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, ...]) -> FloatArray:

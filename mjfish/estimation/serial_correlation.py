@@ -64,7 +64,8 @@ class Block:
 
 def serial_blocks(problem: Problem, residual: FloatArray) -> tuple[Block, ...]:
     """Return the whitened residual (n,) of the velocities trial by trial, then of every sensor."""
-    return (*blocks_of(problem, residual), *_sensor_blocks(problem, residual))
+    counted = (block for block in blocks_of(problem, residual) if len(block.rows))
+    return (*counted, *_sensor_blocks(problem, residual))
 
 
 def blocks_of(problem: Problem, residual: FloatArray) -> tuple[Block, ...]:
@@ -88,6 +89,8 @@ def _block(residual: FloatArray, time: FloatArray, rows: slice, trial: str, step
     cells = rows_of(time) if len(time) else np.zeros(0, dtype=np.intp)
     nothing = np.zeros((int(cells[-1]) + 1 if len(cells) else 0, 3))
     block = Block(trial, nothing, np.arange(rows.start, rows.stop), cells, step, series)
+    if not len(cells):
+        return block
     return replace(block, residual=block.on_grid(residual[rows, None])[:, :, 0])
 
 
@@ -254,7 +257,8 @@ def _smoothed(
         _taper(reach[block.series, block.step], length) / np.maximum(count, 0.5)[:, None, None]
         for block, length, count in zip(blocks, lengths, counts, strict=True)
     )
-    windows = np.max([np.diag(reach["", block.step]) * block.step for block in blocks if not block.series], axis=0)
+    own = (np.diag(reach["", block.step]) * block.step for block in blocks if not block.series)
+    windows = np.max([np.zeros(3), *own], axis=0)
     return Serial(tuple(_spectrum(s * w) for s, w in zip(sums, tapers, strict=True)), tapers, lengths, windows)
 
 

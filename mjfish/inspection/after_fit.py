@@ -70,9 +70,9 @@ def inspect_fit(problem: Problem, fit: Fit, effects: Mapping[str, Effect], held:
         held: trials that were held out: they are looked at for their labels and clocks.
 
     Returns:
-        Findings; none where the fit diverged, for then nothing can be taken away.
+        Findings; none where the fit diverged, for then nothing can be taken away, or where no velocity was measured.
     """
-    if fit.lost:
+    if fit.lost or not problem.samples:
         return Inspection()
     values = {**problem.fixed, **fit.values}
     shared = {p.name: values[p.name] for p in problem.model.parameters}
