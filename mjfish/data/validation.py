@@ -256,3 +256,14 @@ def check_comparable(dataset: Dataset, what: str) -> None:
             f"{dataset.name}: trials {', '.join(moving)} have velocities, the others places or headings alone, and "
             f"{what} compares all trials in the same numbers; make a dataset of each kind"
         )
+
+
+def check_velocities(dataset: Dataset, what: str) -> None:
+    """Refuse a dataset where a trial has not all three velocities, which `what` needs."""
+    for trial in dataset.trials:
+        absent = [columns.header(name) for name, there in zip(CHANNELS, trial.measured, strict=True) if not there]
+        if absent:
+            raise InputError(
+                f"{dataset.name}: trial '{trial.name}' has no {', '.join(absent)}, and {what} rests on surge, sway and "
+                "yaw rate in every trial; add what is missing, or leave the trial out"
+            )

@@ -603,11 +603,11 @@ def _overlays(
     nominal, after = evidence.problem.predictions(evidence.fit.x), extended.predictions(final.x)
     read = [_both(evidence.problem, evidence.fit.x, extended, final.x, i) for i in range(len(nominal))]
     rows = zip(evidence.problem.trials, nominal, after, read, strict=True)
-    shown = [Overlay(trial, False, *own) for trial, *own in rows]
+    shown = [Overlay(trial, False, a, b, own) for trial, a, b, own in rows]
     if scores is not None:
         read = [_paired(*own) for own in zip(scores[0].sensors, scores[1].sensors, strict=True)]
         pairs = zip(held, scores[0].predictions, scores[1].predictions, read, strict=True)
-        shown += [Overlay(trial, True, *own) for trial, *own in pairs]
+        shown += [Overlay(trial, True, a, b, own) for trial, a, b, own in pairs]
     return tuple(shown)
 
 

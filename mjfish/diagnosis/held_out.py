@@ -269,9 +269,15 @@ def _speed_error(left: Left) -> float:
         if "surge" in own:
             found.append(abs(float(own["surge"].left.mean())))
         elif {"x", "y"} <= own.keys():
-            ways = [np.hypot(*(np.ptp(own[c].measured[[0, -1]] - k * own[c].left[[0, -1]]) for c in "xy")) for k in (0, 1)]
-            found.append(abs(float(ways[0] - ways[1])) / float(np.ptp(own["x"].time)))
+            ways = [_way(own["x"], own["y"], share) for share in (0.0, 1.0)]
+            found.append(abs(ways[0] - ways[1]) / float(np.ptp(own["x"].time)))
     return float(np.mean(found)) if found else np.nan
+
+
+def _way(x: ChannelError, y: ChannelError, share: float) -> float:
+    """Return the distance [m] from the first to the last sample, less a share of what is left of them."""
+    ends = [own.measured[[0, -1]] - share * own.left[[0, -1]] for own in (x, y)]
+    return float(np.hypot(ends[0][1] - ends[0][0], ends[1][1] - ends[1][0]))
 
 
 def _blocks(nominal: Sequence[ChannelError], extended: Sequence[ChannelError], names: list[str]) -> FloatArray:

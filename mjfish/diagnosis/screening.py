@@ -208,7 +208,7 @@ def _screened(
 def _under_the_known_noise(
     problem: Problem, baseline: Fit, slopes: Remade[Slopes], candidates: tuple[Effect, ...], progress: Progress
 ) -> dict[str, Refit]:
-    """Return refits under the noise of the problem, which is known, where the nominal model is far off, and one of them fits; none else.
+    """Return refits under the noise of the problem, where it is known, the model far off, and one fits; else none.
 
     What no linearised model explains of a large misfit would be taken for noise, and the true cause have little to
     explain.

@@ -5,6 +5,7 @@ This is a picture for the reader; no verdict rests on it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +15,11 @@ from mjfish.arrays import FloatArray
 from mjfish.block_angular import BlockAngular, span
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
+from mjfish.estimation import Problem
 from mjfish.estimation.omnibus import beat_phase
 from mjfish.frames import CHANNELS
 
+Labels = np.ndarray[Any, Any]
 #: Beats that count as start-up, and as transition after a change of the drive.
 _BEATS = 3.0
 PHASES = 8
@@ -61,50 +64,75 @@ def locate(evidence: Evidence, directed: bool) -> Where:
     problem = evidence.problem
     z = evidence.cleared
     systematic = z - span(BlockAngular.of(evidence.signatures)).off(z) if directed else evidence.waves.fitted(z)
-    energy = (systematic[: problem.samples] ** 2).reshape(-1, 3)
-    labels = [_labels(problem.model.fish.cpg, trial) for trial in problem.trials]
-    counted = [problem.mask(i) for i in range(len(problem.trials))]
-    names = np.concatenate([np.full(int(k.sum()), t.name) for k, t in zip(counted, problem.trials, strict=True)])
-    parts = np.concatenate([part[k] for (part, _), k in zip(labels, counted, strict=True)])
-    phases = np.concatenate([phase[k] for (_, phase), k in zip(labels, counted, strict=True)])
-    swum = np.concatenate([v[k] for v, k in zip(problem.predictions(evidence.fit.x), counted, strict=True)])
+    seen = [*_seen(problem, evidence.fit.x)]
+    energy = systematic[: problem.measured] ** 2
+    channel, names, parts, phases = (
+        np.concatenate([getattr(one, what) for one in seen]) for what in ("channel", "trial", "part", "phase")
+    )
+    swum = np.concatenate([one.velocity for one in seen])
     speeds, turns = fifths(swum[:, 0]), fifths(np.abs(swum[:, 2]))
-    per_sample = energy.sum(axis=1)
-    total = max(float(per_sample.sum()), 1e-300)
-    channels = {name: float(v) / total for name, v in zip(CHANNELS, energy.sum(axis=0), strict=True)}
+    channels = _shares(channel, energy)
     return Where(
         channel=max(channels, key=channels.__getitem__),
-        trial=_densest(names, per_sample),
-        part=_densest(parts, per_sample),
-        phase=_densest(phases, per_sample),
-        speed=_densest(speeds, per_sample),
-        turn=_densest(turns, per_sample),
+        trial=_densest(names, energy),
+        part=_densest(parts, energy),
+        phase=_densest(phases, energy),
+        speed=_densest(speeds, energy),
+        turn=_densest(turns, energy),
         channels=channels,
-        trials=_shares(names, per_sample),
-        parts=_shares(parts, per_sample),
-        phases=_shares(phases, per_sample),
-        speeds=_shares(speeds, per_sample),
-        turns=_shares(turns, per_sample),
+        trials=_shares(names, energy),
+        parts=_shares(parts, energy),
+        phases=_shares(phases, energy),
+        speeds=_shares(speeds, energy),
+        turns=_shares(turns, energy),
     )
 
 
-def fifths(values: FloatArray) -> np.ndarray[Any, Any]:
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Labels (n,) of the rows of one record: channel, trial, part of the run, phase; predicted velocities (n, 3)."""
+
+    channel: Labels
+    trial: Labels
+    part: Labels
+    phase: Labels
+    velocity: FloatArray
+
+
+def _seen(problem: Problem, x: FloatArray) -> Iterator[_Seen]:
+    """Yield the records of a problem, in the order of its rows: velocities of every trial, then every sensor."""
+    every, labels = problem.predictions(x), [_labels(problem.model.fish.cpg, trial) for trial in problem.trials]
+
+    def record(i: int, time: FloatArray, names: Sequence[str]) -> _Seen:
+        trial, count = problem.trials[i], len(names)
+        at = np.clip(np.searchsorted(trial.time, time + 1e-9) - 1, 0, len(trial.time) - 1)
+        part, phase, velocity = (np.repeat(block[at], count, axis=0) for block in (*labels[i], every[i]))
+        return _Seen(np.tile(np.array(names), len(time)), np.full(count * len(time), trial.name), part, phase, velocity)
+
+    for i, trial in enumerate(problem.trials):
+        yield record(i, trial.time[problem.mask(i)], CHANNELS)
+    for i, sensor in problem.sensors:
+        names = [f"{sensor.name} {channel}" for channel in sensor.channels]
+        yield record(i, sensor.time[problem.sensor_mask(i, sensor)], names)
+
+
+def fifths(values: FloatArray) -> Labels:
     """Return, per sample, in which fifth of all samples its value lies."""
     edges = np.quantile(values, [0.2, 0.4, 0.6, 0.8])
     return np.array(FIFTHS)[np.searchsorted(edges, values, side="right")]
 
 
-def _shares(labels: np.ndarray[Any, Any], energy: FloatArray) -> dict[str, float]:
+def _shares(labels: Labels, energy: FloatArray) -> dict[str, float]:
     total = max(float(energy.sum()), 1e-300)
     return {str(label): float(energy[labels == label].sum()) / total for label in np.unique(labels)}
 
 
-def _densest(labels: np.ndarray[Any, Any], energy: FloatArray) -> str:
+def _densest(labels: Labels, energy: FloatArray) -> str:
     """Return the label with the most energy a sample."""
     return str(max(np.unique(labels), key=lambda label: float(energy[labels == label].mean())))
 
 
-def _labels(cpg: Any, trial: Trial) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+def _labels(cpg: Any, trial: Trial) -> tuple[Labels, Labels]:
     """Return, per sample, the part of the run and the eighth of the beat."""
     phase = beat_phase(cpg, trial)
     beats = abs(phase[-1] - phase[0]) / (2.0 * np.pi)

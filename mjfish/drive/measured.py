@@ -114,7 +114,7 @@ def smoothing(time: FloatArray, signal: FloatArray) -> Smoothing:
     def left(log_penalty: float) -> float:
         """Return n - tr H = d log det(N + lam R) / d log lam, banded and so linear in n."""
         rise = log_determinant(log_penalty + _DIFFERENCE) - log_determinant(log_penalty - _DIFFERENCE)
-        return max(rise / (2.0 * _DIFFERENCE * np.log(10.0)), 1e-9 * n)
+        return max(float(rise / (2.0 * _DIFFERENCE * np.log(10.0))), 1e-9 * n)
 
     def fitted(log_penalty: float) -> tuple[FloatArray, float]:
         """Return the coefficients and the sum of squares."""

@@ -50,7 +50,9 @@ class Linearised:
     def along(cls, trial: Trial, run: Prepared, rollout: Rollout) -> Linearised:
         """Linearise a trial along a rollout that reached its end."""
         assert trial.joint_angle is not None  # noqa: S101 - its joints were measured
-        a, b = (of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (state_jacobian, input_jacobian))
+        a, b = (
+            of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (state_jacobian, input_jacobian)
+        )
         joints = [smoothing(trial.time, column) for column in trial.joint_angle.T]
         time = rollout.time[: len(a)]
         errors = JointErrors.of(trial, joints, Along(time, rollout.state[: len(a), 0, :HEAD].copy(), a, b))

@@ -546,7 +546,9 @@ class Problem:
         """Return whitened residuals (m,) of each sensor."""
         parts: list[FloatArray] = []
         for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True)):
-            left = [(sensor.values - block)[:, :, None] for sensor, block in zip(trial.sensors, own.sensors, strict=True)]
+            left = [
+                (sensor.values - block)[:, :, None] for sensor, block in zip(trial.sensors, own.sensors, strict=True)
+            ]
             white = [block.ravel() for block in self.white_sensors(i, left)]
             parts += [np.full_like(block, LOST) for block in white] if own.lost else white
         return parts

@@ -41,7 +41,8 @@ def scatter(problem: Problem, fit: Fit, small: Reduced | None = None) -> dict[st
     """Return the standard deviation tau from run to run of every coefficient that may differ, by name.
 
     Those that rest on a bound, that belong to a trial, or that have a prior (a value of a learned curve, of which a
-    run alone says nothing) do not differ and are left out; nothing differs in a single run.
+    run alone says nothing) do not differ and are left out; nothing differs in a single run, or is told where not every
+    run has all velocities.
 
     Args:
         problem: that was fitted.
@@ -51,7 +52,7 @@ def scatter(problem: Problem, fit: Fit, small: Reduced | None = None) -> dict[st
     prior = {name for own in problem.priors for name in own.parameters}
     free = [p for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True) if not at_bound and ":" not in p.name]
     places = [i for i, p in enumerate(free) if p.name not in prior]
-    if len(problem.trials) < 2 or not places:
+    if len(problem.trials) < 2 or not places or not problem.complete:
         return {}
     small = small or reduced(problem, fit)
     own = [free[i] for i in places]

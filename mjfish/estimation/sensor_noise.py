@@ -76,4 +76,6 @@ def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:
 def _spread(sensor: Sensor, predicted: FloatArray) -> FloatArray:
     """Return the squared third differences (k, c) of what is left of the samples of a sensor that were reached."""
     reached = np.isfinite(predicted).all(axis=1)
-    return third_differences(replace(sensor, time=sensor.time[reached], values=(sensor.values - predicted)[reached])) ** 2
+    return (
+        third_differences(replace(sensor, time=sensor.time[reached], values=(sensor.values - predicted)[reached])) ** 2
+    )

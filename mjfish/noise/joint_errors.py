@@ -4,7 +4,8 @@ The angle of a joint is a twice integrated white acceleration of intensity q, me
 prior of the smoothing spline that the rollout goes by (`mjfish.drive.measured`), with lam = sigma^2 / q. Its error
 d = (d, d', d'') around that spline is then a Gauss-Markov process ([Wahba1990], ch. 1.5; [Rauch1965]),
 
-    d_{k+1} = F~ d_k + w,   F~ = (1 + Q L_{k+1})^-1 F,   cov w = (1 + Q L_{k+1})^-1 Q,   L_k = F' L_{k+1} F~ + m_k e e' / sigma^2
+    d_{k+1} = F~ d_k + w,   F~ = (1 + Q L_{k+1})^-1 F,   cov w = (1 + Q L_{k+1})^-1 Q,
+    L_k = F' L_{k+1} F~ + m_k e e' / sigma^2
 
 with F, Q of the prior, L the information that later samples have, and m_k whether k is one. It begins with
 cov d_0 = L_0^-1. Through the equation of motion, linearised along the rollout, it moves the head:
@@ -98,7 +99,11 @@ class JointErrors:
         measured[np.searchsorted(time, trial.time - _SAME)] = True
         moved = _moved(time, along.time, along.state, along.state_jacobian, along.input_jacobian)
         size = HEAD + JOINT * len(joints)
-        transition, drive, start = np.zeros((len(time), size, size)), np.zeros((len(time), size, size)), np.zeros((size, size))
+        transition, drive, start = (
+            np.zeros((len(time), size, size)),
+            np.zeros((len(time), size, size)),
+            np.zeros((size, size)),
+        )
         transition[:, :HEAD, :HEAD] = moved[:, :, :HEAD]
         for j, joint in enumerate(joints):
             own, push, begin = _conditioned(np.diff(time), measured, joint.sigma, joint.sigma**2 / joint.penalty)
