@@ -91,11 +91,10 @@ def screen(
     """
     progress("fitting the nominal model", 0.02)
     problem, start = resolved(problem)
-    baseline = nominal_fit(problem, start)
-    if problem.sensors:
-        for _ in range(_ROUNDS):
-            problem = with_sensor_noise(problem, baseline.x)
-            baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
+    baseline = nominal_fit(with_sensor_noise(problem, start), start)
+    for _ in range(_ROUNDS if problem.sensors else 0):
+        problem = with_sensor_noise(problem, baseline.x)
+        baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
     slopes = _signatures(problem, baseline.values, candidates)
     if not problem.samples:
         return _screened_sensors(problem, baseline, slopes, candidates, rng, progress), ""

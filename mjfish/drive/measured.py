@@ -1,11 +1,13 @@
 """Measured joint angles as a drive: a penalised quintic spline, differentiated exactly.
 
 A cubic smoothing spline loses one to three per cent of the acceleration at five samples a radian of beat phase; the
-quintic one, penalised on its third derivative (the smoothing spline of order 6), a tenth of that. The penalty is an
-eighth of that which generalised cross-validation chooses for each joint ([Wahba1990], ch. 4), where a degree of freedom
-of the spline costs 1.4 of them: plain cross-validation now and then takes white noise for motion [KimGu2004]. The best
-guess of an angle takes the third harmonic of a beat for noise; what white noise does to the swimming is allowed for
-(`mjfish.noise.joint_errors`), what is missing in every beat is not.
+quintic one, penalised on its third derivative (the smoothing spline of order 6), a tenth of that. The penalty is
+chosen for each joint by generalised cross-validation ([Wahba1990], ch. 4), in which a degree of freedom of the spline
+costs 1.4 of them: plain cross-validation now and then takes white noise for motion [KimGu2004].
+
+That is the best guess of an angle, and it takes the third harmonic of a beat for noise. Where the errors of the angles
+are allowed for (`mjfish.noise.joint_errors`), noise that is left does no harm, and what is missing in every beat does:
+the penalty is a share of it then.
 
 [KimGu2004] Y.-J. Kim and C. Gu, Journal of the Royal Statistical Society B 66.
 """
@@ -27,9 +29,9 @@ _DEGREE = 5
 _SEARCH = (-9.0, 4.0)
 #: What a degree of freedom costs.
 _DEAR = 1.4
-#: By what the penalty of cross-validation is divided: its bandwidth grows by a factor of 1.4. Of eight runs with joints
-#: to 0.3 degrees and nothing hidden, all causes jointly explain 107 of 27 at 1, 29 of 26 at 8.
-_LESS = 8.0
+#: Share of the penalty of cross-validation where errors are allowed for: the bandwidth grows by a factor of 1.4. Of eight
+#: runs with joints to 0.3 degrees and nothing hidden, all causes jointly explain 107 of 27 at 1, 29 of 26 at 1/8.
+ALLOWED = 0.125
 #: Steps of the first and the second derivative with respect to log10 of the penalty.
 _DIFFERENCE, _SECOND = 5e-3, 0.05
 
@@ -57,9 +59,9 @@ def sampled(splines: Sequence[BSpline], time: FloatArray, step: float, *, late: 
     return JointMotion(time=boundaries, angle=motion[0], rate=motion[1], acceleration=motion[2])
 
 
-def smoothing_spline(time: FloatArray, signal: FloatArray) -> BSpline:
+def smoothing_spline(time: FloatArray, signal: FloatArray, share: float = 1.0) -> BSpline:
     """Return the spline of `smoothing`, quintic with a knot at every sample."""
-    return smoothing(time, signal).spline
+    return smoothing(time, signal, share).spline
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +89,15 @@ class Smoothing:
         return BSpline(self.spline.t, linalg.solveh_banded(self.bands, self.design.T @ columns), _DEGREE)
 
 
-def smoothing(time: FloatArray, signal: FloatArray) -> Smoothing:
-    """Fit f minimising sum (f(t_j) - y_j)^2 + lam INT f'''^2 dt, lam an eighth of that of cross-validation.
+def smoothing(time: FloatArray, signal: FloatArray, share: float = 1.0) -> Smoothing:
+    """Fit f minimising sum (f(t_j) - y_j)^2 + lam INT f'''^2 dt, lam a share of that of cross-validation.
 
     The variance of the noise is sum (f(t_j) - y_j)^2 / tr (1 - H)^2 with the hat matrix H, unbiased at any lam.
 
     Args:
         time: (n,) increasing, n > 6 [s].
         signal: (n,).
+        share: of the penalty.
     """
     knots = make_interp_spline(time, np.zeros_like(time), k=_DEGREE).t
     design = BSpline.design_matrix(time, knots, _DEGREE)
@@ -128,7 +131,7 @@ def smoothing(time: FloatArray, signal: FloatArray) -> Smoothing:
         return n * fitted(log_penalty)[1] / dear**2 if dear > 0.0 else worst * (2.0 - dear / n)
 
     best = optimize.minimize_scalar(score, bounds=_SEARCH, method="bounded", options={"xatol": 0.05})
-    penalty = float(best.x) - np.log10(_LESS)
+    penalty = float(best.x) + np.log10(share)
     coefficients, squares = fitted(penalty)
     # tr (1 - H)^2 = (1 - d / d log lam) tr (1 - H)
     bend = (left(penalty + _SECOND) - left(penalty - _SECOND)) / (2.0 * _SECOND * np.log(10.0))

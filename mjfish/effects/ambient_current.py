@@ -12,6 +12,7 @@ from mjfish.data import Dataset, Trial
 from mjfish.effects.calibration import DRIFT, Calibration
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.mechanism import Domain
+from mjfish.effects.place import begun_at, heading_known
 from mjfish.parameter import Parameter
 
 
@@ -45,22 +46,32 @@ class AmbientCurrent(Effect):
 
     def not_applicable(self, dataset: Dataset) -> str:
         """A current needs the heading in the world: from rest it starts at 0, else it must be measured."""
-        unknown = [t.name for t in dataset.trials if not t.starts_at_rest and t.pose is None]
+        unknown = [t.name for t in dataset.trials if not t.starts_at_rest and not heading_known(t)]
         return f"the heading was not measured (no yaw column) in {', '.join(unknown)}" if unknown else ""
 
     def start(self, velocity: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Begin a trial from rest against the water, as far as the fish was held; else the start is free anyhow."""
         if not trial.starts_at_rest:
             return velocity
-        yaw = 0.0 if trial.pose is None else float(np.nan_to_num(trial.pose[0, 2]))
+        yaw = float(begun_at(trial)[2])
         against = frames.to_body(np.array([[values["x"], values["y"]]]), np.array([yaw]))[0]
         return np.asarray(velocity - values["held"] * np.array([*against, 0.0]))
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Add the current in the body frame to the velocity through the water, and its way to the place."""
         current = np.array([values["x"], values["y"]])
-        since = trial.time if trial.starts_at_rest else trial.time - trial.time[0]
         read = state.copy()
         read[:, :2] += frames.to_body(np.broadcast_to(current, (len(state), 2)), state[:, 5])
-        read[:, 3:5] += since[:, None] * current
+        read[:, 3:5] += _since(trial.time, trial)[:, None] * current
         return read
+
+    def camera(
+        self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
+    ) -> tuple[FloatArray, FloatArray]:
+        """Add the way of the water."""
+        return place + _since(time, trial)[:, None] * np.array([values["x"], values["y"]]), heading
+
+
+def _since(time: FloatArray, trial: Trial) -> FloatArray:
+    """Return how long (n,) the water has carried the fish [s]: since 0, where it began from rest by itself."""
+    return time if trial.starts_at_rest and not trial.from_rest else time - trial.time[0]

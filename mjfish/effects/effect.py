@@ -159,14 +159,20 @@ class Effect(ABC):
         return state
 
     def camera(
-        self, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
+        self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
     ) -> tuple[FloatArray, FloatArray]:
         """Return where the camera sees points of the fish (m, 2) [m], and their headings (m,) [rad], in the world.
 
-        `place` and `heading` are those of a point and of the link that it is on, as they are. What a position sensor
-        and a heading sensor read passes through this hook, what an inertial unit reads does not.
+        What sensors of places and headings read passes through this hook; what inertial units read does not.
+
+        Args:
+            time: (m,) at which they are seen [s].
+            place: (m, 2) of a point in the frame of the water [m].
+            heading: (m,) of the link that it is on [rad].
+            values: parameters by short name.
+            trial: that is filmed.
         """
-        del values, trial
+        del time, values, trial
         return place, heading
 
     def priors(self) -> tuple[Prior, ...]:

@@ -19,7 +19,8 @@ class FrameMisalignment(Effect):
 
     So surge_recorded = cos a surge + sin a sway and sway_recorded = cos a sway - sin a surge: with a > 0 the recorded
     x axis points to port of the head's, and a fish that swims straight seems to drift to starboard. The rate of a
-    constant angle is zero, so that the yaw rate is right.
+    constant angle is zero, so that the yaw rate is right. Where places and headings were recorded, the heading is a too
+    large, and the places are right.
     """
 
     name: ClassVar[str] = "frame_misalignment"
@@ -43,3 +44,10 @@ class FrameMisalignment(Effect):
         read = state.copy()
         read[:, :2] = frames.to_body(state[:, :2], np.full(len(state), values["angle"]))
         return read
+
+    def camera(
+        self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
+    ) -> tuple[FloatArray, FloatArray]:
+        """Turn the headings."""
+        del time, trial
+        return place, heading + values["angle"]

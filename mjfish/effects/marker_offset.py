@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
+
+from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects.effect import Effect, Fingerprint, Values
@@ -16,7 +19,7 @@ class MarkerOffset(Effect):
 
     In the forward frame, so `along` is positive AHEAD of the nose (a marker on the head has a negative one) and
     `across` is positive to port: surge_recorded = surge - omega across, sway_recorded = sway + omega along. The head
-    is rigid, so the yaw rate is that of the nose.
+    is rigid, so the yaw rate is that of the nose. A recorded place is off by r_m from where its sensor is said to sit.
 
     In straight swimming `along` keeps the glide reflection and `across` breaks it; the fingerprint leaves it open.
     """
@@ -49,3 +52,11 @@ class MarkerOffset(Effect):
         read[:, 0] -= values["across"] * state[:, 2]
         read[:, 1] += values["along"] * state[:, 2]
         return read
+
+    def camera(
+        self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
+    ) -> tuple[FloatArray, FloatArray]:
+        """Move the places by r_m, turned into the world."""
+        del time, trial
+        offset = np.broadcast_to([values["along"], values["across"]], place.shape)
+        return place + frames.to_body(offset, -heading), heading

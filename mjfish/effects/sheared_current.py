@@ -129,6 +129,12 @@ class ShearedCurrent(AmbientCurrent):
         """Add the current of the frame, that at the start, to velocity and place."""
         return super().reading(state, _at_start(values, trial), trial)
 
+    def camera(
+        self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
+    ) -> tuple[FloatArray, FloatArray]:
+        """Add the way of the frame."""
+        return super().camera(time, place, heading, _at_start(values, trial), trial)
+
 
 def _at_start(values: Values, trial: Trial) -> dict[str, float]:
     """Return the numbers of the uniform current that is there where the run begins."""

@@ -12,7 +12,7 @@ from mjfish.parameter import Parameter
 
 
 class VelocityScale(Effect):
-    """Lengths are read (1 + error) times too long: (surge, sway)_recorded = (1 + error) (surge, sway).
+    """Lengths are read (1 + error) times too long: (surge, sway)_recorded = (1 + error) (surge, sway), places alike.
 
     The scale of a camera that looks at a plane in parallel is one number. Angles do not depend on it, so the yaw rate
     is right.
@@ -45,3 +45,10 @@ class VelocityScale(Effect):
         read = state.copy()
         read[:, :2] *= 1.0 + values["error"]
         return read
+
+    def camera(
+        self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
+    ) -> tuple[FloatArray, FloatArray]:
+        """Scale the places about the origin of the world."""
+        del time, trial
+        return (1.0 + values["error"]) * place, heading

@@ -320,7 +320,7 @@ def identify(
     many = multistart(problem, settings.starts, seed=settings.seed, tell=tell, **robust)  # type: ignore[arg-type]
     solution = many.best
     remarks = (*_of_recordings(dataset.trials), *_remarks(trials))
-    weighed = stated is None and settings.weights == "noise"
+    weighed = stated is None and settings.weights == "noise" and any(trial.measured.any() for trial in trials)
     unknown = [sensor for _, sensor in problem.sensors if sensor.sigma is None]
     for _ in range(2 if weighed or problem.sensors else 0):
         if solution.lost:
@@ -330,7 +330,7 @@ def identify(
             problem = replace(problem, noise=white(np.maximum(_spread(residual, settings.loss), floor(trials))))
         problem = with_sensor_noise(problem, solution.x)
         solution = fit(problem, solution.x, **robust)  # type: ignore[arg-type]
-    if weighed and any(trial.measured.any() for trial in trials):
+    if weighed:
         remarks += ("noise: none stated; the weights are the RMS of the residual",)
     for name in dict.fromkeys(sensor.name for sensor in unknown):
         remarks += (f"{name}: no sigma stated; its weights are that of the third differences of the residual",)
@@ -423,6 +423,8 @@ def _mean_square(values: FloatArray, trials: tuple[Trial, ...]) -> FloatArray:
 
 def _score(residual: Residual) -> TrialScore:
     error = residual.values[residual.scored]
+    if not len(error):
+        return TrialScore(residual.trial.name, residual.role, (np.nan,) * 3)
     nrmse = np.sqrt(np.mean(error**2, axis=0)) / np.maximum(np.ptp(residual.trial.velocity, axis=0), 1e-12)
     return TrialScore(residual.trial.name, residual.role, (float(nrmse[0]), float(nrmse[1]), float(nrmse[2])))
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Sensor, Trial
-from mjfish.drive.measured import smoothing
+from mjfish.drive.measured import ALLOWED, smoothing
 from mjfish.model.model import Prepared
-from mjfish.model.sensing import Moments, moments, read
+from mjfish.model.sensing import Camera, Moments, moments
 from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
 from mjfish.noise.kalman import Gains, whitened
 from mjfish.ode.jacobians import input_jacobian, state_jacobian
@@ -53,11 +53,11 @@ class Linearised:
         a, b = (
             of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (state_jacobian, input_jacobian)
         )
-        joints = [smoothing(trial.time, column) for column in trial.joint_angle.T]
+        joints = [smoothing(trial.time, column, ALLOWED) for column in trial.joint_angle.T]
         time = rollout.time[: len(a)]
         errors = JointErrors.of(trial, joints, Along(time, rollout.state[: len(a), 0, :HEAD].copy(), a, b))
         at = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
-        readings = (_reading(s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors)
+        readings = (_reading(trial, s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors)
         return cls(trial, errors, tuple(at), tuple(readings))
 
     def whiten(
@@ -83,9 +83,9 @@ class Linearised:
         return [white[at, first:last] for at, first, last in zip(rows, channels, channels[1:], strict=False)]
 
 
-def _reading(sensor: Sensor, here: Moments) -> FloatArray:
+def _reading(trial: Trial, sensor: Sensor, here: Moments) -> FloatArray:
     """Return the derivatives (m, c, d) of what a sensor reads, by the state of the head and of every joint."""
-    joints, samples = here.angle.shape[1], len(here.angle)
+    joints, samples, camera = here.angle.shape[1], len(here.angle), Camera(trial)
     found = np.zeros((samples, len(sensor.channels), HEAD + JOINT * joints))
     for column in range(HEAD + joints):
         state, angle = np.zeros_like(here.state), np.zeros_like(here.angle)
@@ -93,8 +93,8 @@ def _reading(sensor: Sensor, here: Moments) -> FloatArray:
             state[:, column] = 1.0
         else:
             angle[:, column - HEAD] = 1.0
-        along = Moments(state, np.zeros_like(here.rate), angle, np.zeros_like(here.length))
-        ahead, behind = (read(sensor, here.moved(by, along)) for by in (_STEP, -_STEP))
+        along = Moments(here.time, state, np.zeros_like(here.rate), angle, np.zeros_like(here.length))
+        ahead, behind = (camera.read(sensor, here.moved(by, along)) for by in (_STEP, -_STEP))
         place = column if column < HEAD else HEAD + JOINT * (column - HEAD)
         found[:, :, place] = (ahead - behind) / (2.0 * _STEP)
     return found

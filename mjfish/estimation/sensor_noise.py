@@ -35,9 +35,13 @@ class AlongFit:
     _cache: dict[str, Linearised | None] = field(default_factory=dict)
 
     def __call__(self, trial: Trial) -> Linearised | None:
-        """Return a trial; None where its joints were not measured, or their errors do not matter."""
+        """Return a trial; None where its joints were not measured, their errors do not matter, or it has velocities.
+
+        The noise of those allows for the errors by itself.
+        """
         if trial.name not in self._cache:
-            self._cache[trial.name] = self._linearised(trial) if trial.joints_measured and trial.sensors else None
+            allowed = trial.joints_measured and bool(trial.sensors) and not trial.measured.any()
+            self._cache[trial.name] = self._linearised(trial) if allowed else None
         return self._cache[trial.name]
 
     def _linearised(self, trial: Trial) -> Linearised | None:

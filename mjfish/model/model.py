@@ -22,7 +22,7 @@ from mjfish.fish import Cpg, Fish, Link
 from mjfish.hydro.link import Same
 from mjfish.hydro.load import Load
 from mjfish.hydro.outline import outlines
-from mjfish.model.sensing import moments, read
+from mjfish.model.sensing import Camera, moments
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
 from mjfish.parameter import Parameter
 from mjfish.sized_cache import sized_cache
@@ -148,10 +148,11 @@ class Model:
         message = rollout.message
         if message and run.active:
             message += f" (with {', '.join(f'{e.name}.{k} = {v:g}' for e, own in run.active for k, v in own.items())})"
-        late = sensor_offsets or {}
+        late, camera = sensor_offsets or {}, Camera(trial, run.active)
+        when = (camera.clocked(sensor, sensor.time + late.get(sensor.name, 0.0)) for sensor in trial.sensors)
         sensors = tuple(
-            read(sensor, moments(run.fish, rollout, run.motion, sensor.time + late.get(sensor.name, 0.0)))
-            for sensor in trial.sensors
+            camera.read(sensor, moments(run.fish, rollout, run.motion, time))
+            for sensor, time in zip(trial.sensors, when, strict=True)
         )
         return Prediction(state[:, :3], rollout.status, message, rollout, state[:, 3:6], sensors)
 
@@ -277,7 +278,8 @@ def _measured_motion(trial: Trial, step: float) -> JointMotion:
 def _splines(trial: Trial) -> tuple[BSpline, ...]:
     """Return the splines of the measured joint angles; they are kept longer than the far larger motions."""
     angle = np.zeros((0, 0)) if trial.joint_angle is None else trial.joint_angle
-    return tuple(measured.smoothing_spline(trial.time, column) for column in angle.T)
+    share = measured.ALLOWED if not trial.measured.any() else 1.0
+    return tuple(measured.smoothing_spline(trial.time, column, share) for column in angle.T)
 
 
 def joint_motion(asked: JointMotion, trial: Trial, servos: Servos) -> JointMotion:

@@ -5,19 +5,21 @@ With the nose at p and heading theta_0, the links turned on by their joints, and
     point at station s of link i:   p - sum_{k < i} L_k e(theta_k) - s e(theta_i)
     acceleration at station s of the head, r = (-s, 0):   a = v' + w x v + w' x r + w x (w x r)
 
-in the forward frame, v and w' of the equation of motion itself.
+in the forward frame, v and w' of the equation of motion itself. Places and headings are then what the camera makes of
+them (`mjfish.effects.effect.Effect.camera`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.data import Sensor
+from mjfish.data import Sensor, Trial
 from mjfish.drive.motion import JointMotion
+from mjfish.effects.effect import Effect, Values
 from mjfish.fish import Fish
 from mjfish.ode.rollout import Rollout
 
@@ -27,12 +29,14 @@ class Moments:
     """A run at the samples of a sensor, or the rates of all this along a direction.
 
     Attributes:
+        time: (m,) [s].
         state: (m, 8) of the rollout.
         rate: (m, 8) its derivative by time.
         angle: (m, joints) [rad].
         length: (links,) [m].
     """
 
+    time: FloatArray
     state: FloatArray
     rate: FloatArray
     angle: FloatArray
@@ -41,6 +45,7 @@ class Moments:
     def moved(self, by: float, along: Moments) -> Moments:
         """Return all this, so far along a direction."""
         return Moments(
+            self.time,
             self.state + by * along.state,
             self.rate + by * along.rate,
             self.angle + by * along.angle,
@@ -52,22 +57,45 @@ def moments(fish: Fish, rollout: Rollout, motion: JointMotion, time: FloatArray)
     """Return a run at some times (m,) [s]; what is after its end is read there."""
     at = np.minimum(time, motion.time[-1])
     length = np.array([link.length for link in fish.links])
-    return Moments(rollout.at(at), rollout.rate_at(at), motion.angle_at(at), length)
+    return Moments(at, rollout.at(at), rollout.rate_at(at), motion.angle_at(at), length)
 
 
-def read(sensor: Sensor, seen: Moments) -> FloatArray:
-    """Return what a sensor reads (m, c), its channels in the order of the sensor."""
-    return np.stack([_CHANNELS[channel](sensor, seen) for channel in sensor.channels], axis=1)
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """What films a trial: the effects that act on it, with their values by short names."""
+
+    trial: Trial
+    effects: Sequence[tuple[Effect, Values]] = ()
+
+    def sees(self, sensor: Sensor) -> bool:
+        """Return whether a sensor is read by it: it measures places or headings."""
+        return sensor.kind in ("position", "heading")
+
+    def clocked(self, sensor: Sensor, time: FloatArray) -> FloatArray:
+        """Return when what a sensor has at `time` (m,) was seen [s]; a free clock of its own says so itself."""
+        if self.sees(sensor) and not sensor.free_clock:
+            for effect, values in self.effects:
+                time = effect.clock(time, values)
+        return time
+
+    def read(self, sensor: Sensor, seen: Moments) -> FloatArray:
+        """Return what a sensor reads (m, c), its channels in the order of the sensor."""
+        if not self.sees(sensor):
+            return np.stack([_INERTIAL[channel](sensor, seen) for channel in sensor.channels], axis=1)
+        place, heading = _place(sensor, seen)
+        for effect, values in self.effects:
+            place, heading = effect.camera(seen.time, place, heading, values, self.trial)
+        return place if sensor.kind == "position" else heading[:, None]
 
 
-def _place(sensor: Sensor, seen: Moments) -> FloatArray:
-    """Return the place (m, 2) of a sensor; the tail's deflection adds to the last joint."""
+def _place(sensor: Sensor, seen: Moments) -> tuple[FloatArray, FloatArray]:
+    """Return place (m, 2) and heading (m,) of a sensor; the tail's deflection adds to the last joint."""
     place, heading = seen.state[:, 3:5].copy(), seen.state[:, 5].copy()
     last = seen.angle.shape[1] - 1
     for i in range(sensor.link):
         place -= seen.length[i] * _direction(heading)
         heading += seen.angle[:, i] + (seen.state[:, 6] if i == last else 0.0)
-    return np.asarray(place - sensor.station * _direction(heading))
+    return np.asarray(place - sensor.station * _direction(heading)), heading
 
 
 def _direction(heading: FloatArray) -> FloatArray:
@@ -83,10 +111,7 @@ def _sway_acceleration(sensor: Sensor, seen: Moments) -> FloatArray:
     return np.asarray(seen.rate[:, 1] + seen.state[:, 2] * seen.state[:, 0] - sensor.station * seen.rate[:, 2])
 
 
-_CHANNELS: dict[str, Callable[[Sensor, Moments], FloatArray]] = {
-    "x": lambda sensor, seen: _place(sensor, seen)[:, 0],
-    "y": lambda sensor, seen: _place(sensor, seen)[:, 1],
-    "yaw": lambda _, seen: seen.state[:, 5],
+_INERTIAL: dict[str, Callable[[Sensor, Moments], FloatArray]] = {
     "yaw_rate": lambda _, seen: seen.state[:, 2],
     "surge_acceleration": _surge_acceleration,
     "sway_acceleration": _sway_acceleration,

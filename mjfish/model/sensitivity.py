@@ -23,7 +23,7 @@ from mjfish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
 from mjfish.model import Model, Prepared, asked_motion, headed, numbered, pose_of
-from mjfish.model.sensing import Moments, moments, read
+from mjfish.model.sensing import Camera, Moments, moments
 from mjfish.ode.equation import STATES, TAIL, tail_of
 from mjfish.ode.rollout import Conditions, Rollout
 from mjfish.ode.tangents import Direction, simulate_tangents
@@ -87,8 +87,9 @@ def with_sensors(
     ]
     at = _At(model, trial, values, velocity, offset, run, loaded)
     directions = [_direction(at, name) for name in names]
-    late = sensor_offsets or {}
-    clocks = [run.time, *(sensor.time + late.get(sensor.name, 0.0) for sensor in trial.sensors)]
+    late, camera = sensor_offsets or {}, Camera(trial, run.active)
+    labels = [sensor.time + late.get(sensor.name, 0.0) for sensor in trial.sensors]
+    clocks = [run.time, *(camera.clocked(s, time) for s, time in zip(trial.sensors, labels, strict=True))]
     times = np.minimum(np.concatenate(clocks), run.motion.time[-1])
     moving = [k for k, (direction, _) in enumerate(directions) if direction is not None]
     conditions = Conditions(
@@ -118,8 +119,8 @@ def with_sensors(
     if trial.pose is not None:  # the heading at the first sample is the measured one, whatever moves
         along[:, 5] -= along[0, 5]
     seen = [
-        _sensed(at, sensor, rollout, clock, block, [direction for direction, _ in directions], names)
-        for sensor, clock, block in zip(trial.sensors, clocks[1:], beside, strict=True)
+        _sensed(at, sensor, rollout, label, block, [direction for direction, _ in directions], names)
+        for sensor, label, block in zip(trial.sensors, labels, beside, strict=True)
     ]
     return _read(at, lambda: headed(rollout.at(times), trial), along, names), tuple(seen)
 
@@ -128,36 +129,50 @@ def _sensed(
     at: _At,
     sensor: Sensor,
     rollout: Rollout,
-    clock: FloatArray,
+    label: FloatArray,
     along: FloatArray,
     directions: Sequence[Direction | None],
     names: Sequence[str],
 ) -> FloatArray:
-    """Return the derivatives (m, c, k) of what a sensor reads at the times of its `clock` (m,).
+    """Return the derivatives (m, c, k) of what a sensor reads at the times (m,) that its samples have.
 
     `along` (m, 16, k) has those of the state and of its rates.
     """
-    fish, motion = at.run.fish, at.run.motion
-    here, time = moments(fish, rollout, motion, clock), np.minimum(clock, motion.time[-1])
+    fish, motion, camera = at.run.fish, at.run.motion, Camera(at.trial, at.run.active)
+
+    def seen(time: FloatArray) -> Moments:
+        return moments(fish, rollout, motion, time)
+
+    clock = camera.clocked(sensor, label)
+    here, time = seen(clock), np.minimum(clock, motion.time[-1])
     found = np.zeros((len(time), len(sensor.channels), len(names)))
     for k, (name, direction) in enumerate(zip(names, directions, strict=True)):
-        p = _declared(at.model, name)
+        p, owner = _declared(at.model, name), _owner(at.model, name)
         if name == sensor.clock:
-            found[:, :, k] = difference(lambda by: read(sensor, moments(fish, rollout, motion, clock + by)), p, 0.0)
+            found[:, :, k] = difference(lambda by: camera.read(sensor, seen(clock + by)), p, 0.0)
         elif direction is not None:
             links, moves = direction.links, direction.motion
             moved = Moments(
+                time,
                 along[:, :STATES, k],
                 along[:, STATES:, k],
                 np.zeros_like(here.angle) if moves is None else JointMotion(motion.time, *moves).angle_at(time),
                 np.zeros_like(here.length) if links is None else links[:, column("length")],
             )
-            found[:, :, k] = difference(functools.partial(_read_moved, sensor, here, moved), p, 0.0)
+            found[:, :, k] = difference(functools.partial(_read_moved, camera, sensor, here, moved), p, 0.0)
+        if owner is not None and camera.sees(sensor) and (owner.overrides("camera") or owner.overrides("clock")):
+
+            def turned(value: float, owner: Effect = owner, name: str = name) -> FloatArray:
+                kept = at.kept(owner, (name, value))
+                other = Camera(at.trial, [(effect, dict(own)) for effect, own in kept])
+                return other.read(sensor, seen(other.clocked(sensor, label)) if owner.overrides("clock") else here)
+
+            found[:, :, k] += difference(turned, p, at.values[name])
     return found
 
 
-def _read_moved(sensor: Sensor, here: Moments, along: Moments, by: float) -> FloatArray:
-    return read(sensor, here.moved(by, along))
+def _read_moved(camera: Camera, sensor: Sensor, here: Moments, along: Moments, by: float) -> FloatArray:
+    return camera.read(sensor, here.moved(by, along))
 
 
 def one_sided(model: Model, name: str, value: float) -> bool:
