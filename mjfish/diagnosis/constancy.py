@@ -103,7 +103,7 @@ class Linearised:
 
 def linearised(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Linearised:
     """Return a refit linearised over its runs and held-out ones."""
-    others = (replace(trial, sensors=()) for trial in held_out)
+    others = (replace(trial, sensors=()) if trial.measured.any() else trial for trial in held_out)
     every = replace(refit.problem, trials=(*refit.problem.trials, *others), windows=None)
     x = every.start(refit.fit.values)
     slopes = every.jacobian(x)

@@ -43,8 +43,8 @@ _BEYOND = 1e-12
 #: the first start suffices; the cost, relative to that of the first, below which the best trial start is followed.
 _STARTS, _SCOUT = 4, 8
 _EXPLAINED, _PROMISING = 2.0, 1.05
-#: Rounds of estimating the noise of sensors and fitting the nominal model.
-_ROUNDS = 2
+#: Rounds of estimating the noise of sensors before the nominal fit, and most evaluations of their fits.
+_ROUNDS, _ROUGH = 2, 15
 #: Mean square under the stated noise below which a refit tells the noise, where the nominal model is far off.
 _FITTED = 1.5
 _OTHER = ErrorsInVariables | NoiseByRate | ProcessNoise | GaussMarkov | DifferentiationNoise
@@ -91,10 +91,11 @@ def screen(
     """
     progress("fitting the nominal model", 0.02)
     problem, start = resolved(problem)
-    baseline = nominal_fit(with_sensor_noise(problem, start), start)
     for _ in range(_ROUNDS if problem.sensors else 0):
-        problem = with_sensor_noise(problem, baseline.x)
-        baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
+        problem = with_sensor_noise(problem, start)
+        start = sound(NOMINAL, fit(problem, start, tolerance=1e-3, evaluations=_ROUGH)).x
+    problem = with_sensor_noise(problem, start)
+    baseline = nominal_fit(problem, start)
     slopes = _signatures(problem, baseline.values, candidates)
     if not problem.samples:
         return _screened_sensors(problem, baseline, slopes, candidates, rng, progress), ""
