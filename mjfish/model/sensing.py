@@ -23,6 +23,9 @@ from mjfish.effects.effect import Effect, Values
 from mjfish.fish import Fish
 from mjfish.ode.rollout import Rollout
 
+#: Steps of the differences of what a camera makes of places [m] and headings [rad]: it is smooth.
+_LENGTH, _ANGLE = 1e-4, 1e-4
+
 
 @dataclass(frozen=True, eq=False)
 class Moments:
@@ -82,10 +85,34 @@ class Camera:
         """Return what a sensor reads (m, c), its channels in the order of the sensor."""
         if not self.sees(sensor):
             return np.stack([_INERTIAL[channel](sensor, seen) for channel in sensor.channels], axis=1)
-        place, heading = _place(sensor, seen)
-        for effect, values in self.effects:
-            place, heading = effect.camera(seen.time, place, heading, values, self.trial)
+        place, heading = self._filmed(seen.time, *_place(sensor, seen))
         return place if sensor.kind == "position" else heading[:, None]
+
+    def read_rates(self, sensor: Sensor, seen: Moments, along: Moments) -> FloatArray:
+        """Return the rates (m, c, k) of what a sensor of places or headings reads, along many directions at once.
+
+        Args:
+            sensor: one that the camera sees.
+            seen: the run.
+            along: its rates, the directions behind all other axes.
+        """
+        (place, heading), (places, headings) = _place(sensor, seen), _place_rates(sensor, seen, along)
+        rates = np.concatenate([places, headings[:, None]], axis=1)
+        if any(effect.overrides("camera") for effect, _ in self.effects):
+            by = np.zeros((len(heading), 3, 3))
+            for axis, h in enumerate((_LENGTH, _LENGTH, _ANGLE)):
+                step = h * np.eye(3)[axis]
+                ends = [self._filmed(seen.time, place + k * step[:2], heading + k * step[2]) for k in (1.0, -1.0)]
+                (there, turned), (back, returned) = ends
+                by[:, :2, axis], by[:, 2, axis] = (there - back) / (2.0 * h), (turned - returned) / (2.0 * h)
+            rates = by @ rates
+        return rates[:, :2] if sensor.kind == "position" else rates[:, 2:]
+
+    def _filmed(self, time: FloatArray, place: FloatArray, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return places (m, 2) and headings (m,) as the camera sees them."""
+        for effect, values in self.effects:
+            place, heading = effect.camera(time, place, heading, values, self.trial)
+        return place, heading
 
 
 def _place(sensor: Sensor, seen: Moments) -> tuple[FloatArray, FloatArray]:
@@ -96,6 +123,22 @@ def _place(sensor: Sensor, seen: Moments) -> tuple[FloatArray, FloatArray]:
         place -= seen.length[i] * _direction(heading)
         heading += seen.angle[:, i] + (seen.state[:, 6] if i == last else 0.0)
     return np.asarray(place - sensor.station * _direction(heading)), heading
+
+
+def _place_rates(sensor: Sensor, seen: Moments, along: Moments) -> tuple[FloatArray, FloatArray]:
+    """Return the rates of place (m, 2, k) and heading (m, k) of a sensor along k directions."""
+    heading, turning = seen.state[:, 5].copy(), along.state[:, 5].copy()
+    moving, last = along.state[:, 3:5].copy(), seen.angle.shape[1] - 1
+    for i in range(sensor.link):
+        moving -= _direction(heading)[:, :, None] * along.length[i] + seen.length[i] * _swung(heading, turning)
+        heading += seen.angle[:, i] + (seen.state[:, 6] if i == last else 0.0)
+        turning += along.angle[:, i] + (along.state[:, 6] if i == last else 0.0)
+    return moving - sensor.station * _swung(heading, turning), turning
+
+
+def _swung(heading: FloatArray, turning: FloatArray) -> FloatArray:
+    """Return the rates (m, 2, k) of the direction of a heading (m,) that turns by (m, k)."""
+    return np.asarray(np.stack([-np.sin(heading), np.cos(heading)], axis=1)[:, :, None] * turning[:, None])
 
 
 def _direction(heading: FloatArray) -> FloatArray:

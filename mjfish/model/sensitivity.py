@@ -36,6 +36,8 @@ Active = tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...]
 _STEP = 5e-4
 #: Scale of frequency [Hz] and phase [rad] of a wave.
 _WAVE_SCALE = 0.05
+#: Of the differences of inertial readings along a direction.
+_UNIT = Parameter("sensor.along", "-", 0.0, -1.0, 1.0, 0.0, 0.01)
 _SIXTH = ((1, 0.75), (2, -0.15), (3, 1.0 / 60.0))
 
 
@@ -122,6 +124,8 @@ def with_sensors(
         _sensed(at, sensor, rollout, label, block, [direction for direction, _ in directions], names)
         for sensor, label, block in zip(trial.sensors, labels, beside, strict=True)
     ]
+    if not trial.measured.any():
+        return along[:, :3], tuple(seen)
     return _read(at, lambda: headed(rollout.at(times), trial), along, names), tuple(seen)
 
 
@@ -145,21 +149,19 @@ def _sensed(
 
     clock = camera.clocked(sensor, label)
     here, time = seen(clock), np.minimum(clock, motion.time[-1])
-    found = np.zeros((len(time), len(sensor.channels), len(names)))
-    for k, (name, direction) in enumerate(zip(names, directions, strict=True)):
+    every = _along(here, time, along, directions, motion)
+    if camera.sees(sensor):
+        found = camera.read_rates(sensor, here, every)
+    else:
+        found = np.zeros((len(time), len(sensor.channels), len(names)))
+        for k, direction in enumerate(directions):
+            if direction is not None:
+                moved = Moments(time, *(part[..., k] for part in (every.state, every.rate, every.angle, every.length)))
+                found[:, :, k] = difference(functools.partial(_read_moved, camera, sensor, here, moved), _UNIT, 0.0)
+    for k, name in enumerate(names):
         p, owner = _declared(at.model, name), _owner(at.model, name)
         if name == sensor.clock:
             found[:, :, k] = difference(lambda by: camera.read(sensor, seen(clock + by)), p, 0.0)
-        elif direction is not None:
-            links, moves = direction.links, direction.motion
-            moved = Moments(
-                time,
-                along[:, :STATES, k],
-                along[:, STATES:, k],
-                np.zeros_like(here.angle) if moves is None else JointMotion(motion.time, *moves).angle_at(time),
-                np.zeros_like(here.length) if links is None else links[:, column("length")],
-            )
-            found[:, :, k] = difference(functools.partial(_read_moved, camera, sensor, here, moved), p, 0.0)
         if owner is not None and camera.sees(sensor) and (owner.overrides("camera") or owner.overrides("clock")):
 
             def turned(value: float, owner: Effect = owner, name: str = name) -> FloatArray:
@@ -169,6 +171,20 @@ def _sensed(
 
             found[:, :, k] += difference(turned, p, at.values[name])
     return found
+
+
+def _along(
+    here: Moments, time: FloatArray, along: FloatArray, directions: Sequence[Direction | None], motion: JointMotion
+) -> Moments:
+    """Return the rates of a run at the samples of a sensor along all directions, the last axis."""
+    angle = np.zeros((*here.angle.shape, len(directions)))
+    length = np.zeros((len(here.length), len(directions)))
+    for k, direction in enumerate(directions):
+        if direction is not None and direction.motion is not None:
+            angle[:, :, k] = JointMotion(motion.time, *direction.motion).angle_at(time)
+        if direction is not None and direction.links is not None:
+            length[:, k] = direction.links[:, column("length")]
+    return Moments(time, along[:, :STATES], along[:, STATES:], angle, length)
 
 
 def _read_moved(camera: Camera, sensor: Sensor, here: Moments, along: Moments, by: float) -> FloatArray:
