@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import shlex
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -31,7 +31,9 @@ _FLAGS = {
 _CHANGES = (
     "What may be changed or added here (docs/datasets.md has all keys):",
     '  role = "held_out" or "fit" in [[trials]]',
-    '  joints = "commanded" in [[trials]], if its joint angles are those that the servos were told',
+    '  joints = "commanded" in [[trials]], if its joint angles are those that the servos were told, with hold = "zero"',
+    '  or "linear" between them',
+    "  from_rest = true in [[trials]], if the fish is at rest in the water at its first sample",
     "  [noise] with surge, sway [m/s], yaw_rate [rad/s]: standard deviation of one sample, if known",
     '  [filter] kind = "gaussian", sd = 0.02: what the velocities were smoothed by [s], if known',
 )
@@ -63,6 +65,16 @@ def new(
         list[str] | None, typer.Option(help=f"Amplitudes of the joints, with commas; {_PER_FILE}.")
     ] = None,
     phase: Annotated[list[str] | None, typer.Option(help=f"Phases of the joints, with commas; {_PER_FILE}.")] = None,
+    joints_are: Annotated[
+        str | None, typer.Option(help="commanded: what the servos were told; or measured.", show_default="measured")
+    ] = None,
+    hold: Annotated[
+        str | None,
+        typer.Option(help="What a commanded angle does until the next: linear or zero.", show_default="linear"),
+    ] = None,
+    from_rest: Annotated[
+        bool, typer.Option("--from-rest", help="The fish is at rest in the water at the first row of every file.")
+    ] = False,
     synchronised: Annotated[
         bool,
         typer.Option("--synchronised", help="Drive and record have one clock; else frequency and phase are fitted."),
@@ -115,10 +127,12 @@ def new(
         runs = ", ".join(path.stem for path in paths)
         held_out = list(console.names(_prompt(f"Runs held out, of {runs} (none: every third)", "")))
     questions.check(headers)
-    table = _mapping(columns, units, drive, paths, synchronised=synchronised, other=set_ or ())
+    told = _told(drive, joints_are, hold, from_rest=from_rest)
+    table = _mapping(columns, units, drive, paths, synchronised=synchronised, other=[*told, *(set_ or ())])
     dataset, report = import_mapped(paths, held_out or (), table, load_fish(named), _PLACE)
     assumed = time_unit is None and not unit_names({"time": columns.of["time"]})
-    taken = [*_taken(columns, drive, units, assumed=assumed), _signs(table), _held_out(dataset, held_out)]
+    taken = [*_taken(columns, drive, units, assumed=assumed), *_joints_taken(table, dataset), _signs(table)]
+    taken.append(_held_out(dataset, held_out))
     taken.append(f"fish      {named}")
     files_named = shlex.join(str(path) for path in paths)
     comments = [f"Made by mjfish dataset new of {files_named}, whose columns are:", *(f"  {line}" for line in taken)]
@@ -358,6 +372,12 @@ def _mapping(
     raw: dict[str, Any] = {"schema": 1, "kind": columns.kind, "fish": "-", **columns.of}
     raw |= {f"{kind}_unit": units[kind] for kind in ("time", "length", "angle")}
     more = _other(other)
+    for name in ("joints", "wave"):
+        if not isinstance(more.get(name, {}), dict):
+            raise InputError(
+                f"--set: '{name}={more[name]}', but {name} is a table, expected one of its keys, e.g. "
+                f"{'joints.are=commanded' if name == 'joints' else 'wave.ramp=0.5'}; correct it"
+            )
     joints, wave = more.pop("joints", {}), more.pop("wave", {})
     if drive.joints:
         raw["joints"] = {"columns": drive.joints, "unit": units["joint"], **joints}
@@ -374,6 +394,18 @@ def _mapping(
     if columns.kind == "poses":
         return tomlfile.parse(raw, PosesMap, str(_PLACE))
     return tomlfile.parse(raw, VelocitiesMap, str(_PLACE))
+
+
+def _told(drive: _Drive, are: str | None, hold: str | None, *, from_rest: bool) -> list[str]:
+    """Return options of joints and start as keys of a mapping file, ``KEY=VALUE``."""
+    told = [f"joints.{key}={value}" for key, value in (("are", are), ("hold", hold)) if value is not None]
+    if told and not drive.joints:
+        raise InputError(
+            "--joints-are and --hold are of joint angles, expected --joints COLUMNS beside; leave them out"
+        )
+    if hold is not None and are != "commanded":
+        raise InputError("--hold is of commanded angles, expected --joints-are commanded beside; leave it out")
+    return [*told, *(["from_rest=true"] if from_rest else [])]
 
 
 def _per_file(values: Sequence[Any], name: str, paths: Sequence[Path]) -> Sequence[Any]:
@@ -417,11 +449,23 @@ def _taken(columns: _Columns, drive: _Drive, units: Mapping[str, str], *, assume
         lines.append(f"{key:9} {header} in {units[UNIT_OF[key]]}{rate}, {how}")
     if drive.joints:
         how = "guessed from their headers" if drive.guessed else "as given"
-        lines.append(f"joints    {', '.join(drive.joints)} in {units['joint']}, {how}; taken as measured angles")
+        lines.append(f"joints    {', '.join(drive.joints)} in {units['joint']}, {how}")
     else:
         hertz = ", ".join(f"{value:g}" for value in dict.fromkeys(drive.frequency))
         lines.append(f"drive     a wave of {hertz} Hz, amplitude and phase in {units['joint']}, as given")
     return lines
+
+
+def _joints_taken(table: PosesMap | VelocitiesMap, dataset: Dataset) -> Iterator[str]:
+    """Yield what the joint angles and the start were taken for."""
+    step = max(trial.step for trial in dataset.trials)
+    if table.joints is not None and table.joints.are == "measured":
+        yield "          taken as measured; with errors, unless --joints-are commanded"
+    elif table.joints is not None:
+        held = "each held until the next" if table.joints.hold == "zero" else "on a line from one to the next"
+        other = "linear" if table.joints.hold == "zero" else "zero"
+        yield f"          taken as commanded, {held} (--hold {other} is {500.0 * step:.3g} ms, half a sample, apart)"
+    yield f"start     {'at rest in the water, as given' if table.from_rest else 'free (--from-rest: at rest)'}"
 
 
 def _signs(table: PosesMap | VelocitiesMap) -> str:
@@ -433,7 +477,10 @@ def _signs(table: PosesMap | VelocitiesMap) -> str:
     else:
         up = "anticlockwise" if table.axes == "y_up" else "clockwise"
         told = f"{table.axes}, heading {up} from {table.yaw_zero:g} along x"
-    return f"positive  {told}; tracked {table.behind_nose:g} m behind the nose"
+    tracked = "somewhere on the head, fitted (--set behind_nose=METRES fixes it)"
+    if table.behind_nose is not None:
+        tracked = f"{table.behind_nose:g} m behind the nose"
+    return f"positive  {told}; tracked {tracked}"
 
 
 def _held_out(dataset: Dataset, stated: Sequence[str] | None) -> str:

@@ -19,6 +19,7 @@ from mjfish.diagnosis.shapes import at_best_shapes
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.fit import fit_or_raise
+from mjfish.estimation.sensor_noise import having_noise_of
 from mjfish.estimation.smoothness import smoothed
 from mjfish.parameter import Parameter, bounds
 
@@ -272,7 +273,7 @@ def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
 
     From where it ended, or from next to nothing of the cause where that is better under this noise.
     """
-    problem = replace(refit.problem, noise=evidence.problem.noise, jobs=evidence.problem.jobs)
+    problem = replace(having_noise_of(refit.problem, evidence.problem), jobs=evidence.problem.jobs)
     idle = {p.name: p.low for p in problem.declared.values()}
     nothing = problem.start({**idle, **evidence.fit.values})
     start = min((refit.fit.x, nothing), key=lambda x: float(np.sum(problem.rough.residual(x) ** 2)))

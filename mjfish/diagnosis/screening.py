@@ -26,7 +26,7 @@ from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.fit import fit_or_raise, hypercube, scouted
 from mjfish.estimation.noise_of_fit import noise_of, saturated, smoothing_of
 from mjfish.estimation.problem import Slopes
-from mjfish.estimation.sensor_noise import with_sensor_noise
+from mjfish.estimation.sensor_noise import having_noise_of, with_sensor_noise
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
 from mjfish.noise.sample import noisy_ends
 from mjfish.sized_cache import Remade
@@ -140,7 +140,14 @@ def _screened_sensors(
     seen = _NominalTest(candidates, slopes, rng, progress).run(problem, baseline, problem.noise)
     if seen.p_wrong >= ALARM:
         return Screening(seen.evidence, {}, seen.p_wrong, directed=False)
-    refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.4), refitted, seen.refits)
+    refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), refitted, seen.refits)
+    if refitted:  # along the rollouts of the best model, for those of a wrong one are not where the fish was
+        best = _led(refitted)
+        problem = having_noise_of(problem, with_sensor_noise(best.problem, best.fit.x))
+        baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
+        slopes = _signatures(problem, baseline.values, candidates)
+        seen = _NominalTest(candidates, slopes, rng, progress).run(problem, baseline, problem.noise)
+        refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted, seen.refits)
     return Screening(seen.evidence, settled(refitted, part(progress, 0.6, 0.1)), seen.p_wrong, seen.directed < ALARM)
 
 

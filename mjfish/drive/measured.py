@@ -29,8 +29,8 @@ _DEGREE = 5
 _SEARCH = (-9.0, 4.0)
 #: What a degree of freedom costs.
 _DEAR = 1.4
-#: Share of the penalty of cross-validation where errors are allowed for: the bandwidth grows by a factor of 1.4. Of eight
-#: runs with joints to 0.3 degrees and nothing hidden, all causes jointly explain 107 of 27 at 1, 29 of 26 at 1/8.
+#: Share of the penalty of cross-validation where errors are allowed for: the bandwidth grows by a factor of 1.4. Of
+#: eight runs with joints to 0.3 degrees and nothing hidden, all causes explain 107 of 27 at 1, 29 of 26 at 1/8.
 ALLOWED = 0.125
 #: Steps of the first and the second derivative with respect to log10 of the penalty.
 _DIFFERENCE, _SECOND = 5e-3, 0.05

@@ -77,6 +77,11 @@ def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:
     return replace(problem, joint_errors=AlongFit(problem, problem.named(x)))
 
 
+def having_noise_of(problem: Problem, other: Problem) -> Problem:
+    """Return a problem with the noise of another one, of velocities and of sensors."""
+    return replace(problem, noise=other.noise, sensor_sigma=other.sensor_sigma, joint_errors=other.joint_errors)
+
+
 def _spread(sensor: Sensor, predicted: FloatArray) -> FloatArray:
     """Return the squared third differences (k, c) of what is left of the samples of a sensor that were reached."""
     reached = np.isfinite(predicted).all(axis=1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -17,6 +17,7 @@ from mjfish import tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data.dataset_toml import Law, NotNegative, Number, Positive
 from mjfish.data.read import wave_of
+from mjfish.data.trial import Hold
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, located
 from mjfish.fish import Fish, load_fish
@@ -42,11 +43,16 @@ class WaveTable(Law):
 
 
 class JointColumns(Table):
-    """Columns of measured joint angles, head first; `sign` -1 where they turn the other way."""
+    """Columns of joint angles, head first; `sign` -1 where they turn the other way.
+
+    `are`: what the joints did, or what the servos were told; `hold`: see `mjfish.data.Trial.hold`.
+    """
 
     columns: tuple[str, ...]
     unit: Angle = "rad"
     sign: Literal[1, -1] = 1
+    are: Literal["measured", "commanded"] = "measured"
+    hold: Hold = "linear"
 
 
 class MappingTable(Table):
@@ -62,11 +68,13 @@ class Driven(MappingTable):
     """A record whose joint angles are columns of the file, or given by a law: one of all files, or one a file.
 
     `waves`: laws by patterns of file names, such as ``fast_*.csv``; the first that fits counts.
+    `from_rest`: the fish is known to be at rest in the water at the first row of every file.
     """
 
     joints: JointColumns | None = None
     wave: WaveTable | None = None
     waves: Annotated[dict[str, WaveTable], Field(default_factory=dict)]
+    from_rest: bool = False
 
     @model_validator(mode="after")
     def _one_drive(self) -> Driven:
@@ -144,9 +152,10 @@ class PosesMap(Driven):
     angle_unit: Angle = "rad"
     #: Where y points, seen from above with x to the right.
     axes: Literal["y_up", "y_down"] = "y_up"
-    #: The measured yaw when the fish points along x [of angle_unit], and the tracked point behind the nose [m].
+    #: The measured yaw when the fish points along x [of angle_unit], and the tracked point behind the nose [m]; where
+    #: that is not given, it is free in a fit.
     yaw_zero: Number = 0.0
-    behind_nose: Number = 0.0
+    behind_nose: NotNegative | None = None
 
 
 class VelocitiesMap(Driven):
@@ -185,6 +194,14 @@ def read_mapping(path: Path | None, model: type[M], importer: str) -> M:
             f"importer '{importer}' needs a mapping file that names its columns and units; give --map FILE"
         )
     return tomlfile.read(path, model)
+
+
+def driven(table: Driven) -> dict[str, Any]:
+    """Return what a mapping says of the joints and the start, as attributes of a trial."""
+    told = {"from_rest": table.from_rest}
+    if table.joints is None:
+        return told
+    return {**told, "commanded": table.joints.are == "commanded", "hold": table.joints.hold}
 
 
 def measured_angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish, mapping: Path) -> FloatArray | None:

@@ -1,6 +1,7 @@
 """Importers of tables of poses or velocities, in the units and axes of the laboratory.
 
-Poses (time, x, y and yaw of a point of the head) are smoothed as marker tracks are; velocities are taken as they are.
+Poses (time, x, y and yaw of a point of the head) become sensors of the place and of the heading, with the samples as
+they are; velocities are taken as they are, too.
 """
 
 from __future__ import annotations
@@ -21,35 +22,37 @@ from mjfish.data.importers.mapping import (
     PosesMap,
     VelocitiesMap,
     angle_columns,
+    driven,
     fish_of,
     measured_angles,
     read_mapping,
     wave_drive,
 )
-from mjfish.data.importers.markers import HARMONICS
 from mjfish.data.importers.report import Cut, FileReport, ImportReport
-from mjfish.data.importers.smoothing import FASTEST, SLOWEST, Basis, Fit, MeasuredCoordinates, beat_frequency, smooth
+from mjfish.data.importers.smoothing import FASTEST, SLOWEST, beat_frequency
 from mjfish.data.importers.trials import (
     BEATS,
     SECONDS,
-    Recording,
     assign_roles,
     check_distinct,
     longest,
-    record,
     runs,
     stretch_names,
-    with_noise,
 )
+from mjfish.data.sensor import Kind, Sensor, cleaned, within
 from mjfish.data.tables import read_columns
-from mjfish.errors import InputError, located
+from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.frames import CHANNELS
+from mjfish.known import Beforehand
 
 M = TypeVar("M", PosesMap, VelocitiesMap)
 
 _FEWEST_POSES = 20
-#: Noise to begin with, of lengths [m] and angles [rad].
-_SIGMA = 3e-3
+#: Longest gap between joint angles that a spline may bridge [s], and in steps.
+_GAP, _STEPS = 0.1, 2.5
+#: How well the place of a tracked point is known that nobody states: share of the length of the head, and sideways [m].
+_SOMEWHERE, _ASIDE = 0.5, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +92,7 @@ class _Source(Generic[M]):
 @dataclass(frozen=True, eq=False)
 class _Imported:
     name: str
-    recording: Recording
+    trials: tuple[Trial, ...]
     report: FileReport
 
 
@@ -102,6 +105,9 @@ def import_poses(
     read: Read = read_csv,
 ) -> tuple[Dataset, ImportReport]:
     """Turn pose tables into a dataset; joint angles are columns of the table, or a wave.
+
+    Every run has a sensor ``position`` and a sensor ``heading``, with raw samples. Where the mapping does not say where
+    the tracked point is, it is somewhere on the head: `Dataset.known` has the offset.
 
     Args:
         files: one a run; cells may be empty where nothing was tracked.
@@ -123,13 +129,19 @@ def _import_poses(
 ) -> tuple[Dataset, ImportReport]:
     imported = [_import_pose_table(path, source) for path in files]
     check_distinct([run.name for run in imported], files)
-    pairs = [(run.name, trial) for run in imported for trial in run.recording.trials]
+    pairs = [(run.name, trial) for run in imported for trial in run.trials]
+    known = {}
+    if source.table.behind_nose is None:
+        known = {
+            "marker_offset.along": Beforehand(mean=0.0, sd=_SOMEWHERE * source.fish.links[0].length),
+            "marker_offset.across": Beforehand(mean=0.0, sd=_ASIDE),
+        }
     dataset = Dataset(
         name=f"poses {', '.join(run.name for run in imported)}",
         fish=source.fish,
         trials=assign_roles(pairs, held_out),
+        known=known,
     )
-    dataset = with_noise(dataset, [run.recording for run in imported])
     return dataset, ImportReport(importer, tuple(run.report for run in imported))
 
 
@@ -141,32 +153,101 @@ def _import_pose_table(path: Path, source: _Source[PosesMap]) -> _Imported:
     for name in (table.x, table.y, table.yaw, *angle_columns(table)):
         if not np.isfinite(numbers[name]).any():
             raise InputError(f"{path}: column '{name}' has no number, expected what was tracked; name another column")
+    numbers, notes = _each_once(numbers, table.time, path)
     time = increasing(numbers[table.time] * TIMES[table.time_unit], path)
-    pose = _at_nose(table, np.column_stack([numbers[name] for name in (table.x, table.y, table.yaw)]))
+    pose = _in_metres(table, np.column_stack([numbers[name] for name in (table.x, table.y, table.yaw)]))
     joints = measured_angles(table, numbers, source.fish, source.file)
-    measured = pose if joints is None else np.column_stack([pose, joints])
-    count = 0 if joints is None else joints.shape[1]
-    with located(str(path)):
-        fit = _fit(time, measured)
-    seen: BoolArray = np.asarray(np.isfinite(measured).all(axis=1))
+    begin = 0.0 if joints is None else float(time[0])
+    kinds: tuple[tuple[Kind, slice], ...] = (("position", slice(0, 2)), ("heading", slice(2, 3)))
+    sensors = tuple(
+        cleaned(Sensor(kind, kind, time - begin, pose[:, at], station=table.behind_nose or 0.0, source=path), path)
+        for kind, at in kinds
+    )
     name = path.stem.removeprefix(table.prefix)
-    recording = record(fit, count, seen, {int(frame): "pose" for frame in np.flatnonzero(~seen)}, name, path)
-    recording = recording.driven_by(wave_drive(table, source.fish, source.file, path))
+    whole = Trial(name, None, *_unseen(time - begin), sensors=sensors, source=path, **driven(table))
+    if joints is None:
+        own, cuts = [replace(whole, wave=wave_drive(table, source.fish, source.file, path))], tuple[Cut, ...]()
+    else:
+        own, cuts = _bridged(whole, joints, path)
+    usable = np.isfinite(np.column_stack([pose] if joints is None else [pose, joints])).all(axis=1)
+    seen = sensors[0].values
     report = FileReport(
         path=path,
-        trials=tuple(trial.name for trial in recording.trials),
-        frames=len(time),
-        usable=int(seen.sum()),
-        kept=sum(len(trial.time) for trial in recording.trials),
-        beat=fit.beat,
-        speed=float(np.concatenate([trial.velocity[:, 0] for trial in recording.trials]).mean()),
-        noise=(float(recording.noise[0]), float(recording.noise[1]), float(recording.noise[2])),
-        correlation_time=recording.correlation_time,
-        joint_noise=recording.joint_noise,
-        cuts=recording.cuts,
-        notes=(*columns.notes, *([f"{recording.bridged} frames without a pose bridged"] if recording.bridged else [])),
+        trials=tuple(trial.name for trial in own),
+        frames=len(columns.numbers[table.time]),
+        usable=int(usable.sum()),
+        kept=sum(len(trial.sensors[0].time) for trial in own),
+        beat=_beat(sensors[1]),
+        speed=float(np.hypot(*(seen[-1] - seen[0])) / (sensors[0].time[-1] - sensors[0].time[0])),
+        noise=None,
+        cuts=cuts,
+        notes=(*columns.notes, *notes, *(remark for sensor in sensors for remark in sensor.remarks)),
     )
-    return _Imported(name, recording, report)
+    return _Imported(name, tuple(own), report)
+
+
+def _unseen(time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return times, and velocities (n, 3) that nobody measured."""
+    return readonly(time), readonly(np.full((len(time), len(CHANNELS)), np.nan))
+
+
+def _each_once(
+    numbers: Mapping[str, FloatArray], time: str, path: Path
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """Return columns without rows that repeat the one before, and a note on them."""
+    stack = np.column_stack([*numbers.values()])
+    again = np.zeros(len(stack), dtype=np.bool_)
+    again[1:] = np.diff(numbers[time]) == 0.0
+    same = np.all((stack[1:] == stack[:-1]) | np.isnan(stack[1:]) & np.isnan(stack[:-1]), axis=1)
+    wrong = np.flatnonzero(again[1:] & ~same)
+    if wrong.size:
+        row = int(wrong[0]) + 1
+        raise InputError(
+            f"{path}: row {row + 2}, column '{time}': the time of the row before is repeated, with other numbers, "
+            "expected every frame once; remove one of the two rows"
+        )
+    note = (f"{int(again.sum())} repeated rows left out",) if again.any() else ()
+    return {name: values[~again] for name, values in numbers.items()}, note
+
+
+def _bridged(whole: Trial, joints: FloatArray, path: Path) -> tuple[list[Trial], tuple[Cut, ...]]:
+    """Return the stretches of a run in which a spline may follow the joints (n, joints), as trials; what was cut."""
+    rows = np.flatnonzero(np.isfinite(joints).all(axis=1))
+    time = whole.time[rows]
+    steps = np.diff(time)
+    edges = np.flatnonzero(steps > max(_GAP, _STEPS * float(np.median(steps)))) + 1
+    parts = [part for part in np.split(rows, edges) if whole.time[part[-1]] - whole.time[part[0]] >= SECONDS]
+    if not parts:
+        raise InputError(
+            f"{path}: no stretch of {SECONDS:g} s or more in which all joint angles were recorded; record longer, or "
+            "leave this file out"
+        )
+    trials = []
+    for name, part in zip(stretch_names(whole.name, len(parts)), parts, strict=True):
+        first, last = float(whole.time[part[0]]), float(whole.time[part[-1]])
+        sensors = (within(sensor, first, last, path) for sensor in whole.sensors)
+        trials.append(
+            replace(
+                whole,
+                name=name,
+                time=readonly(whole.time[part] - first),
+                velocity=readonly(whole.velocity[part]),
+                joint_angle=readonly(joints[part]),
+                sensors=tuple(replace(sensor, time=sensor.time - first) for sensor in sensors),
+                from_rest=whole.from_rest and part[0] == 0,
+            )
+        )
+    inside = np.zeros(len(whole.time), dtype=np.bool_)
+    for part in parts:
+        inside[part[0] : part[-1] + 1] = True
+    cuts = (Cut(float(whole.time[a]), float(whole.time[b - 1]), "joint angles lost") for a, b in runs(~inside))
+    return trials, tuple(cuts)
+
+
+def _beat(heading: Sensor) -> float | None:
+    """Return the frequency at which a heading swings [Hz]; None where it does not."""
+    found, periodic = beat_frequency(heading.time, heading.values[:, 0])
+    return found if periodic else None
 
 
 def _check_rows(numbers: Mapping[str, FloatArray], time: str, path: Path, fewest: int) -> None:
@@ -200,26 +281,13 @@ def check_length(time: FloatArray, path: Path) -> None:
         )
 
 
-def _at_nose(table: PosesMap, raw: FloatArray) -> FloatArray:
-    """Return x, y [m], yaw [rad] of the nose (n, 3), y up, from those of the tracked point in its own axes."""
+def _in_metres(table: PosesMap, raw: FloatArray) -> FloatArray:
+    """Return x, y [m], yaw [rad] of the tracked point (n, 3), y up and yaw anticlockwise, from its own axes."""
     length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
     mirror = 1.0 if table.axes == "y_up" else -1.0
-    yaw = mirror * angle * (raw[:, 2] - table.yaw_zero)
-    known = np.isfinite(yaw)
-    yaw[known] = np.unwrap(yaw[known])
-    x = length * raw[:, 0] + table.behind_nose * np.cos(yaw)
-    y = mirror * length * raw[:, 1] + table.behind_nose * np.sin(yaw)
-    return np.column_stack([x, y, yaw])
-
-
-def _fit(time: FloatArray, measured: FloatArray) -> Fit:
-    rate = np.arange(len(time))
-    start = np.column_stack(
-        [np.interp(rate, rate[np.isfinite(own)], own[np.isfinite(own)]) for own in np.transpose(measured)]
+    return np.column_stack(
+        [length * raw[:, 0], mirror * length * raw[:, 1], mirror * angle * (raw[:, 2] - table.yaw_zero)]
     )
-    hertz, periodic = beat_frequency(time, start[:, 2])
-    first = hertz if periodic else None
-    return smooth(MeasuredCoordinates(measured[:, :, None]), Basis.of(time, first, HARMONICS), first, start, _SIGMA)
 
 
 def import_mapped(
@@ -395,6 +463,7 @@ def _velocity_trial(path: Path, source: _Source[VelocitiesMap]) -> tuple[Trial, 
         joint_angle=measured_angles(table, numbers, source.fish, source.file),
         wave=wave_drive(table, source.fish, source.file, path),
         source=path,
+        **driven(table),
     )
     return trial, columns
 

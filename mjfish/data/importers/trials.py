@@ -22,7 +22,6 @@ from mjfish.data import Dataset, Role, Trial
 from mjfish.data.error_modes import principal_modes
 from mjfish.data.importers.report import Cut
 from mjfish.data.importers.smoothing import Fit
-from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, UnknownNameError
 
 #: Correlation below which errors count as independent.
@@ -145,7 +144,6 @@ class Recording:
         correlation_time: of the errors [s].
         cuts: what was not kept, and why.
         bridged: frames kept in which points were lost.
-        starts: when each trial begins in the file [s].
     """
 
     trials: tuple[Trial, ...]
@@ -154,17 +152,6 @@ class Recording:
     correlation_time: float
     cuts: tuple[Cut, ...]
     bridged: int
-    starts: tuple[float, ...]
-
-    def driven_by(self, wave: Wave | None) -> Recording:
-        """Return the recording with its trials driven by a wave, whose clock is that of the file."""
-        if wave is None:
-            return self
-        trials = (
-            replace(trial, time=readonly(trial.time + at), wave=wave)
-            for trial, at in zip(self.trials, self.starts, strict=True)
-        )
-        return replace(self, trials=tuple(trials))
 
 
 def record(
@@ -219,7 +206,6 @@ def record(
         correlation_time=moved.apart * step,
         cuts=tuple(Cut(a * step, b * step, _reason(reasons, a, b, len(seen), keep)) for a, b in runs(~inside)),
         bridged=int((inside & ~seen).sum()),
-        starts=tuple(float(fit.basis.time[a]) for a, _ in kept),
     )
 
 
