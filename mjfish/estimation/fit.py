@@ -223,12 +223,18 @@ def _minimised(
 
         def whole(some: FloatArray) -> FloatArray:
             y[moving] = some
-            return y.copy()
+            return np.array(y)
+
+        def residual(some: FloatArray) -> FloatArray:
+            return turned.residual(whole(some))
+
+        def jacobian(some: FloatArray) -> Any:
+            return turned.jacobian(whole(some))[:, moving]
 
         solution = optimize.least_squares(
-            lambda some: turned.residual(whole(some)),
+            residual,
             y[moving],
-            jac=lambda some: turned.jacobian(whole(some))[:, moving],
+            jac=jacobian,
             bounds=((low / scale)[moving], (high / scale)[moving]),
             method="trf",
             x_scale="jac",
@@ -263,9 +269,13 @@ _IDLE = 1e-12
 def _moving(turned: _Rows, y: FloatArray, parameters: Sequence[Parameter]) -> NDArray[np.intp]:
     """Return the places of the parameters that a fit moves: all but shapes that do nothing where it begins.
 
-    The optimiser would take them from bound to bound, and cut every step of the others short.
+    The optimiser would take them from bound to bound, and cut every step of the others short. Those of a cause that does
+    nothing yet may do something later.
     """
-    shapes = np.array([p.shape for p in parameters], dtype=np.bool_)
+    acting = {
+        p.group for p, value in zip(parameters, y * turned.scale, strict=True) if not p.shape and value != p.default
+    }
+    shapes = np.array([p.shape and p.group in acting for p in parameters], dtype=np.bool_)
     if not shapes.any():
         return np.arange(len(shapes))
     turned.residual(y)
