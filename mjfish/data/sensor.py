@@ -142,14 +142,19 @@ def cleaned(sensor: Sensor, source: Path) -> Sensor:
     fresh = np.ones(len(sensor.time), dtype=np.bool_)
     fresh[1:] = np.diff(sensor.time) > 0.0
     sensor = sensor.kept(fresh, "their time repeats the one before")
-    steps = np.abs(np.diff(sensor.values, axis=0)).max(axis=1)
-    moved = steps[steps > 0.0]
-    by_chance = len(steps) * (moved.min() / np.median(moved)) ** len(sensor.channels) if moved.size else 0.0
-    if np.count_nonzero(steps == 0.0) > _OFTENER * by_chance:
-        fresh = np.append(True, steps > 0.0)
-        sensor = sensor.kept(fresh, "they repeat the values before, as a slower sensor does that is logged faster")
+    same = np.all(np.diff(sensor.values, axis=0) == 0.0, axis=1)
+    if np.count_nonzero(same) > _OFTENER * len(same) * np.prod([_rounding(own) for own in sensor.values.T]):
+        remark = "they repeat the values before, as a slower sensor does that is logged faster"
+        sensor = sensor.kept(np.append(True, ~same), remark)
     check_enough(sensor, source)
     return replace(sensor, values=np.unwrap(sensor.values, axis=0)) if sensor.kind == "heading" else sensor
+
+
+def _rounding(values: FloatArray) -> float:
+    """Return the last digit of values (m,) over the usual step between them: how often they repeat by chance."""
+    digit, steps = (np.abs(np.diff(found)) for found in (np.unique(values), values))
+    least = 1e-9 * float(np.ptp(values))
+    return float(digit[digit > least].min() / np.median(steps[steps > least])) if least else 1.0
 
 
 def within(sensor: Sensor, first: float, last: float, source: Path | str) -> Sensor:
