@@ -38,14 +38,17 @@ from mjfish.model import Model
 _SEEN = ("position", "heading")
 #: Beats of a run that are looked at, fewest of them, and samples and share of them that a beat must have.
 _MOST, _BEATS, _SAMPLES, _SHARE = 100, 4, 6, 0.7
-#: Least way from beat to beat [body lengths], and fewest of such ways.
-_MOVED, _WAYS = 0.02, 8
+#: Least way from beat to beat [body lengths], measured and simulated, and fewest of such ways.
+_MOVED, _WAYS = 0.05, 8
 #: |R| of an angle that is constant, and by how much less that of another is.
 _CONSTANT, _LESS = 0.95, 0.08
-#: The zero of a heading is another where heading and course differ by more [rad].
-_OFF = math.radians(45.0)
+#: Fewest runs, or a run that turns by so much [rad], in which a mirrored angle is no chance.
+_RUNS, _TURNS = 3, 0.5
+#: The zero of a heading is another where heading and course differ by more, and, where all runs head one way, by a
+#: quarter or half a turn to so much [rad].
+_OFF, _QUARTER = math.radians(45.0), math.radians(20.0)
 #: Shifts of the clock that are tried [s], of measured joints and of commands: late servos are not mirrored ones.
-_SHIFTS, _LATE = 0.01 * np.arange(-6.0, 7.0), 0.01 * np.arange(-6.0, 26.0)
+_SHIFTS, _LATE = 0.01 * np.arange(-6.0, 7.0), 0.01 * np.arange(-25.0, 7.0)
 #: Amplitudes a; costs of what explains a swing, and of what does not.
 _SMALLEST, _LARGEST, _EXPLAINS, _FOREIGN = 0.6, 1.7, 0.1, 0.3
 #: A run turns where it does so by this from beat to beat [rad]; how turns must go with the simulated ones, or against.
@@ -56,8 +59,9 @@ _LENGTHS = {
     0.01: ("m taken for cm", "--length-unit m"), 0.001: ("m taken for mm", "--length-unit m"),
 }  # fmt: skip
 _NEAR = 3.0
-#: The same of a heading: degrees taken for radians, whose jumps of a turn then hide a part of it, and the reverse.
-_DEGREES, _RADIANS, _ALIKE = 12.0, math.pi / 180.0, 0.8
+#: The same of a heading: degrees taken for radians, whose jumps of a turn hide a part of it, but which then swings
+#: wildly [rad], and the reverse, which must go with the simulated swing by so much.
+_DEGREES, _WILD, _RADIANS, _ALIKE = 12.0, 0.6, math.pi / 180.0, 0.8
 #: A step between samples is a jump where it is so many sigma off the median of those beside it, and this share of the
 #: fish, or so many rad: exchanged markers. Exchanged ends turn a heading by half a turn, to so many rad.
 _FAR, _USUAL, _BESIDE, _APART, _TURNED, _HALF = 8.0, 0.9, 7, 0.06, 1.0, 0.4
@@ -141,17 +145,21 @@ class _Run(NamedTuple):
         heading: (b,) mean of the two beats [rad].
         turns: (b, 2) change of the mean heading from beat to beat, measured and simulated [rad].
         sizes: (3,) of the swings of place and heading, and of the way, measured over simulated.
+        swing: rms of the heading's [rad].
         products, squares: (shifts, links) sums of h q_k and of q_k^2, over that of h^2.
         phased: whether it is known when the joints beat, so that the two of them mean something.
+        ahead: whether the simulated fish swims where its head points.
     """
 
     way: NDArray[np.complex128]
     heading: FloatArray
     turns: FloatArray
     sizes: FloatArray
+    swing: float
     products: FloatArray
     squares: FloatArray
     phased: bool
+    ahead: bool
 
 
 def _run(trial: Trial, model: Model, shifts: FloatArray) -> _Run | None:
@@ -180,6 +188,8 @@ def _run(trial: Trial, model: Model, shifts: FloatArray) -> _Run | None:
     )
     ways = [np.diff(mean[:, 0] + 1j * mean[:, 1]) for mean, _ in place]
     means = np.column_stack([mean for mean, _ in heading])
+    between = 0.5 * (means[1:] + means[:-1])
+    ahead = float(np.nanmean(np.real(ways[1] * np.exp(-1j * between[:, 1]))))
     swing, swings = heading[0][1], []
     for by in shifts:
         at = np.clip(short.sensors[1].time + by, joints.time[0], joints.time[-1])
@@ -189,12 +199,14 @@ def _run(trial: Trial, model: Model, shifts: FloatArray) -> _Run | None:
     power = np.nansum(swing**2) + _DUST
     return _Run(
         way=ways[0],
-        heading=0.5 * (means[1:, 0] + means[:-1, 0]),
+        heading=between[:, 0],
         turns=np.diff(means, axis=0),
         sizes=np.sqrt([np.nansum(np.abs(own) ** 2) / (np.nansum(np.abs(other) ** 2) + _DUST) for own, other in pairs]),
+        swing=float(np.sqrt(np.nanmean(swing**2))) if power > _DUST else 0.0,
         products=np.nansum(swing * swings, axis=1) / power,
         squares=np.nansum(np.square(swings), axis=1) / power + _DUST,
         phased=trial.wave is None or not trial.wave.free,
+        ahead=ahead > max(_CONSTANT * float(np.nanmean(np.abs(ways[1]))), _MOVED * model.fish.length),
     )
 
 
@@ -219,7 +231,7 @@ def _units(runs: Sequence[_Run]) -> Iterator[Finding]:
             yield _everywhere("poses-unit", "position", found, "sizes as simulated", f"import again with {option}")
     alike = [float(np.max(run.products[:, 0] / np.sqrt(run.squares[:, 0]))) for run in runs if run.phased]
     small = abs(math.log((turn + _DUST) / _RADIANS)) < math.log(_NEAR) and bool(alike) and np.median(alike) > _ALIKE
-    if turn > _DEGREES or small:
+    if small or (turn > _DEGREES and np.median([run.swing for run in runs]) > _WILD):
         found = f"the heading swings {turn:.3g} times as far as simulated: " + (
             "radians taken for degrees" if small else "degrees taken for radians"
         )
@@ -229,13 +241,15 @@ def _units(runs: Sequence[_Run]) -> Iterator[Finding]:
 
 def _axes(runs: Sequence[_Run], fish: Fish) -> Iterator[Finding]:
     """Say that track or heading are mirrored, that the heading has another zero, or is that of another link."""
-    way, heading = (np.concatenate(own) for own in ([run.way for run in runs], [run.heading for run in runs]))
+    seen = [run for run in runs if run.ahead]
+    way, heading = (np.concatenate([np.zeros(0), *own]) for own in ([r.way for r in seen], [r.heading for r in seen]))
     far = np.isfinite(heading) & (np.abs(way) > _MOVED * fish.length)
     way, heading = way[far], heading[far]
     total = np.abs(way).sum() if len(way) >= _WAYS else np.inf
     with_, against = (complex(np.sum(way * np.exp(sign * 1j * heading)) / total) for sign in (-1, 1))
+    turned = len(seen) >= _RUNS or any(np.ptp(run.heading[np.isfinite(run.heading)]) > _TURNS for run in seen)
+    opposite = turned and abs(against) > max(_CONSTANT, abs(with_) + _LESS)
     sign, link = _read(runs)
-    opposite = abs(against) > max(_CONSTANT, abs(with_) + _LESS)
     if opposite and sign > 0:
         yield _everywhere(
             "poses-mirrored",
@@ -264,7 +278,9 @@ def _axes(runs: Sequence[_Run], fish: Fish) -> Iterator[Finding]:
             "give the column of the head's heading: import again with --heading COLUMN",
         )
     zero = float(np.angle(with_))
-    if not opposite and abs(with_) > _CONSTANT and abs(zero) > _OFF:
+    varied = abs(np.exp(1j * heading).sum()) < _CONSTANT * len(heading)
+    quarter = abs(math.remainder(zero, 0.5 * math.pi)) < _QUARTER
+    if not opposite and abs(with_) > _CONSTANT and abs(zero) > _OFF and (varied or quarter):
         straight = "; or, as no run turns, the axes are mirrored: --set axes=y_down" if abs(against) > _CONSTANT else ""
         yield _everywhere(
             "poses-heading-zero",
