@@ -127,11 +127,12 @@ def new(
         runs = ", ".join(path.stem for path in paths)
         held_out = list(console.names(_prompt(f"Runs held out, of {runs} (none: every third)", "")))
     questions.check(headers)
-    told = _told(drive, joints_are, hold, from_rest=from_rest)
+    options = {"joints.are": joints_are, "joints.hold": hold, "from_rest": "true" if from_rest else None}
+    told = [f"{key}={value}" for key, value in options.items() if value is not None]
     table = _mapping(columns, units, drive, paths, synchronised=synchronised, other=[*told, *(set_ or ())])
     dataset, report = import_mapped(paths, held_out or (), table, load_fish(named), _PLACE)
     assumed = time_unit is None and not unit_names({"time": columns.of["time"]})
-    taken = [*_taken(columns, drive, units, assumed=assumed), *_joints_taken(table, dataset), _signs(table)]
+    taken = [*_taken(columns, drive, units, assumed=assumed), *_joints_taken(table, dataset, joints_are), _signs(table)]
     taken.append(_held_out(dataset, held_out))
     taken.append(f"fish      {named}")
     files_named = shlex.join(str(path) for path in paths)
@@ -372,13 +373,13 @@ def _mapping(
     raw: dict[str, Any] = {"schema": 1, "kind": columns.kind, "fish": "-", **columns.of}
     raw |= {f"{kind}_unit": units[kind] for kind in ("time", "length", "angle")}
     more = _other(other)
-    for name in ("joints", "wave"):
-        if not isinstance(more.get(name, {}), dict):
-            raise InputError(
-                f"--set: '{name}={more[name]}', but {name} is a table, expected one of its keys, e.g. "
-                f"{'joints.are=commanded' if name == 'joints' else 'wave.ramp=0.5'}; correct it"
-            )
     joints, wave = more.pop("joints", {}), more.pop("wave", {})
+    spare, driven_by = ("wave", "joint angles") if drive.joints else ("joints", "a drive")
+    if {"joints": joints, "wave": wave}[spare]:
+        raise InputError(
+            f"keys of [{spare}] (--set {spare}.KEY{'' if drive.joints else ', --joints-are, --hold'}) beside "
+            f"{driven_by}, expected one of the two; leave them out"
+        )
     if drive.joints:
         raw["joints"] = {"columns": drive.joints, "unit": units["joint"], **joints}
     else:
@@ -394,18 +395,6 @@ def _mapping(
     if columns.kind == "poses":
         return tomlfile.parse(raw, PosesMap, str(_PLACE))
     return tomlfile.parse(raw, VelocitiesMap, str(_PLACE))
-
-
-def _told(drive: _Drive, are: str | None, hold: str | None, *, from_rest: bool) -> list[str]:
-    """Return options of joints and start as keys of a mapping file, ``KEY=VALUE``."""
-    told = [f"joints.{key}={value}" for key, value in (("are", are), ("hold", hold)) if value is not None]
-    if told and not drive.joints:
-        raise InputError(
-            "--joints-are and --hold are of joint angles, expected --joints COLUMNS beside; leave them out"
-        )
-    if hold is not None and are != "commanded":
-        raise InputError("--hold is of commanded angles, expected --joints-are commanded beside; leave it out")
-    return [*told, *(["from_rest=true"] if from_rest else [])]
 
 
 def _per_file(values: Sequence[Any], name: str, paths: Sequence[Path]) -> Sequence[Any]:
@@ -432,6 +421,9 @@ def _other(texts: Sequence[str]) -> dict[str, Any]:
         else:
             raise InputError(f"--set: '{text}' is no KEY=VALUE of a mapping file, e.g. sway_to=starboard; correct it")
         for name, own in parsed.items():
+            if name in ("joints", "wave") and not isinstance(own, dict):
+                example = "--joints-are commanded, or joints.sign=-1" if name == "joints" else "wave.ramp=0.5"
+                raise InputError(f"--set: '{text}', but {name} is a table, expected one of its keys: {example}")
             merged = isinstance(own, dict) and isinstance(result.get(name), dict)
             result[name] = {**result[name], **own} if merged else own
     return result
@@ -456,15 +448,13 @@ def _taken(columns: _Columns, drive: _Drive, units: Mapping[str, str], *, assume
     return lines
 
 
-def _joints_taken(table: PosesMap | VelocitiesMap, dataset: Dataset) -> Iterator[str]:
+def _joints_taken(table: PosesMap | VelocitiesMap, dataset: Dataset, stated: str | None) -> Iterator[str]:
     """Yield what the joint angles and the start were taken for."""
-    step = max(trial.step for trial in dataset.trials)
-    if table.joints is not None and table.joints.are == "measured":
-        yield "          taken as measured; with errors, unless --joints-are commanded"
-    elif table.joints is not None:
-        held = "each held until the next" if table.joints.hold == "zero" else "on a line from one to the next"
-        other = "linear" if table.joints.hold == "zero" else "zero"
-        yield f"          taken as commanded, {held} (--hold {other} is {500.0 * step:.3g} ms, half a sample, apart)"
+    from mjfish.data.importers.mapping import told
+
+    assumed = "" if stated else ", which is assumed: --joints-are commanded, if the servos were told them"
+    for line in told(table, dataset.trials[0]):
+        yield f"          {line}{assumed}"
     yield f"start     {'at rest in the water, as given' if table.from_rest else 'free (--from-rest: at rest)'}"
 
 
@@ -475,7 +465,7 @@ def _signs(table: PosesMap | VelocitiesMap) -> str:
     if isinstance(table, VelocitiesMap):
         told = f"surge to the {table.surge_to}, sway to {table.sway_to}, yaw rate to {table.turn_to}"
     else:
-        up = "anticlockwise" if table.axes == "y_up" else "clockwise"
+        up = "anticlockwise" if table.port_positive else "clockwise"
         told = f"{table.axes}, heading {up} from {table.yaw_zero:g} along x"
     tracked = "somewhere on the head, fitted (--set behind_nose=METRES fixes it)"
     if table.behind_nose is not None:
@@ -497,9 +487,10 @@ def _named(dataset: Dataset, folder: Path) -> Dataset:
 
 
 def _cut(report: ImportReport) -> list[str]:
-    """Return what was left out of files, a line each."""
+    """Return what was done to files of which something was left out, a line each."""
     return [
-        f"  {file.path.name}: {file.kept} of {file.frames} samples kept; {'; '.join(map(str, file.cuts))}"
+        f"  {file.path.name}: {file.kept} of {file.frames} samples kept; "
+        + "; ".join([*map(str, file.cuts), *file.notes])
         for file in report.files
-        if file.cuts
+        if file.cuts or file.kept < file.frames
     ]

@@ -105,7 +105,7 @@ def build_trial(
     Args:
         entry: of ``[[trials]]``.
         numbers: columns by name, each (n,) and finite; with `gaps` in the entry, velocities may be NaN. Without any,
-            the times are those of the longest sensor.
+            the times are those of the longest sensor. Without velocities, times may have gaps.
         fish: that swam.
         source: file of the columns, for messages.
         key: of the entry in its file, for messages.
@@ -128,7 +128,7 @@ def build_trial(
     if entry.gaps:
         numbers = _recorded(numbers, source)
     time = numbers["time"]
-    validation.check_times(time, source, gaps=entry.gaps or entry.file is None)
+    validation.check_times(time, source, gaps=entry.gaps or not any(name in numbers for name in CHANNELS))
     drive = tuple(DriveSegment(segment.start, segment.omega, segment.bias) for segment in entry.drive)
     joints = _joints(numbers, fish, source)
     wave = None if entry.wave is None else wave_of(entry.wave, fish, f"{key}.drive")

@@ -31,6 +31,8 @@ CHANNELS_OF: dict[Kind, tuple[str, ...]] = {
 PLACED, ON_HEAD = ("position", "imu"), ("heading", "imu", "gyro")
 #: Fewest samples: the first sigma is that of third differences.
 FEWEST = 8
+#: Values that stand still are no chance where they are so many times as frequent as rounding makes them.
+_OFTENER = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +122,7 @@ def cleaned(sensor: Sensor, source: Path) -> Sensor:
     """Return a sensor without dropouts and repeated samples, its heading without jumps of a turn.
 
     A sample is repeated where a time comes twice, or where all channels stand still: a slower sensor, logged faster.
+    Values that were rounded stand still by chance, about as often as they change by the last digit; these are kept.
 
     Args:
         sensor: as read; values may be NaN.
@@ -139,11 +142,19 @@ def cleaned(sensor: Sensor, source: Path) -> Sensor:
     fresh = np.ones(len(sensor.time), dtype=np.bool_)
     fresh[1:] = np.diff(sensor.time) > 0.0
     sensor = sensor.kept(fresh, "their time repeats the one before")
-    fresh = np.ones(len(sensor.time), dtype=np.bool_)
-    fresh[1:] = np.any(np.diff(sensor.values, axis=0) != 0.0, axis=1)
-    sensor = sensor.kept(fresh, "they repeat the values before, as a slower sensor does that is logged faster")
+    same = np.all(np.diff(sensor.values, axis=0) == 0.0, axis=1)
+    if np.count_nonzero(same) > _OFTENER * len(same) * np.prod([_rounding(own) for own in sensor.values.T]):
+        remark = "they repeat the values before, as a slower sensor does that is logged faster"
+        sensor = sensor.kept(np.append(True, ~same), remark)
     check_enough(sensor, source)
     return replace(sensor, values=np.unwrap(sensor.values, axis=0)) if sensor.kind == "heading" else sensor
+
+
+def _rounding(values: FloatArray) -> float:
+    """Return the last digit of values (m,) over the usual step between them: how often they repeat by chance."""
+    digit, steps = (np.abs(np.diff(found)) for found in (np.unique(values), values))
+    least = 1e-9 * float(np.ptp(values))
+    return float(digit[digit > least].min() / np.median(steps[steps > least])) if least else 1.0
 
 
 def within(sensor: Sensor, first: float, last: float, source: Path | str) -> Sensor:

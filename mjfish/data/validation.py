@@ -66,6 +66,8 @@ def _residual(design: FloatArray, signal: FloatArray) -> FloatArray:
 GAP = 1.5
 #: Fewest samples that the smoothing spline of measured joint angles takes.
 _FEWEST = 7
+#: Longest gap that it bridges: share of a beat, of joints without a beat [s], and steps: a lost sample it always does.
+_BRIDGED, _WITHOUT, _STEPS = 0.25, 0.1, 2.5
 #: The number of beats in measured angles is estimated, so a recording is not refused for a twentieth.
 _BEAT_TOLERANCE = 0.05
 
@@ -110,7 +112,7 @@ def check_increasing(time: FloatArray, path: Path) -> FloatArray:
 
 
 def check_angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
-    """Refuse joint angles that must be degrees, and recordings shorter than one beat.
+    """Refuse joint angles that must be degrees, recordings shorter than one beat, and gaps that no spline bridges.
 
     Args:
         time: (n,) checked by `check_times` [s].
@@ -135,6 +137,21 @@ def check_angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
             f"{path}: lasts {time[-1] - time[0]:.4g} s, which is {beats:.2g} of a beat of the joint angles, expected "
             "one beat or more; record longer"
         )
+    limit = longest_gap(time, angle)
+    wide = np.flatnonzero(np.diff(time) > limit)
+    if wide.size:
+        raise InputError(
+            f"{row_name(path, int(wide[0]) + 1)}: no joint angles from {time[wide[0]]:.6g} to "
+            f"{time[wide[0] + 1]:.6g} s, expected gaps of {limit:.3g} s at most, a quarter of a beat; cut the run "
+            f"there into two trials ({wide.size} gaps are like this)"
+        )
+
+
+def longest_gap(time: FloatArray, angle: FloatArray) -> float:
+    """Return how long a gap in recorded joint angles (n, joints) may be, so that a spline bridges it [s]."""
+    beats = count_beats(time, angle)
+    longest = _WITHOUT if beats is None else _BRIDGED * float(time[-1] - time[0]) / beats
+    return max(longest, _STEPS * float(np.median(np.diff(time))))
 
 
 def check_segments(drive: tuple[DriveSegment, ...], fish: Fish, key: str) -> None:

@@ -61,18 +61,18 @@ def import_mcap(
         raise InputError(f"{mapping}: kind is {kind!r}, expected 'poses' or 'velocities'; correct it")
     if table.get("time_unit", "s") != "s":
         raise InputError(f"{mapping}: time_unit: the times of a bag are in seconds; remove it")
-    read = partial(read_bag, smoothed=kind == "poses")
+    read = partial(read_bag, raw=kind == "poses")
     return _KINDS[kind](files, held_out, mapping, importer="mcap", read=read)
 
 
-def read_bag(path: Path, time: str, names: Sequence[str], *, smoothed: bool) -> Columns:
+def read_bag(path: Path, time: str, names: Sequence[str], *, raw: bool) -> Columns:
     """Return columns of a bag by name, with that of the time [s] from the first row on.
 
     Args:
         path: of the bag.
         time: name of the column of the time.
         names: of the others, ``TOPIC.FIELD``.
-        smoothed: the rows will be: what they lack is left to that, not interpolated.
+        raw: what rows lack of their own topic is left out, not interpolated.
 
     Raises:
         MjfishError: as of `import_mcap`.
@@ -98,7 +98,7 @@ def read_bag(path: Path, time: str, names: Sequence[str], *, smoothed: bool) -> 
         values = clocked[topic].at(grid, field)
         if clocked[topic] is rows:
             told = np.where(own >= 0, rows.fields[field][own], np.nan)
-            values = told if smoothed else np.where(np.isfinite(told), told, values)
+            values = told if raw else np.where(np.isfinite(told), told, values)
             filled |= np.isnan(told) & np.isfinite(values)
         columns[name] = readonly(values)
     if filled.any():

@@ -17,7 +17,7 @@ from mjfish import tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data.dataset_toml import Law, NotNegative, Number, Positive
 from mjfish.data.read import wave_of
-from mjfish.data.trial import Hold
+from mjfish.data.trial import Hold, Trial
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, located
 from mjfish.fish import Fish, load_fish
@@ -45,7 +45,7 @@ class WaveTable(Law):
 class JointColumns(Table):
     """Columns of joint angles, head first; `sign` -1 where they turn the other way.
 
-    `are`: what the joints did, or what the servos were told; `hold`: see `mjfish.data.Trial.hold`.
+    `are`: what the joints did, or what the servos were told; `hold` of the latter: see `mjfish.data.Trial.hold`.
     """
 
     columns: tuple[str, ...]
@@ -53,6 +53,12 @@ class JointColumns(Table):
     sign: Literal[1, -1] = 1
     are: Literal["measured", "commanded"] = "measured"
     hold: Hold = "linear"
+
+    @model_validator(mode="after")
+    def _held(self) -> JointColumns:
+        if self.hold == "zero" and self.are == "measured":
+            raise ValueError('hold = "zero" of measured angles, expected it of commanded ones; add are = "commanded"')
+        return self
 
 
 class MappingTable(Table):
@@ -152,10 +158,17 @@ class PosesMap(Driven):
     angle_unit: Angle = "rad"
     #: Where y points, seen from above with x to the right.
     axes: Literal["y_up", "y_down"] = "y_up"
+    #: Where yaw is positive; by default to port with y up, as in an image to starboard with y down.
+    turn_to: Literal["port", "starboard"] | None = None
     #: The measured yaw when the fish points along x [of angle_unit], and the tracked point behind the nose [m]; where
     #: that is not given, it is free in a fit.
     yaw_zero: Number = 0.0
-    behind_nose: NotNegative | None = None
+    behind_nose: Number | None = None
+
+    @property
+    def port_positive(self) -> bool:
+        """Whether yaw grows in a turn to port, anticlockwise seen from above."""
+        return self.axes == "y_up" if self.turn_to is None else self.turn_to == "port"
 
 
 class VelocitiesMap(Driven):
@@ -198,10 +211,20 @@ def read_mapping(path: Path | None, model: type[M], importer: str) -> M:
 
 def driven(table: Driven) -> dict[str, Any]:
     """Return what a mapping says of the joints and the start, as attributes of a trial."""
-    told = {"from_rest": table.from_rest}
+    joints = table.joints or JointColumns(columns=())
+    return {"from_rest": table.from_rest, "commanded": joints.are == "commanded", "hold": joints.hold}
+
+
+def told(table: Driven, trial: Trial) -> tuple[str, ...]:
+    """Return what recorded joint angles are taken for, in words; nothing where a law gives them."""
     if table.joints is None:
-        return told
-    return {**told, "commanded": table.joints.are == "commanded", "hold": table.joints.hold}
+        return ()
+    if not trial.commanded:
+        return ("joint angles as measured",)
+    late = f"half a sample, {500.0 * trial.step:.3g} ms, later"
+    if trial.hold == "zero":
+        return (f"joint angles as commanded, each held until the next (hold zero), {late} than on a line (linear)",)
+    return (f"joint angles as commanded, on a line to the next (hold linear): held until then (zero) they are {late}",)
 
 
 def measured_angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish, mapping: Path) -> FloatArray | None:

@@ -35,9 +35,10 @@ class FileReport:
         usable: frames in which everything was found.
         kept: samples in the trials.
         beat: frequency of the beat [Hz]; None where there is none or nobody looked.
-        speed: mean surge [m/s].
+        speed: mean surge [m/s]; None where no velocity is made of the file.
         noise: sigma of surge, sway [m/s] and yaw rate [rad/s], estimated from this file; None: not known.
-        correlation_time: of the errors of the velocities [s]; samples closer than that add hardly any information.
+        correlation_time: of the errors of the velocities [s]; samples closer than that add hardly any information; 0:
+            not known.
         joint_noise: sigma of the joint angles, mean over the joints [rad]; None: not estimated.
         cuts: stretches that were not kept.
         notes: what else was done, sentences.
@@ -49,8 +50,8 @@ class FileReport:
     usable: int
     kept: int
     beat: float | None
-    speed: float
-    noise: tuple[float, float, float] | None
+    speed: float | None = None
+    noise: tuple[float, float, float] | None = None
     correlation_time: float = 0.0
     joint_noise: float | None = None
     cuts: tuple[Cut, ...] = ()
@@ -87,12 +88,11 @@ class ImportReport:
                 str(file.usable),
                 str(file.kept),
                 "-" if file.beat is None else f"{file.beat:.3f}",
-                f"{file.speed:.3f}",
+                "-" if file.speed is None else f"{file.speed:.3f}",
                 *(
-                    "-" if sigma is None else f"{sigma:.2g}"
-                    for sigma in (*(file.noise or (None,) * 3), file.correlation_time)
+                    f"{sigma:.2g}" if sigma else "-"
+                    for sigma in (*(file.noise or (None,) * 3), file.correlation_time, file.joint_noise)
                 ),
-                "-" if file.joint_noise is None else f"{file.joint_noise:.2g}",
                 "; ".join([*map(str, file.cuts), *file.notes]),
             )
             for file in self.files

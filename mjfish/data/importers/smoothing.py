@@ -172,43 +172,6 @@ class Observation(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredCoordinates:
-    """The coordinates themselves are measured, each a point of its own.
-
-    Attributes:
-        measured: (n, coordinates, 1).
-    """
-
-    measured: FloatArray
-
-    @property
-    def coordinates(self) -> int:
-        """Number of coordinates a frame."""
-        return int(self.measured.shape[1])
-
-    @property
-    def kinds(self) -> IntArray:
-        """The first two are x and y, then yaw, then joint angles."""
-        return np.minimum(np.maximum(np.arange(self.coordinates) - 1, 0), 2)
-
-    @property
-    def belief(self) -> FloatArray:
-        """Nothing is shared."""
-        return np.zeros(0)
-
-    @property
-    def form(self) -> FloatArray:
-        """Nothing is believed of the coordinates."""
-        return np.zeros((self.coordinates, self.coordinates))
-
-    def at(self, coordinates: FloatArray, shared: FloatArray) -> Linearised:
-        """Return the coordinates."""
-        n, k = coordinates.shape
-        own = np.broadcast_to(np.eye(k)[:, None, :], (n, k, 1, k))
-        return Linearised(coordinates[:, :, None], own, np.zeros((n, k, 1, len(shared))))
-
-
 #: Belief about every coefficient [m or rad]: wide; and about the logarithm of the beat.
 _WIDE, _BEAT = 30.0, 0.05
 

@@ -14,6 +14,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.block_angular import IntArray
 from mjfish.data import Dataset, Trial
 from mjfish.data.importers.mapping import (
     ANGLES,
@@ -26,6 +27,7 @@ from mjfish.data.importers.mapping import (
     fish_of,
     measured_angles,
     read_mapping,
+    told,
     wave_drive,
 )
 from mjfish.data.importers.report import Cut, FileReport, ImportReport
@@ -39,8 +41,9 @@ from mjfish.data.importers.trials import (
     runs,
     stretch_names,
 )
-from mjfish.data.sensor import Kind, Sensor, cleaned, within
-from mjfish.data.tables import read_columns
+from mjfish.data.sensor import FEWEST, Kind, Sensor, cleaned, within
+from mjfish.data.tables import read_columns, row_name
+from mjfish.data.validation import count_beats, longest_gap
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
@@ -49,8 +52,8 @@ from mjfish.known import Beforehand
 M = TypeVar("M", PosesMap, VelocitiesMap)
 
 _FEWEST_POSES = 20
-#: Longest gap between joint angles that a spline may bridge [s], and in steps.
-_GAP, _STEPS = 0.1, 2.5
+#: Sensors of a pose, and their columns.
+_SEEN: tuple[tuple[Kind, slice], ...] = (("position", slice(0, 2)), ("heading", slice(2, 3)))
 #: How well the place of a tracked point is known that nobody states: share of the length of the head, and sideways [m].
 _SOMEWHERE, _ASIDE = 0.5, 0.01
 
@@ -90,7 +93,7 @@ class _Source(Generic[M]):
 
 
 @dataclass(frozen=True, eq=False)
-class _Imported:
+class _Run:
     name: str
     trials: tuple[Trial, ...]
     report: FileReport
@@ -106,8 +109,8 @@ def import_poses(
 ) -> tuple[Dataset, ImportReport]:
     """Turn pose tables into a dataset; joint angles are columns of the table, or a wave.
 
-    Every run has a sensor ``position`` and a sensor ``heading``, with raw samples. Where the mapping does not say where
-    the tracked point is, it is somewhere on the head: `Dataset.known` has the offset.
+    Every run has a sensor ``position`` and a sensor ``heading``, with raw samples, and no velocities. Where the mapping
+    does not say where the tracked point is, it is somewhere on the head: `Dataset.known` has the offset.
 
     Args:
         files: one a run; cells may be empty where nothing was tracked.
@@ -127,127 +130,125 @@ def import_poses(
 def _import_poses(
     files: Sequence[Path], held_out: Sequence[str], source: _Source[PosesMap], importer: str
 ) -> tuple[Dataset, ImportReport]:
-    imported = [_import_pose_table(path, source) for path in files]
-    check_distinct([run.name for run in imported], files)
-    pairs = [(run.name, trial) for run in imported for trial in run.trials]
-    known = {}
-    if source.table.behind_nose is None:
-        known = {
-            "marker_offset.along": Beforehand(mean=0.0, sd=_SOMEWHERE * source.fish.links[0].length),
-            "marker_offset.across": Beforehand(mean=0.0, sd=_ASIDE),
-        }
+    place, head = source.table.behind_nose, source.fish.links[0].length
+    if place is not None and not 0.0 <= place <= head:
+        raise InputError(
+            f"{source.file}: behind_nose: {place:g} m, expected a point of the head, 0 to {head:g} m; leave it out to "
+            "have it fitted, or give the track of a point of the head"
+        )
+    runs_ = [_pose_run(path, source) for path in files]
+    check_distinct([run.name for run in runs_], files)
+    known = {
+        "marker_offset.along": Beforehand(mean=0.0, sd=_SOMEWHERE * head),
+        "marker_offset.across": Beforehand(mean=0.0, sd=_ASIDE),
+    }
     dataset = Dataset(
-        name=f"poses {', '.join(run.name for run in imported)}",
+        name=f"poses {', '.join(run.name for run in runs_)}",
         fish=source.fish,
-        trials=assign_roles(pairs, held_out),
-        known=known,
+        trials=assign_roles([(run.name, trial) for run in runs_ for trial in run.trials], held_out),
+        known=known if place is None else {},
     )
-    return dataset, ImportReport(importer, tuple(run.report for run in imported))
+    return dataset, ImportReport(importer, tuple(run.report for run in runs_))
 
 
-def _import_pose_table(path: Path, source: _Source[PosesMap]) -> _Imported:
+def _pose_run(path: Path, source: _Source[PosesMap]) -> _Run:
     table = source.table
-    columns = source.read(path, table.time, [table.x, table.y, table.yaw, *angle_columns(table)])
-    numbers = columns.numbers
-    _check_rows(numbers, table.time, path, _FEWEST_POSES)
-    for name in (table.x, table.y, table.yaw, *angle_columns(table)):
-        if not np.isfinite(numbers[name]).any():
+    names = (table.x, table.y, table.yaw, *angle_columns(table))
+    columns = source.read(path, table.time, names)
+    _check_rows(columns.numbers, table.time, path, _FEWEST_POSES)
+    for name in names:
+        if not np.isfinite(columns.numbers[name]).any():
             raise InputError(f"{path}: column '{name}' has no number, expected what was tracked; name another column")
-    numbers, notes = _each_once(numbers, table.time, path)
+    numbers, repeated = _each_once(columns.numbers, table.time, path)
     time = increasing(numbers[table.time] * TIMES[table.time_unit], path)
-    pose = _in_metres(table, np.column_stack([numbers[name] for name in (table.x, table.y, table.yaw)]))
-    joints = measured_angles(table, numbers, source.fish, source.file)
-    begin = 0.0 if joints is None else float(time[0])
-    kinds: tuple[tuple[Kind, slice], ...] = (("position", slice(0, 2)), ("heading", slice(2, 3)))
+    pose = _in_metres(table, np.column_stack([numbers[name] for name in names[:3]]))
     sensors = tuple(
-        cleaned(Sensor(kind, kind, time - begin, pose[:, at], station=table.behind_nose or 0.0, source=path), path)
-        for kind, at in kinds
+        cleaned(Sensor(kind, kind, time, pose[:, at], station=table.behind_nose or 0.0, source=path), path)
+        for kind, at in _SEEN
     )
-    name = path.stem.removeprefix(table.prefix)
-    whole = Trial(name, None, *_unseen(time - begin), sensors=sensors, source=path, **driven(table))
-    if joints is None:
-        own, cuts = [replace(whole, wave=wave_drive(table, source.fish, source.file, path))], tuple[Cut, ...]()
-    else:
-        own, cuts = _bridged(whole, joints, path)
-    usable = np.isfinite(np.column_stack([pose] if joints is None else [pose, joints])).all(axis=1)
-    seen = sensors[0].values
+    whole = Trial(
+        name=path.stem.removeprefix(table.prefix),
+        role=None,
+        time=time,
+        velocity=readonly(np.full((len(time), len(CHANNELS)), np.nan)),
+        joint_angle=measured_angles(table, numbers, source.fish, source.file),
+        wave=wave_drive(table, source.fish, source.file, path),
+        source=path,
+        sensors=sensors,
+        **driven(table),
+    )
+    parts, beat = _stretches_of_joints(whole)
+    trials = tuple(
+        _part(whole, rows, label) for label, rows in zip(stretch_names(whole.name, len(parts)), parts, strict=True)
+    )
+    remarks = [remark for sensor in sensors for remark in sensor.remarks]
     report = FileReport(
         path=path,
-        trials=tuple(trial.name for trial in own),
+        trials=tuple(trial.name for trial in trials),
         frames=len(columns.numbers[table.time]),
-        usable=int(usable.sum()),
-        kept=sum(len(trial.sensors[0].time) for trial in own),
-        beat=_beat(sensors[1]),
-        speed=float(np.hypot(*(seen[-1] - seen[0])) / (sensors[0].time[-1] - sensors[0].time[0])),
-        noise=None,
-        cuts=cuts,
-        notes=(*columns.notes, *notes, *(remark for sensor in sensors for remark in sensor.remarks)),
+        usable=int(np.isfinite(np.column_stack([numbers[name] for name in names])).all(axis=1).sum()),
+        kept=sum(len(trial.sensors[0].time) for trial in trials),
+        beat=beat,
+        cuts=_cuts(time, [(int(rows[0]), int(rows[-1]) + 1) for rows in parts], names[3:], numbers),
+        notes=(*columns.notes, *repeated, *remarks, f"a sample every {1e3 * whole.step:.4g} ms", *told(table, whole)),
     )
-    return _Imported(name, tuple(own), report)
-
-
-def _unseen(time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return times, and velocities (n, 3) that nobody measured."""
-    return readonly(time), readonly(np.full((len(time), len(CHANNELS)), np.nan))
+    return _Run(whole.name, trials, report)
 
 
 def _each_once(
     numbers: Mapping[str, FloatArray], time: str, path: Path
-) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+) -> tuple[Mapping[str, FloatArray], tuple[str, ...]]:
     """Return columns without rows that repeat the one before, and a note on them."""
-    stack = np.column_stack([*numbers.values()])
-    again = np.zeros(len(stack), dtype=np.bool_)
-    again[1:] = np.diff(numbers[time]) == 0.0
-    same = np.all((stack[1:] == stack[:-1]) | np.isnan(stack[1:]) & np.isnan(stack[:-1]), axis=1)
-    wrong = np.flatnonzero(again[1:] & ~same)
+    rows = np.column_stack([*numbers.values()])
+    same = np.all((rows[1:] == rows[:-1]) | np.isnan(rows[1:]) & np.isnan(rows[:-1]), axis=1)
+    wrong = np.flatnonzero((np.diff(numbers[time]) == 0.0) & ~same)
     if wrong.size:
-        row = int(wrong[0]) + 1
         raise InputError(
-            f"{path}: row {row + 2}, column '{time}': the time of the row before is repeated, with other numbers, "
-            "expected every frame once; remove one of the two rows"
+            f"{row_name(path, int(wrong[0]) + 1)}, column '{time}': the time of the row before is repeated, with other "
+            f"numbers, expected every frame once ({wrong.size} rows are like this); remove one of the two rows, or "
+            "give times that tell the frames apart"
         )
-    note = (f"{int(again.sum())} repeated rows left out",) if again.any() else ()
-    return {name: values[~again] for name, values in numbers.items()}, note
+    note = (f"{int(same.sum())} repeated rows left out",) if same.any() else ()
+    return {name: values[np.append(True, ~same)] for name, values in numbers.items()}, note
 
 
-def _bridged(whole: Trial, joints: FloatArray, path: Path) -> tuple[list[Trial], tuple[Cut, ...]]:
-    """Return the stretches of a run in which a spline may follow the joints (n, joints), as trials; what was cut."""
-    rows = np.flatnonzero(np.isfinite(joints).all(axis=1))
-    time = whole.time[rows]
-    steps = np.diff(time)
-    edges = np.flatnonzero(steps > max(_GAP, _STEPS * float(np.median(steps)))) + 1
-    parts = [part for part in np.split(rows, edges) if whole.time[part[-1]] - whole.time[part[0]] >= SECONDS]
-    if not parts:
+def _stretches_of_joints(whole: Trial) -> tuple[list[IntArray], float | None]:
+    """Return the rows of each stretch of a run in which the joints are known, and the beat [Hz].
+
+    A law knows them from its ramp on. Recorded ones are known in rows that have them all, and in short gaps between.
+    """
+    time, angle = whole.time, whole.joint_angle
+    if whole.wave is not None:
+        return [np.flatnonzero(time >= (0.0 if whole.wave.ramp > 0.0 else -np.inf))], whole.wave.frequency
+    assert angle is not None  # noqa: S101 - a mapping has joints or a law
+    found = _joined(time, angle, np.flatnonzero(np.isfinite(angle).all(axis=1)))
+    kept = [rows for rows in found if len(found) == 1 or _long_enough(whole, rows)]
+    if not kept:
+        seconds = max((float(np.ptp(time[rows])) for rows in found), default=0.0)
         raise InputError(
-            f"{path}: no stretch of {SECONDS:g} s or more in which all joint angles were recorded; record longer, or "
-            "leave this file out"
+            f"{whole.source}: the longest stretch without a gap in the joint angles lasts {seconds:.3g} s, expected "
+            f"{BEATS:g} beats, with poses; record longer, or leave this file out"
         )
-    trials = []
-    for name, part in zip(stretch_names(whole.name, len(parts)), parts, strict=True):
-        first, last = float(whole.time[part[0]]), float(whole.time[part[-1]])
-        sensors = (within(sensor, first, last, path) for sensor in whole.sensors)
-        trials.append(
-            replace(
-                whole,
-                name=name,
-                time=readonly(whole.time[part] - first),
-                velocity=readonly(whole.velocity[part]),
-                joint_angle=readonly(joints[part]),
-                sensors=tuple(replace(sensor, time=sensor.time - first) for sensor in sensors),
-                from_rest=whole.from_rest and part[0] == 0,
-            )
-        )
-    inside = np.zeros(len(whole.time), dtype=np.bool_)
-    for part in parts:
-        inside[part[0] : part[-1] + 1] = True
-    cuts = (Cut(float(whole.time[a]), float(whole.time[b - 1]), "joint angles lost") for a, b in runs(~inside))
-    return trials, tuple(cuts)
+    longest_ = max(kept, key=len)
+    beats = count_beats(time[longest_], angle[longest_])
+    return kept, None if beats is None else beats / float(np.ptp(time[longest_]))
 
 
-def _beat(heading: Sensor) -> float | None:
-    """Return the frequency at which a heading swings [Hz]; None where it does not."""
-    found, periodic = beat_frequency(heading.time, heading.values[:, 0])
-    return found if periodic else None
+def _joined(time: FloatArray, angle: FloatArray, rows: IntArray) -> list[IntArray]:
+    """Return the stretches of rows whose joint angles (n, joints) a spline may join."""
+    if len(rows) < FEWEST:
+        return []
+    apart = np.flatnonzero(np.diff(time[rows]) > longest_gap(time[rows], angle[rows])) + 1
+    return [more for part in np.split(rows, apart) for more in _joined(time, angle, part)] if apart.size else [rows]
+
+
+def _long_enough(whole: Trial, rows: IntArray) -> bool:
+    """Whether a stretch lasts long enough for a trial, and has samples of every sensor."""
+    assert whole.joint_angle is not None  # noqa: S101 - only then there are stretches
+    first, last = whole.time[rows[[0, -1]]]
+    beats = count_beats(whole.time[rows], whole.joint_angle[rows])
+    seen = [np.count_nonzero((s.time >= first) & (s.time <= last)) >= FEWEST for s in whole.sensors]
+    return all(seen) and (last - first >= SECONDS if beats is None else beats >= BEATS)
 
 
 def _check_rows(numbers: Mapping[str, FloatArray], time: str, path: Path, fewest: int) -> None:
@@ -284,10 +285,9 @@ def check_length(time: FloatArray, path: Path) -> None:
 def _in_metres(table: PosesMap, raw: FloatArray) -> FloatArray:
     """Return x, y [m], yaw [rad] of the tracked point (n, 3), y up and yaw anticlockwise, from its own axes."""
     length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
-    mirror = 1.0 if table.axes == "y_up" else -1.0
-    return np.column_stack(
-        [length * raw[:, 0], mirror * length * raw[:, 1], mirror * angle * (raw[:, 2] - table.yaw_zero)]
-    )
+    up = length if table.axes == "y_up" else -length
+    turn = angle if table.port_positive else -angle
+    return np.column_stack([length * raw[:, 0], up * raw[:, 1], turn * (raw[:, 2] - table.yaw_zero)])
 
 
 def import_mapped(
@@ -355,44 +355,30 @@ def _import_velocities(
     return dataset, ImportReport(importer, tuple(run.report for run in runs_))
 
 
-@dataclass(frozen=True, eq=False)
-class _VelocityRun:
-    name: str
-    trials: tuple[Trial, ...]
-    report: FileReport
-
-
-def _velocity_run(path: Path, source: _Source[VelocitiesMap]) -> _VelocityRun:
+def _velocity_run(path: Path, source: _Source[VelocitiesMap]) -> _Run:
     whole, columns = _velocity_trial(path, source)
     names = [name for name in columns.numbers if name != source.table.time]
     numbers = np.column_stack([columns.numbers[name] for name in names])
     complete: BoolArray = np.asarray(np.isfinite(numbers).all(axis=1))
     if complete.all():
         report = velocity_report(whole, source.table.noise, notes=columns.notes)
-        return _VelocityRun(whole.name, (whole,), report)
+        return _Run(whole.name, (whole,), report)
     kept = _stretches(whole, complete, path)
     trials = tuple(
-        _part(whole, slice(a, b), label)
+        _part(whole, np.arange(a, b), label)
         for label, (a, b) in zip(stretch_names(whole.name, len(kept)), kept, strict=True)
     )
-    inside = np.zeros(len(complete), dtype=np.bool_)
-    for a, b in kept:
-        inside[a:b] = True
-    last = len(inside) - 1
-    cuts = tuple(
-        Cut(float(whole.time[a]), float(whole.time[min(b, last)]), _why(complete[a:b], names, columns.numbers, a))
-        for a, b in runs(~inside)
-    )
+    inside = np.concatenate([np.arange(a, b) for a, b in kept])
     parts = replace(whole, time=readonly(whole.time[inside]), velocity=readonly(whole.velocity[inside]))
     report = velocity_report(parts, source.table.noise, notes=columns.notes)
     report = replace(
         report,
         trials=tuple(trial.name for trial in trials),
-        frames=len(inside),
+        frames=len(complete),
         usable=int(complete.sum()),
-        cuts=cuts,
+        cuts=_cuts(whole.time, kept, names, columns.numbers),
     )
-    return _VelocityRun(whole.name, trials, report)
+    return _Run(whole.name, trials, report)
 
 
 def _stretches(trial: Trial, complete: BoolArray, path: Path) -> list[tuple[int, int]]:
@@ -414,23 +400,37 @@ def _stretches(trial: Trial, complete: BoolArray, path: Path) -> list[tuple[int,
     return kept
 
 
-def _part(trial: Trial, rows: slice, name: str) -> Trial:
-    """Return some rows of a trial as one of its own; a joint law keeps the clock of the file."""
-    begin = 0.0 if trial.wave is not None else trial.time[rows.start]
-    angle = trial.joint_angle
+def _part(trial: Trial, rows: IntArray, name: str) -> Trial:
+    """Return some rows (k,) of a trial as one of its own; a joint law keeps the clock of the file."""
+    time, angle = trial.time[rows], trial.joint_angle
+    begin = 0.0 if trial.wave is not None else float(time[0])
+    sensors = (within(sensor, float(time[0]), float(time[-1]), str(trial.source)) for sensor in trial.sensors)
     return replace(
         trial,
         name=name,
-        time=readonly(trial.time[rows] - begin),
+        time=readonly(time - begin),
         velocity=readonly(trial.velocity[rows]),
         joint_angle=None if angle is None else readonly(angle[rows]),
+        sensors=tuple(replace(sensor, time=sensor.time - begin) for sensor in sensors),
+        from_rest=trial.from_rest and rows[0] == 0,
     )
 
 
-def _why(complete: BoolArray, names: Sequence[str], numbers: Mapping[str, FloatArray], start: int) -> str:
-    rows = slice(start, start + len(complete))
-    lost = [name for name in names if not np.isfinite(numbers[name][rows]).all()]
-    return f"{', '.join(lost)} lost" if not complete.any() else f"{', '.join(lost)} lost, or too short a stretch"
+def _cuts(
+    time: FloatArray, kept: Sequence[tuple[int, int]], names: Sequence[str], numbers: Mapping[str, FloatArray]
+) -> tuple[Cut, ...]:
+    """Return what lies outside of the stretches that were kept, and which of the columns were lost there."""
+    lost = np.ones(len(time), dtype=np.bool_)
+    for a, b in kept:
+        lost[a:b] = False
+    found = []
+    for a, b in runs(lost):
+        missing = {name: np.isnan(numbers[name][a:b]) for name in names}
+        why = f"{', '.join(name for name, absent in missing.items() if absent.any())} lost"
+        why += "" if np.any([*missing.values()], axis=0).all() else ", or too short a stretch"
+        begin, end = float(time[a]), float(time[min(b, len(time) - 1)])
+        found.append(Cut(begin, end, why if names else "before the drive starts"))
+    return tuple(found)
 
 
 def _velocity_trial(path: Path, source: _Source[VelocitiesMap]) -> tuple[Trial, Columns]:
