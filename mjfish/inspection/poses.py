@@ -254,20 +254,21 @@ def _axes(runs: Sequence[_Run], fish: Fish) -> Iterator[Finding]:
         yield _everywhere(
             "poses-mirrored",
             "position",
-            "the track turns one way and the heading the other, which goes with the joints",
+            "the track turns one way, and the heading the other, which goes with the joints",
             "a fish that swims where its head points",
-            "turn y of the track over, and not the heading: import again with --set axes=y_down --set turn_to=port "
-            "(axes=y_up and turn_to=starboard, if it was y_down)",
+            "turn y over, and not the heading: import again with --set axes=y_down --set turn_to=port (y_up and "
+            "starboard, if it was y_down)",
         )
     elif opposite or sign < 0:
-        alone = "turn the heading over: --set turn_to=starboard (port, if y points down)"
-        both = "--set axes=y_down, if y points down in the image (y_up, if it was y_down); or --set joints.sign=-1"
+        alone = "--set turn_to=starboard, for a heading that grows clockwise (port, if y points down)"
+        both = "--set axes=y_down, if y points down (y_up, if it was y_down); or with --set joints.sign=-1"
         yield _everywhere(
             "poses-mirrored",
             "heading" if opposite else "position and heading",
-            "the heading turns against the " + ("track and the joints" if opposite else "recoil from the joints"),
+            ("the heading turns against the track, and " if opposite else "")
+            + "the head swings the other way than the joints force it to",
             "a head that recoils from the joints",
-            f"import again with other axes: {alone if opposite else both}",
+            f"import again with {alone if opposite else both}",
         )
     elif link:
         yield _everywhere(
@@ -281,15 +282,15 @@ def _axes(runs: Sequence[_Run], fish: Fish) -> Iterator[Finding]:
     varied = abs(np.exp(1j * heading).sum()) < _CONSTANT * len(heading)
     quarter = abs(math.remainder(zero, 0.5 * math.pi)) < _QUARTER
     if not opposite and abs(with_) > _CONSTANT and abs(zero) > _OFF and (varied or quarter):
-        straight = "; or, as no run turns, the axes are mirrored: --set axes=y_down" if abs(against) > _CONSTANT else ""
+        straight = "; or, as no run turns, with --set axes=y_down" if abs(against) > _CONSTANT else ""
         yield _everywhere(
             "poses-heading-zero",
             "heading",
-            f"the fish swims {math.degrees(zero):.0f} degrees off its heading"
-            + (": tail first" if abs(zero) > math.pi - _OFF else ""),
+            f"the fish swims {math.degrees(zero):.0f} degrees to port of its heading"
+            + (", tail first" if abs(zero) > math.pi - _OFF else ""),
             "a fish that swims where its head points",
-            "import again with --set yaw_zero=VALUE, what the column has when the fish points along x: now "
-            f"{abs(math.degrees(zero)):.0f} degrees off{straight}",
+            "import again with --set yaw_zero=VALUE: what the column has when the fish points along x, "
+            f"{abs(math.degrees(zero)):.0f} degrees from what it was{straight}",
         )
 
 
