@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
@@ -26,7 +26,18 @@ def generate(
         list[str] | None, typer.Option(help="NAME:PARAM=VALUE[,PARAM=VALUE], see `mjfish effects`; repeatable.")
     ] = None,
     effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
-    noise: Annotated[str, typer.Option(help="Sigma of surge, sway [m/s], yaw rate [rad/s].")] = "0.01,0.01,0.05",
+    observe: Annotated[str, typer.Option(help="velocity, or pose: places and headings of the nose.")] = "velocity",
+    joints: Annotated[
+        str, typer.Option(help="What is recorded of the joints: cpg, measured or commanded angles.")
+    ] = "cpg",
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            help="Sigma of surge, sway [m/s], yaw rate [rad/s]; of poses of x, y [m], heading [rad].",
+            show_default="0.01,0.01,0.05; of poses 0.001,0.001,0.01",
+        ),
+    ] = None,
+    joint_noise: Annotated[float, typer.Option(help="Sigma of measured angles [rad].", min=0.0)] = 0.0,
     rate: Annotated[float, typer.Option(help="Samples a second.")] = 50.0,
     duration: Annotated[float, typer.Option(help="Length of each trial [s].")] = DURATION,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Coefficient, e.g. c_d.head=2.0; repeatable.")] = None,
@@ -39,7 +50,12 @@ def generate(
 
     from mjfish.data import save
     from mjfish.effects import catalogue, find, of_fish
+    from mjfish.simulation.synthetic import Joints, Observed
 
+    for value, allowed, flag in ((observe, get_args(Observed), "--observe"), (joints, get_args(Joints), "--joints")):
+        if value not in allowed:
+            raise InputError(f"{flag}: found '{value}', expected one of {', '.join(allowed)}; correct it")
+    noise = noise or ("0.01,0.01,0.05" if observe == "velocity" else "0.001,0.001,0.01")
     settings = console.effect_settings(effect or [])
     body = mjfish.load_fish(fish)
     known = of_fish(catalogue(tuple(effects or ())), body)
@@ -57,6 +73,9 @@ def generate(
         seed=seed,
         held_out=held_out or (),
         name=out.resolve().name,
+        observe=cast("Observed", observe),
+        joints=cast("Joints", joints),
+        joint_noise=joint_noise,
     )
     path = save(dataset, out)
     console.say(f"wrote {path} with {len(dataset.trials)} trials")

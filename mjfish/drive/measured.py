@@ -59,9 +59,9 @@ def sampled(splines: Sequence[BSpline], time: FloatArray, step: float, *, late: 
     return JointMotion(time=boundaries, angle=motion[0], rate=motion[1], acceleration=motion[2])
 
 
-def smoothing_spline(time: FloatArray, signal: FloatArray, share: float = 1.0) -> BSpline:
+def smoothing_spline(time: FloatArray, signal: FloatArray) -> BSpline:
     """Return the spline of `smoothing`, quintic with a knot at every sample."""
-    return smoothing(time, signal, share).spline
+    return smoothing(time, signal).spline
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,12 @@ Fits from many starts: is the optimum that was found the only one, and the best?
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import optimize, sparse, special
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
@@ -217,11 +218,24 @@ def _minimised(
     large = loss == "linear" and len(scale) > _EXACT
     turned = _Turned(problem, scale, large) if loss == "linear" else _Rows(problem, scale)
     with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
+        y = x0 / scale
+        moving = _moving(turned, y, problem.parameters)
+
+        def whole(some: FloatArray) -> FloatArray:
+            y[moving] = some
+            return np.array(y)
+
+        def residual(some: FloatArray) -> FloatArray:
+            return turned.residual(whole(some))
+
+        def jacobian(some: FloatArray) -> Any:
+            return turned.jacobian(whole(some))[:, moving]
+
         solution = optimize.least_squares(
-            turned.residual,
-            x0 / scale,
-            jac=turned.jacobian,
-            bounds=(low / scale, high / scale),
+            residual,
+            y[moving],
+            jac=jacobian,
+            bounds=((low / scale)[moving], (high / scale)[moving]),
             method="trf",
             x_scale="jac",
             tr_solver="lsmr" if large else "exact",
@@ -233,10 +247,12 @@ def _minimised(
             loss=loss,
             f_scale=loss_scale,
         )
-    x, at_bound = _settle(np.asarray(solution.x * scale), low, high, solution.grad)
+    ended, gradient = whole(solution.x), np.zeros(len(scale))
+    gradient[moving] = solution.grad
+    x, at_bound = _settle(ended * scale, low, high, gradient)
     end = End(
         x,
-        np.asarray(solution.x),
+        ended,
         at_bound,
         "converged" if solution.status > 0 else "failed" if solution.nfev < evaluations else "stopped",
         str(solution.message),
@@ -244,6 +260,27 @@ def _minimised(
         2.0 * float(solution.cost),
     )
     return _fit_at(turned, _Ended(problem, end, loss, loss_scale))
+
+
+#: A column shorter than this share of the longest does nothing.
+_IDLE = 1e-12
+
+
+def _moving(turned: _Rows, y: FloatArray, parameters: Sequence[Parameter]) -> NDArray[np.intp]:
+    """Return the places of the parameters that a fit moves: all but shapes that do nothing where it begins.
+
+    The optimiser would take them from bound to bound, and cut every step of the others short. Those of a cause that does
+    nothing yet may do something later.
+    """
+    acting = {
+        p.group for p, value in zip(parameters, y * turned.scale, strict=True) if not p.shape and value != p.default
+    }
+    shapes = np.array([p.shape and p.group in acting for p in parameters], dtype=np.bool_)
+    if not shapes.any():
+        return np.arange(len(shapes))
+    turned.residual(y)
+    lengths = np.sqrt(np.asarray(sparse.csr_array(turned.jacobian(y)).power(2).sum(axis=0)).ravel())
+    return np.flatnonzero(~(shapes & (lengths <= _IDLE * lengths.max(initial=0.0))))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,7 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Sensor, Trial
-from mjfish.drive.measured import ALLOWED, smoothing
-from mjfish.model.model import Prepared
+from mjfish.model.model import Prepared, recorded_joints
 from mjfish.model.sensing import Camera, Moments, moments
 from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
 from mjfish.noise.kalman import Gains, whitened
@@ -49,11 +48,10 @@ class Linearised:
     @classmethod
     def along(cls, trial: Trial, run: Prepared, rollout: Rollout) -> Linearised:
         """Linearise a trial along a rollout that reached its end."""
-        assert trial.joint_angle is not None  # noqa: S101 - its joints were measured
         a, b = (
             of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (state_jacobian, input_jacobian)
         )
-        joints = [smoothing(trial.time, column, ALLOWED) for column in trial.joint_angle.T]
+        joints = recorded_joints(trial)
         time = rollout.time[: len(a)]
         errors = JointErrors.of(trial, joints, Along(time, rollout.state[: len(a), 0, :HEAD].copy(), a, b))
         at = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]

@@ -20,6 +20,8 @@ from mjfish.frames import CHANNELS, UNITS
 
 #: Share of a held-out trial, as far as its samples count, on which its nuisance parameters are fitted, if it has any.
 PREFIX = 0.25
+#: Most evaluations of their fit.
+_MOST = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +143,7 @@ def _alone(
             counted = np.sort(np.concatenate([trial.time[alone.mask(0)], *_sensor_times(alone)]))
             split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))
             first = replace(alone, windows=((-np.inf, split),))
-            x = fit_or_raise(first, x, tolerance=1e-8).x
+            x = fit_or_raise(first, x, tolerance=1e-6, evaluations=_MOST).x
             alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
         yield alone, x
 

@@ -1,5 +1,7 @@
 """Noise of what sensors read, once a model has been fitted: sizes that nobody states, and errors of measured joints.
 
+Commanded angles have errors, too: what the joints did between two samples is known as well as it is smooth.
+
 The size is that of the third differences of what the fit leaves (`mjfish.data.sensor.third_differences`). A misfit that
 goes on from sample to sample hardly shows in them: no model can buy itself a noise.
 """
@@ -35,12 +37,12 @@ class AlongFit:
     _cache: dict[str, Linearised | None] = field(default_factory=dict)
 
     def __call__(self, trial: Trial) -> Linearised | None:
-        """Return a trial; None where its joints were not measured, their errors do not matter, or it has velocities.
+        """Return a trial; None where its joints were not recorded, their errors do not matter, or it has velocities.
 
         The noise of those allows for the errors by itself.
         """
         if trial.name not in self._cache:
-            allowed = trial.joints_measured and bool(trial.sensors) and not trial.measured.any()
+            allowed = trial.joint_angle is not None and bool(trial.sensors) and not trial.measured.any()
             self._cache[trial.name] = self._linearised(trial) if allowed else None
         return self._cache[trial.name]
 
@@ -72,7 +74,7 @@ def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:
         own = [sensor for _, sensor in problem.sensors if sensor.name == name]
         sigma[name] = np.maximum(np.sqrt(np.mean(np.concatenate(rows), axis=0)), smallest_sigma(own, _ROUNDED))
     problem = replace(problem, sensor_sigma=sigma, joint_errors=None)
-    if not any(trial.joints_measured for trial in problem.trials):
+    if all(trial.joint_angle is None for trial in problem.trials):
         return problem
     return replace(problem, joint_errors=AlongFit(problem, problem.named(x)))
 

@@ -276,10 +276,15 @@ def _measured_motion(trial: Trial, step: float) -> JointMotion:
 
 @sized_cache(lambda splines: sum(int(spline.c.nbytes + spline.t.nbytes) for spline in splines), 0.1e9)
 def _splines(trial: Trial) -> tuple[BSpline, ...]:
-    """Return the splines of the measured joint angles; they are kept longer than the far larger motions."""
+    """Return the splines of the recorded joint angles; they are kept longer than the far larger motions."""
+    return tuple(joint.spline for joint in recorded_joints(trial))
+
+
+def recorded_joints(trial: Trial) -> list[measured.Smoothing]:
+    """Return the recorded joint angles as splines; less smooth where what is left is allowed for."""
     angle = np.zeros((0, 0)) if trial.joint_angle is None else trial.joint_angle
-    share = measured.ALLOWED if not trial.measured.any() else 1.0
-    return tuple(measured.smoothing_spline(trial.time, column, share) for column in angle.T)
+    share = 1.0 if trial.measured.any() else measured.ALLOWED
+    return [measured.smoothing(trial.time, column, share) for column in angle.T]
 
 
 def joint_motion(asked: JointMotion, trial: Trial, servos: Servos) -> JointMotion:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TypedDict, Unpack
+from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 
@@ -15,11 +15,15 @@ from mjfish.drive import modes as table_iv
 from mjfish.effects import Effect, catalogue
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish, load_fish
-from mjfish.model import Model
+from mjfish.model import Model, asked_motion
 from mjfish.simulation.run import check_can_act
 
 #: Step of the generating model [s]: five times finer than that of the fits, so that they do not share its error.
 STEP = 0.001
+
+
+Observed = Literal["velocity", "pose"]
+Joints = Literal["cpg", "measured", "commanded"]
 
 
 class Recording(TypedDict, total=False):
@@ -32,6 +36,9 @@ class Recording(TypedDict, total=False):
         tank: the fish swims in; its poses are then written, without noise.
         places: x, y [m], yaw [rad] where each trial starts; none: the origin. Poses are written where given.
         sensors: that every trial has, too, at the times that they have within it and with white noise of their sigma.
+        observe: ``velocity``, or ``pose``: places and headings of the nose, by sensors that state no sigma.
+        joints: what is recorded of the joints: ``cpg``, its frequency and biases; ``measured`` or ``commanded`` angles.
+        joint_noise: sigma of measured angles [rad].
     """
 
     rate: float
@@ -40,6 +47,9 @@ class Recording(TypedDict, total=False):
     tank: Tank | None
     places: Sequence[Sequence[float]]
     sensors: Sequence[Sensor]
+    observe: Observed
+    joints: Joints
+    joint_noise: float
 
 
 def generate(
@@ -61,10 +71,11 @@ def generate(
         values: coefficients and effect parameters by full name; the rest by default. An effect of the catalogue whose
             parameter is named acts.
         effects: causes of your own that act.
-        noise: (3,) sigma of surge, sway [m/s], yaw rate [rad/s]; None or zeros: none, and the dataset states none.
+        noise: (3,) sigma of surge, sway [m/s], yaw rate [rad/s], of poses of x, y [m], heading [rad]; None or zeros:
+            none, and the dataset states none.
         seed: of the noise.
         held_out: names of trials that are not to be fitted.
-        **recording: rate, duration, name, tank, places and sensors, see `Recording`.
+        **recording: rate, duration, name, tank, places, sensors, and what is observed, see `Recording`.
 
     Returns:
         The dataset: trials with time (n,) and velocity (n, 3) of the nose in the forward frame.
@@ -82,6 +93,7 @@ def generate(
     fish = load_fish(fish) if isinstance(fish, str) else fish
     rate, duration = recording.get("rate", 50.0), recording.get("duration", table_iv.DURATION)
     tank, places = recording.get("tank"), recording.get("places", ())
+    observe = recording.get("observe", "velocity")
     sigma = np.zeros(3) if noise is None else np.asarray(noise, dtype=np.float64)
     _check(sigma, modes, rate, duration, seed)
     model = Model(fish, with_named(effects, values or {}), step=STEP)
@@ -100,6 +112,8 @@ def generate(
         still = readonly(np.zeros((len(time), 3)))
         drive = table_iv.drive(mode, fish.joints)
         sensors = tuple(within(s, 0.0, float(time[-1]), s.name) for s in recording.get("sensors", ()))
+        if observe == "pose":
+            sensors = (*_camera(time), *sensors)
         blank = Trial(trial_name, role, readonly(time), still, drive, pose=begin, tank=tank, sensors=sensors)
         check_can_act(model.effects, blank)
         predicted = model.predict(blank, truth)
@@ -110,9 +124,43 @@ def generate(
         if tank is not None and swum is not None and np.min(tank.distance(swum)) < 0.0:
             raise InputError(f"{trial_name}: the simulated fish swims through a wall of the tank; start it elsewhere")
         seen = tuple(map(_measured, sensors, predicted.sensors, [rng] * len(sensors)))
-        trials.append(replace(blank, velocity=readonly(measured), pose=swum, sensors=seen))
-    stated = readonly(sigma) if np.any(sigma > 0.0) else None
+        trial = replace(blank, velocity=readonly(measured), pose=swum, sensors=seen)
+        if observe == "pose":
+            trial = _filmed(trial, sigma, rng)
+        if recording.get("joints", "cpg") != "cpg":
+            trial = _with_joints(model, blank, truth, trial, recording, rng)
+        trials.append(trial)
+    stated = readonly(sigma) if np.any(sigma > 0.0) and observe == "velocity" else None
     return Dataset(recording.get("name", "synthetic"), fish, tuple(trials), noise=stated)
+
+
+def _camera(time: FloatArray) -> tuple[Sensor, Sensor]:
+    """Return sensors of the place of the nose and of the heading."""
+    return (
+        Sensor("position", "position", time, np.zeros((len(time), 2))),
+        Sensor("heading", "heading", time, np.zeros((len(time), 1))),
+    )
+
+
+def _filmed(trial: Trial, sigma: FloatArray, rng: np.random.Generator) -> Trial:
+    """Return a trial without velocities and poses, with white noise on what the camera read."""
+    position, heading, *others = trial.sensors
+    places = position.values + rng.standard_normal(position.values.shape) * sigma[:2]
+    turned = heading.values + rng.standard_normal(heading.values.shape) * sigma[2]
+    seen = (replace(position, values=places), replace(heading, values=turned), *others)
+    return replace(trial, velocity=readonly(np.full((len(trial.time), 3), np.nan)), pose=None, sensors=seen)
+
+
+def _with_joints(
+    model: Model, blank: Trial, truth: Mapping[str, float], trial: Trial, recording: Recording, rng: np.random.Generator
+) -> Trial:
+    """Return a trial from rest with recorded joint angles in place of its drive: those asked for, or those reached."""
+    commanded, sigma = recording.get("joints") == "commanded", recording.get("joint_noise", 0.0)
+    motion = asked_motion(model.fish.cpg, blank, STEP) if commanded else model.prepare(blank, truth).motion
+    angle = motion.angle_at(trial.time)
+    if not commanded:
+        angle = angle + sigma * rng.standard_normal(angle.shape)
+    return replace(trial, drive=(), joint_angle=readonly(angle), commanded=commanded, from_rest=True)
 
 
 def _measured(sensor: Sensor, read: FloatArray, rng: np.random.Generator) -> Sensor:
