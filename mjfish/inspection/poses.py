@@ -101,16 +101,14 @@ def _jumps(trial: Trial, sensor: Sensor, fish: Fish) -> Finding | None:
         return None
     size = np.linalg.norm(off[rows], axis=1)
     half = sensor.kind == "heading" and bool(np.median(np.abs(size - math.pi)) < _HALF)
+    why = ": half a turn, as of a line without a front, or of exchanged ends" if half else ", as exchanged markers do"
     remedy = "track these frames again, or leave their cells empty"
     return Finding(
         "poses-half-turns" if half else "poses-jumps",
         "blocks" if half else "suspect",
         f"trial '{trial.name}', {sensor.name}, row {rows[0] + 2} ({sensor.time[rows[0] + 1]:.3f} s)"
         + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
-        f"it jumps by {np.median(size):.3g} {sensor.units[0]} from a sample to the next"
-        + (
-            ": half a turn, as of a line without a front, or of exchanged ends" if half else ", as exchanged markers do"
-        ),
+        f"it jumps by {np.median(size):.3g} {sensor.units[0]} from a sample to the next{why}",
         "a motion that goes on from sample to sample",
         f"give the direction from tail to nose, or {remedy}" if half else remedy,
         trials=(trial.name,),
@@ -147,7 +145,7 @@ class _Run(NamedTuple):
         sizes: (3,) of the swings of place and heading, and of the way, measured over simulated.
         swing: rms of the heading's [rad].
         products, squares: (shifts, links) sums of h q_k and of q_k^2, over that of h^2.
-        phased: whether it is known when the joints beat, so that the two of them mean something.
+        phased: whether it is known when the joints beat, by the heading's clock, so that these two mean something.
         ahead: whether the simulated fish swims where its head points.
     """
 
@@ -205,7 +203,7 @@ def _run(trial: Trial, model: Model, shifts: FloatArray) -> _Run | None:
         swing=float(np.sqrt(np.nanmean(swing**2))) if power > _DUST else 0.0,
         products=np.nansum(swing * swings, axis=1) / power,
         squares=np.nansum(np.square(swings), axis=1) / power + _DUST,
-        phased=trial.wave is None or not trial.wave.free,
+        phased=(trial.wave is None or not trial.wave.free) and not seen[1].free_clock,
         ahead=ahead > max(_CONSTANT * float(np.nanmean(np.abs(ways[1]))), _MOVED * model.fish.length),
     )
 
