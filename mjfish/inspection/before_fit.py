@@ -17,6 +17,7 @@ from mjfish.inspection.finding import Finding
 from mjfish.inspection.joint_motion import unresolved
 from mjfish.inspection.kinematics import compatibility, disagreements
 from mjfish.inspection.nominal_simulation import Drive, Guess
+from mjfish.inspection.poses import pose_findings
 from mjfish.inspection.repeats import noise_from_repeats, repeat_findings
 from mjfish.inspection.result import Inspection
 from mjfish.inspection.runs import missing_runs
@@ -29,8 +30,8 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     """Test a dataset before anything is fitted to it: signs, units, labels, clocks, copies, missing runs.
 
     Velocities are in m/s and rad/s, times in s, as `mjfish.load_dataset` reads them. Nothing is raised for bad data:
-    each fault is a `Finding` with a code, a place, what was expected, and a remedy. Trials without all three velocities
-    are not tested.
+    each fault is a `Finding` with a code, a place, what was expected, and a remedy. Of trials without all three
+    velocities, places, headings and joints are tested.
 
     Args:
         dataset: the trials, or the folder of ``dataset.toml``.
@@ -50,10 +51,14 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     """
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
+    known = catalogue() if effects is None else effects
     complete = tuple(trial for trial in dataset.trials if trial.measured.all())
+    others = [trial for trial in dataset.trials if not trial.measured.all()]
+    beside = [*nominal.time_units(others, {trial.name: nominal.time_factor(trial) for trial in others})]
+    beside += [*pose_findings(dataset), *(finding for trial in others for finding in unresolved(trial))]
     if not complete:
-        return Inspection.of([], catalogue() if effects is None else effects)
-    dataset = replace(dataset, trials=complete)
+        return Inspection.of([*beside, *missing_runs(dataset, known)], known)
+    whole, dataset = dataset, replace(dataset, trials=complete)
     frequencies, dataset = list(wave_frequencies(dataset.trials)), aligned(dataset)
     held = [trial.name for trial in dataset.split()[1]]
     found = [finding for trial in dataset.trials for finding in stuck(trial)]
@@ -87,9 +92,9 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     repeats = noise_from_repeats(dataset, leave_out=sorted(spoiled))
     if repeats is not None:
         found += repeat_findings(repeats)
-    known = catalogue() if effects is None else effects
-    found += missing_runs(dataset, known)
-    return Inspection.of(found, known, pair, repeats)
+    retimed = {trial.name: trial for trial in dataset.trials}
+    every = replace(whole, trials=tuple(retimed.get(trial.name, trial) for trial in whole.trials))
+    return Inspection.of([*beside, *found, *missing_runs(every, known)], known, pair, repeats)
 
 
 @dataclass(frozen=True, eq=False)

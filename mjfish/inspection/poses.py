@@ -101,16 +101,14 @@ def _jumps(trial: Trial, sensor: Sensor, fish: Fish) -> Finding | None:
         return None
     size = np.linalg.norm(off[rows], axis=1)
     half = sensor.kind == "heading" and bool(np.median(np.abs(size - math.pi)) < _HALF)
+    why = ": half a turn, as of a line without a front, or of exchanged ends" if half else ", as exchanged markers do"
     remedy = "track these frames again, or leave their cells empty"
     return Finding(
         "poses-half-turns" if half else "poses-jumps",
         "blocks" if half else "suspect",
         f"trial '{trial.name}', {sensor.name}, row {rows[0] + 2} ({sensor.time[rows[0] + 1]:.3f} s)"
         + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
-        f"it jumps by {np.median(size):.3g} {sensor.units[0]} from a sample to the next"
-        + (
-            ": half a turn, as of a line without a front, or of exchanged ends" if half else ", as exchanged markers do"
-        ),
+        f"it jumps by {np.median(size):.3g} {sensor.units[0]} from a sample to the next{why}",
         "a motion that goes on from sample to sample",
         f"give the direction from tail to nose, or {remedy}" if half else remedy,
         trials=(trial.name,),
@@ -147,7 +145,7 @@ class _Run(NamedTuple):
         sizes: (3,) of the swings of place and heading, and of the way, measured over simulated.
         swing: rms of the heading's [rad].
         products, squares: (shifts, links) sums of h q_k and of q_k^2, over that of h^2.
-        phased: whether it is known when the joints beat, so that the two of them mean something.
+        phased: whether it is known when the joints beat, by the heading's clock, so that these two mean something.
         ahead: whether the simulated fish swims where its head points.
     """
 
@@ -205,7 +203,7 @@ def _run(trial: Trial, model: Model, shifts: FloatArray) -> _Run | None:
         swing=float(np.sqrt(np.nanmean(swing**2))) if power > _DUST else 0.0,
         products=np.nansum(swing * swings, axis=1) / power,
         squares=np.nansum(np.square(swings), axis=1) / power + _DUST,
-        phased=trial.wave is None or not trial.wave.free,
+        phased=(trial.wave is None or not trial.wave.free) and not seen[1].free_clock,
         ahead=ahead > max(_CONSTANT * float(np.nanmean(np.abs(ways[1]))), _MOVED * model.fish.length),
     )
 
@@ -254,20 +252,21 @@ def _axes(runs: Sequence[_Run], fish: Fish) -> Iterator[Finding]:
         yield _everywhere(
             "poses-mirrored",
             "position",
-            "the track turns one way and the heading the other, which goes with the joints",
+            "the track turns one way, and the heading the other, which goes with the joints",
             "a fish that swims where its head points",
-            "turn y of the track over, and not the heading: import again with --set axes=y_down --set turn_to=port "
-            "(axes=y_up and turn_to=starboard, if it was y_down)",
+            "turn y over, and not the heading: import again with --set axes=y_down --set turn_to=port (y_up and "
+            "starboard, if it was y_down)",
         )
     elif opposite or sign < 0:
-        alone = "turn the heading over: --set turn_to=starboard (port, if y points down)"
-        both = "--set axes=y_down, if y points down in the image (y_up, if it was y_down); or --set joints.sign=-1"
+        alone = "--set turn_to=starboard, for a heading that grows clockwise (port, if y points down)"
+        both = "--set axes=y_down, if y points down (y_up, if it was y_down); or with --set joints.sign=-1"
         yield _everywhere(
             "poses-mirrored",
             "heading" if opposite else "position and heading",
-            "the heading turns against the " + ("track and the joints" if opposite else "recoil from the joints"),
+            ("the heading turns against the track, and " if opposite else "")
+            + "the head swings the other way than the joints force it to",
             "a head that recoils from the joints",
-            f"import again with other axes: {alone if opposite else both}",
+            f"import again with {alone if opposite else both}",
         )
     elif link:
         yield _everywhere(
@@ -281,15 +280,15 @@ def _axes(runs: Sequence[_Run], fish: Fish) -> Iterator[Finding]:
     varied = abs(np.exp(1j * heading).sum()) < _CONSTANT * len(heading)
     quarter = abs(math.remainder(zero, 0.5 * math.pi)) < _QUARTER
     if not opposite and abs(with_) > _CONSTANT and abs(zero) > _OFF and (varied or quarter):
-        straight = "; or, as no run turns, the axes are mirrored: --set axes=y_down" if abs(against) > _CONSTANT else ""
+        straight = "; or, as no run turns, with --set axes=y_down" if abs(against) > _CONSTANT else ""
         yield _everywhere(
             "poses-heading-zero",
             "heading",
-            f"the fish swims {math.degrees(zero):.0f} degrees off its heading"
-            + (": tail first" if abs(zero) > math.pi - _OFF else ""),
+            f"the fish swims {math.degrees(zero):.0f} degrees to port of its heading"
+            + (", tail first" if abs(zero) > math.pi - _OFF else ""),
             "a fish that swims where its head points",
-            "import again with --set yaw_zero=VALUE, what the column has when the fish points along x: now "
-            f"{abs(math.degrees(zero)):.0f} degrees off{straight}",
+            "import again with --set yaw_zero=VALUE: what the column has when the fish points along x, "
+            f"{abs(math.degrees(zero)):.0f} degrees from what it was{straight}",
         )
 
 

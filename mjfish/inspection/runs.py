@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, validation
 from mjfish.effects import Effect
 from mjfish.inspection.finding import Finding
@@ -14,8 +15,8 @@ from mjfish.inspection.finding import Finding
 _SAME = 0.05
 #: Runs of fewer beats hardly leave their start-up.
 _SHORT = 5.0
-#: Samples of a run of which a twentieth says something.
-_FEWEST = 100
+#: Samples of a run of which a twentieth says something, and such parts.
+_FEWEST, _PARTS = 100, 20
 #: A CPG whose largest bias is below this [-], or joints whose mean bend is below this angle [rad], do not turn.
 _NO_BIAS = 1e-6
 _NO_BEND = 0.03
@@ -78,10 +79,20 @@ def missing_runs(dataset: Dataset, effects: Mapping[str, Effect]) -> Iterator[Fi
 
 def _gathers_speed(trial: Trial) -> bool:
     """Return whether the first twentieth of a run is less than half as fast as its last half: a start, measured."""
-    surge = np.abs(trial.velocity[:, 0])
-    if not trial.measured[0] or len(surge) < _FEWEST:
-        return False
-    return bool(np.mean(surge[: len(surge) // 20]) < 0.5 * np.mean(surge[len(surge) // 2 :]))
+    speeds = _speeds(trial)
+    return len(speeds) > 0 and bool(speeds[0] < 0.5 * speeds[_PARTS // 2 :].mean())
+
+
+def _speeds(trial: Trial) -> FloatArray:
+    """Return the speed in every twentieth of a run (20,) [m/s], of its surge or a tracked point; empty without both."""
+    if trial.measured[0] and len(trial.time) >= _FEWEST:
+        return np.array([np.abs(part).mean() for part in np.array_split(trial.velocity[:, 0], _PARTS)])
+    for sensor in trial.sensors:
+        if sensor.kind == "position" and len(sensor.time) >= _FEWEST:
+            rows = np.linspace(0, len(sensor.time) - 1, _PARTS + 1).astype(int)
+            way = np.linalg.norm(np.diff(sensor.values[rows], axis=0), axis=1)
+            return np.asarray(way / np.diff(sensor.time[rows]))
+    return np.zeros(0)
 
 
 def beats(trial: Trial) -> list[float]:

@@ -113,15 +113,67 @@ def test_a_drive_is_given_once_for_all_files_or_once_a_file(laboratory: Run, tmp
     np.testing.assert_allclose(second.velocity[:, 1], -TRUE[:, 1], atol=1e-12)
 
 
-def test_places_are_differentiated_as_the_importer_of_poses_does(laboratory: Run, tmp_path: Path) -> None:
-    heading = 0.2 * np.sin(2 * np.pi * TIME)
-    poses = np.column_stack([TIME, 20.0 * TIME, 0.5 * np.sin(2 * np.pi * TIME + 1.0), np.degrees(heading)])
-    noise = np.random.default_rng(0).normal(0.0, [0.0, 0.02, 0.02, 0.1], poses.shape)
-    _table(tmp_path / "film.csv", "time,x_cm,y_cm,heading_deg,j1,j2", np.column_stack([poses + noise, TRUE[:, 3:]]))
-    shown = laboratory("dataset new tank film.csv --fish trout.toml --joint-unit rad").stdout
-    surge = load_dataset(tmp_path / "tank").trials[0].velocity[:, 0]
-    assert 0.15 < surge.mean() < 0.25
+#: Seconds, cm, degrees, and two joints in degrees.
+FILMED = np.column_stack(
+    [TIME, 20.0 * TIME, 0.5 * np.sin(7 * TIME + 1.0), np.degrees(0.2 * np.sin(7 * TIME)), np.degrees(TRUE[:, 3:])]
+)
+
+
+def _film(tmp_path: Path, *names: str) -> None:
+    for name in names:
+        _table(tmp_path / f"{name}.csv", "time,x_cm,y_cm,heading_deg,j1_deg,j2_deg", FILMED)
+
+
+def test_places_and_headings_become_sensors(laboratory: Run, tmp_path: Path) -> None:
+    _film(tmp_path, "film")
+    shown = laboratory("dataset new tank film.csv --fish trout.toml").stdout
+    (trial,) = load_dataset(tmp_path / "tank").trials
+    place, heading = trial.sensors
+    np.testing.assert_allclose(place.values, 0.01 * FILMED[:, 1:3], atol=1e-12)
+    np.testing.assert_allclose(heading.values[:, 0], np.radians(FILMED[:, 3]), atol=1e-12)
+    assert not trial.measured.any()
+    assert not trial.commanded
     assert "its unit is assumed" in shown
+    assert "joint angles as measured, which is assumed: --joints-are commanded, if the servos were told them" in shown
+    assert "start     free (--from-rest: at rest)" in shown
+
+
+def test_commanded_joints_their_hold_and_a_start_from_rest_are_said_and_written(
+    laboratory: Run, tmp_path: Path
+) -> None:
+    _film(tmp_path, "film")
+    line = "dataset new {} film.csv --fish trout.toml --joints-are commanded --from-rest --set axes=y_down"
+    shown = laboratory(line.format("tank")).stdout
+    written = (tmp_path / "tank" / "dataset.toml").read_text(encoding="utf-8")
+    for text in (
+        "on a line to the next (hold linear): held until then (zero) they are half a sample, 5 ms, later",
+        "start     at rest in the water, as given",
+        "positive  y_down, heading clockwise from 0 along x",
+    ):
+        assert text in shown
+        assert text in written
+    assert "assumed: --joints-are" not in shown
+    (trial,) = load_dataset(tmp_path / "tank").trials
+    assert (trial.commanded, trial.hold, trial.from_rest) == (True, "linear", True)
+    np.testing.assert_allclose(trial.sensors[1].values[:, 0], -np.radians(FILMED[:, 3]), atol=1e-12)
+    shown = laboratory(line.format("second") + " --hold zero --set turn_to=port").stdout
+    assert "each held until the next (hold zero), half a sample, 5 ms, later than on a line (linear)" in shown
+    (trial,) = load_dataset(tmp_path / "second").trials
+    assert trial.hold == "zero"
+    np.testing.assert_allclose(trial.sensors[1].values[:, 0], np.radians(FILMED[:, 3]), atol=1e-12)
+    np.testing.assert_allclose(trial.sensors[0].values[:, 1], -0.01 * FILMED[:, 2], atol=1e-12)
+
+
+def test_what_was_left_out_of_poses_is_said(laboratory: Run, tmp_path: Path) -> None:
+    _film(tmp_path, "film")
+    lines = (tmp_path / "film.csv").read_text(encoding="utf-8").splitlines()
+    lines[20] = ",".join([lines[20].split(",")[0], "", "", *lines[20].split(",")[3:]])
+    lines.insert(50, lines[49])
+    (tmp_path / "film.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    shown = " ".join(laboratory("dataset new tank film.csv --fish trout.toml").stdout.split())
+    assert (
+        "film.csv: 299 of 301 samples kept; 1 repeated rows left out; position: 1 of 300 samples left out: a" in shown
+    )
 
 
 def _answered(answers: list[str], line: str, monkeypatch: pytest.MonkeyPatch) -> str:
@@ -177,6 +229,18 @@ REFUSED = {
         "--frequency: given 2 times for 1 files, expected once, or once a file",
     ),
     "key": ("slow.csv --fish trout.toml --set sway=port_side=x", "'port_side=x'"),
+    "joints are": ("film.csv --fish trout.toml --joints-are told", "joints.are: expected 'measured' or 'commanded'"),
+    "hold": ("film.csv --fish trout.toml --hold zero", 'hold = "zero" of measured angles, expected it of commanded'),
+    "joints of a drive": (
+        "slow.csv --fish trout.toml --frequency 1 --amplitude 1,1 --phase 0,0 --joints-are commanded",
+        "keys of [joints] (--set joints.KEY, --joints-are, --hold) beside a drive",
+    ),
+    "wave of joints": ("slow.csv --fish trout.toml --set wave.ramp=1", "keys of [wave] (--set wave.KEY) beside joint"),
+    "a table as a value": (
+        "film.csv --fish trout.toml --set axes=y_down --set joints=commanded",
+        "--set: 'joints=commanded', but joints is a table, expected one of its keys: --joints-are commanded",
+    ),
+    "off the head": ("film.csv --fish trout.toml --set behind_nose=-0.1", "behind_nose: -0.1 m, expected a point of"),
     "no key": ("slow.csv --fish trout.toml --set sway_to", "--set: found 'sway_to', expected KEY=VALUE"),
     "held out": ("slow.csv fast.csv --fish trout.toml --held-out last", "unknown trial to hold out 'last'"),
     "two units": ("mixed.csv --fish trout.toml", "headers name the units m and mm of one kind, expected one"),
@@ -189,6 +253,7 @@ REFUSED = {
 def test_what_is_wrong_or_lacking_is_said_and_nothing_written(
     refuse: Callable[[str], str], tmp_path: Path, options: str, complaint: str
 ) -> None:
+    _film(tmp_path, "film")
     _table(tmp_path / "mixed.csv", "t_ms,u_mm_s,v_m_s,r_dps,j1_deg,j2_deg", FOREIGN)
     _table(tmp_path / "bare.csv", ",".join("123456"), FOREIGN)
     assert complaint in refuse(f"dataset new tank {options}")

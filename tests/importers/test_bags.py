@@ -209,13 +209,18 @@ def test_the_commands_of_the_page_import_a_bag(tmp_path: Path) -> None:
     np.testing.assert_allclose(trial.velocity, truth.velocity, atol=1e-9)
 
 
-def test_poses_of_a_bag_are_smoothed_to_velocities(tmp_path: Path) -> None:
-    bag, truth, _ = swim()
+def test_poses_of_a_bag_are_samples_of_sensors(tmp_path: Path) -> None:
+    bag, truth, told = swim()
+    poses = mjfish.Model(mjfish.load_fish("pike")).predict(truth, mjfish.load_fish("pike").values).pose
     dataset, _ = imported(tmp_path, bag, PLACE, "poses")
     (trial,) = dataset.trials
-    surge = np.interp(trial.time, truth.time, truth.velocity[:, 0])
-    inside = (trial.time > 1.5) & (trial.time < 5.0)
-    assert np.sqrt(np.mean((trial.velocity[inside, 0] - surge[inside]) ** 2)) < 0.05 * np.ptp(truth.velocity[:, 0])
+    place, heading = trial.sensors
+    np.testing.assert_allclose(place.values, poses[:, :2], atol=1e-12)
+    np.testing.assert_allclose(heading.values[:, 0], poses[:, 2], atol=1e-9)
+    np.testing.assert_allclose(place.time, truth.time, rtol=0.0, atol=1e-9)
+    assert not trial.measured.any()
+    assert trial.joint_angle is not None
+    np.testing.assert_allclose(trial.joint_angle, told, atol=1e-4)
 
 
 def test_repeated_and_unsorted_messages_are_mended_and_said(tmp_path: Path) -> None:
@@ -258,12 +263,16 @@ def test_velocities_are_cut_at_a_gap_of_any_topic_and_can_be_saved(tmp_path: Pat
     np.testing.assert_allclose(second.velocity, truth.velocity[-len(second.time) :], atol=1e-9)
 
 
-def test_poses_lost_in_a_gap_count_as_lost_frames(tmp_path: Path) -> None:
+def test_poses_lost_in_a_gap_are_absent_and_the_joints_go_on(tmp_path: Path) -> None:
     bag, truth, _ = swim()
     bag.messages = [one for one in bag.messages if not (one[1] == "/fish/odom" and 3.0 < one[0] < 3.4)]
-    _, report = imported(tmp_path, bag, PLACE, "poses")
+    dataset, report = imported(tmp_path, bag, PLACE, "poses")
     assert (report.frames, report.usable) == (len(truth.time), len(truth.time) - 19)
-    assert any(cut.reason == "pose lost" and 2.9 < cut.start < cut.end < 3.5 for cut in report.cuts)
+    (trial,) = dataset.trials
+    assert len(trial.time) == len(truth.time)
+    for sensor in trial.sensors:
+        assert len(sensor.time) == len(truth.time) - 19
+        assert np.diff(sensor.time).max() == pytest.approx(0.4)
 
 
 def test_rows_before_the_first_and_after_the_last_joint_angles_are_left_out(tmp_path: Path) -> None:
@@ -306,12 +315,13 @@ def test_a_message_without_a_time_is_left_out(tmp_path: Path) -> None:
 
 def test_a_quaternion_of_another_length_has_the_same_yaw_and_a_zero_one_none(tmp_path: Path) -> None:
     bag, truth, _ = swim()
-    _, whole = imported(tmp_path, bag, PLACE, "poses")
+    whole, _ = imported(tmp_path, bag, PLACE, "poses")
     for message in odometry(bag, -1.0, 9.0):
         turn = message.pose.pose.orientation
         turn.z, turn.w = 2.0 * turn.z, 2.0 * turn.w
-    _, report = imported(tmp_path, bag, PLACE, "poses")
-    assert report.speed == pytest.approx(whole.speed, rel=1e-9)
+    again, _ = imported(tmp_path, bag, PLACE, "poses")
+    heading, same = (one.trials[0].sensors[1] for one in (whole, again))
+    np.testing.assert_allclose(same.values, heading.values, atol=1e-12)
     for message in odometry(bag, 3.0, 3.1):
         message.pose.pose.orientation = Message(x=0.0, y=0.0, z=0.0, w=0.0)
     _, report = imported(tmp_path, bag, PLACE, "poses")
@@ -325,7 +335,7 @@ def test_a_heading_of_another_topic_is_interpolated_over_half_a_turn(tmp_path: P
         bag.odometry(float(time), (0.0, 0.0, 2.0 * time), (0.0, 0.0, 0.0))
         bag.joints(float(time) + 0.01, np.full(4, time))
     heading = "/fish/odom.pose.pose.orientation.yaw"
-    read = read_bag(bag.write(tmp_path / "run.mcap"), "time", ["/joint_states.position.neck", heading], smoothed=False)
+    read = read_bag(bag.write(tmp_path / "run.mcap"), "time", ["/joint_states.position.neck", heading], raw=False)
     np.testing.assert_allclose(read.numbers[heading], 2.0 * (read.numbers["time"] + 0.01), atol=1e-8)
 
 

@@ -1,7 +1,11 @@
-"""Pose and velocity tables: units and axes by a mapping file; gaps; an importer in a file of one's own."""
+"""Pose and velocity tables: units and axes by a mapping file; gaps; an importer in a file of one's own.
+
+Poses become sensors, with the samples as they are.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +13,7 @@ import pytest
 
 from mjfish import data as trial
 from mjfish.arrays import FloatArray
-from mjfish.data import Dataset, importers
+from mjfish.data import Dataset, Trial, importers
 from mjfish.errors import InputError, MjfishError
 
 RATE = 50.0
@@ -76,72 +80,195 @@ def test_velocities_in_other_units_and_axes_come_back_in_ours(tmp_path: Path) ->
     assert trial.load_dataset(tmp_path / "out").trials[0].wave == run.wave
 
 
-@pytest.mark.parametrize("axes", ["y_up", "y_down"])
-def test_poses_become_velocities_of_the_nose(tmp_path: Path, axes: str) -> None:
-    """A point behind the nose in centimetres, degrees with another zero that run over 180, y up or down."""
-    time, pose, true = _swim()
-    mirror = 1.0 if axes == "y_up" else -1.0
-    rng = np.random.default_rng(3)
-    x = pose[:, 0] - 0.15 * np.cos(pose[:, 2])
-    y = pose[:, 1] - 0.15 * np.sin(pose[:, 2])
-    noisy = np.column_stack([x, y, pose[:, 2]]) + rng.normal(0.0, [5e-4, 5e-4, 4e-3], pose.shape)
-    degrees = np.degrees(mirror * noisy[:, 2]) + 170.0
-    wrapped = (degrees + 180.0) % 360.0 - 180.0
-    file = _table(
-        tmp_path / "run.csv",
-        "t,px,py,heading",
-        np.column_stack([time, 100 * noisy[:, 0], mirror * 100 * noisy[:, 1], wrapped]),
-    )
-    mapping = _map(
-        tmp_path / "map.toml",
+JOINTS = '[joints]\ncolumns = ["j1", "j2", "j3", "j4", "j5"]\n'
+POSE = "time,x,y,yaw,j1,j2,j3,j4,j5"
+
+
+def _joints(time: FloatArray) -> FloatArray:
+    return 0.3 * np.sin(2.0 * np.pi * BEAT * time[:, None] - np.arange(5.0))
+
+
+def _filmed(
+    tmp_path: Path, change: Callable[[FloatArray], FloatArray] = np.copy, keys: str = "", joints: str = JOINTS
+) -> tuple[Trial, ...]:
+    """Import a run of poses and joint angles (n, 9) after a change of its rows, and read it back from its files."""
+    time, pose, _ = _swim()
+    rows = change(np.column_stack([time, pose, _joints(time)]))
+    file = _table(tmp_path / "run.csv", POSE, rows)
+    dataset, _ = _import("poses", file, _map(tmp_path / "map.toml", keys + joints, "poses"))
+    trial.save(dataset, tmp_path / "saved")
+    return trial.load_dataset(tmp_path / "saved").trials
+
+
+@pytest.mark.parametrize(("axes", "turn"), [("y_up", ""), ("y_down", ""), ("y_up", "starboard"), ("y_down", "port")])
+def test_poses_become_sensors_sample_by_sample(tmp_path: Path, axes: str, turn: str) -> None:
+    """Centimetres, degrees with another zero that run over 180, y and heading either way: every sign once."""
+    time, pose, _ = _swim()
+    up = 1.0 if axes == "y_up" else -1.0
+    grows = {"": up, "port": 1.0, "starboard": -1.0}[turn]
+    wrapped = (np.degrees(grows * pose[:, 2]) + 170.0 + 180.0) % 360.0 - 180.0
+    table = np.column_stack([time + 3.0, 100.0 * pose[:, 0], up * 100.0 * pose[:, 1], wrapped])
+    keys = (
         f'time = "t"\nx = "px"\ny = "py"\nyaw = "heading"\nlength_unit = "cm"\nangle_unit = "deg"\naxes = "{axes}"\n'
-        f"yaw_zero = 170.0\nbehind_nose = 0.15\n" + WAVE,
-        "poses",
+        "yaw_zero = 170.0\nbehind_nose = 0.15\n" + (f'turn_to = "{turn}"\n' if turn else "")
     )
+    file = _table(tmp_path / "run.csv", "t,px,py,heading", table)
+    dataset, report = _import("poses", file, _map(tmp_path / "map.toml", keys + WAVE, "poses"))
+    (run,) = dataset.trials
+    assert not run.measured.any()
+    assert (dataset.noise, dataset.known) == (None, {})
+    place, heading = run.sensors
+    assert (place.name, heading.name, place.link, place.station) == ("position", "heading", 0, 0.15)
+    np.testing.assert_allclose(place.values, pose[:, :2], atol=1e-12)
+    np.testing.assert_allclose(heading.values[:, 0] % (2.0 * np.pi), pose[:, 2] % (2.0 * np.pi), atol=1e-12)
+    assert np.abs(np.diff(heading.values[:, 0])).max() < 0.1
+    for sensor in run.sensors:
+        np.testing.assert_allclose(sensor.time, time + 3.0)  # the clock stays that of the file, which the wave goes by
+    assert (report.frames, report.usable, report.kept) == (len(time),) * 3
+    assert report.beat == BEAT
+    trial.save(dataset, tmp_path / "out")
+    (again,) = trial.load_dataset(tmp_path / "out").trials
+    assert again.wave == run.wave
+    for old, new in zip(run.sensors, again.sensors, strict=True):
+        np.testing.assert_array_equal(old.values, new.values)
+
+
+def test_a_point_that_nobody_places_is_somewhere_on_the_head(tmp_path: Path) -> None:
+    time, pose, _ = _swim()
+    file = _table(tmp_path / "run.csv", "time,x,y,yaw", np.column_stack([time, pose]))
+    dataset, _ = _import("poses", file, _map(tmp_path / "map.toml", WAVE, "poses"))
+    assert dataset.known["marker_offset.along"].sd == pytest.approx(0.5 * dataset.fish.links[0].length)
+    for place in (-0.01, 0.9):
+        mapping = _map(tmp_path / "map.toml", f"behind_nose = {place}\n" + WAVE, "poses")
+        with pytest.raises(InputError, match=r"map.toml: behind_nose: .* expected a point of the head, 0 to .*fitted"):
+            _import("poses", file, mapping)
+
+
+def test_missing_cells_are_absent_samples_and_said(tmp_path: Path) -> None:
+    """Of the place ten, of the heading thirty. Catches a filled or a smoothed gap."""
+    time, pose, _ = _swim()
+    holed = np.column_stack([time, pose])
+    holed[100:110, 1] = np.nan
+    holed[200:230, 3] = np.nan
+    file = _table(tmp_path / "run.csv", "time,x,y,yaw", holed)
+    dataset, report = _import("poses", file, _map(tmp_path / "map.toml", WAVE, "poses"))
+    place, heading = dataset.trials[0].sensors
+    np.testing.assert_array_equal(place.time, np.delete(time, np.s_[100:110]))
+    np.testing.assert_array_equal(place.values, np.delete(pose[:, :2], np.s_[100:110], axis=0))
+    np.testing.assert_array_equal(heading.time, np.delete(time, np.s_[200:230]))
+    assert (report.frames, report.usable, report.kept) == (len(time), len(time) - 40, len(time) - 10)
+    assert f"heading: 30 of {len(time)} samples left out: a value is missing" in report.notes
+
+
+def test_a_frame_that_is_there_twice_counts_once(tmp_path: Path) -> None:
+    (run,) = _filmed(tmp_path, lambda rows: np.insert(rows, [50, 50, 90], rows[[50, 50, 90]], axis=0))
+    time, pose, _ = _swim()
+    np.testing.assert_allclose(run.time, time, atol=1e-12)
+    np.testing.assert_array_equal(run.sensors[0].values, pose[:, :2])
+
+
+def _repeated(rows: FloatArray) -> FloatArray:
+    rows[40, 0] = rows[39, 0]
+    return rows
+
+
+def _backwards(rows: FloatArray) -> FloatArray:
+    rows[40, 0] = 0.1
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (_repeated, r"run.csv: row 41 \(line 42\), column 'time': the time of the row before is repeated, with other "
+                    r"numbers, .*remove one of the two rows"),
+        (_backwards, r"row 42: its time is not after that of the row before; sort the rows"),
+    ],
+)  # fmt: skip
+def test_times_that_repeat_or_run_backwards_are_refused(
+    tmp_path: Path, change: Callable[[FloatArray], FloatArray], said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        _filmed(tmp_path, change)
+
+
+def _without(*gaps: slice) -> Callable[[FloatArray], FloatArray]:
+    def change(rows: FloatArray) -> FloatArray:
+        for gap in gaps:
+            rows[gap, 5] = np.nan
+        return rows
+
+    return change
+
+
+def test_short_gaps_of_joint_angles_are_left_to_the_spline(tmp_path: Path) -> None:
+    """A beat has 56 rows; 10 are missing. The places of the gap stay, and so does the gap, in files too."""
+    (run,) = _filmed(tmp_path, _without(np.s_[150:160]))
+    time, pose, _ = _swim()
+    np.testing.assert_allclose(run.time, np.delete(time, np.s_[150:160]), atol=1e-12)
+    assert run.joint_angle is not None
+    np.testing.assert_array_equal(run.joint_angle, np.delete(_joints(time), np.s_[150:160], axis=0))
+    np.testing.assert_array_equal(run.sensors[0].values, pose[:, :2])
+    assert not run.measured.any()
+
+
+def test_long_gaps_of_joint_angles_cut_the_run(tmp_path: Path) -> None:
+    """Half a beat is missing, and the ends: parts begin at 0, on one clock with their sensors; one at rest."""
+    change = _without(np.s_[180:208], np.s_[390:])
+    first, second = _filmed(tmp_path, change, "from_rest = true\n", JOINTS + 'are = "commanded"\nhold = "zero"\n')
+    time, pose, _ = _swim()
+    assert (first.name, second.name) == ("run-a", "run-b")
+    for run, rows in ((first, np.s_[:180]), (second, np.s_[208:390])):
+        np.testing.assert_allclose(run.time, time[rows] - time[rows][0], atol=1e-12)
+        assert run.joint_angle is not None
+        np.testing.assert_array_equal(run.joint_angle, _joints(time)[rows])
+        np.testing.assert_allclose(run.sensors[0].time, run.time, atol=1e-12)
+        np.testing.assert_array_equal(run.sensors[0].values, pose[rows, :2])
+        assert (run.commanded, run.hold) == (True, "zero")
+    assert (first.from_rest, second.from_rest) == (True, False)
+
+
+def test_what_was_cut_and_what_the_joints_are_is_reported(tmp_path: Path) -> None:
+    time, pose, _ = _swim()
+    rows = _without(np.s_[180:208])(np.column_stack([time, pose, _joints(time)]))
+    file = _table(tmp_path / "run.csv", POSE, rows)
+    mapping = _map(tmp_path / "map.toml", JOINTS + 'are = "commanded"\n', "poses")
+    _, report = _import("poses", file, mapping)
+    (cut,) = report.cuts
+    assert (cut.start, cut.end) == pytest.approx((3.6, 4.16))
+    assert cut.reason == "j2 lost"
+    assert report.beat == pytest.approx(BEAT, rel=0.15)
+    assert "a sample every 20 ms" in report.notes
+    assert report.notes[-1] == (
+        "joint angles as commanded, on a line to the next (hold linear): held until then (zero) they are half a "
+        "sample, 10 ms, later"
+    )
+    (row,) = importers.ImportReport("poses", (report,)).rows()
+    assert row[6:12] == ("-",) * 6  # nothing is smoothed, no velocity is made
+
+
+def test_a_run_whose_joints_are_hardly_known_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match=r"longest stretch without a gap in the joint angles lasts 1\.\d* s, expected 2 beats"
+    ):
+        _filmed(tmp_path, _without(np.s_[60:120], np.s_[180:260], np.s_[310:380]))
+
+
+def test_a_hold_is_of_commanded_angles(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r'joints: hold = "zero" of measured angles, .* add are = "commanded"'):
+        _filmed(tmp_path, joints=JOINTS + 'hold = "zero"\n')
+
+
+def test_a_ramp_begins_at_zero(tmp_path: Path) -> None:
+    """What was filmed before is left out, and said."""
+    time, pose, _ = _swim()
+    file = _table(tmp_path / "run.csv", "time,x,y,yaw", np.column_stack([time - 1.0, pose]))
+    mapping = _map(tmp_path / "map.toml", WAVE.replace("free = true", "ramp = 0.5"), "poses")
     dataset, report = _import("poses", file, mapping)
     (run,) = dataset.trials
-    assert dataset.noise is not None
-    off = (run.velocity - np.column_stack([np.interp(run.time, time, column) for column in true.T])) / dataset.noise
-    rms = np.sqrt(np.square(off).mean(axis=0))
-    assert np.all((rms > 0.5) & (rms < 1.5)), rms
-    assert report.beat == pytest.approx(BEAT, rel=0.01)
-    assert run.wave is not None  # and the clock stays that of the file, which the wave goes by
-    assert run.time[0] == pytest.approx(next((cut.end for cut in report.cuts if cut.start == 0.0), 0.0))
-
-
-def _gap(tmp_path: Path, pose: FloatArray, time: FloatArray) -> tuple[Dataset, importers.FileReport]:
-    rng = np.random.default_rng(5)
-    noisy = pose + rng.normal(0.0, [5e-4, 5e-4, 4e-3], pose.shape)
-    noisy[180:208] = np.nan
-    file = _table(tmp_path / "run.csv", "time,x,y,yaw", np.column_stack([time, noisy]))
-    return _import("poses", file, _map(tmp_path / "map.toml", WAVE, "poses"))
-
-
-def test_a_gap_in_periodic_motion_is_bridged_and_said(tmp_path: Path) -> None:
-    """More than half a beat: what the beat repeats is known there, and the velocities prove it."""
-    time, pose, true = _swim()
-    dataset, report = _gap(tmp_path, pose, time)
-    (run,) = dataset.trials
-    assert any("28 frames without a pose bridged" in note for note in report.notes), (report.notes, report.cuts)
-    inside = (run.time > 3.6) & (run.time < 4.16)
-    off = run.velocity[inside] - np.column_stack([np.interp(run.time[inside], time, column) for column in true.T])
-    assert dataset.noise is not None
-    assert np.all(np.abs(off) < 4.0 * dataset.noise)
-
-
-def test_a_gap_in_motion_that_does_not_repeat_is_cut(tmp_path: Path) -> None:
-    """The same gap where the fish turns now here, now there: two trials, and the cut is reported."""
-    time, _, _ = _swim()
-    rng = np.random.default_rng(1)
-    steps = np.cumsum(rng.normal(0.0, 1.0, (len(time), 3)), axis=0)
-    kernel = np.hanning(25) / np.hanning(25).sum()
-    wandering = np.column_stack([np.convolve(column, kernel, mode="same") for column in steps.T]) * [0.01, 0.01, 0.1]
-    dataset, report = _gap(tmp_path, wandering, time)
-    assert [run.name for run in dataset.trials] == ["run-a", "run-b"]
-    assert report.beat is None
-    cut = next(cut for cut in report.cuts if cut.start > 1.0 and cut.end < 7.0)
-    assert (cut.start, cut.end) == pytest.approx((180 / RATE, 208 / RATE), abs=0.3)
-    assert "pose lost" in cut.reason
+    assert run.starts_at_rest
+    assert (run.time[0], run.sensors[1].time[0]) == (0.0, 0.0)
+    assert report.cuts[0].reason == "before the drive starts"
 
 
 def test_an_importer_in_a_file_of_ones_own_works_the_same(tmp_path: Path) -> None:
@@ -215,25 +342,6 @@ def test_any_layout_of_markers_is_a_mapping(tmp_path: Path) -> None:
     mapping.write_text(plain.replace('"fin"', '"tail_9"'))
     with pytest.raises(MjfishError, match=r"unknown link in .* marker c 'tail_9'; known: fin, head"):
         importers.import_files("markers", [tmp_path / "run.csv"], mapping=mapping)
-
-
-def test_a_held_out_file_changes_no_stated_noise(tmp_path: Path) -> None:
-    """The second file is ten times as noisy. Catches a noise averaged over files that the fit must not know."""
-    time, pose, _ = _swim()
-    mapping = _map(tmp_path / "map.toml", WAVE, "poses")
-    rng = np.random.default_rng(3)
-    files = []
-    for name, sigma in (("good", 0.001), ("bad", 0.01)):
-        noisy = pose + rng.normal(size=pose.shape) * sigma
-        files.append(_table(tmp_path / f"{name}.csv", "time,x,y,yaw", np.column_stack([time, noisy])))
-    alone, _ = importers.import_files("poses", files[:1], mapping=mapping)
-    beside, _ = importers.import_files("poses", files, held_out=["bad"], mapping=mapping)
-    both, _ = importers.import_files("poses", [files[0], files[1]], held_out=["good"], mapping=mapping)
-    assert alone.noise is not None
-    assert beside.noise is not None
-    assert both.noise is not None
-    np.testing.assert_array_equal(beside.noise, alone.noise)
-    assert np.all(both.noise > 3.0 * alone.noise)
 
 
 def test_every_file_has_the_wave_that_its_name_says(tmp_path: Path) -> None:

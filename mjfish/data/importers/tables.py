@@ -405,7 +405,7 @@ def _part(trial: Trial, rows: IntArray, name: str) -> Trial:
         velocity=readonly(trial.velocity[rows]),
         joint_angle=None if angle is None else readonly(angle[rows]),
         sensors=tuple(replace(sensor, time=sensor.time - begin) for sensor in sensors),
-        from_rest=trial.from_rest and rows[0] == 0,
+        from_rest=trial.from_rest and int(rows[0]) == 0,
     )
 
 

@@ -50,20 +50,29 @@ def _remark(trial: Trial, *, held_out: bool) -> str:
 
 
 def _channels(trial: Trial) -> go.Figure:
-    """Draw the velocities that were measured, and the joint angles."""
-    shown = [k for k in range(len(CHANNELS)) if trial.measured[k]]
-    rows = len(shown) + (trial.joint_angle is not None)
-    figure = panels(max(rows, 1), height=60 + 120 * max(rows, 1), shared_xaxes=True, vertical_spacing=0.09)
-    for row, k in enumerate(shown, start=1):
+    """Draw the velocities that were measured, the channels of every sensor, and the joint angles."""
+    shown = [
+        (trial.time, trial.velocity[:, k], f"{CHANNEL_NAMES[name]} [{UNITS[name]}]")
+        for k, name in enumerate(CHANNELS)
+        if trial.measured[k]
+    ]
+    shown += [
+        (sensor.time, values, f"{sensor.name}: {channel} [{unit}]")
+        for sensor in trial.sensors
+        for values, channel, unit in zip(sensor.values.T, sensor.channels, sensor.units, strict=True)
+    ]
+    rows = max(len(shown) + (trial.joint_angle is not None), 1)
+    figure = panels(rows, height=60 + 120 * rows, shared_xaxes=True, vertical_spacing=0.3 / rows)
+    for row, (time, values, title) in enumerate(shown, start=1):
         panel = Panel(figure, row)
-        panel.curve(trial.time, trial.velocity[:, k], "nominal")
-        panel.heading(f"{CHANNEL_NAMES[CHANNELS[k]]} [{UNITS[CHANNELS[k]]}]")
+        panel.curve(time, values, "nominal")
+        panel.heading(title)
     if trial.joint_angle is not None:
         panel = Panel(figure, rows)
         for angle, colour in zip(trial.joint_angle.T, _colours(trial.joint_angle.shape[1]), strict=True):
             panel.curve(trial.time, angle, colour)
         panel.heading("joint angles [rad], head to tail from dark to light")
-    return figure.update_xaxes(title_text="time [s]", row=max(rows, 1))
+    return figure.update_xaxes(title_text="time [s]", row=rows)
 
 
 def _colours(joints: int) -> list[str]:
