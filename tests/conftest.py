@@ -39,3 +39,15 @@ def fishsim() -> Path:
 def pike() -> Fish:
     """The nominal fish."""
     return load_fish("pike")
+
+
+@pytest.fixture(scope="session")
+def foreign_poses() -> Path:
+    """Folder of folders of poses of a pike that another simulator swam."""
+    return _folder("MJFISH_POSES", "shared/data/poses")
+
+
+@pytest.fixture(scope="session")
+def foreign_carp() -> Path:
+    """Folder of poses of a fish with three joints that another simulator swam, with its TOML."""
+    return _folder("MJFISH_CARP", "shared/data/carp")

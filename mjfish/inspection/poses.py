@@ -64,7 +64,7 @@ _NEAR = 3.0
 _DEGREES, _WILD, _RADIANS, _ALIKE = 12.0, 0.6, math.pi / 180.0, 0.8
 #: A step between samples is a jump where it is so many sigma off the median of those beside it, and this share of the
 #: fish, or so many rad: exchanged markers. Exchanged ends turn a heading by half a turn, to so many rad.
-_FAR, _USUAL, _BESIDE, _APART, _TURNED, _HALF = 8.0, 0.9, 7, 0.06, 1.0, 0.4
+_FAR, _USUAL, _BESIDE, _APART, _TURNED, _HALF = 8.0, 0.75, 7, 0.06, 1.0, 0.4
 #: Keeps quotients finite.
 _DUST = 1e-30
 
@@ -74,19 +74,19 @@ def pose_findings(dataset: Dataset) -> Iterator[Finding]:
 
     A weak or late servo, a current, noise or another drag make no finding.
     """
-    torn = set[str]()
-    for trial in dataset.trials:
-        for sensor in trial.sensors:
-            if sensor.kind in _SEEN and (found := _jumps(trial, sensor, dataset.fish)):
-                torn |= {trial.name} if found.severity == "blocks" else set()
-                yield found
     yield from _missing(dataset)
+    seen = [(trial, sensor) for trial in dataset.trials for sensor in trial.sensors if sensor.kind in _SEEN]
+    jumps = [found for trial, sensor in seen if (found := _jumps(trial, sensor, dataset.fish))]
+    torn = {name for found in jumps if found.severity == "blocks" for name in found.trials}
     shifts = _SHIFTS if all(trial.joints_measured for trial in dataset.trials) else _LATE
     model = Model(dataset.fish)
     whole = (_run(trial, model, shifts) for trial in dataset.trials if trial.name not in torn)
     runs = [run for run in whole if run is not None]
-    if runs:
-        yield from [*_units(runs)] or _axes(runs, dataset.fish)
+    # Jumps and axes show only where the units are right.
+    units = [*_units(runs)] if runs else []
+    yield from units or jumps
+    if runs and not units:
+        yield from _axes(runs, dataset.fish)
 
 
 def _jumps(trial: Trial, sensor: Sensor, fish: Fish) -> Finding | None:

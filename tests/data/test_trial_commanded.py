@@ -11,6 +11,7 @@ import pytest
 import mjfish
 from mjfish.arrays import readonly
 from mjfish.data import Dataset, save
+from mjfish.data.trial import Hold
 from mjfish.effects import find
 from mjfish.errors import InputError
 from mjfish.estimation import fit
@@ -51,12 +52,13 @@ def test_a_lag_behind_recorded_commands_is_found() -> None:
     assert "measured" in find("servo_lag").not_applicable(measured)
 
 
-def test_a_command_is_held_until_the_next() -> None:
-    """Half a step late, on average."""
+@pytest.mark.parametrize(("hold", "late"), [("zero", 0.5), ("linear", 0.0)])
+def test_a_command_is_held_until_the_next(hold: Hold, late: float) -> None:
+    """Half a step late, on average; on a line to the next it is not late."""
     (trial,) = commanded(0.0).trials
-    motion = asked_motion(None, trial, 0.002)
+    motion = asked_motion(None, replace(trial, hold=hold), 0.002)
     inside = (motion.time > 0.2) & (motion.time < 3.8)
-    phase = 2.0 * np.pi * 2.0 * (motion.time[inside] - 0.5 * trial.step)
+    phase = 2.0 * np.pi * 2.0 * (motion.time[inside] - late * trial.step)
     np.testing.assert_allclose(motion.angle[inside[:-1], 0, 0], (0.12 * np.sin(phase))[: inside[:-1].sum()], atol=1e-4)
 
 

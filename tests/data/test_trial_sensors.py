@@ -97,6 +97,27 @@ def test_dropouts_repeats_and_samples_outside_of_the_run_are_left_out_and_said(t
     assert trial.measured.tolist() == [True, False, False]
 
 
+@pytest.mark.parametrize("digit", [1.0, 0.1, 0.01])
+def test_values_that_repeat_by_rounding_are_kept(tmp_path: Path, digit: float) -> None:
+    """A heading that turns slowly, in degrees. Left out, those before each change of the last digit would be missed."""
+    time = np.arange(300) / 30.0
+    noisy = 10.0 + 2.0 * time + np.random.default_rng(1).normal(0.0, 0.3, 300)
+    rounded = np.radians(digit * np.round(noisy / digit))
+    sensor = 'kind = "heading"\nname = "compass"\nfile = "compass.csv"'
+    (trial,) = _read(tmp_path, sensor, compass=_table("time [s],yaw [rad]", time, rounded)).trials
+    assert len(trial.sensors[0].time) == 300
+    assert trial.sensors[0].remarks == ()
+
+
+def test_frozen_frames_are_left_out(tmp_path: Path) -> None:
+    time, x, y = _track(np.arange(300) / 30.0)
+    x, y = (np.round(v + np.random.default_rng(1).normal(0.0, 1e-3, 300), 6) for v in (x, y))
+    x[100:103], y[100:103] = x[99], y[99]
+    (trial,) = _read(tmp_path, tag=_table("time [s],x [m],y [m]", time, x, y)).trials
+    assert len(trial.sensors[0].time) == 297
+    assert "3 of 300 samples left out: they repeat the values before" in trial.sensors[0].remarks[0]
+
+
 def test_a_gap_stays_a_gap(tmp_path: Path) -> None:
     time = np.delete(np.arange(90) / 30.0, np.s_[30:45])
     (trial,) = _read(tmp_path, tag=_table("time [s],x [m],y [m]", *_track(time))).trials
@@ -196,6 +217,34 @@ def test_a_stated_noise_must_have_what_was_measured(tmp_path: Path) -> None:
     assert noise is not None
     assert noise.tolist()[:2] == [0.01, 0.02]
     assert np.isnan(noise[2])
+
+
+def _recorded(gap: int) -> Dataset:
+    """A filmed run with recorded joints that beat at 2 Hz; from row 100 on, the joints of some rows are missing."""
+    pool = mjfish.generate("pike", ["v1"], noise=(1e-3, 1e-3, 0.01), duration=6.0, observe="pose", joints="measured")
+    (trial,) = pool.trials
+    rows = np.delete(np.arange(len(trial.time)), np.s_[100 : 100 + gap])
+    angle = 0.2 * np.sin(4.0 * np.pi * trial.time[rows, None] - np.arange(4.0))
+    cut = replace(trial, time=trial.time[rows], velocity=trial.velocity[rows], joint_angle=angle)
+    return replace(pool, trials=(cut,))
+
+
+def test_joints_without_velocities_may_have_gaps_that_a_spline_bridges(tmp_path: Path) -> None:
+    """A beat of 25 rows: 5 of them may miss, the files give back what was recorded; 8 may not."""
+    (before,) = _recorded(5).trials
+    save(_recorded(5), tmp_path / "pool")
+    (after,) = mjfish.load_dataset(tmp_path / "pool").trials
+    assert np.array_equal(after.time, before.time)
+    assert before.joint_angle is not None
+    assert after.joint_angle is not None
+    assert np.array_equal(after.joint_angle, before.joint_angle)
+    assert not after.measured.any()
+    for old, new in zip(before.sensors, after.sensors, strict=True):
+        assert np.array_equal(old.values, new.values)
+    with pytest.raises(
+        InputError, match=r"v1\.csv: row 101 \(line 102\): no joint angles from 1\.98 to 2\.16 s.*cut the run there"
+    ):
+        save(_recorded(8), tmp_path / "other")
 
 
 def test_what_is_saved_is_read_back_to_the_last_bit(tmp_path: Path) -> None:

@@ -287,7 +287,9 @@ def test_a_slow_misfit_is_not_taken_for_rounding(swum: tuple[Problem, Fit]) -> N
         rng = np.random.default_rng(seed)
         blocks = [_rough(rng, int(problem.mask(i).sum()), 0.05) for i in range(2)]
         for block, rows in zip(blocks, shapes, strict=True):
-            block += 0.2 * SIGMA * (hats(np.arange(float(len(rows))), 0.0, len(rows) - 1.0) @ rng.standard_normal((HATS, 3)))
+            block += (
+                0.2 * SIGMA * (hats(np.arange(float(len(rows))), 0.0, len(rows) - 1.0) @ rng.standard_normal((HATS, 3)))
+            )
         left = replace(noise_sample(problem, blocks), shapes=[*map(always, shapes)])
         sharp = sharpened(differentiation_noise(left), left)
         found.append([sharp.rounding / 0.05, sharp.doubt])

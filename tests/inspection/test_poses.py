@@ -1,0 +1,227 @@
+"""Places and headings that cannot be right are found before any fit, with the option that mends them.
+
+None is found in data that are right: of simulated fish far from the nominal one, and of two foreign simulators.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bad_data import only, wrong
+
+import mjfish
+from mjfish import tomlfile
+from mjfish.arrays import FloatArray
+from mjfish.data import Dataset, Sensor, Trial
+from mjfish.data.importers.mapping import PosesMap
+from mjfish.data.importers.tables import import_mapped
+from mjfish.fish import load_fish
+from mjfish.inspection import Finding, inspect
+from mjfish.simulation.synthetic import Joints
+
+MODES = ("v1", "v3-t1", "v5", "v3-t2")
+PLACES = ((0.0, 0.0, 0.5), (1.0, 0.0, 2.5), (0.0, 1.0, -2.0), (0.5, 0.5, -0.6))
+NOISE = (1e-3, 1e-3, 0.01)
+Values = Callable[[FloatArray, Trial], FloatArray]
+
+
+@cache
+def filmed(joints: Joints = "measured", modes: tuple[str, ...] = MODES, lag: float = 0.0) -> Dataset:
+    """Return runs of a fish off the nominal one that was filmed; its joints were recorded with noise."""
+    true = {"c_d.head": 2.0, "c_d.tail": 1.0, "c_m.body": 0.6, **({"servo_lag.time_constant": lag} if lag else {})}
+    return mjfish.generate(
+        "pike", modes, values=true, noise=NOISE, seed=3, held_out=modes[1:2], duration=7.2, observe="pose",
+        places=PLACES[: len(modes)], joints=joints, joint_noise=0.005,
+    )  # fmt: skip
+
+
+def spoiled(
+    place: Values | None = None, heading: Values | None = None, *names: str, dataset: Dataset | None = None
+) -> Dataset:
+    """Return the runs, or those of these names, with other places (n, 2) or headings (n, 1); these without jumps."""
+
+    def changed(trial: Trial) -> Trial:
+        sensors = []
+        for sensor in trial.sensors:
+            change = place if sensor.kind == "position" else heading
+            values = sensor.values if change is None else change(sensor.values.copy(), trial)
+            sensors.append(replace(sensor, values=values if sensor.kind == "position" else np.unwrap(values, axis=0)))
+        return replace(trial, sensors=tuple(sensors))
+
+    base = filmed() if dataset is None else dataset
+    return replace(base, trials=tuple(changed(t) if not names or t.name in names else t for t in base.trials))
+
+
+def poses(dataset: Dataset) -> list[Finding]:
+    return [finding for finding in wrong(inspect(dataset)) if finding.code.startswith("poses")]
+
+
+@pytest.mark.parametrize(("joints", "lag"), [("measured", 0.0), ("commanded", 0.02), ("commanded", 0.1)])
+def test_right_poses_have_no_finding(joints: Joints, lag: float) -> None:
+    """Servos late by more than a quarter of a beat are no mirrored ones."""
+    assert poses(filmed(joints, lag=lag)) == []
+
+
+def _mirrored(values: FloatArray, trial: Trial) -> FloatArray:
+    del trial
+    return values * [1.0, -1.0]
+
+
+def _clockwise(values: FloatArray, trial: Trial) -> FloatArray:
+    del trial
+    return 0.4 - values
+
+
+def _of_link(number: int) -> Values:
+    def turned(values: FloatArray, trial: Trial) -> FloatArray:
+        assert trial.joint_angle is not None
+        return np.asarray(values + trial.joint_angle[:, :number].sum(axis=1, keepdims=True))
+
+    return turned
+
+
+def _wrapped(values: FloatArray, trial: Trial) -> FloatArray:
+    del trial
+    return np.degrees((values + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def _times(factor: float) -> Values:
+    return lambda values, _: factor * values
+
+
+def _plus(angle: float) -> Values:
+    return lambda values, _: values + angle
+
+
+#: Change of places, change of headings, code, channels, option.
+WRONG: dict[str, tuple[Values | None, Values | None, str, str, str]] = {
+    "image with y down": (_mirrored, _clockwise, "poses-mirrored", "position and heading", "--set axes=y_down"),
+    "y down alone": (_mirrored, None, "poses-mirrored", "position", "--set axes=y_down --set turn_to=port"),
+    "clockwise heading": (None, _clockwise, "poses-mirrored", "heading", "--set turn_to=starboard"),
+    "tail first": (None, _plus(np.pi), "poses-heading-zero", "heading", "--set yaw_zero=VALUE"),
+    "compass": (None, _plus(0.5 * np.pi), "poses-heading-zero", "heading", "--set yaw_zero=VALUE"),
+    "mm": (_times(1e3), None, "poses-unit", "position", "--length-unit mm"),
+    "cm": (_times(1e2), None, "poses-unit", "position", "--length-unit cm"),
+    "m as mm": (_times(1e-3), None, "poses-unit", "position", "--length-unit m"),
+    "degrees": (None, _wrapped, "poses-unit", "heading", "--angle-unit deg"),
+    "radians as degrees": (None, _times(np.pi / 180.0), "poses-unit", "heading", "--angle-unit rad"),
+    "link 2": (None, _of_link(2), "poses-heading-link", "heading", "--heading COLUMN"),
+    "tail": (None, _of_link(4), "poses-heading-link", "heading", "--heading COLUMN"),
+}
+
+
+@pytest.mark.parametrize(("place", "heading", "code", "channel", "option"), WRONG.values(), ids=WRONG)
+def test_a_wrong_import_is_found_with_the_option_that_mends_it(
+    place: Values | None, heading: Values | None, code: str, channel: str, option: str
+) -> None:
+    dataset = spoiled(place, heading)
+    found = [finding for finding in poses(dataset) if finding.severity == "blocks"]
+    assert [finding.code for finding in found] == [code], [finding.message for finding in found]
+    assert found[0].place == f"all trials, {channel}"
+    assert option in found[0].remedy
+    assert inspect(dataset).severity == "blocks"
+
+
+def test_the_link_whose_heading_it_is_is_named() -> None:
+    """Catches a link that is counted from the tail, or from 1."""
+    assert f"link '{filmed().fish.links[2].name}'" in poses(spoiled(None, _of_link(2)))[0].found
+
+
+def test_commands_show_a_mirrored_fish() -> None:
+    base = filmed("commanded", lag=0.02)
+    (found,) = poses(spoiled(_mirrored, _clockwise, dataset=base))
+    assert found.code == "poses-mirrored"
+
+
+def test_a_heading_with_a_clock_of_its_own_is_not_held_against_the_joints() -> None:
+    """Half a beat late it swings as a mirrored one does."""
+    late = [
+        replace(trial, sensors=tuple(
+            Sensor(s.name, s.kind, s.time + 0.17, s.values, free_clock=s.kind == "heading") for s in trial.sensors
+        ))
+        for trial in filmed().trials
+    ]  # fmt: skip
+    assert poses(replace(filmed(), trials=tuple(late))) == []
+
+
+def test_exchanged_markers_are_counted() -> None:
+    """One for two frames, one for thirty: four jumps. Catches jumps that are looked for as spikes alone."""
+
+    def exchanged(values: FloatArray, _: Trial) -> FloatArray:
+        values[100:102] += [0.08, 0.0]
+        values[200:230] += [0.0, 0.09]
+        return values
+
+    found = only(inspect(spoiled(exchanged, None, "v5")), "poses-jumps")
+    assert found.severity == "suspect"
+    assert found.place == "trial 'v5', position, row 101 (2.000 s) and 3 more"
+    assert "exchanged markers" in found.found
+
+
+def test_headings_of_a_line_without_a_front_are_found() -> None:
+    found = poses(spoiled(None, lambda v, _: (v - v.mean()) % np.pi, "v1"))
+    assert [finding.code for finding in found] == ["poses-half-turns"]
+    assert "half a turn" in found[0].found
+    assert "tail to nose" in found[0].remedy
+
+
+def test_missing_frames_are_counted_in_a_remark() -> None:
+    (trial, *others) = filmed().trials
+    place, heading = trial.sensors
+    kept = np.ones(len(place.time), dtype=np.bool_)
+    kept[[50, 51, 52, 200]] = False
+    holed = replace(filmed(), trials=(replace(trial, sensors=(place.kept(kept, "never seen"), heading)), *others))
+    (found,) = (finding for finding in inspect(holed).findings if finding.code == "poses-missing")
+    assert found.severity == "remark"
+    assert found.place == f"trial '{trial.name}', position"
+    assert f"4 of {len(kept)} samples are missing, the longest gap is 0.08 s" in found.found
+    assert "never seen" in found.found
+
+
+def test_runs_of_joints_without_velocities_are_told_what_is_missing() -> None:
+    """A start that the camera saw. Catches remarks that go by velocities alone."""
+    base = filmed(modes=("v1",))
+    late = replace(base, trials=tuple(replace(trial, from_rest=False) for trial in base.trials))
+    codes = {finding.code for finding in inspect(late).findings}
+    assert {"design-one-run", "design-no-turn"} <= codes
+    assert "design-no-start" not in codes
+    swum = replace(late, trials=tuple(_after(trial, 3.0) for trial in late.trials))
+    assert "design-no-start" in {finding.code for finding in inspect(swum).findings}
+
+
+def _after(trial: Trial, begin: float) -> Trial:
+    rows = trial.time >= begin
+    assert trial.joint_angle is not None
+    return replace(
+        trial, time=trial.time[rows], velocity=trial.velocity[rows], joint_angle=trial.joint_angle[rows],
+        sensors=tuple(sensor.kept(sensor.time >= begin, "earlier") for sensor in trial.sensors),
+    )  # fmt: skip
+
+
+#: Of both foreign datasets, as a mapping file has them.
+_UNITS = {"schema": 1, "kind": "poses", "fish": "-", "length_unit": "mm", "angle_unit": "deg"}
+
+
+@pytest.mark.parametrize("folder", ["nothing_hidden", "current"])
+def test_poses_of_a_foreign_pike_have_no_finding(foreign_poses: Path, folder: str) -> None:
+    columns = {"time": "time_s", "x": "x_mm", "y": "y_mm", "yaw": "heading_deg"}
+    joints = {"columns": [f"j{number}_deg" for number in range(1, 5)], "unit": "deg"}
+    table = tomlfile.parse({**_UNITS, **columns, "joints": joints}, PosesMap, "test")
+    files = sorted((foreign_poses / folder).glob("*.csv"))
+    dataset, _ = import_mapped(files, (), table, load_fish("pike"), Path("test"))
+    assert poses(dataset) == []
+
+
+@pytest.mark.parametrize(("axes", "codes"), [("y_down", []), ("y_up", ["poses-mirrored"])])
+def test_poses_of_a_foreign_carp_show_their_axes(foreign_carp: Path, axes: str, codes: list[str]) -> None:
+    columns = {"time": "Time [s]", "x": "Head_X [mm]", "y": "Head_Y [mm]", "yaw": "Heading [deg]", "axes": axes}
+    joints = {"columns": [f"cmd_{number} [deg]" for number in range(1, 4)], "unit": "deg", "are": "commanded"}
+    table = tomlfile.parse({**_UNITS, **columns, "joints": joints}, PosesMap, "test")
+    files = sorted(foreign_carp.glob("*.csv"))
+    dataset, _ = import_mapped(files, (), table, load_fish(str(foreign_carp / "carp.toml")), Path("test"))
+    assert [finding.code for finding in poses(dataset)] == codes
