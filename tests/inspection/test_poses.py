@@ -144,7 +144,7 @@ def test_commands_show_a_mirrored_fish() -> None:
 
 
 def test_late_servos_make_no_other_link() -> None:
-    """A dead time of a quarter of a beat behind waves of two frequencies. Catches shifts that are tried the other way."""
+    """A dead time of a quarter of a beat behind waves of two frequencies. Catches shifts the other way."""
     fish = mjfish.new_fish("trout", length=0.5, mass=1.6, joints=3, height=0.09)
     model, time = Model(fish, (find("servo_delay"),)), readonly(np.arange(0.0, 8.0, 1.0 / 30.0))
     blank = (
