@@ -131,10 +131,11 @@ class WaveDrive(Law):
 
 
 class PlaceTable(Table):
-    """Where a sensor sits: on a `link`, by name, a `station` [m] behind its front."""
+    """Where a sensor sits: on a `link`, by name, a `station` [m] behind its front; `known`: measured, not guessed."""
 
     link: str
     station: NotNegative
+    known: bool = True
 
 
 class SensorTable(Table):

@@ -68,6 +68,7 @@ def build_sensor(entry: SensorTable, numbers: Mapping[str, FloatArray], fish: Fi
         values=np.stack([numbers[name] for name in channels], axis=1),
         link=link,
         station=station,
+        placed=entry.place is None or entry.place.known,
         sigma=np.array(entry.sigma) if entry.sigma else None,
         free_clock=entry.clock == "free",
         source=source,

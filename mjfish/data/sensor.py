@@ -48,6 +48,7 @@ class Sensor:
             accelerations at the place [m/s2], forward and to port, of the motion in the plane alone.
         link: on which link it sits, from 0 at the head.
         station: how far behind the front of that link [m].
+        placed: whether that was measured; else it is a guess, and a camera's offset from there is free in a fit.
         sigma: (c,) standard deviation of one sample; None: estimated from the data.
         free_clock: whether its clock has an unknown offset in each run.
         source: the file it was read from.
@@ -67,6 +68,7 @@ class Sensor:
     values: FloatArray
     link: int = 0
     station: float = 0.0
+    placed: bool = True
     sigma: FloatArray | None = None
     free_clock: bool = False
     source: Path | None = None

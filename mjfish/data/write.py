@@ -126,6 +126,8 @@ def _sensor(trial: Trial, sensor: Sensor, fish: Fish, suffix: str) -> dict[str, 
         "kind": sensor.kind, "name": sensor.name, "file": f"{trial.name}.{sensor.name}{suffix}",
         "place": {"link": fish.links[sensor.link].name, "station": float(sensor.station)},
     }  # fmt: skip
+    if not sensor.placed:
+        table["place"]["known"] = False
     if sensor.sigma is not None:
         table["sigma"] = [float(sigma) for sigma in sensor.sigma]
     return {**table, "clock": "free"} if sensor.free_clock else table

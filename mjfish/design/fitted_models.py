@@ -191,9 +191,7 @@ def _restored(
     fitted, _ = known.dataset.split()
     compared = raw["problem"]
     smoothing = restored_filter(compared["smoothing"])
-    problem = replace(
-        known.problem, trials=fitted, ends=compared["ends"], slope_step=compared["slope_step"], smoothing=smoothing
-    )
+    problem = replace(known.problem, trials=fitted, slope_step=compared["slope_step"], smoothing=smoothing)
     values = next(model.values for model in models if not model.causes)
     problem = replace(problem, noise=restore(compared["noise"], problem, values))
     return replace(known, problem=problem, question=question, fits={model.causes: model for model in models})

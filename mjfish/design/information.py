@@ -122,7 +122,7 @@ def column(rival: str, parameter: str) -> str:
 
 def on_menu(problem: Problem, runs: Sequence[Run]) -> Problem:
     """Return the problem with the runs of a menu for its trials, all of their samples counted."""
-    return replace(problem, trials=tuple(run.trial for run in runs), windows=None, ends=0)
+    return replace(problem, trials=tuple(run.trial for run in runs), windows=None)
 
 
 #: Names of columns (k,), and these (n, k).

@@ -16,6 +16,7 @@ from mjfish.effects.mechanism import MECHANISMS, Domain
 from mjfish.errors import ParameterError, UnknownNameError
 from mjfish.fish import KINDS, Fish
 from mjfish.hydro.load import PARAMETERS, Load
+from mjfish.known import Beforehand
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior
 
@@ -116,6 +117,14 @@ class Effect(ABC):
         """Say why `dataset` cannot show this effect; empty where it can."""
         del dataset
         return ""
+
+    def beforehand(self, dataset: Dataset) -> dict[str, Beforehand]:
+        """Return what `dataset` says is not known well of how it was taken, by full name of a parameter.
+
+        The effect is then a part of the nominal model.
+        """
+        del dataset
+        return {}
 
     def cannot_act(self, trial: Trial) -> str:
         """Say why a simulated run cannot have this effect, whatever its size; empty where it can."""

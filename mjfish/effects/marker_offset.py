@@ -8,10 +8,14 @@ import numpy as np
 
 from mjfish import frames
 from mjfish.arrays import FloatArray
-from mjfish.data import Trial
+from mjfish.data import Dataset, Trial
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.mechanism import Domain
+from mjfish.known import Beforehand
 from mjfish.parameter import Parameter
+
+#: How well the place of a tracked point is known that nobody measured: share of the length of the head, sideways [m].
+_SOMEWHERE, _ASIDE = 0.5, 0.01
 
 
 class MarkerOffset(Effect):
@@ -44,6 +48,16 @@ class MarkerOffset(Effect):
         "measure where the marker sits, or turn the fish by hand about its nose in the camera's view"
     )
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, part="everywhere")
+
+    def beforehand(self, dataset: Dataset) -> dict[str, Beforehand]:
+        """Say that a point is somewhere on the head, where nobody said where it is."""
+        if all(sensor.placed for trial in dataset.trials for sensor in trial.sensors):
+            return {}
+        along = _SOMEWHERE * dataset.fish.links[0].length
+        return {
+            "marker_offset.along": Beforehand(mean=0.0, sd=along),
+            "marker_offset.across": Beforehand(mean=0.0, sd=_ASIDE),
+        }
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Add omega x r_m."""

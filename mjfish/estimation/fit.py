@@ -269,8 +269,8 @@ _IDLE = 1e-12
 def _moving(turned: _Rows, y: FloatArray, parameters: Sequence[Parameter]) -> NDArray[np.intp]:
     """Return the places of the parameters that a fit moves: all but shapes that do nothing where it begins.
 
-    The optimiser would take them from bound to bound, and cut every step of the others short. Those of a cause that does
-    nothing yet may do something later.
+    The optimiser would take them from bound to bound, and cut every step of the others short. Those of a cause that
+    does nothing yet may do something later.
     """
     acting = {
         p.group for p, value in zip(parameters, y * turned.scale, strict=True) if not p.shape and value != p.default

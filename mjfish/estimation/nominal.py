@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
@@ -15,6 +15,7 @@ from mjfish.effects.effect import Effect
 from mjfish.errors import UnknownNameError, located
 from mjfish.estimation import clocks
 from mjfish.estimation.problem import Problem, nuisances
+from mjfish.known import Beforehand
 from mjfish.model import Model
 from mjfish.noise import Noise
 from mjfish.noise.autoregressive import FLOOR
@@ -42,7 +43,8 @@ def nominal_problem(
         UnknownNameError: something is known of a number that there is not.
         InputError, ParameterError: what is known contradicts itself.
     """
-    model = Model(dataset.fish, tuple(_known_effects(dataset)))
+    given = _beforehand(dataset)
+    model = Model(dataset.fish, tuple(_known_effects(given)))
     free_clock, nominal = dataset.clock == "free", tuple(effect.name for effect in model.effects)
     problem = Problem(
         model,
@@ -54,13 +56,13 @@ def nominal_problem(
         sensor_sigma=_first_sensor_sigma(dataset, trials),
         jobs=jobs or os.cpu_count() or 1,
     )
-    if not dataset.known:
+    if not given:
         return problem
     own = (p for trial in dataset.trials for p in nuisances(trial, free_clock))
     waves = [trial for trial in dataset.trials if trial.wave is not None]
     scales = [clocks.SCALE, *(f"{trial.name}:{clocks.SCALE}" for trial in waves)] if waves else []
     with located(f"{dataset.source or dataset.name}: known"):
-        return replace(problem, declared=_declared(dataset, [*model.parameters, *own, *map(clocks.scale, scales)]))
+        return replace(problem, declared=_declared(given, [*model.parameters, *own, *map(clocks.scale, scales)]))
 
 
 def _first_sensor_sigma(dataset: Dataset, trials: tuple[Trial, ...]) -> dict[str, FloatArray]:
@@ -73,17 +75,23 @@ def _first_sensor_sigma(dataset: Dataset, trials: tuple[Trial, ...]) -> dict[str
     return found
 
 
-def _known_effects(dataset: Dataset) -> Iterator[Effect]:
+def _beforehand(dataset: Dataset) -> dict[str, Beforehand]:
+    """Return what is known of parameters: as the dataset says, and by how it was taken."""
+    taken = (effect.beforehand(dataset) for effect in catalogue().values())
+    return {**{name: known for own in taken for name, known in own.items()}, **dataset.known}
+
+
+def _known_effects(given: Mapping[str, Beforehand]) -> Iterator[Effect]:
     """Yield the causes of whose parameters something is known."""
     for name, effect in catalogue().items():
-        if any(key.startswith(f"{name}.") for key in dataset.known):
+        if any(key.startswith(f"{name}.") for key in given):
             yield effect
 
 
-def _declared(dataset: Dataset, parameters: Sequence[Parameter]) -> dict[str, Parameter]:
+def _declared(given: Mapping[str, Beforehand], parameters: Sequence[Parameter]) -> dict[str, Parameter]:
     """Return the declarations of the parameters of which something is known, by name."""
     declared: dict[str, Parameter] = {}
-    for pattern, known in dataset.known.items():
+    for pattern, known in given.items():
         found = [p for p in parameters if p.name == pattern or fnmatchcase(p.name, pattern)]
         if not found:
             raise UnknownNameError("parameter", pattern, [p.name for p in parameters])

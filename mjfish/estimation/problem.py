@@ -103,7 +103,6 @@ class Problem:
             where it is declared here.
         free_clock: whether each trial has a clock offset of its own.
         windows: per trial, the times [s] between which samples count; None: all of it.
-        ends: how many samples at either end of every trial do not count.
         slope_step: longest integration step of the derivatives [s]; None: that of the model. A fit goes by them, where
             it ends the residuals say: they may be rougher.
         smoothing: filter that the recorded velocities went through, and predictions do, too; None: none.
@@ -124,7 +123,6 @@ class Problem:
     declared: Mapping[str, Parameter] = field(default_factory=dict)
     free_clock: bool = False
     windows: tuple[tuple[float, float] | None, ...] | None = None
-    ends: int = 0
     slope_step: float | None = None
     smoothing: Filter | None = None
     nominal: tuple[str, ...] = ()
@@ -246,7 +244,7 @@ class Problem:
 
     def to_dict(self) -> dict[str, Any]:
         """Return how data and model are compared as plain data; model and trials are told elsewhere."""
-        fields = {"noise": self.noise, "ends": self.ends, "slope_step": self.slope_step, "smoothing": self.smoothing}
+        fields: dict[str, object] = {"noise": self.noise, "slope_step": self.slope_step, "smoothing": self.smoothing}
         if self.sensors:
             fields["sensor_sigma"] = {sensor.name: self.sigma_of(sensor) for _, sensor in self.sensors}
         return {key: plain(value) for key, value in fields.items()}
@@ -467,7 +465,7 @@ class Problem:
         """Return which samples (n_r,) of a trial count.
 
         Left out are the samples next to a step of the drive, where the velocity jumps and a reading depends on which
-        side of the step it fell; `ends`; where the joints were measured, the ends: a shifted clock would ask for motion
+        side of the step it fell; where the joints were measured, the ends: a shifted clock would ask for motion
         that nobody saw; and where velocities were smoothed, what the filter feels of such a step or of an end. None
         counts of a trial without any velocity.
         """
@@ -480,8 +478,6 @@ class Problem:
             reach = self.smoothing.reach(trial.step)
             beside += reach
             keep &= (trial.time >= trial.time[0] + reach) & (trial.time <= trial.time[-1] - reach)
-        cut = (self.ends - 0.5) * trial.step
-        keep &= (trial.time >= trial.time[0] + cut) & (trial.time <= trial.time[-1] - cut)
         for segment in trial.drive[1:]:
             keep &= np.abs(trial.time - segment.start) > beside
         if trial.joint_angle is not None:

@@ -5,10 +5,6 @@ once, or drift. Lost frames make it change once by as many samples as were lost,
 
 Outlying run: leaving run r out moves the estimates by one Gauss-Newton step, x_-r = x + (J_-r' J_-r)^-1 J_-r' e_-r, and
 the residuals with them. No fit is run.
-
-Differentiated velocities: positions with white noise, differentiated, leave noise that rises with frequency; a
-Savitzky-Golay filter of m samples bends it down again, with zeros that show m. Each is a spectrum S(f) = a |H(f)|^2 +
-b; the best by Whittle's likelihood, - sum log S + I / S over the periodogram I, is taken.
 """
 
 from __future__ import annotations
@@ -17,7 +13,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from mjfish.arrays import FloatArray, checked, project_out, robust_sigma
 from mjfish.data import Trial
@@ -28,8 +23,7 @@ from mjfish.frames import CHANNELS
 from mjfish.inspection.finding import Finding
 from mjfish.inspection.nominal_simulation import costs, labels, sampled_enough
 from mjfish.inspection.result import Inspection
-from mjfish.inspection.runs import beats
-from mjfish.noise.differentiation import weights
+from mjfish.noise import DifferentiationNoise, Noise
 
 #: Shifts that are tried, in samples; a CPG goes on for a quarter of a second behind the last sample.
 SHIFTS = np.arange(-6, 13)
@@ -47,17 +41,6 @@ _SUSPECT = 4.0
 _REMARK = 5.0
 #: Samples over which two runs of one drive are compared at least.
 _COMPARED = 30
-#: Windows of Savitzky-Golay filters that are tried, and the orders of their polynomials that differ.
-_WINDOWS = (3, 5, 7, 9, 11, 13, 15, 17, 21, 25, 31)
-_FILTERS = tuple((window, order) for window in _WINDOWS for order in (2, 4) if window > order)
-#: Shares of white noise beside the filtered.
-_WHITE = (0.0, 1e-4, 1e-3, 1e-2, 0.05, 0.2)
-#: Log-likelihood by which a way of making must beat all others of another kind.
-_CLEAR = 20.0
-#: Spectra are made of runs of this many samples or more.
-_LONG = 128
-#: Beats after a start or a step that are left out of them.
-_BEATS = 3.0
 
 
 def inspect_fit(problem: Problem, fit: Fit, effects: Mapping[str, Effect], held: Sequence[Trial] = ()) -> Inspection:
@@ -89,22 +72,8 @@ def inspect_fit(problem: Problem, fit: Fit, effects: Mapping[str, Effect], held:
     wrong = {name for finding in found for name in finding.trials}
     found += [finding for finding in outlying_run(problem, fit) if not wrong & set(finding.trials)]
     if not wrong:
-        settled = [_settled(problem, i, residual) for i, residual in enumerate(residuals)]
-        settled = [(trial, residual) for trial, residual in settled if len(residual) >= _LONG]
-        steps, frequencies = [trial.step for trial, _ in settled], [beats(trial) for trial, _ in settled]
-        found += differentiated(noise_spectra([residual for _, residual in settled], steps, frequencies))
+        found += differentiated(problem.noise)
     return Inspection.of(found, effects)
-
-
-def _settled(problem: Problem, index: int, residual: FloatArray) -> tuple[Trial, FloatArray]:
-    """Return a trial and its residual without what follows a start or a step, where a misfit has every frequency."""
-    trial = problem.trials[index]
-    if trial.gaps:
-        return trial, residual[:0]
-    if not trial.drive:
-        return trial, residual
-    last = trial.drive[-1]
-    return trial, residual[trial.time[problem.mask(index)] > last.start + _BEATS * 2.0 * np.pi / last.omega]
 
 
 def _labels(problem: Problem, trials: Sequence[Trial], values: dict[str, float], sigma: FloatArray) -> list[Finding]:
@@ -307,114 +276,17 @@ def _same_drive_until(a: Trial, b: Trial) -> float | None:
     return float(a.time[-1]) if a.drive == b.drive else min(ends)
 
 
-@dataclass(frozen=True)
-class NoiseSpectrum:
-    """The best account of a channel's noise.
-
-    Attributes:
-        channel: its name.
-        kind: ``white``, ``differentiated``, ``drifting`` (autoregressive of order 1 to 3), or ``unclear``.
-        window: samples of the filter, where it was differentiated; 0 else.
-        order: of the filter's polynomial.
-    """
-
-    channel: str
-    kind: str
-    window: int = 0
-    order: int = 0
-
-
-def noise_spectra(
-    residuals: Sequence[FloatArray], intervals: Sequence[float], beats: Sequence[Sequence[float]]
-) -> list[NoiseSpectrum]:
-    """Say how the velocities were made, channel by channel.
-
-    Args:
-        residuals: (n, 3) a trial, at equal intervals, without gaps.
-        intervals: between samples [s].
-        beats: frequencies [Hz] of the beats of each trial: lines beside them and their harmonics are left out.
-    """
-    found = []
-    shapes: dict[tuple[int, int], FloatArray] = {}
-    for channel, name in enumerate(CHANNELS):
-        waves = [_periodogram(r[:, channel], dt, f) for r, dt, f in zip(residuals, intervals, beats, strict=True)]
-        phase, power = (np.concatenate(parts) for parts in zip(*waves, strict=True)) if waves else (np.zeros(0),) * 2
-        if not shapes:  # the phases are those of every channel
-            shapes.update({key: _differentiated(phase, *key) for key in _FILTERS})
-        found.append(_best(name, phase, power, shapes))
-    return found
-
-
-def differentiated(found: Sequence[NoiseSpectrum]) -> Iterator[Finding]:
-    """Yield a remark for each filter by which channels were differentiated."""
-    filtered = [spectrum for spectrum in found if spectrum.kind == "differentiated"]
-    for window, order in dict.fromkeys((spectrum.window, spectrum.order) for spectrum in filtered):
-        names = tuple(spectrum.channel for spectrum in filtered if (spectrum.window, spectrum.order) == (window, order))
+def differentiated(noise: Noise) -> Iterator[Finding]:
+    """Yield the remark that the noise of the velocities is that of differentiated positions, where it is."""
+    if isinstance(noise, DifferentiationNoise):
         yield Finding(
             "velocity-differentiated",
             "remark",
-            " and ".join(names),
-            f"the noise has the spectrum of differentiated positions, smoothed by a filter of {window} samples "
-            f"(Savitzky-Golay, order {order}, or like it)",
+            " and ".join(CHANNELS),
+            f"the noise has the spectrum of differentiated positions, smoothed by a filter of {noise.window} samples "
+            f"(Savitzky-Golay, order {noise.degree}, or like it)",
             "noise of a velocity that was measured",
-            "fit with coloured noise; the filter also delays and rounds what it smooths, so give the positions if you "
-            "can; a filter that is not centred looks like a clock offset of half its length",
-            channels=names,
+            "give the positions, which are compared as they are; a filter delays and rounds what it smooths, and one "
+            "that is not centred looks like a clock offset of half its length",
+            channels=CHANNELS,
         )
-
-
-def _periodogram(values: FloatArray, interval: float, beats: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-    """Return phases (m,) [rad a sample] and powers (m,) away from zero and from the harmonics of the beat."""
-    frequency, power = signal.periodogram(values, 1.0 / interval, window="hann", detrend="constant")
-    keep = frequency > 3.0 / (len(values) * interval)
-    wide = max(0.35, 2.5 / (len(values) * interval))  # a line is two of 1 / duration wide to either side
-    for beat in beats:
-        for harmonic in range(1, int(0.5 / (interval * beat)) + 1):
-            keep &= np.abs(frequency - harmonic * beat) > wide
-    keep[-1] = False
-    return 2.0 * np.pi * frequency[keep] * interval, power[keep]
-
-
-def _best(
-    name: str, phase: FloatArray, power: FloatArray, shapes: Mapping[tuple[int, int], FloatArray]
-) -> NoiseSpectrum:
-    if len(phase) < 60 or not np.all(power > 0.0):
-        return NoiseSpectrum(name, "unclear")
-    # Each kind by its likelihood less what its parameters cost; Hann windows leave about two thirds of the freedom.
-    cost = 0.5 * np.log(len(phase))
-    derived = {key: max(_whittle(power, shape, w) for w in _WHITE) - 2.0 * cost for key, shape in shapes.items()}
-    best = max(derived, key=lambda key: derived[key])
-    kinds = {"white": _whittle(power, np.ones_like(phase), 0.0), "drifting": _autoregressive(phase, power, cost)}
-    kinds["differentiated"] = derived[best]
-    kind = max(kinds, key=lambda key: kinds[key])
-    if kind == "differentiated":
-        clear = kinds[kind] - max(kinds["white"], kinds["drifting"]) > _CLEAR
-        return NoiseSpectrum(name, kind, *best) if clear else NoiseSpectrum(name, "unclear")
-    return NoiseSpectrum(name, kind)
-
-
-def _whittle(power: FloatArray, shape: FloatArray, white: float) -> float:
-    """Return the likelihood of a spectrum of this shape with a share of white noise, its level profiled out."""
-    spectrum = shape / shape.mean() + white
-    level = float(np.mean(power / spectrum))
-    return float(-np.sum(np.log(level * spectrum)) - len(power))
-
-
-def _differentiated(phase: FloatArray, window: int, order: int) -> FloatArray:
-    return np.asarray(np.abs(signal.freqz(weights(window, order), worN=phase)[1]) ** 2 + 1e-12)
-
-
-def _autoregressive(phase: FloatArray, power: FloatArray, cost: float) -> float:
-    """Return the best likelihood of autoregressive spectra of order 1 to 3 with a share of white noise."""
-    best = -np.inf
-    lags = np.arange(4)
-    covariance = np.cos(phase[:, None] * lags).T @ power
-    for order in (1, 2, 3):
-        toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
-        phi = checked(np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0])
-        response = np.abs(1.0 - np.exp(-1j * phase[:, None] * lags[1 : order + 1]) @ phi) ** 2
-        best = max(best, max(_whittle(power, 1.0 / response, w) for w in _WHITE) - (order + 1) * cost)
-    for pole in (0.8, 0.9, 0.95, 0.98, 0.99):
-        shape = 1.0 / np.abs(1.0 - pole * np.exp(-1j * phase)) ** 2
-        best = max(best, max(_whittle(power, shape, w) for w in (*_WHITE, 0.5, 1.0, 2.0)) - 2.0 * cost)
-    return float(best)

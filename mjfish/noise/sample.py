@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import signal, stats
+from scipy import signal
 
-from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out, robust_sigma
+from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out
 from mjfish.block_angular import BlockAngular, IntArray, block_angular, span, tall_svd
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Autoregressive, Noise, estimate, grid
@@ -237,29 +237,3 @@ def remaining_power(left: NoiseSample) -> FloatArray:
         ]
         power = power + np.stack([np.einsum("bcc->bc", spectra.power).real for spectra in drawn], axis=-1)
     return np.asarray(np.clip(power[..., 1] / power[..., 0], _LEAST, 1.0))
-
-
-def noisy_ends(residuals: Sequence[FloatArray]) -> int:
-    """Return how many samples at either end of every run are noisier than the rest.
-
-    A differentiating filter has less to go on at the ends, and its errors are several times larger there. The squared
-    residual must grow towards the first and towards the last samples by more than chance, pooled over runs and
-    channels: a filter does to both ends alike. What grows towards one of them alone, as near a wall that the runs end
-    at, is no noise.
-
-    Args:
-        residuals: (n_r, 3) of every run, less what any cause explains.
-    """
-    sigma = robust_sigma(np.concatenate(residuals)) + 1e-300
-    first, last = (_leading_squares([(r / sigma)[::turn] for r in residuals]) for turn in (1, -1))
-    count = 3 * len(residuals)
-    if min(first[:2].mean(), last[:2].mean()) < stats.chi2.isf(_ALARM, 2 * count) / (2 * count):
-        return 0
-    quiet = np.flatnonzero(0.5 * (first + last) < stats.chi2.isf(_REACH, 2 * count) / (2 * count))
-    return int(quiet[0]) if len(quiet) else _LONGEST_END
-
-
-def _leading_squares(scaled: Sequence[FloatArray]) -> FloatArray:
-    """Return the mean squares (_LONGEST_END,) of the first samples, over runs and channels."""
-    first = [np.pad(run[:_LONGEST_END], ((0, max(_LONGEST_END - len(run), 0)), (0, 0))) for run in scaled]
-    return np.asarray(np.mean(np.stack(first) ** 2, axis=(0, 2)))

@@ -47,15 +47,12 @@ from mjfish.data.validation import count_beats, longest_gap
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
-from mjfish.known import Beforehand
 
 M = TypeVar("M", PosesMap, VelocitiesMap)
 
 _FEWEST_POSES = 20
 #: Sensors of a pose, and their columns.
 _SEEN: tuple[tuple[Kind, slice], ...] = (("position", slice(0, 2)), ("heading", slice(2, 3)))
-#: How well the place of a tracked point is known that nobody states: share of the length of the head, and sideways [m].
-_SOMEWHERE, _ASIDE = 0.5, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,15 +135,10 @@ def _import_poses(
         )
     runs_ = [_pose_run(path, source) for path in files]
     check_distinct([run.name for run in runs_], files)
-    known = {
-        "marker_offset.along": Beforehand(mean=0.0, sd=_SOMEWHERE * head),
-        "marker_offset.across": Beforehand(mean=0.0, sd=_ASIDE),
-    }
     dataset = Dataset(
         name=f"poses {', '.join(run.name for run in runs_)}",
         fish=source.fish,
         trials=assign_roles([(run.name, trial) for run in runs_ for trial in run.trials], held_out),
-        known=known if place is None else {},
     )
     return dataset, ImportReport(importer, tuple(run.report for run in runs_))
 
@@ -162,8 +154,9 @@ def _pose_run(path: Path, source: _Source[PosesMap]) -> _Run:
     numbers, repeated = _each_once(columns.numbers, table.time, path)
     time = increasing(numbers[table.time] * TIMES[table.time_unit], path)
     pose = _in_metres(table, np.column_stack([numbers[name] for name in names[:3]]))
+    place, known = table.behind_nose or 0.0, table.behind_nose is not None
     sensors = tuple(
-        cleaned(Sensor(kind, kind, time, pose[:, at], station=table.behind_nose or 0.0, source=path), path)
+        cleaned(Sensor(kind, kind, time, pose[:, at], station=place, placed=known, source=path), path)
         for kind, at in _SEEN
     )
     whole = Trial(
