@@ -27,10 +27,16 @@ def commands(page: Path) -> list[str]:
     return [line for line in lines if line.startswith("mjfish ")]
 
 
+def _expanded(word: str) -> list[str]:
+    """Return the files that a pattern is for, as a shell does; else the word."""
+    return ("*" in word and sorted(map(str, Path().glob(word)))) or [word]
+
+
 def run_command(line: str, folder: Path, exit_code: int = 0) -> str:
-    """Run a command line of a page in `folder`; return what it printed to standard output."""
+    """Run a command line of a page in `folder`, patterns of files expanded; return what it printed."""
     with contextlib.chdir(folder):
-        result: Result = CliRunner().invoke(application(), shlex.split(line)[1:])
+        words = [found for word in shlex.split(line)[1:] for found in _expanded(word)]
+        result: Result = CliRunner().invoke(application(), words)
     assert result.exit_code == exit_code, f"{line}\n{result.output}\n{result.exception!r}"
     return result.stdout
 

@@ -95,31 +95,51 @@ def test_the_fish_that_is_described_is_made_and_shown(tmp_path: Path) -> None:
 
 
 def test_a_newcomer_comes_from_own_csv_files_to_a_verdict(tmp_path: Path) -> None:
-    """An empty folder, recordings in mm/s and deg with headers of their own, the commands of the page as they stand.
+    """An empty folder, poses of a camera with y down and commands of slow servos, the page's commands as they stand.
 
-    The camera followed a point 3 cm behind the nose.
+    The camera followed a point 2 cm behind the nose.
     """
     page = ROOT / "docs" / "own-data.md"
     new_fish, *others = commands(page)
     assert len(others) < 6
     run_command(new_fish, tmp_path)
     (shown,) = re.findall(r"^```\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
-    header, row = shown.split()
-    files = write_recordings(tmp_path, tmp_path / "trout.toml", "marker_offset", {"marker_offset.along": 0.03})
+    header, row = shown.splitlines()
+    files = write_recordings(tmp_path, tmp_path / "carp.toml", "servo_lag", {"servo_lag.time_constant": 0.05})
     first = files[0].read_text(encoding="utf-8").splitlines()
     assert first[0] == header
     np.testing.assert_allclose(*(np.array(line.split(","), dtype=float) for line in (first[1], row)), atol=0.05)
     made, inspected, diagnosed = (run_command(line, tmp_path) for line in others)
-    assert "surge     u_mm_s in mm/s, guessed from its header" in made
+    assert "x         Head_X [mm] in mm, as given" in made
+    assert "joint angles as commanded, on a line to the next" in made
     assert "nothing blocks a diagnosis" in inspected
     assert "run1" in (tmp_path / "pictures" / "inspection.html").read_text(encoding="utf-8")
-    assert "The cause is marker_offset" in diagnosed
+    assert "The cause is servo_lag" in diagnosed
     found = json.loads((tmp_path / "found" / "diagnosis.json").read_text(encoding="utf-8"))
     assert not complaints("diagnosis-2", found)
-    offset = found["causes"][0]["parameters"]["along"]
-    assert offset["low"] < 0.03 < offset["high"]
+    lag = found["causes"][0]["parameters"]["time_constant"]
+    assert lag["low"] < 0.05 < lag["high"]
     assert found["gain"]["relative_reduction"]["low"] > 0.2
     assert (tmp_path / "found" / "report.html").stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    ("left_out", "added", "code"),
+    [
+        ("--set axes=y_down", "", "poses-mirrored"),
+        ("", "--set turn_to=port", "poses-mirrored"),
+        ("", "--set yaw_zero=90", "poses-heading-zero"),
+        ("", "--length-unit m", "poses-unit"),
+    ],
+)
+def test_a_newcomer_who_forgets_an_option_is_told_which(tmp_path: Path, left_out: str, added: str, code: str) -> None:
+    new_fish, new_dataset, inspect, _ = commands(ROOT / "docs" / "own-data.md")
+    run_command(new_fish, tmp_path)
+    write_recordings(tmp_path, tmp_path / "carp.toml")
+    run_command(f"{new_dataset.replace(left_out, '')} {added}", tmp_path)
+    said = " ".join(run_command(inspect, tmp_path, exit_code=1).split())
+    assert f"blocks {code}" in said
+    assert f"import again with {left_out or added.partition('=')[0]}".partition("=")[0] in said
 
 
 def test_the_dataset_that_is_described_can_be_read(tmp_path: Path) -> None:

@@ -110,13 +110,12 @@ def _arrays(found: Any) -> Any:
             yield from _arrays(item)
 
 
-#: Every reader; those of SLOW fit a motion to the whole record.
+#: Every reader.
 NAMES = (
     "dataset.toml", "cpg.csv", "measured.csv", "tag.csv", "wave.parquet", "fish.toml", "run_1.csv", "map.toml",
     "pose.csv", "track.csv", "Amp20Bias-30.txt", "bag.mcap", "rollout.csv", "diagnosis.json", "planned.json",
     "film.csv", "markers.toml", "study.toml",
 )  # fmt: skip
-SLOW = ("pose.csv",)
 STEP = 0.02
 ROWS = 51
 TIME = np.round(np.arange(ROWS) * STEP, 6)
@@ -240,6 +239,7 @@ _BAG_MAP = (
 )
 _POSES_MAP = (
     'schema = 1\nkind = "poses"\nfish = "pike"\ntime = "time [s]"\nx = "x [m]"\ny = "y [m]"\nyaw = "yaw [rad]"\n'
+    '[joints]\ncolumns = ["joint_1 [rad]", "joint_2 [rad]", "joint_3 [rad]", "joint_4 [rad]"]\n'
 )
 STAMPED = "int32 sec\nuint32 nanosec"
 _HEADER = f"builtin_interfaces/Time stamp\nstring frame_id\n{'=' * 80}\nMSG: builtin_interfaces/Time\n{STAMPED}"
@@ -365,7 +365,7 @@ def readers(folder: Path) -> dict[str, Reader]:
     result = diagnosis()
     film_map = layout("fishsim").read_bytes().replace(b"missing = false", b"missing = true")
     told = json_text(result.to_dict()).encode()
-    tail, pose = "Amp20Bias-30.txt", _csv({"time [s]": TIME, **_PATH})
+    tail, pose = "Amp20Bias-30.txt", _csv({"time [s]": TIME, **_PATH, **_angles()})
     parquet = (mutations.corrupted, mutations.rearranged_parquet)
     bags = (mutations.corrupted, _odd_bag, _unchecked_bag)
     posterior = (mutations.corrupted, _of_posterior)
@@ -378,7 +378,7 @@ def readers(folder: Path) -> dict[str, Reader]:
         Reader("fish.toml", _FISH, lambda place: extended.load(place / "fish.toml"), toml),
         Reader("run_1.csv", run["run_1.csv"], _imported("velocities", "run_1.csv"), table, run),
         Reader("map.toml", run["map.toml"], _imported("velocities", "run_1.csv"), toml, run),
-        Reader("pose.csv", pose, _imported("poses", "pose.csv"), table, {"map.toml": (_POSES_MAP + _WAVE).encode()}),
+        Reader("pose.csv", pose, _imported("poses", "pose.csv"), table, {"map.toml": _POSES_MAP.encode()}),
         Reader("track.csv", _tracks(), _markers, table),
         Reader(tail, _tail_run(), _imported("tailfish", tail, None), (mutations.corrupted, _spaced)),
         Reader("bag.mcap", bag(), _imported("mcap", "bag.mcap"), bags, {"map.toml": _BAG_MAP.encode()}),

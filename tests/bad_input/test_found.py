@@ -201,18 +201,6 @@ def test_a_number_beyond_all_measurement_in_a_message_is_none(known: dict[str, R
         assert reader.outcome(_bag(stamp=(101, 0), value=value)(b""), tmp_path) == "read"
 
 
-def test_poses_that_are_no_path_are_refused(known: dict[str, Reader], tmp_path: Path) -> None:
-    """Numbers that a file may hold, from one frame to the next, and that no motion goes through."""
-    reader = known["pose.csv"]
-    reader.prepare(tmp_path)
-    raw = reader.valid
-    for row in range(1, 51, 2):
-        raw = _cell(row, 1, f"{(-1) ** (row // 2)}e15")(raw)
-    assert reader.outcome(raw, tmp_path) == "refused"
-    with pytest.raises(MjfishError, match=r"pose\.csv: cannot be smoothed .*look for numbers or times far off"):
-        reader.read(tmp_path)
-
-
 class _Executed:
     """A pickle that makes a file where it is loaded."""
 

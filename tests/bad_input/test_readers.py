@@ -10,7 +10,7 @@ from random import Random
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from readers import NAMES, SLOW, Reader
+from readers import NAMES, Reader
 
 #: Inputs of a reader that are tried in every run, and in the long ones.
 FEW, MANY = 25, 10_000
@@ -51,8 +51,7 @@ def test_many_mutated_files_are_read_or_refused(reader: Reader, tmp_path: Path) 
     """By a generator of its own: hypothesis keeps to small choices, and slows down with their number."""
     reader.prepare(tmp_path)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    inputs = MANY // 20 if reader.name in SLOW else MANY
-    counts = Counter(reader.outcome(reader.mutated(Random(k)), tmp_path) for k in range(inputs))  # noqa: S311
-    assert counts["refused"] > inputs // 10
+    counts = Counter(reader.outcome(reader.mutated(Random(k)), tmp_path) for k in range(MANY))  # noqa: S311
+    assert counts["refused"] > MANY // 10
     assert counts["read"] > 0
     assert 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) < MEMORY
