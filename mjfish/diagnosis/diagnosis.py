@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, load_dataset
+from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.data.validation import check_comparable
 from mjfish.diagnosis.begun import Begun, culprits, failed_candidates, failed_remarks, unfinished_diagnosis
 from mjfish.diagnosis.combinations import MEMBER, find_combinations, find_small_addition, to_optimum
@@ -311,6 +312,7 @@ def _diagnosed(begun: Begun, left_out: Mapping[str, str], seed: int, progress: P
             *failed_remarks(parts.failures),
             *remarks(noise_remark, evidence.fit, converged, held),
             *_of_sensors(dataset),
+            *([] if moving else [SMOOTHED]),
         ),
         checks=checks,
         causes=_causes(best) if best is not None and decision.verdict == "named" else (),
@@ -603,11 +605,11 @@ def _overlays(
     nominal, after = evidence.problem.predictions(evidence.fit.x), extended.predictions(final.x)
     read = [_both(evidence.problem, evidence.fit.x, extended, final.x, i) for i in range(len(nominal))]
     rows = zip(evidence.problem.trials, nominal, after, read, strict=True)
-    shown = [Overlay(trial, False, a, b, own) for trial, a, b, own in rows]
+    shown = [Overlay(for_looking(trial), False, a, b, own) for trial, a, b, own in rows]
     if scores is not None:
         read = [_paired(*own) for own in zip(scores[0].sensors, scores[1].sensors, strict=True)]
         pairs = zip(held, scores[0].predictions, scores[1].predictions, read, strict=True)
-        shown += [Overlay(trial, True, a, b, own) for trial, a, b, own in pairs]
+        shown += [Overlay(for_looking(trial), True, a, b, own) for trial, a, b, own in pairs]
     return tuple(shown)
 
 

@@ -162,7 +162,7 @@ class Overlay:
     """One trial as measured and as both models predict it, for pictures.
 
     Attributes:
-        trial: the measured trial.
+        trial: the measured trial; where places were measured, with the velocities of the smoothed path.
         held_out: whether it was kept out of the fits.
         nominal: (n, 3) prediction of the nominal model.
         extended: (n, 3) prediction of the extended model (the best candidate's, even where it was not named).

@@ -9,7 +9,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.compiled import compiled
-from mjfish.data import Trial
+from mjfish.data import Dataset, Trial
 from mjfish.drive.measured import smoothing_spline
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.mechanism import Domain
@@ -55,6 +55,11 @@ class Roll(Effect):
     signature: ClassVar[str] = "sway alone is off, most where the beat frequency is near that of the roll"
     confirm: ClassVar[str] = "measure the roll, or tilt the fish by hand, let go, and film the swing from ahead"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
+
+    def not_applicable(self, dataset: Dataset) -> str:
+        """The marker swings to the side of a path that has velocities."""
+        seen = any(trial.measured.any() for trial in dataset.trials)
+        return "" if seen else "no velocity was measured, in which the swing of the marker shows"
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Take the speed of the marker about the roll axis off the sway."""

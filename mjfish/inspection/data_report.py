@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.data import Dataset, Trial, load_dataset
+from mjfish.data.looking import for_looking
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.frames import CHANNELS
 from mjfish.inspection.before_fit import inspect
@@ -102,7 +103,11 @@ def report_on(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | Non
 
 
 def _of_trial(trial: Trial, *, held_out: bool) -> dict[str, Any]:
-    """Return what a trial has: samples, mean and root mean square of each velocity, None of one not measured."""
+    """Return what a trial has: samples, mean and root mean square of each velocity, None of one not measured.
+
+    Of places and headings, the velocities of the smoothed path.
+    """
+    trial = for_looking(trial)
     measured = trial.measured
     velocity = np.where(measured, np.nan_to_num(trial.velocity), np.nan)
     mean, rms = velocity.mean(axis=0), np.sqrt(np.square(velocity).mean(axis=0))

@@ -63,7 +63,7 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run() -> None:
     rng, errors = np.random.default_rng(5), _errors(2)
     rows = (np.arange(SAMPLES), np.arange(0, SAMPLES, 3))
     readings = tuple(
-        rng.standard_normal((len(own), channels, len(errors.start))) for own, channels in zip(rows, (2, 1))
+        rng.standard_normal((len(own), channels, len(errors.start))) for own, channels in zip(rows, (2, 1), strict=True)
     )
     sigma = (np.array([0.01, 0.02]), np.array([0.05]))
     filter_ = errors.filter(rows, readings, sigma)

@@ -17,7 +17,7 @@ import plotly.io
 from plotly.subplots import make_subplots
 
 from mjfish.arrays import FloatArray
-from mjfish.data import Trial
+from mjfish.data import Sensor, Trial
 from mjfish.diagnosis import Diagnosis, Overlay
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.residual_tests import ALL, Autocorrelation
@@ -146,22 +146,55 @@ def trial_figure(trial: Trial, predicted: Mapping[str, FloatArray]) -> go.Figure
         trial: as measured.
         predicted: velocities (n, 3) by model, ``nominal`` or ``extended``; NaN leaves a gap.
     """
-    figure = panels(
-        len(CHANNELS), 2, height=540, shared_xaxes="all", column_widths=[0.57, 0.365], horizontal_spacing=0.065,
-        vertical_spacing=0.075,
-    )  # fmt: skip
-    for k, channel in enumerate(CHANNELS):
-        velocity, residual = Panel(figure, k + 1), Panel(figure, k + 1, 2)
-        velocity.curve(trial.time, trial.velocity[:, k], "measured", "measured", width=3.2)
-        for model, values in predicted.items():
-            velocity.curve(trial.time, values[:, k], model, model)
-            residual.curve(trial.time, trial.velocity[:, k] - values[:, k], model, model, width=1.0)
-        velocity.heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
-        residual.heading(f"{CHANNEL_NAMES[channel]}, measured − simulated [{UNITS[channel]}]")
+    series = [
+        Series(f"{CHANNEL_NAMES[name]} [{UNITS[name]}]", trial.time, trial.velocity[:, k], {
+            model: values[:, k] for model, values in predicted.items()
+        })
+        for k, name in enumerate(CHANNELS)
+    ]  # fmt: skip
+    figure = series_figure(series)
     for segment in trial.drive[1:]:
         line = {"color": COLOURS["muted"], "width": 1, "dash": "dot"}
         figure.add_vline(segment.start, row="all", col="all", line=line)
-    return figure.update_xaxes(title_text="time [s]", row=len(CHANNELS))
+    return figure
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One measured channel: title with unit, times and values (n,), and those of each model."""
+
+    title: str
+    time: FloatArray
+    measured: FloatArray
+    predicted: Mapping[str, FloatArray]
+
+
+def of_sensor(sensor: Sensor, predicted: Mapping[str, FloatArray]) -> list[Series]:
+    """Return the channels of a sensor, with what each model predicts it to read (m, c)."""
+    return [
+        Series(f"{sensor.name} {channel} [{unit}]", sensor.time, sensor.values[:, k], {
+            model: values[:, k] for model, values in predicted.items()
+        })
+        for k, (channel, unit) in enumerate(zip(sensor.channels, sensor.units, strict=True))
+    ]  # fmt: skip
+
+
+def series_figure(series: Sequence[Series]) -> go.Figure:
+    """Return measured and predicted series over time, one a row, and the residuals beside them."""
+    figure = panels(
+        len(series), 2, height=180 * len(series), shared_xaxes="all", column_widths=[0.57, 0.365],
+        horizontal_spacing=0.065, vertical_spacing=0.225 / len(series),
+    )  # fmt: skip
+    for k, own in enumerate(series):
+        shown, residual = Panel(figure, k + 1), Panel(figure, k + 1, 2)
+        shown.curve(own.time, own.measured, "measured", "measured", width=3.2)
+        for model, values in own.predicted.items():
+            shown.curve(own.time, values, model, model)
+            residual.curve(own.time, own.measured - values, model, model, width=1.0)
+        name, _, unit = own.title.rpartition(" [")
+        shown.heading(own.title)
+        residual.heading(f"{name}, measured − simulated [{unit}")
+    return figure.update_xaxes(title_text="time [s]", row=len(series))
 
 
 def counted(diagnosis: Diagnosis, overlay: Overlay, predicted: FloatArray) -> FloatArray:
@@ -182,12 +215,22 @@ def scored_predictions(diagnosis: Diagnosis, overlay: Overlay) -> dict[str, Floa
 
 
 def overlay_figure(diagnosis: Diagnosis, overlay: Overlay) -> go.Figure:
-    """Return one trial of a diagnosis as measured and as its models predict it, drawn where it is scored."""
+    """Return one trial of a diagnosis as measured and as its models predict it, drawn where it is scored.
+
+    Where no velocity was measured, what sensors read.
+    """
+    if diagnosis.problem is not None and not diagnosis.problem.samples and overlay.sensors:
+        models = ("nominal", "extended") if diagnosis.best else ("nominal",)
+        read = ((own.sensor, {model: getattr(own, model) for model in models}) for own in overlay.sensors)
+        return series_figure([series for own in read for series in of_sensor(*own)])
     return trial_figure(overlay.trial, scored_predictions(diagnosis, overlay))
 
 
 def residual_figure(residual: Residual) -> go.Figure:
     """Return one trial of an identification as measured and as the fitted model predicts it, where it counts."""
+    if residual.sensors and not residual.trial.measured.any():
+        read = (of_sensor(own.sensor, {"nominal": own.predicted}) for own in residual.sensors)
+        return series_figure([series for own in read for series in own])
     return trial_figure(residual.trial, {"nominal": np.where(residual.counted[:, None], residual.predicted, np.nan)})
 
 
