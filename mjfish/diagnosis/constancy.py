@@ -27,6 +27,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis.by_run import ByRun
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.estimation import Problem
+from mjfish.estimation.residual import own_parameters
 
 #: A held-out run that is left with a mean square above this, whatever its own numbers are, does not count.
 _PREDICTED = 1.25
@@ -103,9 +104,11 @@ class Linearised:
 
 def linearised(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Linearised:
     """Return a refit linearised over its runs and held-out ones."""
-    others = (replace(trial, sensors=()) if trial.measured.any() else trial for trial in held_out)
+    others = [replace(trial, sensors=()) if trial.measured.any() else trial for trial in held_out]
+    filmed = [trial for trial in others if not trial.measured.any()]  # a first sample is no place to linearise about
+    starts = own_parameters(refit.problem, refit.fit.values, filmed)
     every = replace(refit.problem, trials=(*refit.problem.trials, *others), windows=None)
-    x = every.start(refit.fit.values)
+    x = every.start({**starts, **refit.fit.values})
     slopes = every.jacobian(x)
     resting = {p.name for p, at_bound in zip(refit.fit.parameters, refit.fit.at_bound, strict=True) if at_bound}
     free = [p.name not in resting for p in every.parameters]

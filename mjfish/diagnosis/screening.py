@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from mjfish.arrays import FloatArray
+from mjfish.data.filters import Filter
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, under
 from mjfish.diagnosis.failures import NOMINAL, finite, sound
 from mjfish.diagnosis.fan_out import followed
@@ -23,7 +24,7 @@ from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.fit import fit_or_raise, hypercube, scouted
-from mjfish.estimation.noise_of_fit import noise_of
+from mjfish.estimation.noise_of_fit import noise_of, smoothing_of
 from mjfish.estimation.problem import Slopes
 from mjfish.estimation.sensor_noise import having_noise_of, with_sensor_noise
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
@@ -74,7 +75,8 @@ def screen(
 ) -> tuple[Screening, str]:
     """Fit the nominal model, estimate the noise, test the residual, and refit with every candidate.
 
-    The noise is estimated again with the best cause in the model; where it differs, test and refits are repeated.
+    The noise is estimated again with the best cause in the model; where it differs, test and refits are repeated. Where
+    the residual shows that the recording was smoothed, predictions are smoothed alike, and all is repeated.
 
     Args:
         problem: of the nominal model.
@@ -96,7 +98,21 @@ def screen(
     slopes = _signatures(problem, baseline.values, candidates)
     if not problem.samples:
         return _screened_sensors(problem, baseline, slopes, candidates, rng, progress), ""
-    return _screened(problem, baseline, slopes, candidates, stated, rng, progress)
+    results: dict[Filter | None, tuple[Screening, str]] = {}
+    smoothing, known = problem.smoothing, problem.smoothing is not None
+    while smoothing not in results:
+        if smoothing != problem.smoothing:
+            problem = replace(problem, smoothing=smoothing)
+            baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
+            slopes = _signatures(problem, baseline.values, candidates)
+        found, noise_remark, smoothing = _screened(problem, baseline, slopes, candidates, stated, rng, progress)
+        results[problem.smoothing] = found, noise_remark
+        if known:  # the dataset says through which filter its velocities went
+            smoothing = problem.smoothing
+    screening, remark = results[smoothing]
+    if smoothing is not None and not known:
+        remark += f"; the motion was smoothed with it, and predictions are, too: {smoothing.words}"
+    return screening, remark
 
 
 def _screened_sensors(
@@ -148,14 +164,14 @@ def _screened(
     stated: FloatArray | None,
     rng: np.random.Generator,
     progress: Progress,
-) -> tuple[Screening, str]:
-    """Screen velocities; return a remark on the noise, too."""
+) -> tuple[Screening, str, Filter | None]:
+    """Screen with the smoothing of the problem; return it, a remark on the noise, and the suggested smoothing."""
     refitted: dict[str, Refit] = {}
     if stated is not None:
         refitted = _under_the_known_noise(problem, baseline, slopes, candidates, part(progress, 0.05, 0.1))
     if refitted:
         best = _leader(refitted)
-        noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)().velocity, stated)
+        noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1]().velocity, stated)
     else:
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
     test = _NominalTest(candidates, slopes, rng, progress)
@@ -167,9 +183,13 @@ def _screened(
         refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), refitted, seen.refits)
     else:
         refitted = {}
-    if refitted:
+    if not refitted:
+        smoothing = smoothing_of(problem, baseline, noise, candidates, slopes().velocity)
+    else:
         best = _led(refitted)
-        noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)().velocity, stated)
+        others, beside = _beside(best, candidates)
+        noise, remark = noise_of(best.problem, best.fit, beside().velocity, stated)
+        smoothing = smoothing_of(best.problem, best.fit, noise, others, beside().velocity)
         before, seen = seen, test.repeat(seen, noise)
         if seen.p_wrong >= ALARM:
             refitted = {}
@@ -177,7 +197,7 @@ def _screened(
             refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted)
     if refitted:
         refitted = settled(refitted, part(progress, 0.6, 0.1))
-    return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark
+    return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark, smoothing
 
 
 def _under_the_known_noise(
@@ -212,10 +232,10 @@ def _leader(found: Mapping[str, Refit]) -> Refit:
     return max(found.values(), key=lambda refit: refit.gain)
 
 
-def _beside(best: Refit, candidates: tuple[Effect, ...]) -> Remade[Slopes]:
-    """Return the signatures of the candidates that a refit lacks, there."""
+def _beside(best: Refit, candidates: tuple[Effect, ...]) -> tuple[tuple[Effect, ...], Remade[Slopes]]:
+    """Return the candidates that a refit lacks, and their signatures there."""
     others = tuple(effect for effect in candidates if effect.name not in best.names)
-    return _signatures(best.problem, best.fit.values, others)
+    return others, _signatures(best.problem, best.fit.values, others)
 
 
 def _signatures(problem: Problem, values: Mapping[str, float], candidates: tuple[Effect, ...]) -> Remade[Slopes]:

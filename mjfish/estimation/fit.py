@@ -6,18 +6,17 @@ Fits from many starts: is the optimum that was found the only one, and the best?
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize, sparse, special
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.block_angular import BlockAngular
+from mjfish.block_angular import BlockAngular, IntArray
 from mjfish.errors import NUMERIC, MjfishError, reason_of
 from mjfish.estimation.problem import LOST, Problem
 from mjfish.estimation.settings import Loss
@@ -218,23 +217,12 @@ def _minimised(
     large = loss == "linear" and len(scale) > _EXACT
     turned = _Turned(problem, scale, large) if loss == "linear" else _Rows(problem, scale)
     with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
-        y = x0 / scale
-        moving = _moving(turned, y, problem.parameters)
-
-        def whole(some: FloatArray) -> FloatArray:
-            y[moving] = some
-            return np.array(y)
-
-        def residual(some: FloatArray) -> FloatArray:
-            return turned.residual(whole(some))
-
-        def jacobian(some: FloatArray) -> Any:
-            return turned.jacobian(whole(some))[:, moving]
-
+        some = _Some.of(turned, x0 / scale)
+        moving = some.moving
         solution = optimize.least_squares(
-            residual,
-            y[moving],
-            jac=jacobian,
+            some.residual,
+            some.start[moving],
+            jac=some.jacobian,
             bounds=((low / scale)[moving], (high / scale)[moving]),
             method="trf",
             x_scale="jac",
@@ -247,7 +235,7 @@ def _minimised(
             loss=loss,
             f_scale=loss_scale,
         )
-    ended, gradient = whole(solution.x), np.zeros(len(scale))
+    ended, gradient = some.whole(solution.x), np.zeros(len(scale))
     gradient[moving] = solution.grad
     x, at_bound = _settle(ended * scale, low, high, gradient)
     end = End(
@@ -260,27 +248,6 @@ def _minimised(
         2.0 * float(solution.cost),
     )
     return _fit_at(turned, _Ended(problem, end, loss, loss_scale))
-
-
-#: A column shorter than this share of the longest does nothing.
-_IDLE = 1e-12
-
-
-def _moving(turned: _Rows, y: FloatArray, parameters: Sequence[Parameter]) -> NDArray[np.intp]:
-    """Return the places of the parameters that a fit moves: all but shapes that do nothing where it begins.
-
-    The optimiser would take them from bound to bound, and cut every step of the others short. Those of a cause that
-    does nothing yet may do something later.
-    """
-    acting = {
-        p.group for p, value in zip(parameters, y * turned.scale, strict=True) if not p.shape and value != p.default
-    }
-    shapes = np.array([p.shape and p.group in acting for p in parameters], dtype=np.bool_)
-    if not shapes.any():
-        return np.arange(len(shapes))
-    turned.residual(y)
-    lengths = np.sqrt(np.asarray(sparse.csr_array(turned.jacobian(y)).power(2).sum(axis=0)).ravel())
-    return np.flatnonzero(~(shapes & (lengths <= _IDLE * lengths.max(initial=0.0))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -461,6 +428,59 @@ class _Turned(_Rows):
         if self._best is None or not np.array_equal(self._best[0], y):
             return super().at(y)
         return self._best[1:]
+
+
+#: A column shorter than this share of the longest does nothing.
+_IDLE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class _Some:
+    """Residual and derivative by the parameters that move: all but shapes that do nothing where a fit begins.
+
+    The optimiser would take those from bound to bound, and cut every step of the others short. Those of a cause that
+    does nothing yet may do something later.
+
+    Attributes:
+        turned: of all parameters.
+        start: (p,) y where the fit begins.
+        moving: places of those that move.
+    """
+
+    turned: _Rows
+    start: FloatArray
+    moving: IntArray
+
+    @classmethod
+    def of(cls, turned: _Rows, start: FloatArray) -> _Some:
+        """Return them for a fit that begins at y (p,)."""
+        pairs = [*zip(turned.problem.parameters, start * turned.scale, strict=True)]
+        acting = {p.group for p, value in pairs if not p.shape and value != p.default}
+        shapes = np.array([p.shape and p.group in acting for p, _ in pairs], dtype=np.bool_)
+        if not shapes.any():
+            return cls(turned, start, np.arange(len(shapes)))
+        turned.residual(start)
+        lengths = np.sqrt(np.asarray(sparse.csr_array(turned.jacobian(start)).power(2).sum(axis=0)).ravel())
+        return cls(turned, start, np.flatnonzero(~(shapes & (lengths <= _IDLE * lengths.max(initial=0.0)))))
+
+    @property
+    def problem(self) -> Problem:
+        """The problem that is solved."""
+        return self.turned.problem
+
+    def whole(self, moved: FloatArray) -> FloatArray:
+        """Return all parameters y (p,)."""
+        y = self.start.copy()
+        y[self.moving] = moved
+        return y
+
+    def residual(self, moved: FloatArray) -> FloatArray:
+        """Return the residual."""
+        return self.turned.residual(self.whole(moved))
+
+    def jacobian(self, moved: FloatArray) -> Any:
+        """Return its derivative."""
+        return self.turned.jacobian(self.whole(moved))[:, self.moving]
 
 
 def slope(loss: Loss, z: FloatArray) -> FloatArray:

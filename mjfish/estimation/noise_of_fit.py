@@ -22,10 +22,12 @@ import numpy as np
 from scipy import fft
 from scipy.interpolate import BSpline, make_interp_spline
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.block_angular import BlockAngular
+from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out, readonly
+from mjfish.block_angular import BlockAngular, span
 from mjfish.data import Trial
+from mjfish.data.filters import Differentiator, Filter
 from mjfish.drive.measured import Smoothing, smoothing
+from mjfish.effects import Effect
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.omnibus import omnibus
 from mjfish.estimation.problem import Problem
@@ -43,6 +45,7 @@ from mjfish.noise import (
     select,
 )
 from mjfish.noise.autoregressive import grid
+from mjfish.noise.differentiation import DEGREES, WINDOWS
 from mjfish.noise.selection import CONTRADICTED, excess
 from mjfish.ode.jacobians import input_jacobian, linear_response, state_jacobian
 
@@ -54,6 +57,8 @@ _LONGEST = 1500
 _UNSEEN = 1e-2
 #: Variance of the velocities' noise besides the modes of the errors, as a share of theirs.
 _BESIDES = 0.1
+#: What a filter must explain beyond the coefficients and all candidates: a p value of 1e-9 for one parameter more.
+_CLEAR = 40.0
 
 
 def noise_of(
@@ -199,6 +204,59 @@ def _white_errors(joint: Smoothing, sigma: float) -> BSpline:
     samples = joint.design.shape[0]
     count = min(samples, int(np.ceil(_WAVES * joint.degrees_of_freedom)))
     return joint.of(sigma * fft.idct(np.eye(samples)[:, :count], axis=0, norm="ortho"))
+
+
+def smoothing_of(
+    problem: Problem, fit: Fit, noise: Noise, others: Sequence[Effect], known: Sequence[FloatArray]
+) -> Filter | None:
+    """Return the filter that the motion of a recording went through; None where none is clear.
+
+    Velocities that are not white in their noise were differentiated, smoothed, or both, and the motion with them. The
+    noise may have come in later all the same; so each filter is tried on the prediction. It must explain what
+    coefficients and candidates together do not, and more than any candidate alone would: what a strong cause has beyond
+    first order looks like many things.
+
+    Args:
+        problem: that was fitted, with the leading cause where there is one.
+        fit: its result.
+        noise: that was found there.
+        others: effects that may explain something and are not in the model.
+        known: (n_r, 3, k) per trial, their signatures.
+    """
+    shortest = min(len(trial.time) for trial in problem.trials)
+    if not (tried := [filter_ for filter_ in _filters(noise) if filter_.window < shortest]):
+        return problem.smoothing
+    weighed = replace(problem, noise=noise)
+    predicted = replace(problem, smoothing=None).predictions(fit.x)
+    columns = []
+    for i, (trial, velocity) in enumerate(zip(problem.trials, predicted, strict=True)):
+        smooth = [velocity, *(filter_.of_trial(trial, velocity) for filter_ in tried)]
+        columns.append((trial.velocity[:, :, None] - np.stack(smooth, axis=2))[problem.mask(i)])
+    coefficients = span(weighed.velocity_rows(problem.slopes(fit.x)))
+    left, signs = (coefficients.off(weighed.whiten(blocks)) for blocks in (columns, known))
+    alone = np.sum(left**2, axis=0)
+    beside = np.sum(project_out(orthonormal(signs), left) ** 2, axis=0)
+    best = 1 + int(np.argmin(beside[1:]))
+    sizes = [len(effect.amplitudes()) for effect in others]
+    bases = [orthonormal(signs[:, block]) for block in blocks_of(sizes)]
+    rival = max((float(np.sum((basis.T @ left[:, 0]) ** 2)) for basis in bases), default=0.0)
+    clear = beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival
+    return tried[best - 1] if clear else None
+
+
+def _filters(noise: Noise) -> list[Differentiator]:
+    """Return the filters that the noise may have gone through."""
+    if isinstance(noise, DifferentiationNoise):
+        return [Differentiator(noise.window, noise.degree, turned) for turned in (False, True)]
+    if not isinstance(noise, Autoregressive) or noise.order == 0:
+        return []
+    return [
+        Differentiator(window, degree, turned)
+        for window in WINDOWS
+        for degree in DEGREES
+        if window > degree
+        for turned in (False, True)
+    ]
 
 
 _KINDS: dict[str, Callable[..., Noise]] = {

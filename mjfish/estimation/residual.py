@@ -6,7 +6,7 @@ free clock) is fitted on its first part, and that part is left out of the score:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -146,6 +146,17 @@ def _alone(
             x = fit_or_raise(first, x, tolerance=1e-6, evaluations=_MOST).x
             alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
         yield alone, x
+
+
+def own_parameters(fitted: Problem, values: Mapping[str, float], trials: Sequence[Trial]) -> dict[str, float]:
+    """Return the parameters of trials that were not fitted, each fitted to all of its trial with the others frozen."""
+    shared = {name: value for name, value in {**fitted.fixed, **values}.items() if ":" not in name}
+    found: dict[str, float] = {}
+    for trial in trials:
+        alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
+        if alone.parameters:
+            found |= fit_or_raise(alone, alone.start(), tolerance=1e-6, evaluations=_MOST).values
+    return found
 
 
 def _sensor_times(alone: Problem) -> Iterator[FloatArray]:

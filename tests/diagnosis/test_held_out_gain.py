@@ -14,7 +14,8 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.diagnosis import select
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
-from mjfish.estimation.residual import Score
+from mjfish.estimation.residual import ChannelError, Score
+from mjfish.frames import CHANNELS, UNITS
 from mjfish.sized_cache import always
 
 
@@ -23,13 +24,22 @@ def trial() -> Trial:
     return draw("time_offset", "middling", trials=2).dataset.trials[0]
 
 
-def _score(residual: np.ndarray) -> Score:
-    return Score((residual,), (residual,), (residual.ravel(),))
+def _score(residual: np.ndarray, trial: Trial) -> Score:
+    """Return what is left of the velocities of a trial."""
+    return Score((residual,), (residual,), (residual.ravel(),), channels=(_left(residual, trial),))
+
+
+def _left(residual: np.ndarray, trial: Trial) -> tuple[ChannelError, ...]:
+    columns = zip(CHANNELS, trial.velocity.T, residual.T, strict=True)
+    return tuple(
+        ChannelError(name, UNITS[name], trial.time, own, left, (float(own.min()), float(own.max())))
+        for name, own, left in columns
+    )
 
 
 def test_errors_that_are_half_are_a_gain_of_half(trial: Trial) -> None:
     before = np.random.default_rng(1).standard_normal(trial.velocity.shape)
-    found = gain(_score(before), _score(0.5 * before), (trial,), np.random.default_rng(2))
+    found = gain(_score(before, trial), _score(0.5 * before, trial), (trial,), np.random.default_rng(2))
     assert found.relative_reduction == pytest.approx(0.5)
     assert (found.low, found.high) == pytest.approx((0.5, 0.5))
     for channel, error in found.nominal.items():
@@ -42,10 +52,10 @@ def test_a_channel_that_stands_still_does_not_count(trial: Trial) -> None:
     velocity[:, 2] = 0.0
     still = replace(trial, velocity=readonly(velocity))
     before = np.random.default_rng(1).standard_normal(velocity.shape)
-    found = gain(_score(before), _score(0.5 * before), (still,), np.random.default_rng(2))
+    found = gain(_score(before, still), _score(0.5 * before, still), (still,), np.random.default_rng(2))
     assert found.nominal["yaw_rate"] == 0.0
     assert found.relative_reduction == pytest.approx(0.5)
-    assert pooled_error([before], [still]) == pytest.approx(found.nominal["pooled"])
+    assert pooled_error([_left(before, still)]) == pytest.approx(found.nominal["pooled"])
     assert np.isfinite([found.low, found.high]).all()
 
 

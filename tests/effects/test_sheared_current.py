@@ -246,7 +246,7 @@ def test_its_derivatives(pike: Fish, turning: Trial, given: dict[str, float], sh
 def test_it_needs_the_place_of_every_run(pike: Fish, straight: Trial) -> None:
     """Also from rest, where a uniform current does not. Catches a run that is taken to begin at the origin."""
     said = SHEARED.not_applicable(Dataset("d", pike, (_placed(straight), straight)))
-    assert "the place in the tank was not measured (no x, y, yaw columns) in straight" in said
+    assert "the place in the tank was not measured (no x, y, yaw) in straight" in said
     yaw_alone = replace(straight, pose=readonly(np.tile([np.nan, np.nan, 0.2], (len(straight.time), 1))))
     assert "not measured" in SHEARED.not_applicable(Dataset("d", pike, (yaw_alone,)))
     assert SHEARED.not_applicable(Dataset("d", pike, (_placed(straight),))) == ""

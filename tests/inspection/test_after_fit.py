@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from bad_data import SIGMA, good, only, remarked, spoiled, velocity, wrong
-from scipy import signal
 from true_values import TRUTH
 
-from mjfish.arrays import FloatArray, readonly
+from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.effects import catalogue
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.inspection import Inspection, inspect_fit
-from mjfish.inspection.after_fit import noise_spectra
 from mjfish.model import Model
+from mjfish.noise import DifferentiationNoise
 
 
 def _after(dataset: Dataset) -> Inspection:
@@ -86,48 +84,12 @@ def test_an_odd_run_is_looked_for_where_every_coefficient_rests_on_a_bound() -> 
     assert wrong(inspect_fit(posed, pinned, catalogue(), held)) == []
 
 
-Draw = Callable[[np.random.Generator, int], FloatArray]
-
-
-def _white(rng: np.random.Generator, n: int) -> FloatArray:
-    return rng.standard_normal((n, 3))
-
-
-def _drift(rng: np.random.Generator, n: int) -> FloatArray:
-    return np.asarray(signal.lfilter([1.0], [1.0, -0.95], rng.standard_normal((n, 3)), axis=0))
-
-
-@pytest.mark.parametrize(("draw", "kind"), [(_white, "white"), (_drift, "drifting")])
-def test_noise_that_was_measured_is_not_called_differentiated(draw: Draw, kind: str) -> None:
-    """10 draws of three channels. Catches a filter family so rich that it fits anything."""
-    rng = np.random.default_rng(1)
-    found = [
-        one for _ in range(10) for one in noise_spectra([draw(rng, 400) for _ in range(4)], [0.02] * 4, [[3.0]] * 4)
-    ]
-    kinds = [one.kind for one in found]
-    assert "differentiated" not in kinds
-    assert kinds.count(kind) >= 0.9 * len(kinds)
-
-
-@pytest.mark.parametrize("window", [5, 9, 15])
-def test_the_window_of_a_differentiator_is_read_from_the_spectrum(window: int) -> None:
-    """Catches zeros at the wrong frequencies, an order that trades with the window."""
-    rng = np.random.default_rng(2)
-    residuals = [
-        signal.savgol_filter(rng.standard_normal((430, 3)), window, 2, deriv=1, axis=0)[15:-15] for _ in range(4)
-    ]
-    found = noise_spectra(residuals, [0.02] * 4, [[3.0]] * 4)
-    assert [(one.kind, one.window) for one in found] == [("differentiated", window)] * 3
-
-
 def test_differentiated_data_are_said_so() -> None:
-    """Catches a residual that is taken with its gaps, and the remark that is not made."""
-    rng = np.random.default_rng(3)
-
-    def filtered(values: FloatArray) -> FloatArray:
-        noise = signal.savgol_filter(rng.standard_normal((len(values) + 30, 3)), 9, 2, deriv=1, axis=0)[15:-15]
-        return values + 3.0 * SIGMA * noise / noise.std(axis=0)
-
-    # The generated white noise stays below a tenth of it.
-    found = remarked(_after(spoiled(velocity(filtered))), "velocity-differentiated")
-    assert [("9 samples" in one.found, "time_offset" in one.cannot_tell) for one in found] == [(True, True)]
+    """Of the noise that the diagnosis found; catches the remark that is not made, or made of any noise."""
+    fitted, held = good().split()
+    posed = Problem(Model(good().fish), fitted, Noise.white(readonly(SIGMA)), jobs=1)
+    found = fit(posed, posed.start(TRUTH), evaluations=3)
+    rough = DifferentiationNoise(readonly(SIGMA), window=9)
+    said = remarked(inspect_fit(replace(posed, noise=rough), found, catalogue(), held), "velocity-differentiated")
+    assert [("9 samples" in one.found, "time_offset" in one.cannot_tell) for one in said] == [(True, True)]
+    assert remarked(inspect_fit(posed, found, catalogue(), held), "velocity-differentiated") == []

@@ -32,7 +32,7 @@ from mjfish.noise import (
     process_noise,
 )
 from mjfish.noise.differentiation import sharpened
-from mjfish.noise.sample import noisy_ends, remaining_power
+from mjfish.noise.sample import remaining_power
 from mjfish.simulation.synthetic import generate
 from mjfish.sized_cache import always
 
@@ -307,18 +307,6 @@ def test_white_noise_has_no_forces_behind_it(swum: tuple[Problem, Fit]) -> None:
     found = process_noise(left, state_jacobians(problem, one.values))
     np.testing.assert_allclose(found.sigma, SIGMA, rtol=0.12)
     assert left.log_likelihood(found) < left.log_likelihood(Noise.white(SIGMA)) + 6.0
-
-
-def test_noisier_ends_are_found_and_quiet_ones_are_left_alone() -> None:
-    rng = np.random.default_rng(7)
-    blocks = [SIGMA * rng.standard_normal((300, 3)) for _ in range(6)]
-    assert noisy_ends(blocks) == 0
-    for block in blocks:
-        block[-4:] *= 4.0
-    assert noisy_ends(blocks) == 0  # one end alone: the water there is another, or a wall is near
-    for block in blocks:
-        block[:4] *= 4.0
-    assert 3 <= noisy_ends(blocks) <= 6
 
 
 def test_trials_at_two_steps_have_a_noise_each(pike: Fish) -> None:

@@ -1,0 +1,113 @@
+"""Errors of joint angles in the loop of their smoother, against the covariance of the whole run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mjfish
+from mjfish.arrays import FloatArray
+from mjfish.drive.measured import Smoothing, smoothing
+from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
+from mjfish.noise.kalman import whitened
+
+STEP, SAMPLES, SIGMA = 0.04, 40, 0.01
+
+
+def _joint(seed: int) -> Smoothing:
+    rng = np.random.default_rng(seed)
+    time = STEP * np.arange(SAMPLES)
+    return smoothing(time, 0.4 * np.sin(6.0 * time) + SIGMA * rng.standard_normal(SAMPLES))
+
+
+def _along(joints: int) -> Along:
+    """Return a made-up linear motion whose jacobians change with time."""
+    rng, time = np.random.default_rng(3), np.linspace(0.0, STEP * SAMPLES, 400)
+    a = -np.diag([1.0, 2.0, 4.0]) + 0.3 * rng.standard_normal((3, 3))
+    swing = np.sin(3.0 * time)[:, None, None]
+    by_input = 0.5 * rng.standard_normal((3, 3, joints)) * np.array([1.0, 0.3, 0.02])[:, None]
+    state = np.zeros((len(time), HEAD))
+    state[:, 0], state[:, 5] = 0.3, 0.5 * np.sin(2.0 * time)
+    return Along(time, state, a * (1.0 + 0.3 * swing), by_input[None] * (1.0 + 0.5 * swing[..., None]))
+
+
+def _errors(joints: int) -> JointErrors:
+    trial = mjfish.generate("pike", ["v1"], duration=STEP * (SAMPLES - 1), rate=1.0 / STEP).trials[0]
+    assert len(trial.time) == SAMPLES
+    return JointErrors.of(trial, [_joint(seed) for seed in range(joints)], _along(joints))
+
+
+def _covariance(errors: JointErrors) -> FloatArray:
+    """Return the covariance (n d, n d) of the states of a whole run, from transitions and drives alone."""
+    n, d = len(errors.time), len(errors.start)
+    whole = np.zeros((n, d, n, d))
+    whole[0, :, 0] = errors.start
+    for k in range(n - 1):
+        whole[k + 1, :, : k + 1] = np.einsum("ij,jnk->ink", errors.transition[k], whole[k, :, : k + 1])
+        whole[: k + 1, :, k + 1] = whole[k + 1, :, : k + 1].transpose(1, 2, 0)
+        whole[k + 1, :, k + 1] = errors.transition[k] @ whole[k, :, k] @ errors.transition[k].T + errors.drive[k]
+    return whole.reshape(n * d, n * d)
+
+
+def test_the_error_of_an_angle_is_that_of_its_spline() -> None:
+    """Given later samples it has the posterior variance sigma^2 H of the smoothing spline ([Wahba1990], ch. 1.5)."""
+    joint, errors = _joint(0), _errors(1)
+    whole = _covariance(errors).reshape(SAMPLES, HEAD + JOINT, SAMPLES, HEAD + JOINT)
+    found = whole[:, HEAD, :, HEAD]
+    hat = np.stack([joint.of(column[:, None])(STEP * np.arange(SAMPLES))[:, 0] for column in np.eye(SAMPLES)], axis=1)
+    np.testing.assert_allclose(found, joint.sigma**2 * hat, atol=2e-3 * joint.sigma**2)
+
+
+def test_whitening_is_that_of_the_covariance_of_the_whole_run() -> None:
+    """X' (R + H P H')^-1 x, sensors that lack samples among them."""
+    rng, errors = np.random.default_rng(5), _errors(2)
+    rows = (np.arange(SAMPLES), np.arange(0, SAMPLES, 3))
+    readings = tuple(
+        rng.standard_normal((len(own), channels, len(errors.start))) for own, channels in zip(rows, (2, 1))
+    )
+    sigma = (np.array([0.01, 0.02]), np.array([0.05]))
+    filter_ = errors.filter(rows, readings, sigma)
+    every = np.zeros((SAMPLES, 3, 1))
+    every[rows[0], :2, 0], every[rows[1], 2, 0] = rng.standard_normal((SAMPLES, 2)), rng.standard_normal(len(rows[1]))
+    white = whitened(filter_, np.ones(SAMPLES, dtype=np.bool_), every)
+    reading = np.zeros((SAMPLES, 3, SAMPLES, len(errors.start)))
+    for at, own, first in zip(rows, readings, (0, 2), strict=True):
+        for k, row in enumerate(at):
+            reading[row, first : first + own.shape[1], row] = own[k]
+    flat = reading.reshape(3 * SAMPLES, -1)
+    noise = np.ones((SAMPLES, 3))
+    noise[rows[0], :2], noise[rows[1], 2] = sigma[0] ** 2, sigma[1] ** 2
+    dense = np.diag(noise.ravel()) + flat @ _covariance(errors) @ flat.T
+    x = every.ravel()
+    assert float(np.sum(white**2)) == pytest.approx(float(x @ np.linalg.solve(dense, x)), rel=1e-6)
+    np.testing.assert_allclose(
+        errors.variances(rows, readings)[0].ravel(),
+        np.diag(dense - np.diag(noise.ravel())).reshape(SAMPLES, 3)[:, :2].ravel(),
+        rtol=1e-8,
+    )
+
+
+def test_the_head_follows_the_equation_between_samples() -> None:
+    """Steps of the filter against a fine integration of dv' = A dv + B (d, d', d''), d a quintic."""
+    errors, along = _errors(1), _along(1)
+    k, d0 = 7, np.array([0.01, -0.2, 3.0])
+    whole = errors.transition[k][HEAD:, HEAD:] @ d0
+    time = np.linspace(errors.time[k], errors.time[k + 1], 2001)
+    h = time[-1] - time[0]
+    s = (time - time[0]) / h
+    ends = np.array([d0[0], d0[1] * h, d0[2] * h * h, whole[0], whole[1] * h, whole[2] * h * h])
+    rows = np.array([[0, 0, 0, 0, 0, 1], [0, 0, 0, 0, 1, 0], [0, 0, 0, 2, 0, 0]], dtype=float)
+    last = np.array([[1, 1, 1, 1, 1, 1], [5, 4, 3, 2, 1, 0], [20, 12, 6, 2, 0, 0]], dtype=float)
+    poly = np.linalg.solve(np.concatenate([rows, last]), ends)
+    push = np.stack([np.polyval(np.polyder(poly, order), s) / h**order for order in range(3)], axis=1)
+    v = np.zeros(3)
+    for i in range(len(time) - 1):
+        at = np.interp(time[i] + 0.5 * (time[1] - time[0]), along.time, np.arange(len(along.time)))
+        low, share = int(at), at - int(at)
+        a = (1 - share) * along.state_jacobian[low] + share * along.state_jacobian[low + 1]
+        b = (1 - share) * along.input_jacobian[low, ..., 0] + share * along.input_jacobian[low + 1, ..., 0]
+        middle = 0.5 * (push[i] + push[i + 1])
+        v = v + (time[1] - time[0]) * (a @ v + middle @ b.T if b.shape == (3, 3) else 0.0)
+    np.testing.assert_allclose(
+        (errors.transition[k] @ np.concatenate([np.zeros(HEAD), d0]))[:3], v, rtol=2e-3, atol=1e-6
+    )
