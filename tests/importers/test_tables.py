@@ -119,6 +119,7 @@ def test_poses_become_sensors_sample_by_sample(tmp_path: Path, axes: str, turn: 
     assert (dataset.noise, dataset.known) == (None, {})
     place, heading = run.sensors
     assert (place.name, heading.name, place.link, place.station) == ("position", "heading", 0, 0.15)
+    assert place.placed
     np.testing.assert_allclose(place.values, pose[:, :2], atol=1e-12)
     np.testing.assert_allclose(heading.values[:, 0] % (2.0 * np.pi), pose[:, 2] % (2.0 * np.pi), atol=1e-12)
     assert np.abs(np.diff(heading.values[:, 0])).max() < 0.1
@@ -137,7 +138,7 @@ def test_a_point_that_nobody_places_is_somewhere_on_the_head(tmp_path: Path) -> 
     time, pose, _ = _swim()
     file = _table(tmp_path / "run.csv", "time,x,y,yaw", np.column_stack([time, pose]))
     dataset, _ = _import("poses", file, _map(tmp_path / "map.toml", WAVE, "poses"))
-    assert dataset.known["marker_offset.along"].sd == pytest.approx(0.5 * dataset.fish.links[0].length)
+    assert [sensor.placed for sensor in dataset.trials[0].sensors] == [False, False]
     for place in (-0.01, 0.9):
         mapping = _map(tmp_path / "map.toml", f"behind_nose = {place}\n" + WAVE, "poses")
         with pytest.raises(InputError, match=r"map.toml: behind_nose: .* expected a point of the head, 0 to .*fitted"):
