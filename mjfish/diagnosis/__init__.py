@@ -1,7 +1,7 @@
 """Diagnosis: is anything wrong, where, which cause, and what naming it gains."""
 
 from mjfish.diagnosis.diagnosis import diagnose
-from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay
+from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay, SensorOverlay
 from mjfish.diagnosis.splits import Share, Split, SplitMechanism, Splits, diagnose_splits
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "Estimate",
     "FittedModel",
     "Overlay",
+    "SensorOverlay",
     "Share",
     "Split",
     "SplitMechanism",

@@ -33,6 +33,7 @@ _ALL = (
     Mechanism("clock", "data", "the camera's clock is off", "-"),
     Mechanism("camera_scale", "data", "the camera's scale is off", "-"),
     Mechanism("camera_axes", "data", "the camera's axes are turned", "-"),
+    Mechanism("lens", "data", "the camera's lens bends lines", "place"),
     Mechanism("tracked_point", "data", "another point is tracked", "-"),
     Mechanism("servo_dynamics", "drive", "the joints follow their command late", "command and its rate"),
     Mechanism("servo_limit", "drive", "the joints end at other angles than they are told", "command"),

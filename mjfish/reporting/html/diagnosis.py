@@ -13,11 +13,10 @@ from mjfish.diagnosis.curves import knots_of
 from mjfish.diagnosis.select import GOODNESS, KEEP
 from mjfish.diagnosis.where import FIFTHS
 from mjfish.files import write_text
-from mjfish.frames import CHANNELS
 from mjfish.reporting.html import readings
 from mjfish.reporting.html.candidates import detectable, grouped, possible, remark
 from mjfish.reporting.html.curves import FormRow, form_rows
-from mjfish.reporting.html.figures import force_figure, overlay_figure
+from mjfish.reporting.html.figures import force_figure, overlay_figure, path_figure, worst_path
 from mjfish.reporting.html.methods import methods
 from mjfish.reporting.html.pages import render
 from mjfish.reporting.html.residuals import beat_figure, speed_figure
@@ -123,7 +122,7 @@ def parts(diagnosis: Diagnosis, splits: Splits | None) -> list[Part]:
         (Part("gain", "What the extended model gains", "gain.html.j2"), diagnosis.best or diagnosis.gain),
         (Part("splits", "How firmly the verdict is held", "splits.html.j2"), splits is not None),
         (Part("trials", "Measured against simulated", "trials.html.j2"), True),
-        (Part("residuals", "What is left over beat and speed", "residuals.html.j2"), True),
+        (Part("residuals", "What is left over beat and speed", "residuals.html.j2"), diagnosis.problem.samples),
         (Part("where", "Where the nominal model goes wrong", "where.html.j2"), diagnosis.where is not None),
         (Part("force", "What the nominal model lacks, as a force", "force.html.j2"), diagnosis.force),
         (Part("candidates", "Every candidate", "candidates.html.j2"), diagnosis.candidates),
@@ -136,10 +135,17 @@ def parts(diagnosis: Diagnosis, splits: Splits | None) -> list[Part]:
 
 
 def picture(diagnosis: Diagnosis, forms: list[FormRow]) -> Picture:
-    """Return the learned curve, where one is named; else the stretch on which the nominal model is worst."""
+    """Return the learned curve, where one is named; else the stretch on which the nominal model is worst.
+
+    Of places, the path of the run on which it is.
+    """
     if forms and any(mechanism.form == "learned" for mechanism in diagnosis.mechanisms):
         first = forms[0].figures[0]
         return Picture(first.title, first.figure, readings.CURVE)
+    if not diagnosis.problem.samples and (run := worst_path(diagnosis)) is not None:
+        held_out = "held-out " if run.held_out else ""
+        title = f"Path in {held_out}trial {run.trial.name}: where the nominal model is worst"
+        return Picture(title, path_figure(diagnosis, run), readings.PATH)
     stretch = worst_stretch(diagnosis)
     return Picture(stretch.title, stretch_figure(diagnosis, stretch), readings.STRETCH)
 
@@ -170,7 +176,7 @@ def errors(diagnosis: Diagnosis) -> list[tuple[str, float, float]]:
     gain = diagnosis.gain
     if gain is None:
         return []
-    return [(CHANNEL_NAMES[name], gain.nominal[name], gain.extended[name]) for name in (*CHANNELS, "pooled")]
+    return [(CHANNEL_NAMES.get(name, name), gain.nominal[name], gain.extended[name]) for name in gain.nominal]
 
 
 def shares(diagnosis: Diagnosis) -> list[tuple[str, str, dict[str, float]]]:

@@ -18,7 +18,7 @@ from plotly.subplots import make_subplots
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Sensor, Trial
-from mjfish.diagnosis import Diagnosis, Overlay
+from mjfish.diagnosis import Diagnosis, Overlay, SensorOverlay
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.residual_tests import ALL, Autocorrelation
 from mjfish.frames import CHANNELS, UNITS
@@ -224,6 +224,34 @@ def overlay_figure(diagnosis: Diagnosis, overlay: Overlay) -> go.Figure:
         read = ((own.sensor, {model: getattr(own, model) for model in models}) for own in overlay.sensors)
         return series_figure([series for own in read for series in of_sensor(*own)])
     return trial_figure(overlay.trial, scored_predictions(diagnosis, overlay))
+
+
+def worst_path(diagnosis: Diagnosis) -> Overlay | None:
+    """Return the run, held out if any is, whose places the nominal model misses most; None where none was measured."""
+    every = [overlay for overlay in diagnosis.overlays if _places(overlay) is not None]
+    shown = [overlay for overlay in every if overlay.held_out] or every
+
+    def missed(overlay: Overlay) -> float:
+        own = _places(overlay)
+        return 0.0 if own is None else float(np.nanmean((own.sensor.values - own.nominal) ** 2))
+
+    return max(shown, key=missed, default=None)
+
+
+def _places(overlay: Overlay) -> SensorOverlay | None:
+    return next((own for own in overlay.sensors if own.sensor.kind == "position"), None)
+
+
+def path_figure(diagnosis: Diagnosis, overlay: Overlay) -> go.Figure:
+    """Return the places of one run in the plane, as measured and as the models predict them; metres are alike."""
+    own, figure = _places(overlay), panels(1, height=380)
+    if own is not None:
+        panel = Panel(figure, 1)
+        panel.curve(*own.sensor.values.T, "measured", "measured", width=4.0)
+        for model in ("nominal", "extended") if diagnosis.best else ("nominal",):
+            panel.curve(*getattr(own, model).T, model, model, width=1.8)
+        panel.heading("y [m] over x [m]")
+    return figure.update_yaxes(scaleanchor="x", scaleratio=1).update_layout(hovermode="closest")
 
 
 def residual_figure(residual: Residual) -> go.Figure:
