@@ -247,9 +247,10 @@ def path_figure(diagnosis: Diagnosis, overlay: Overlay) -> go.Figure:
     own, figure = _places(overlay), panels(1, height=380)
     if own is not None:
         panel = Panel(figure, 1)
-        panel.curve(*own.sensor.values.T, "measured", "measured", width=4.0)
+        panel.curve(own.sensor.values[:, 0], own.sensor.values[:, 1], "measured", "measured", width=4.0)
         for model in ("nominal", "extended") if diagnosis.best else ("nominal",):
-            panel.curve(*getattr(own, model).T, model, model, width=1.8)
+            places: FloatArray = getattr(own, model)
+            panel.curve(places[:, 0], places[:, 1], model, model, width=1.8)
         panel.heading("y [m] over x [m]")
     return figure.update_yaxes(scaleanchor="x", scaleratio=1).update_layout(hovermode="closest")
 

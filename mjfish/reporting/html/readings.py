@@ -23,8 +23,8 @@ STRETCH = Reading(
     "Look at the same trial below, in all channels, and at the residual over beat and speed.",
 )
 PATH = Reading(
-    "The places that the camera saw in the run whose path the nominal model misses most, and those that the models predict. "
-    "No held-out trial took part in the fits.",
+    "The places that the camera saw in the run whose path the nominal model misses most, and those that the models "
+    "predict. No held-out trial took part in the fits.",
     "The simulated path lies on the measured one: with the cause where one is shown, and not without it.",
     "With the cause it ends as far off as without it, or further.",
     "Look at the same trial below: places and heading over time, and what is left of them.",
