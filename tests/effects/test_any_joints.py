@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import readonly
-from mjfish.data import Tank, Trial
+from mjfish.data import Sensor, Tank, Trial
 from mjfish.drive.wave import Wave
 from mjfish.effects import Effect, catalogue
 from mjfish.fish import Fish
@@ -35,11 +35,14 @@ def test_it_changes_a_swim_and_stays_finite(pike: Fish, effect: Effect, joints: 
     time = readonly(np.arange(0.0, 1.0, 0.02))
     still, roll = readonly(np.zeros((len(time), 3))), readonly(0.1 * np.sin(9.0 * time))
     tank = Tank((-0.3, 2.0), (-0.3, 0.3))
-    trial = Trial("any", None, time, still, wave=wave, pose=still, roll=roll, tank=tank)
+    place = Sensor("position", "position", time, still[:, :2])
+    trial = Trial("any", None, time, still, wave=wave, pose=still, roll=roll, tank=tank, sensors=(place,))
     model = Model(fish, (effect,))
     (own,) = model.effects
     off = {p.name: min(p.default + 3.0 * p.scale, p.high) for p in own.parameters if not p.shape}
     nominal, changed = (model.predict(trial, model.values(values)) for values in ({}, off))
     assert changed.status == "ok"
     assert np.all(np.isfinite(changed.velocity))
-    assert not np.array_equal(changed.velocity, nominal.velocity) or effect.name == "roll"
+    assert np.all(np.isfinite(changed.sensors[0]))
+    same = np.array_equal(changed.velocity, nominal.velocity) and np.array_equal(changed.sensors[0], nominal.sensors[0])
+    assert not same or effect.name == "roll"

@@ -11,7 +11,7 @@ import pytest
 from pike_coefficients import COEFFICIENTS
 
 from mjfish.arrays import FloatArray, readonly
-from mjfish.data import Dataset, Tank, Trial
+from mjfish.data import Dataset, Sensor, Tank, Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect, catalogue
@@ -39,6 +39,7 @@ SHIPPED = {
     "inertia_error",
     "joint_zero_offset",
     "keulegan_carpenter_drag",
+    "lens_distortion",
     "lift",
     "linear_drag",
     "marker_offset",
@@ -90,16 +91,19 @@ def _off(parameter: Parameter) -> float:
 def _predict(fish: Fish, trial: Trial, effects: tuple[Effect, ...] = (), **values: float) -> FloatArray:
     model = Model(fish, effects)
     named = {name.replace("__", "."): value for name, value in values.items()}
-    return model.predict(trial, model.values(named)).velocity
+    predicted = model.predict(trial, model.values(named))
+    return np.column_stack([predicted.velocity, *predicted.sensors])
 
 
 @pytest.fixture(scope="session")
 def trials(turning: Trial) -> tuple[Trial, ...]:
-    """A turn, the same with everything measured that may be, a pose, a roll, and in a tank."""
+    """A turn, the same with everything measured that may be, a pose, a roll, in a tank, and filmed."""
     t = turning.time
     pose = np.column_stack([0.3 * t, 0.1 * np.sin(t), 0.2 * t])
     measured = replace(turning, pose=readonly(pose), roll=readonly(0.1 * np.sin(9.0 * t)))
-    return turning, measured, replace(measured, tank=Tank((-0.9, 20.0), (-4.0, 5.0)))
+    filmed = tuple(Sensor(kind, kind, t, pose[:, at]) for kind, at in (("position", [0, 1]), ("heading", [2])))
+    tank = replace(measured, tank=Tank((-0.9, 20.0), (-4.0, 5.0)))
+    return turning, measured, tank, replace(measured, sensors=filmed)
 
 
 def _showing(effect: Effect, fish: Fish, trials: tuple[Trial, ...]) -> Trial:
