@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from mjfish.cli import console
-from mjfish.reporting.words import CHANNEL_NAMES, NONE, estimate, interval, named_as, number, p_value, percent, unit
+from mjfish.reporting.words import NONE, channel_name, estimate, interval, named_as, number, p_value, percent, unit
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -180,7 +180,7 @@ def _densest(result: Diagnosis) -> str:
     where = result.where
     assert where is not None  # noqa: S101 - checked by the callers
     share = percent(where.channels[where.channel], 2)
-    return f"{CHANNEL_NAMES[where.channel]} ({share} of it), trial {where.trial}"
+    return f"{channel_name(where.channel)} ({share} of it), trial {where.trial}"
 
 
 def _rest(result: Diagnosis) -> None:
@@ -232,7 +232,7 @@ def _gain(result: Diagnosis) -> Table:
         reduction = percent(1.0 - after / before) if before > 0.0 else ""
         if channel == "pooled":
             reduction += f"  ({percent(gain.low)} to {percent(gain.high)})"
-        table.add_row(CHANNEL_NAMES[channel], percent(before), percent(after), reduction)
+        table.add_row(channel_name(channel), percent(before), percent(after), reduction)
     table.add_row("mean speed error [m/s]", *map(number, gain.mean_speed_error), "")
     return table
 

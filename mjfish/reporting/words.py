@@ -90,3 +90,8 @@ def named_as(mechanism: NamedMechanism) -> str:
             f"{mechanism.name}: named as a mechanism; the data do not settle its form: {' or '.join(mechanism.forms)}"
         )
     return f"{mechanism.name}: named as a mechanism; no formula of it fits, its form is learned"
+
+
+def channel_name(channel: str) -> str:
+    """Return a channel in words; those of sensors have names, such as ``position x``, that stay as they are."""
+    return CHANNEL_NAMES.get(channel, channel)

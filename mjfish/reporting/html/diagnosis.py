@@ -24,7 +24,7 @@ from mjfish.reporting.html.rivals import rivals
 from mjfish.reporting.html.worst_stretch import stretch_figure, worst_stretch
 from mjfish.reporting.notices import notices
 from mjfish.reporting.titles import cause_title, headline, mechanism_title
-from mjfish.reporting.words import CHANNEL_NAMES, VERDICTS
+from mjfish.reporting.words import CHANNEL_NAMES, VERDICTS, channel_name
 
 _PARTS = ("start-up", "transition", "steady")
 
@@ -176,7 +176,7 @@ def errors(diagnosis: Diagnosis) -> list[tuple[str, float, float]]:
     gain = diagnosis.gain
     if gain is None:
         return []
-    return [(CHANNEL_NAMES.get(name, name), gain.nominal[name], gain.extended[name]) for name in gain.nominal]
+    return [(channel_name(name), gain.nominal[name], gain.extended[name]) for name in gain.nominal]
 
 
 def shares(diagnosis: Diagnosis) -> list[tuple[str, str, dict[str, float]]]:
@@ -185,9 +185,9 @@ def shares(diagnosis: Diagnosis) -> list[tuple[str, str, dict[str, float]]]:
     if where is None:
         return []
     trials = [trial.name for trial in diagnosis.dataset.trials]
-    named = {CHANNEL_NAMES[name]: share for name, share in where.channels.items()}
+    named = {channel_name(name): share for name, share in where.channels.items()}
     return [
-        ("channel", CHANNEL_NAMES[where.channel], _in_order(named, CHANNEL_NAMES.values())),
+        ("channel", channel_name(where.channel), _in_order(named, CHANNEL_NAMES.values())),
         ("trial", where.trial, _in_order(where.trials, trials)),
         ("part of the run", where.part, _in_order(where.parts, _PARTS)),
         ("phase of the beat", where.phase, _in_order(where.phases, sorted(where.phases))),
