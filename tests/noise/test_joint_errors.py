@@ -88,7 +88,10 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run() -> None:
 
 
 def test_the_head_follows_the_equation_between_samples() -> None:
-    """Steps of the filter against a fine integration of dv' = A dv + B (d, d', d''), d a quintic."""
+    """Steps of the filter against a fine integration of dv' = A dv + B (d, d', d''), d a quintic, and of its way.
+
+    From an error of the heading and the sway, too: the way turns with the heading.
+    """
     errors, along = _errors(1), _along(1)
     k, d0 = 7, np.array([0.01, -0.2, 3.0])
     whole = errors.transition[k][HEAD:, HEAD:] @ d0
@@ -100,7 +103,8 @@ def test_the_head_follows_the_equation_between_samples() -> None:
     last = np.array([[1, 1, 1, 1, 1, 1], [5, 4, 3, 2, 1, 0], [20, 12, 6, 2, 0, 0]], dtype=float)
     poly = np.linalg.solve(np.concatenate([rows, last]), ends)
     push = np.stack([np.polyval(np.polyder(poly, order), s) / h**order for order in range(3)], axis=1)
-    v = np.zeros(3)
+    v, way = np.array([0.0, 0.02, 0.1]), np.array([0.0, 0.0, 0.03])
+    begun = np.concatenate([v, way, d0])
     for i in range(len(time) - 1):
         at = np.interp(time[i] + 0.5 * (time[1] - time[0]), along.time, np.arange(len(along.time)))
         low, share = int(at), at - int(at)
