@@ -111,7 +111,11 @@ def test_the_head_follows_the_equation_between_samples() -> None:
         a = (1 - share) * along.state_jacobian[low] + share * along.state_jacobian[low + 1]
         b = (1 - share) * along.input_jacobian[low, ..., 0] + share * along.input_jacobian[low + 1, ..., 0]
         middle = 0.5 * (push[i] + push[i + 1])
-        v = v + (time[1] - time[0]) * (a @ v + middle @ b.T if b.shape == (3, 3) else 0.0)
-    np.testing.assert_allclose(
-        (errors.transition[k] @ np.concatenate([np.zeros(HEAD), d0]))[:3], v, rtol=2e-3, atol=1e-6
-    )
+        surge, sway, yaw = (1 - share) * along.state[low, [0, 1, 5]] + share * along.state[low + 1, [0, 1, 5]]
+        seen = v + np.array([-way[2] * sway, way[2] * surge, 0.0])
+        turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+        way = way + (time[1] - time[0]) * (turn @ seen)
+        v = v + (time[1] - time[0]) * (a @ v + b @ middle)
+    moved = errors.transition[k] @ begun
+    np.testing.assert_allclose(moved[:3], v, rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(moved[3:HEAD], way, rtol=2e-3, atol=2e-6)
