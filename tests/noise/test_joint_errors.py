@@ -87,35 +87,41 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run() -> None:
     )
 
 
-def test_the_head_follows_the_equation_between_samples() -> None:
-    """Steps of the filter against a fine integration of dv' = A dv + B (d, d', d''), d a quintic, and of its way.
-
-    From an error of the heading and the sway, too: the way turns with the heading.
-    """
-    errors, along = _errors(1), _along(1)
-    k, d0 = 7, np.array([0.01, -0.2, 3.0])
-    whole = errors.transition[k][HEAD:, HEAD:] @ d0
-    time = np.linspace(errors.time[k], errors.time[k + 1], 2001)
-    h = time[-1] - time[0]
-    s = (time - time[0]) / h
-    ends = np.array([d0[0], d0[1] * h, d0[2] * h * h, whole[0], whole[1] * h, whole[2] * h * h])
+def _driven(k: int, errors: JointErrors, begun: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the head (6,) a step behind `begun` (9,), by small ones, while the joint goes on a quintic to `end` (3,)."""
+    along, time = _along(1), np.linspace(errors.time[k], errors.time[k + 1], 2001)
+    h, v, way = time[-1] - time[0], begun[:3], begun[3:HEAD]
+    scale = h ** np.arange(3.0)
     rows = np.array([[0, 0, 0, 0, 0, 1], [0, 0, 0, 0, 1, 0], [0, 0, 0, 2, 0, 0]], dtype=float)
     last = np.array([[1, 1, 1, 1, 1, 1], [5, 4, 3, 2, 1, 0], [20, 12, 6, 2, 0, 0]], dtype=float)
-    poly = np.linalg.solve(np.concatenate([rows, last]), ends)
+    poly = np.linalg.solve(np.concatenate([rows, last]), np.concatenate([begun[HEAD:] * scale, end * scale]))
+    s = (time - time[0]) / h
     push = np.stack([np.polyval(np.polyder(poly, order), s) / h**order for order in range(3)], axis=1)
-    v, way = np.array([0.0, 0.02, 0.1]), np.array([0.0, 0.0, 0.03])
-    begun = np.concatenate([v, way, d0])
     for i in range(len(time) - 1):
         at = np.interp(time[i] + 0.5 * (time[1] - time[0]), along.time, np.arange(len(along.time)))
         low, share = int(at), at - int(at)
         a = (1 - share) * along.state_jacobian[low] + share * along.state_jacobian[low + 1]
         b = (1 - share) * along.input_jacobian[low, ..., 0] + share * along.input_jacobian[low + 1, ..., 0]
-        middle = 0.5 * (push[i] + push[i + 1])
         surge, sway, yaw = (1 - share) * along.state[low, [0, 1, 5]] + share * along.state[low + 1, [0, 1, 5]]
         seen = v + np.array([-way[2] * sway, way[2] * surge, 0.0])
         turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
         way = way + (time[1] - time[0]) * (turn @ seen)
-        v = v + (time[1] - time[0]) * (a @ v + b @ middle)
-    moved = errors.transition[k] @ begun
-    np.testing.assert_allclose(moved[:3], v, rtol=2e-3, atol=1e-6)
-    np.testing.assert_allclose(moved[3:HEAD], way, rtol=2e-3, atol=2e-6)
+        v = v + (time[1] - time[0]) * (a @ v + b @ (0.5 * (push[i] + push[i + 1])))
+    return np.concatenate([v, way])
+
+
+def test_the_head_follows_the_equation_between_samples() -> None:
+    """It obeys dv' = A dv + B (d, d', d''); its way turns with the heading; d is a quintic from sample to sample.
+
+    Its end is what is expected of it (transition) and what comes in by chance, which moves the head, too (drive).
+    """
+    errors, k = _errors(1), 7
+    begun = np.array([0.0, 0.02, 0.1, 0.0, 0.0, 0.03, 0.01, -0.2, 3.0])
+    expected = _driven(k, errors, begun, errors.transition[k][HEAD:, HEAD:] @ begun[HEAD:])
+    np.testing.assert_allclose((errors.transition[k] @ begun)[:HEAD], expected, rtol=2e-3, atol=2e-6)
+    chance, drive = np.array([0.002, 0.3, -20.0]), errors.drive[k]
+    moved = drive[:HEAD, HEAD:] @ np.linalg.solve(drive[HEAD:, HEAD:], chance)
+    pushed = _driven(k, errors, np.zeros(HEAD + JOINT), chance)
+    np.testing.assert_allclose(moved, pushed, rtol=5e-3, atol=2e-6)
+    own = drive[:HEAD, HEAD:] @ np.linalg.solve(drive[HEAD:, HEAD:], drive[HEAD:, :HEAD])
+    np.testing.assert_allclose(drive[:HEAD, :HEAD], own, atol=1e-9 * np.abs(own).max())
