@@ -88,7 +88,7 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run() -> None:
 
 
 def _driven(k: int, errors: JointErrors, begun: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the head (6,) a step behind `begun` (9,), by small ones, while the joint goes on a quintic to `end` (3,)."""
+    """Return the head (6,) a step behind `begun` (9,), by small ones; the joint goes on a quintic to `end` (3,)."""
     along, time = _along(1), np.linspace(errors.time[k], errors.time[k + 1], 2001)
     h, v, way = time[-1] - time[0], begun[:3], begun[3:HEAD]
     scale = h ** np.arange(3.0)
