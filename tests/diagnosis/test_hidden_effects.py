@@ -16,8 +16,9 @@ from mjfish.diagnosis.result import Estimate
 from mjfish.effects import catalogue, find
 from mjfish.estimation import fit
 
-#: Causes that the free coefficients hide (see below), and one that needs a tank (tests/effects/test_wall_effect.py).
-ELSEWHERE = ("mass_error", "section_height", "wall_effect")
+#: Causes that the free coefficients hide (see below), one that needs a tank (tests/effects/test_wall_effect.py), one
+#: that needs a camera (test_poses.py).
+ELSEWHERE = ("lens_distortion", "mass_error", "section_height", "wall_effect")
 #: A hidden cause of each domain. The slow tests hide the others; tests/effects recovers the size of each by a fit.
 OF_EACH_DOMAIN = ("velocity_scale", "joint_zero_offset", "com_offset", "munk_moment", "roll")
 #: Sum of squares below which an effect leaves no trace to speak of, before any refit.

@@ -57,3 +57,12 @@ def test_a_current_is_named_with_its_speed_and_lowers_the_error_of_the_path() ->
     left = [np.sqrt(np.mean((held.sensors[0].sensor.values - own) ** 2)) for own in
             (held.sensors[0].nominal, held.sensors[0].extended)]  # fmt: skip
     assert left[1] < 0.5 * left[0]
+
+
+@pytest.mark.slow
+def test_a_lens_that_bends_the_picture_is_named_with_its_centre() -> None:
+    lens = {"lens_distortion.curvature": 0.04, "lens_distortion.x": 0.3, "lens_distortion.y": -0.2}
+    found = mjfish.diagnose(_pool("commanded", lens, seed=6))
+    assert [cause.name for cause in found.causes] == ["lens_distortion"], found.message
+    for short, reach in (("curvature", 2e-3), ("x", 0.02), ("y", 0.02)):
+        assert found.causes[0].parameters[short].estimate == pytest.approx(lens[f"lens_distortion.{short}"], abs=reach)

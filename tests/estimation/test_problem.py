@@ -16,7 +16,6 @@ from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import catalogue
 from mjfish.estimation import Problem
 from mjfish.estimation.problem import nuisances
-from mjfish.estimation.residual import predict_held_out
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.model import MARGIN, Model
@@ -178,15 +177,6 @@ def test_only_samples_inside_the_window_count(posed: Problem) -> None:
     np.testing.assert_allclose(posed.trials[0].time[windowed.mask(0)][[0, -1]], [0.5, 1.0])
     assert np.all(windowed.mask(1))
     assert len(windowed.residual(posed.start(TRUTH))) == 3 * (26 + 101)
-
-
-def test_samples_at_either_end_do_not_count_of_held_out_trials_either(posed: Problem) -> None:
-    """Catches a likelihood of held-out trials that is ruled by the noisier ends of a differentiating filter."""
-    cut = replace(posed, ends=2)
-    for i, trial in enumerate(posed.trials):
-        np.testing.assert_array_equal(np.flatnonzero(cut.mask(i)), np.arange(2, len(trial.time) - 2))
-    score = predict_held_out(cut, TRUTH, posed.trials[:1])
-    assert len(score.residuals[0]) == len(posed.trials[0].time) - 4
 
 
 def test_a_trial_that_diverges_has_residuals_worse_than_any_and_a_complaint(posed: Problem) -> None:
