@@ -150,12 +150,6 @@ class Identification(Result):
         fish = identified_fish(self.problem.model.fish, self.fit, self.problem.fixed)
         return posterior(self.problem, self.fit, fish, self.assessment.stability.scatter, correlated=True)
 
-    def strong_correlations(self, limit: float) -> list[tuple[str, str, float]]:
-        """Return pairs of estimates that are correlated beyond `limit`, strongest first."""
-        names, matrix = [p.name for p in self.fit.parameters], self.fit.correlation
-        pairs = [(names[i], names[j], float(matrix[i, j])) for i in range(len(names)) for j in range(i)]
-        return sorted((pair for pair in pairs if abs(pair[2]) > limit), key=lambda pair: -abs(pair[2]))
-
     def summary(self) -> str:
         """Return status, errors and coefficients, a line each; at most ten."""
         fit, width = self.fit, max(len(p.name) for p in self.fit.parameters)

@@ -94,11 +94,6 @@ class Score:
         """Bytes of velocities and whitened residuals."""
         return sum(block.nbytes for block in (*self.residuals, *self.predictions, *self.whitened))
 
-    @property
-    def whitened_sse(self) -> tuple[float, ...]:
-        """Sum of squares of `whitened`, per trial."""
-        return tuple(float(block @ block) for block in self.whitened)
-
 
 def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
     """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""

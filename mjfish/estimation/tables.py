@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,8 @@ import pyarrow.parquet
 
 from mjfish.data.tables import atomic_file, check_suffix
 from mjfish.errors import InputError
-from mjfish.estimation.agreement import Agreement
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.intervals import Intervals
-from mjfish.serialise import fields_of
 
 
 def coefficient_rows(fit: Fit, intervals: Intervals | None = None) -> list[dict[str, Any]]:
@@ -54,15 +52,6 @@ def write_coefficients(path: str | Path, fit: Fit, intervals: Intervals | None =
         InputError: the suffix is neither ``.csv`` nor ``.parquet``, or the file cannot be written.
     """
     write_rows(path, coefficient_rows(fit, intervals))
-
-
-def write_scores(path: str | Path, scores: Iterable[Agreement]) -> None:
-    """Write a row a trial, channel, part and horizon; a simulation has no horizon, and an empty cell there.
-
-    Raises:
-        InputError: as above.
-    """
-    write_rows(path, [fields_of(score) for score in scores])
 
 
 def write_rows(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:

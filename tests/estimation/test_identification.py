@@ -82,17 +82,6 @@ def test_the_report_is_plain_data_with_every_estimate(found: Identification) -> 
     assert {score["trial"] for score in told["scores"]} == {"v1", "v3", "v5"}
 
 
-def test_strong_correlations_come_strongest_first_and_once(found: Identification) -> None:
-    pairs = found.strong_correlations(0.5)
-    sizes = [abs(value) for _, _, value in pairs]
-    assert sizes == sorted(sizes, reverse=True)
-    assert len({frozenset(pair[:2]) for pair in pairs}) == len(pairs) > 0
-    names = list(COEFFICIENTS)
-    first, second, value = pairs[0]
-    assert value == found.fit.correlation[names.index(first), names.index(second)]
-    assert found.strong_correlations(1.0) == []
-
-
 def test_a_start_that_diverges_is_reported_not_raised(pike: Fish, synthetic: Dataset, tmp_path: Path) -> None:
     """With stated noise and without: no weights are made of a run that did not end."""
     wild = pike.with_coefficients(

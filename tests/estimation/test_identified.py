@@ -26,7 +26,7 @@ from mjfish.estimation.agreement import agreement
 from mjfish.estimation.identification import identified_fish, origin
 from mjfish.estimation.intervals import intervals
 from mjfish.estimation.residual import fitted
-from mjfish.estimation.tables import coefficient_rows, write_coefficients, write_scores
+from mjfish.estimation.tables import coefficient_rows, write_coefficients, write_rows
 from mjfish.fish import Fish, load_fish
 from mjfish.mujoco import export
 from mjfish.serialise import plain
@@ -113,7 +113,7 @@ def test_tables_are_read_back_to_the_last_bit(
         assert row["low"] <= row["estimate"] <= row["high"]
         assert (row["plain_low"], row["plain_high"]) == pytest.approx(found.interval(row["parameter"]), rel=1e-12)
     scores = agreement(fitted(posed, found.x), horizons=[1])
-    write_scores(tmp_path / f"scores{suffix}", scores)
+    write_rows(tmp_path / f"scores{suffix}", plain(scores))
     table = read(tmp_path / f"scores{suffix}")
     assert table == plain(scores)
     assert {row["horizon"] for row in table} == {None, 1}
