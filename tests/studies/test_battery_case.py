@@ -162,3 +162,27 @@ def test_rivals_know_that_a_clock_looks_like_a_lag() -> None:
     assert all(0.0 <= value <= 1.0 + 1e-9 for value in rho.values())
     assert max(rho["servo_lag"], rho["servo_backlash"]) > rho["ambient_current"]
     assert case.truth.rho_max["time_offset"] == max(rho.values())
+
+
+@pytest.mark.parametrize("how", ["cpg", "commanded", "measured"])
+def test_a_film_shows_what_the_solver_predicts_of_the_truth(how: noise.Joints, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Places and headings of another sign, clock or frame than the solver's, or joints that it reads otherwise."""
+    filmed = noise.Noise("poses", (1e-5, 1e-5, 1e-5), rate=100.0, joints=how)
+    monkeypatch.setattr(noise, "draw", lambda *_: filmed)
+    case = scaled_case(21, (), (), "poses", runs=3)
+    model, trial = Model(case.dataset.fish), case.dataset.trials[0]
+    assert not trial.measured.any()
+    assert (trial.joint_angle is None) == (how == "cpg")
+    assert trial.commanded == (how == "commanded")
+    position, heading = trial.sensors
+    start = np.array([*position.values[0], heading.values[0, 0]])
+    predicted = model.predict(trial, {**model.values(), **case.truth.theta}, pose=start)
+    for sensor, read in zip(trial.sensors, predicted.sensors, strict=True):
+        left = sensor.values - read
+        assert np.sqrt(np.mean(left**2)) < 0.01 * np.ptp(sensor.values)
+
+
+def test_a_cause_of_the_servos_is_never_hidden_behind_measured_joints() -> None:
+    """Measured angles are what the servos did: nothing would be wrong."""
+    found = {draft.draft(seed, noise_kind="poses", drives=True).noise.joints for seed in range(12)}
+    assert found == {"cpg", "commanded"}

@@ -164,3 +164,18 @@ def test_the_battery_holds_at_a_tenth_of_its_size(tmp_path: Path) -> None:
         if c.truth.kind == "one" and c.named - {*c.truth.causes}
     ]
     assert len(wrong) <= 3, wrong
+
+
+def test_coefficients_count_where_the_verdict_is_right() -> None:
+    """A wrong verdict's coefficients are nobody's, and one at a bound has no interval."""
+    truth = replace(TRUTH, theta={"c_d.head": 1.0, "c_d.tail": 1.0, "c_d.body": 1.0})
+    own = {
+        "c_d.head": {"low": 0.9, "high": 1.1, "at_bound": False},
+        "c_d.tail": {"low": 1.1, "high": 1.2, "at_bound": False},
+        "c_d.body": {"low": 0.9, "high": 1.1, "at_bound": True},
+    }
+    right, wrong = _case("named", {"servo_lag": 0.01}, truth), _case("named", {"time_offset": 0.01}, truth)
+    for case in (right, wrong):
+        case.answer["coefficients"] = own  # type: ignore[index]
+    assert figures.coefficients([right]) == [True, False]
+    assert figures.coefficients([wrong]) == []

@@ -51,7 +51,9 @@ def every_form(first: int, split: str, forms: Sequence[str] = ()) -> list[Task]:
     ]
 
 
-def tasks(cases: str, split: str, first: int, disturbance: str, joints: int = PIKE) -> list[Task]:
+def tasks(
+    cases: str, split: str, first: int, disturbance: str, joints: int = PIKE, noise: str | None = None
+) -> list[Task]:
     """Return the tasks of e.g. ``none:40,two:20@100``, two effects of strength 100 at least.
 
     Kinds take turns, so that a stopped battery has some of each.
@@ -63,7 +65,7 @@ def tasks(cases: str, split: str, first: int, disturbance: str, joints: int = PI
         made += [
             (
                 number / int(count),
-                Task(kind, first + number, split, disturbance=disturbance, joints=joints, **strengths),
+                Task(kind, first + number, split, noise=noise, disturbance=disturbance, joints=joints, **strengths),
             )
             for number in range(int(count))
         ]
@@ -79,6 +81,7 @@ def run_(
     first: Annotated[int, typer.Option(help="First seed.")] = 0,
     disturbance: Annotated[str, typer.Option(help="Force noise on top: none, forces or drift.")] = "none",
     joints: Annotated[int, typer.Option(help="Of the fish; 4 is the pike.")] = PIKE,
+    observe: Annotated[str, typer.Option(help="velocity, or pose: places and headings of a camera.")] = "velocity",
     forms: Annotated[str, typer.Option(help="Foreign forms instead, medium and weak: names, or all.")] = "",
     out: Annotated[Path | None, typer.Option(help="Folder of truths and answers.")] = None,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
@@ -87,7 +90,9 @@ def run_(
 ) -> None:
     """Draw, seal and diagnose cases."""
     folder = out or OUT / (split if disturbance == "none" else disturbance)
-    drawn = tasks(cases, split, first, disturbance, joints)
+    if observe not in ("velocity", "pose"):
+        raise typer.BadParameter(f"--observe is '{observe}', expected velocity or pose")
+    drawn = tasks(cases, split, first, disturbance, joints, "poses" if observe == "pose" else None)
     if forms:
         drawn = every_form(first, split, [] if forms == "all" else forms.split(","))
     executing = Executing(jobs, cluster)

@@ -82,7 +82,10 @@ class Answered(_OfTask):
     def result(self) -> dict[str, Any]:
         """Return what is judged of it."""
         case = _draw(self.task)
-        answer = {**told(diagnose(case.dataset, jobs=1)), "floor": floor(case)}
+        answer = told(diagnose(case.dataset, jobs=1))
+        if self.task.noise == "poses":  # the floor and the sparsest regression are of velocities
+            return {**answer, "floor": None, "sparse": None}
+        answer["floor"] = floor(case)
         return {**answer, "sparse": sparsest(case.dataset)} if self.task.kind == "one" else answer
 
 
@@ -133,6 +136,7 @@ def told(result: Diagnosis) -> dict[str, Any]:
     return {
         **{key: plain[key] for key in kept},
         "causes": {cause["name"]: cause["parameters"] for cause in plain["causes"]},
+        "coefficients": plain["coefficients"]["extended"],
         "candidates": [
             {key: one[key] for key in ("name", "score", "statistic", "rival_p", "fit_p", "error", "held_out_error")}
             for one in plain["candidates"]

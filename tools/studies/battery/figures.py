@@ -124,9 +124,26 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
             (name in best_set(c) for c in both for name in c.truth.causes), lambda _: True,
         ),
         *sizes(of["one"]),
+        proportion(
+            "coefficients: true value inside the 95 % interval, where the verdict is right", "90 to 98 %",
+            coefficients([*of["none"], *of["one"]]), lambda p: 0.9 <= p <= 0.98,
+        ),
         *gains(clear),
     ]  # fmt: skip
     return [row for row in rows if row.total]
+
+
+def coefficients(cases: Sequence[Judged]) -> list[bool]:
+    """Return whether the interval of each coefficient holds the truth, of cases that are judged right."""
+    found = []
+    for case in cases:
+        if case.named != frozenset(case.truth.causes) or case.answer["verdict"] not in ("nothing_wrong", "named"):
+            continue
+        for name, truth in case.truth.theta.items():
+            own = case.answer.get("coefficients", {}).get(name)
+            if own is not None and not own["at_bound"]:
+                found.append(bool(own["low"] <= truth <= own["high"]))
+    return found
 
 
 def sizes(cases: Sequence[Judged]) -> list[Figure]:

@@ -16,6 +16,8 @@ from studies.battery.generator.world import Motion
 SHEAR = 0.1
 #: A camera that tracks positions takes this many frames for each sample that is kept.
 FINER = 4
+#: Poses that are not differentiated are integrated at steps of this at most [s].
+FINEST = 0.0025
 
 
 def velocity(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArray) -> FloatArray:
@@ -48,11 +50,17 @@ def _into_body(world: FloatArray, yaw: FloatArray) -> FloatArray:
     return np.stack([c * world[:, 0] + s * world[:, 1], c * world[:, 1] - s * world[:, 0]], axis=1)
 
 
-def pose(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArray) -> FloatArray:
-    """Return the pose (FINER (n - 1) + 1, 3) whose rate the camera reads: its readings, integrated by Simpson."""
-    fine = np.linspace(time[0], time[-1], FINER * (len(time) - 1) + 1)
+def pose(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArray, finer: int = FINER) -> FloatArray:
+    """Return the pose (finer (n - 1) + 1, 3) whose rate the camera reads: its readings, integrated by Simpson."""
+    fine = np.linspace(time[0], time[-1], finer * (len(time) - 1) + 1)
     read = velocity(motion, run, psi, fine)
     yaw = run.start[2] + cumulative_simpson(read[:, 2], x=fine, initial=0.0)
     world = _into_body(read[:, :2], -yaw)
     place = cumulative_simpson(world, x=fine, axis=0, initial=0.0) + np.array(run.start[:2])
     return np.asarray(np.column_stack([place, yaw]))
+
+
+def places(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArray) -> FloatArray:
+    """Return the pose (n, 3) that an ideal camera reads at its times, evenly apart."""
+    finer = int(np.ceil(float(time[1] - time[0]) / FINEST))
+    return pose(motion, run, psi, time, finer)[::finer]

@@ -15,9 +15,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from mjfish.arrays import FloatArray, readonly
-from mjfish.data import Dataset, Trial, save
+from mjfish.data import Dataset, Sensor, Trial, save
 from mjfish.errors import InputError
-from studies.battery.generator import camera, classes, forcing, foreign, rolling, size
+from studies.battery.generator import camera, classes, forcing, foreign, rolling, size, world
 from studies.battery.generator import noise as noises
 from studies.battery.generator.classes import CAUSES, LISTED, OFF_LIST, Cause
 from studies.battery.generator.draft import PIKE, Draft, draft, measured_by_path
@@ -149,6 +149,7 @@ def scaled_case(
         roll=roll,
         runs=runs,
         bound="coefficient_at_bound" in names,
+        drives=any(name.startswith(("servo", "joint_zero_offset")) for name in names),
         joints=joints,
     )
     found, measure = _sized(made, chosen, wanted)
@@ -242,6 +243,9 @@ def _measured(
     for number, run in enumerate(made.plan.runs):
         moved = made.motion(number, psi, FINE, disturbance=pushes[number])
         clean.append(made.seen(number, moved, psi))
+        if made.noise.kind == "poses":
+            measured.append(_filmed(made, number, psi, clean[-1]))
+            continue
         time, kept = made.time(number), made.kept[number]
         path = camera.pose(moved, run, psi, time)
         roll = rolling.rolled(moved, psi).at(time)[:, 0] + noises.ROLL * made.rng.standard_normal(len(time))
@@ -258,9 +262,31 @@ def _measured(
                 gaps=made.noise.kind == "dropped_frames",
             )
         )
-    sigma = readonly(np.array(made.noise.sigma)) if stated else None
+    sigma = readonly(np.array(made.noise.sigma)) if stated and made.noise.kind != "poses" else None
     name = f"{made.split} {made.seed}"
     return Dataset(name, made.fish, tuple(measured), noise=sigma), tuple(clean)
+
+
+def _filmed(made: Draft, number: int, psi: Mapping[str, float], clean: FloatArray) -> Trial:
+    """Return a run as places and headings with white noise, and its joint angles where they are recorded."""
+    run, how, time = made.plan.runs[number], made.noise, readonly(made.time(number))
+    seen = clean + np.array(how.sigma) * made.rng.standard_normal(clean.shape)
+    sensors = (Sensor("position", "position", time, seen[:, :2]), Sensor("heading", "heading", time, seen[:, 2:]))
+    angle = None
+    if how.joints != "cpg":
+        angle = world.angles(made.fish, run, psi if how.joints == "measured" else {}, time)
+        angle = readonly(angle + (how.joints == "measured") * how.angle * made.rng.standard_normal(angle.shape))
+    return Trial(
+        name=run.name,
+        role="held_out" if run.held_out else "fit",
+        time=time,
+        velocity=readonly(np.full((len(time), 3), np.nan)),
+        drive=run.drive if angle is None else (),
+        joint_angle=angle,
+        commanded=how.joints == "commanded",
+        from_rest=angle is not None,
+        sensors=sensors,
+    )
 
 
 def _noisy(

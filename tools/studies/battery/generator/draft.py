@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class Draft:
 
     def time(self, number: int) -> FloatArray:
         """Return the times of all frames of a run, lost ones too [s]."""
-        return np.arange(round(self.plan.runs[number].duration * noise.RATE) + 1) / noise.RATE
+        return np.arange(round(self.plan.runs[number].duration * self.noise.rate) + 1) / self.noise.rate
 
     def motion(
         self,
@@ -73,8 +73,10 @@ class Draft:
         return self.seen(number, moved, psi)
 
     def seen(self, number: int, moved: world.Motion, psi: Mapping[str, float]) -> FloatArray:
-        """Return what is measured of a motion without noise: read, or differentiated from the path."""
+        """Return what is measured of a motion without noise: read, or differentiated from the path; poses as such."""
         run, time = self.plan.runs[number], self.time(number)
+        if self.noise.kind == "poses":
+            return camera.places(moved, run, psi, time)
         if self.noise.kind == "differentiated_path":
             return measured_by_path(self.noise, camera.pose(moved, run, psi, time))
         return camera.velocity(moved, run, psi, time)[self.kept[number]]
@@ -106,9 +108,13 @@ def draft(
     roll: bool | None = None,
     runs: int | None = None,
     bound: bool = False,
+    drives: bool = False,
     joints: int = PIKE,
 ) -> Draft:
-    """Draw a case without its effect; see `studies.battery.generator.case.scaled_case` for the arguments."""
+    """Draw a case without its effect; see `studies.battery.generator.case.scaled_case` for the arguments.
+
+    `bound`: a coefficient is at its bound; `drives`: the effect acts between what the joints are told and what they do.
+    """
     if not 0 <= seed < 1_000_000:
         raise InputError(f"seed is {seed}, expected 0 to 999999: the splits are a million apart")
     rng = np.random.default_rng(SPLITS[split] + seed)
@@ -122,5 +128,7 @@ def draft(
         theta[parameter.name] = parameter.high if rng.random() < 0.5 else parameter.low
     plan = plans.draw(rng, pose=pose, roll=roll, runs=runs, joints=joints)
     how = noise.draw(rng, noise_kind, level)
-    kept = tuple(noise.kept(how, round(run.duration * noise.RATE) + 1, rng) for run in plan.runs)
+    if how.joints == "measured" and drives:  # what a servo does is measured with the joints, and nothing is wrong
+        how = replace(how, joints="commanded")
+    kept = tuple(noise.kept(how, round(run.duration * how.rate) + 1, rng) for run in plan.runs)
     return Draft(seed, split, rng, fish, theta, plan, how, kept)

@@ -13,9 +13,10 @@ from scipy.signal import lfilter, savgol_filter
 from mjfish.arrays import FloatArray, readonly
 from studies.battery.generator.camera import FINER
 
-Kind = Literal["white", "differentiated", "drift", "heavy_tailed", "dropped_frames", "differentiated_path"]
+Kind = Literal["white", "differentiated", "drift", "heavy_tailed", "dropped_frames", "differentiated_path", "poses"]
 #: Kinds that are drawn. `differentiated` has the noise of differentiated positions on velocities that are true;
-#: of `differentiated_path` the swimming itself went through the filter, which smears every jump: not drawn.
+#: of `differentiated_path` the swimming itself went through the filter, which smears every jump: not drawn. `poses` are
+#: places and headings as a camera reads them.
 KINDS: tuple[Kind, ...] = get_args(Kind)[:5]
 #: Middle level: surge, sway [m/s], yaw rate [rad/s].
 LEVEL = np.array([0.006, 0.006, 0.04])
@@ -26,6 +27,11 @@ FLOOR = 0.05
 POSE = np.array([0.001, 0.001, 0.003])
 #: Noise of a recorded roll [rad].
 ROLL = 0.005
+#: Of poses: frames a second [Hz]; ranges of the noise of places [m], headings and joint angles [rad].
+RATES = (25.0, 30.0, 50.0, 60.0, 100.0)
+PLACES, HEADINGS, ANGLES = (3e-4, 3e-3), np.radians((0.1, 1.0)), np.radians((0.05, 0.5))
+#: What is known of the joints beside the poses.
+Joints = Literal["cpg", "commanded", "measured"]
 
 
 @dataclass(frozen=True)
@@ -34,10 +40,12 @@ class Noise:
 
     Attributes:
         kind: of noise.
-        sigma: standard deviation of surge, sway, yaw rate.
+        sigma: standard deviation of surge, sway, yaw rate; of poses of x, y, heading.
         window, order: of the Savitzky-Golay filter that differentiates positions; finer: frames a sample.
         share: of the variance that drifts; memory: of the drift [s].
         lost: share of frames that are missing.
+        rate: frames a second [Hz].
+        joints: what of them is recorded; angle: noise of measured ones [rad].
     """
 
     kind: Kind
@@ -48,11 +56,18 @@ class Noise:
     share: float = 0.0
     memory: float = 1.0
     lost: float = 0.0
+    rate: float = RATE
+    joints: Joints = "cpg"
+    angle: float = 0.0
 
 
 def draw(rng: np.random.Generator, kind: Kind | None = None, level: float | None = None) -> Noise:
     """Draw a noise; its level is 0.5 to 2 times the middle one."""
     kind = KINDS[int(rng.integers(len(KINDS)))] if kind is None else kind
+    if kind == "poses":
+        place, heading, angle = (float(np.exp(rng.uniform(*np.log(ends)))) for ends in (PLACES, HEADINGS, ANGLES))
+        how = str(rng.choice(get_args(Joints)))
+        return Noise(kind, (place, place, heading), rate=float(rng.choice(RATES)), joints=how, angle=angle)
     factor = float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
     sigma = (factor if level is None else level) * LEVEL
     window = int(rng.choice(np.arange(5, 16, 2)))

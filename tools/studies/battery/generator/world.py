@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
@@ -127,6 +128,24 @@ def swim(
         out[:, [0, 1, 3, 4, 7]] *= -1.0  # half a turn: from nose to tail, to forward
         stretches.append((times, out))
     return Motion(tuple(stretches))
+
+
+def angles(fish: Fish, run: Run, psi: Mapping[str, float], time: FloatArray) -> FloatArray:
+    """Return the joint angles (n, joints) [rad] at some times: those reached, or those asked for where `psi` is empty.
+
+    Raises:
+        InputError: the fish has no CPG.
+    """
+    if fish.cpg is None:
+        raise InputError(f"{fish.name} has no CPG, expected a fish that has; take the pike")
+    asked = oscillator.command(fish.cpg, run.drive, run.duration + LEAD, FINE.step)
+    found = np.empty((len(time), fish.joints))
+    for part in servos.joints(asked, run, psi):
+        nodes = part.start + part.step * np.arange(part.steps + 1)
+        angle, rate = (np.concatenate([of[:, 0], of[-1:, 2]]) for of in (part.angle, part.rate))
+        here = time >= part.start
+        found[here] = CubicHermiteSpline(nodes, angle, rate)(np.minimum(time[here], nodes[-1]))
+    return found
 
 
 def _push(run: Run, psi: Mapping[str, float], time: FloatArray, disturbance: Disturbance | None) -> FloatArray:
