@@ -36,7 +36,7 @@ from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.diagnosis.implausible_noise import bursts, too_large
 from mjfish.diagnosis.isolability import Isolability, isolability
 from mjfish.diagnosis.lone_run import lone_run
-from mjfish.diagnosis.missing_force import MissingForce, missing_force
+from mjfish.diagnosis.missing_force import MissingForce, missing_force, with_velocities
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.provenance import identity, provenance
 from mjfish.diagnosis.refit_result import Refit
@@ -287,9 +287,11 @@ def _diagnosed(begun: Begun, left_out: Mapping[str, str], seed: int, progress: P
     told = parts.run("what can be told apart", lambda: isolability(evidence, learnable), none)
     where = parts.run("where it is", lambda: locate(evidence, screening.directed), None) if wrong else None
     force: tuple[MissingForce, ...] = ()
-    if wrong and moving:
-        force = parts.run("the missing force", lambda: missing_force(evidence.problem, evidence.fit), force)
-    print_ = None if best is None or not moving else parts.run("the fingerprint", lambda: fingerprint(best), None)
+    if wrong and (looked := with_velocities(evidence.problem, evidence.fit.values)) is not None:
+        force = parts.run("the missing force", partial(missing_force, looked, evidence.fit.values), force)
+    print_ = None
+    if best is not None and (looked := with_velocities(extended, final.values)) is not None:
+        print_ = parts.run("the fingerprint", partial(fingerprint, looked, best.effects, final.values), None)
     description = (
         parts.run("the description", lambda: describe(evidence.problem, evidence.fit, rng), None)
         if unexplained

@@ -5,15 +5,14 @@ This is a picture for the reader; no verdict rests on it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize, stats
 
 from mjfish.arrays import FloatArray, checked
-from mjfish.diagnosis.refit_result import Refit
-from mjfish.effects.effect import Fingerprint
+from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.estimation import Problem
 from mjfish.estimation.omnibus import beat_phase
 
@@ -55,8 +54,8 @@ class _Stretch:
     error: float
 
 
-def fingerprint(refit: Refit) -> Measured:
-    """Return the fingerprint of what the causes of a refit add.
+def fingerprint(problem: Problem, causes: Sequence[Effect], values: Mapping[str, float]) -> Measured:
+    """Return the fingerprint of what the causes in a problem add, at its estimates by name.
 
     It is taken from y - eta(theta, 0), the measurement less the prediction of the extended model with its causes
     switched off: refitted coefficients alone would have hidden most of it. Harmonics of the beat are regressed on each
@@ -69,13 +68,12 @@ def fingerprint(refit: Refit) -> Measured:
     velocities over f L are the same at all frequencies f. A discrepancy ~ f^q shows as the slope q of
     log |r| / f over log f.
     """
-    problem = refit.problem
-    off = {p.name: p.default for effect in refit.effects for p in effect.amplitudes()}
-    x = problem.start({**refit.fit.values, **off})
+    off = {p.name: p.default for effect in causes for p in effect.amplitudes()}
+    x = problem.start({**values, **off})
     stretches = [s for i, raw in enumerate(problem.raw(x)) for s in _stretches(problem, i, raw)]
     exponent, low, high = _exponent(stretches)
     odd, odd_p = _parity(stretches)
-    predicted = refit.effects[0].fingerprint if len(refit.effects) == 1 else Fingerprint()
+    predicted = causes[0].fingerprint if len(causes) == 1 else Fingerprint()
     return Measured(exponent, low, high, odd, odd_p, predicted)
 
 

@@ -8,16 +8,18 @@ This is a picture for the reader; no verdict rests on it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from mjfish import frames
 from mjfish.arrays import BoolArray, FloatArray, checked, readonly
-from mjfish.estimation import Fit, Problem
+from mjfish.data.looking import for_looking
+from mjfish.estimation import Noise, Problem
 from mjfish.estimation.noise_of_fit import noise_sample, state_jacobians
 from mjfish.fish import Fish
+from mjfish.frames import CHANNELS
 from mjfish.hydro.outline import outlines
 from mjfish.noise.autoregressive import grid
 from mjfish.noise.by_rate import by_step
@@ -54,20 +56,38 @@ class MissingForce:
         return {"trial": self.trial, "rms": force, "band": band, "units": ["N", "N", "N m"], "share": share}
 
 
-def missing_force(problem: Problem, fit: Fit) -> tuple[MissingForce, ...]:
-    """Return the missing generalised force of every trial of a fit.
+def missing_force(problem: Problem, values: Mapping[str, float]) -> tuple[MissingForce, ...]:
+    """Return the missing generalised force of every trial of a problem that was fitted, at its estimates by name.
 
     Random accelerations (`mjfish.noise.process`) are assumed behind the residual of the nominal model; a
     Kalman smoother [Rauch1965] estimates them from all samples of a run. Times the inertia of the stretched fish they
     are the force and the moment at the nose. The estimate is shrunk towards zero and its samples are correlated: it
     serves for pictures, never as data of a test.
     """
-    left, jacobians = noise_sample(problem, problem.raw(fit.x)), state_jacobians(problem, fit.values)
+    left, jacobians = noise_sample(problem, problem.raw(problem.start(values))), state_jacobians(problem, values)
     found: dict[int, MissingForce] = {}
     for index in by_step(problem.trials).values():
         noise = process_noise(left.of_trials(index), jacobians)
-        found.update({i: _of_trial(problem, i, fit.values, noise, left.residuals[i]) for i in index})
+        found.update({i: _of_trial(problem, i, values, noise, left.residuals[i]) for i in index})
     return tuple(found[i] for i in range(len(problem.trials)))
+
+
+def with_velocities(problem: Problem, values: Mapping[str, float]) -> Problem | None:
+    """Return a fitted problem whose trials have velocities: where they have none, those of the smoothed path.
+
+    Its noise weighs the channels by what the fit leaves of them. None where a trial has no path.
+    """
+    trials = tuple(for_looking(trial) for trial in problem.trials)
+    if problem.samples or not all(trial.measured.all() for trial in trials):
+        return problem if problem.samples else None
+    seen = replace(
+        problem,
+        trials=tuple(replace(trial, sensors=()) for trial in trials),
+        noise=Noise.white(np.ones(len(CHANNELS))),
+        joint_errors=None,
+    )
+    left = np.concatenate(seen.raw(seen.start(values)))
+    return replace(seen, noise=Noise.white(np.sqrt(np.mean(left**2, axis=0))))
 
 
 def _of_trial(

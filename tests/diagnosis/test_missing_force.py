@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mjfish.arrays import readonly
-from mjfish.diagnosis.missing_force import missing_force, stretched
+from mjfish.diagnosis.missing_force import missing_force, stretched, with_velocities
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
@@ -54,7 +54,7 @@ def test_a_steady_push_across_comes_back_with_its_size_inside_its_band(pike: Fis
         seen = np.stack([np.interp(trial.time, rollout.time, deviation[:, c]) for c in range(3)], axis=1)
         noisy = trial.velocity + seen + SIGMA * rng.standard_normal(seen.shape)
         pushed.append(replace(trial, velocity=readonly(noisy)))
-    found = missing_force(replace(problem, trials=tuple(pushed)), one)
+    found = missing_force(replace(problem, trials=tuple(pushed)), one.values)
     expected = stretched(pike, one.values)[1, 1] * 0.2
     for force in found:
         middle, before = ((force.time > low) & (force.time < high) for low, high in ((3.4, 4.8), (0.5, 2.8)))
@@ -69,10 +69,30 @@ def test_what_moves_the_fish_is_its_inertia_times_its_acceleration(pike: Fish) -
     problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
     one = fit(problem, tolerance=1e-6)
     inertia = stretched(pike, one.values)
-    for i, found in enumerate(missing_force(problem, one)):
+    for i, found in enumerate(missing_force(problem, one.values)):
         times = dataset.trials[i].time[problem.mask(i)]
         rollout = problem.prediction(dataset.trials[i], one.values).rollout
         ahead, back = rollout.at(times + 1e-4), rollout.at(times - 1e-4)
         inner = slice(1, -1)  # at rest and at the end there is one side only
         swum = ((ahead - back) / 2e-4)[inner, :3] @ inertia.T
         np.testing.assert_allclose(found.driving, np.sqrt(np.mean(swum**2, axis=0)), rtol=0.02)
+
+
+def test_a_film_shows_the_force_that_velocities_show(pike: Fish) -> None:
+    """Of places and headings alone, by the velocities of the smoothed path; one of another frame or time is another."""
+    found = []
+    for observe, noise in (("pose", (1e-3, 1e-3, 0.008)), ("velocity", (1e-4, 1e-4, 1e-3))):
+        dataset = generate(
+            pike, ["v1"], values={"tail_compliance.compliance": 0.3}, noise=noise, duration=5.0, observe=observe,
+            places=[(0.5, 0.0, 0.3)],
+        )  # fmt: skip
+        problem = Problem(Model(pike), dataset.trials, Noise.white(np.array([1e-4, 1e-4, 1e-3])), jobs=1)
+        problem = replace(problem, sensor_sigma={"position": np.array([1e-3, 1e-3]), "heading": np.array([0.008])})
+        values = {**problem.fixed, **problem.named(problem.start())}
+        looked = with_velocities(problem, values)
+        assert looked is not None
+        (one,) = missing_force(looked, values)
+        found.append(one.force[(one.time > 0.5) & (one.time < 4.5)])
+    for across in (1, 2):  # next to nothing is missing along
+        filmed, known = (force[:, across] for force in found)
+        assert np.corrcoef(filmed, known)[0, 1] > 0.9
