@@ -81,13 +81,13 @@ def test_what_moves_the_fish_is_its_inertia_times_its_acceleration(pike: Fish) -
 def test_a_film_shows_the_force_that_velocities_show(pike: Fish) -> None:
     """Of places and headings alone, by the velocities of the smoothed path; one of another frame or time is another."""
     found = []
-    for observe, noise in (("pose", (1e-3, 1e-3, 0.008)), ("velocity", (1e-4, 1e-4, 1e-3))):
+    for observe, noise in (("pose", (1e-4, 1e-4, 1e-3)), ("velocity", (1e-4, 1e-4, 1e-3))):
         dataset = generate(
             pike, ["v1"], values={"tail_compliance.compliance": 0.3}, noise=noise, duration=5.0, observe=observe,
             places=[(0.5, 0.0, 0.3)],
         )  # fmt: skip
         problem = Problem(Model(pike), dataset.trials, Noise.white(np.array([1e-4, 1e-4, 1e-3])), jobs=1)
-        problem = replace(problem, sensor_sigma={"position": np.array([1e-3, 1e-3]), "heading": np.array([0.008])})
+        problem = replace(problem, sensor_sigma={"position": np.array([1e-4, 1e-4]), "heading": np.array([1e-3])})
         values = {**problem.fixed, **problem.named(problem.start())}
         looked = with_velocities(problem, values)
         assert looked is not None
@@ -95,4 +95,4 @@ def test_a_film_shows_the_force_that_velocities_show(pike: Fish) -> None:
         found.append(one.force[(one.time > 0.5) & (one.time < 4.5)])
     for across in (1, 2):  # next to nothing is missing along
         filmed, known = (force[:, across] for force in found)
-        assert np.corrcoef(filmed, known)[0, 1] > 0.9
+        assert np.corrcoef(filmed, known)[0, 1] > 0.95
