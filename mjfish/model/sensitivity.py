@@ -39,6 +39,8 @@ _WAVE_SCALE = 0.05
 #: Of the differences of inertial readings along a direction.
 _UNIT = Parameter("sensor.along", "-", 0.0, -1.0, 1.0, 0.0, 0.01)
 _SIXTH = ((1, 0.75), (2, -0.15), (3, 1.0 / 60.0))
+#: What a camera makes of a place is smooth: of second order it has seven digits.
+_SECOND = ((1, 0.5),)
 
 
 def sensitivities(
@@ -169,7 +171,8 @@ def _sensed(
                 other = Camera(at.trial, [(effect, dict(own)) for effect, own in kept])
                 return other.read(sensor, seen(other.clocked(sensor, label)) if owner.overrides("clock") else here)
 
-            found[:, :, k] += difference(turned, p, at.values[name])
+            weights = _SIXTH if owner.overrides("clock") else _SECOND
+            found[:, :, k] += difference(turned, p, at.values[name], weights)
     return found
 
 
@@ -398,13 +401,18 @@ def _declared(model: Model, name: str) -> Parameter:
     return Parameter(name, "-", 0.0, -1.0, 1.0, 0.0, scale)
 
 
-def difference(function: Callable[[float], FloatArray], p: Parameter, value: float) -> FloatArray:
-    """Return the derivative of `function` at `value` by the central difference of sixth order.
+def difference(
+    function: Callable[[float], FloatArray],
+    p: Parameter,
+    value: float,
+    weights: Sequence[tuple[int, float]] = _SIXTH,
+) -> FloatArray:
+    """Return the derivative of `function` at `value` by a central difference, of sixth order if not told otherwise.
 
     Its step is a hundredth of the parameter's scale, less where the bound of a null value is nearer.
     """
     h = _STEP * p.scale
     if p.default == p.low and value > p.low:
         h = min(h, (value - p.low) / 4.0)
-    total = sum(weight * (function(value + k * h) - function(value - k * h)) for k, weight in _SIXTH)
+    total = sum(weight * (function(value + k * h) - function(value - k * h)) for k, weight in weights)
     return np.asarray(total) / h
