@@ -37,15 +37,22 @@ def _errors(joints: int) -> JointErrors:
     return JointErrors.of(trial, [_joint(seed) for seed in range(joints)], _along(joints))
 
 
+def _steps(errors: JointErrors) -> tuple[FloatArray, FloatArray]:
+    """Return all transitions and drives (n, d, d)."""
+    _, transitions, drives = zip(*errors.stretches(), strict=True)
+    return np.concatenate(transitions), np.concatenate(drives)
+
+
 def _covariance(errors: JointErrors) -> FloatArray:
     """Return the covariance (n d, n d) of the states of a whole run, from transitions and drives alone."""
+    transition, drive = _steps(errors)
     n, d = len(errors.time), len(errors.start)
     whole = np.zeros((n, d, n, d))
     whole[0, :, 0] = errors.start
     for k in range(n - 1):
-        whole[k + 1, :, : k + 1] = np.einsum("ij,jnk->ink", errors.transition[k], whole[k, :, : k + 1])
+        whole[k + 1, :, : k + 1] = np.einsum("ij,jnk->ink", transition[k], whole[k, :, : k + 1])
         whole[: k + 1, :, k + 1] = whole[k + 1, :, : k + 1].transpose(1, 2, 0)
-        whole[k + 1, :, k + 1] = errors.transition[k] @ whole[k, :, k] @ errors.transition[k].T + errors.drive[k]
+        whole[k + 1, :, k + 1] = transition[k] @ whole[k, :, k] @ transition[k].T + drive[k]
     return whole.reshape(n * d, n * d)
 
 
@@ -116,10 +123,11 @@ def test_the_head_follows_the_equation_between_samples() -> None:
     Its end is what is expected of it (transition) and what comes in by chance, which moves the head, too (drive).
     """
     errors, k = _errors(1), 7
+    transition, drive = (every[k] for every in _steps(errors))
     begun = np.array([0.0, 0.02, 0.1, 0.0, 0.0, 0.03, 0.01, -0.2, 3.0])
-    expected = _driven(k, errors, begun, errors.transition[k][HEAD:, HEAD:] @ begun[HEAD:])
-    np.testing.assert_allclose((errors.transition[k] @ begun)[:HEAD], expected, rtol=2e-3, atol=2e-6)
-    chance, drive = np.array([0.002, 0.3, -20.0]), errors.drive[k]
+    expected = _driven(k, errors, begun, transition[HEAD:, HEAD:] @ begun[HEAD:])
+    np.testing.assert_allclose((transition @ begun)[:HEAD], expected, rtol=2e-3, atol=2e-6)
+    chance = np.array([0.002, 0.3, -20.0])
     moved = drive[:HEAD, HEAD:] @ np.linalg.solve(drive[HEAD:, HEAD:], chance)
     pushed = _driven(k, errors, np.zeros(HEAD + JOINT), chance)
     np.testing.assert_allclose(moved, pushed, rtol=5e-3, atol=2e-6)
