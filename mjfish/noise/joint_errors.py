@@ -28,7 +28,7 @@ import numpy as np
 from mjfish.arrays import BoolArray, FloatArray, blocks_of
 from mjfish.compiled import compiled, merged, part
 from mjfish.data import Trial
-from mjfish.drive.measured import Smoothing
+from mjfish.drive.measured import Smoothed
 from mjfish.noise.kalman import Gains, Sparse, advance, variances
 
 #: States of the head: surge, sway, yaw rate, x, y, yaw; and of a joint.
@@ -88,7 +88,7 @@ class JointErrors:
     along: Along
 
     @classmethod
-    def of(cls, trial: Trial, joints: Sequence[Smoothing], along: Along) -> JointErrors:
+    def of(cls, trial: Trial, joints: Sequence[Smoothed], along: Along) -> JointErrors:
         """Return the errors of a trial with measured joint angles.
 
         Args:
