@@ -70,12 +70,13 @@ class JointMotion:
 
     def angle_at(self, time: FloatArray) -> FloatArray:
         """Return the angles (m, joints) [rad] at any times, by cubic Hermite interpolation inside each half step."""
-        nodes, angle, rate = self.half_steps()
-        index = np.clip(np.searchsorted(nodes, time, side="right") - 1, 0, len(nodes) - 2)
-        width = nodes[index + 1] - nodes[index]
-        s = np.clip((time - nodes[index]) / width, 0.0, 1.0)[:, None]
-        left, right = angle[index, 0], angle[index, 1]
-        slope_left, slope_right = rate[index, 0] * width[:, None], rate[index, 1] * width[:, None]
+        step = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
+        nodes = np.stack([self.time[step], 0.5 * (self.time[step] + self.time[step + 1]), self.time[step + 1]])
+        half, every = (time >= nodes[1]).astype(np.intp), np.arange(len(step))
+        width = nodes[half + 1, every] - nodes[half, every]
+        s = np.clip((time - nodes[half, every]) / width, 0.0, 1.0)[:, None]
+        left, right = self.angle[step, half], self.angle[step, half + 1]
+        slope_left, slope_right = (self.rate[step, half + k] * width[:, None] for k in (0, 1))
         return np.asarray(
             (1 + 2 * s) * (1 - s) ** 2 * left
             + s * (1 - s) ** 2 * slope_left

@@ -12,7 +12,7 @@ from mjfish.data import Sensor, Trial
 from mjfish.model.model import Prepared, recorded_joints
 from mjfish.model.sensing import Camera, Moments, moments
 from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
-from mjfish.noise.kalman import Gains, whitened
+from mjfish.noise.kalman import Gains, Sparse, whitened
 from mjfish.ode.jacobians import input_jacobian, state_jacobian
 from mjfish.ode.rollout import Rollout
 
@@ -57,18 +57,20 @@ class Linearised:
     Attributes:
         errors: of its joint angles and of the head.
         rows: places in the times of `errors` of the samples of each sensor.
-        readings: (m, c, d) derivatives of what each sensor reads by the state of `errors`.
+        channels: places of its channels.
+        reading: derivatives of what the sensors read by the state of `errors`.
     """
 
     errors: JointErrors
     rows: tuple[FloatArray, ...]
-    readings: tuple[FloatArray, ...]
+    channels: list[slice]
+    reading: Sparse
 
     def matter(self, sigma: Sequence[FloatArray]) -> bool:
         """Return whether the errors move what any sensor reads by `_MATTERS` of its sigma or more, rms."""
-        every = self.errors.variances(self.rows, self.readings)
-        shares = [np.sqrt(np.mean(one, axis=0)) / own for one, own in zip(every, sigma, strict=True)]
-        return bool(np.max(np.concatenate(shares)) >= _MATTERS)
+        every = self.errors.variances(self.reading)
+        means = [np.mean(every[at, own], axis=0) for at, own in zip(self.rows, self.channels, strict=True)]
+        return bool(np.max(np.sqrt(np.concatenate(means)) / np.concatenate(sigma)) >= _MATTERS)
 
     @classmethod
     def along(cls, trial: Trial, run: Prepared, rollout: Rollout) -> Linearised:
@@ -80,8 +82,9 @@ class Linearised:
         time = rollout.time[: len(a)]
         errors = JointErrors.of(trial, joints, Along(time, rollout.state[: len(a), 0, :HEAD].copy(), a, b))
         at = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
-        readings = (_reading(trial, s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors)
-        return cls(errors, tuple(at), tuple(readings))
+        readings = [_reading(trial, s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors]
+        channels = blocks_of([len(sensor.channels) for sensor in trial.sensors])
+        return cls(errors, tuple(at), channels, errors.stacked(at, readings))
 
     def whitening(self, sigma: Sequence[FloatArray], masks: Sequence[BoolArray]) -> Whitening:
         """Return what whitens the sensors.
@@ -91,8 +94,10 @@ class Linearised:
             masks: (m,) which of its samples count.
         """
         rows = tuple(at[mask] for at, mask in zip(self.rows, masks, strict=True))
-        readings = [read[mask] for read, mask in zip(self.readings, masks, strict=True)]
-        return Whitening(rows, blocks_of([*map(len, sigma)]), self.errors.filter(rows, readings, sigma))
+        counted = np.zeros((len(self.errors.time), self.channels[-1].stop), dtype=np.bool_)
+        for at, own in zip(rows, self.channels, strict=True):
+            counted[at, own] = True
+        return Whitening(rows, self.channels, self.errors.filter(self.reading, np.concatenate(sigma), counted))
 
 
 def _reading(trial: Trial, sensor: Sensor, here: Moments) -> FloatArray:

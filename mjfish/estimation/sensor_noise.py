@@ -70,13 +70,18 @@ class AlongFit:
                 kept.value = None
 
     def _whitening(self, trial: Trial, sigma: Sequence[FloatArray], masks: Sequence[BoolArray]) -> Whitening | None:
+        found = self._linearised(trial)
+        if found is None or not found.matter([*map(self.problem.sigma_of, trial.sensors)]):
+            return None
+        return found.whitening(sigma, masks)
+
+    def _linearised(self, trial: Trial) -> Linearised | None:
         alone = replace(self.problem, trials=(trial,), joint_errors=None)
         values = alone.named(alone.start(self.values))
         rollout = alone.prediction(trial, values).rollout
         if rollout.message:  # nothing is linear about a run that diverges
             return None
-        found = Linearised.along(trial, alone.model.prepare(trial, values), rollout)
-        return found.whitening(sigma, masks) if found.matter([*map(self.problem.sigma_of, trial.sensors)]) else None
+        return Linearised.along(trial, alone.model.prepare(trial, values), rollout)
 
 
 def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:

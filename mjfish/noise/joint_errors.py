@@ -140,23 +140,20 @@ class JointErrors:
                 drive[:, :HEAD, :HEAD] += drive[:, :HEAD, at] @ right.transpose(0, 2, 1)
             yield here, transition, drive
 
-    def filter(self, rows: Sequence[FloatArray], readings: Sequence[FloatArray], sigma: Sequence[FloatArray]) -> Gains:
+    def filter(self, reading: Sparse, sigma: FloatArray, counted: BoolArray) -> Gains:
         """Return the filter of the channels of all sensors.
 
         Args:
-            rows: places in `time` of the samples of each sensor.
-            readings: (m, c, d) derivatives of what each sensor reads by the state.
-            sigma: (c,) of each sensor.
+            reading: (m, d) derivatives of what the sensors read by the state at every time, see `stacked`.
+            sigma: (m,) of one sample.
+            counted: (n, m) which samples there are.
         """
-        n, m, d = len(self.time), sum(map(len, sigma)), len(self.start)
-        spread = np.tile(np.eye(m), (n, 1, 1))
-        for at, own, places in zip(rows, sigma, blocks_of([*map(len, sigma)]), strict=True):
-            channels = np.arange(places.start, places.stop)
-            spread[at[:, None], channels, channels] = own**2
-        reading, gain, root = self._stacked(rows, readings), np.zeros((n, d, m)), np.zeros((n, m, m))
+        (n, m), d = counted.shape, len(self.start)
+        spread = np.where(counted, sigma**2, 1.0)[:, :, None] * np.eye(m)
+        reading = reading._replace(value=reading.value * counted[:, reading.row])
+        gain, root, covariance, total = np.zeros((n, d, m)), np.zeros((n, m, m)), self.start.copy(), 0.0
         row, column = np.nonzero(self._moving())
         moves = Sparse(row, column, np.zeros((n, len(row))), (d, d))
-        covariance, total = self.start.copy(), 0.0
         for here, transition, drive in self.stretches():
             moves.value[here] = transition[:, row, column]
             seen = np.ones(len(drive), dtype=np.bool_)
@@ -165,14 +162,12 @@ class JointErrors:
             )
         return Gains(moves, reading, gain, root, total)
 
-    def variances(self, rows: Sequence[FloatArray], readings: Sequence[FloatArray]) -> list[FloatArray]:
-        """Return the variances (m, c) of what each sensor reads by the errors alone; arguments as of `filter`."""
-        reading, covariance = self._stacked(rows, readings), self.start.copy()
-        every = np.zeros((len(self.time), reading.shape[0]))
+    def variances(self, reading: Sparse) -> FloatArray:
+        """Return the variances (n, m) of what the sensors read by the errors alone."""
+        covariance, every = self.start.copy(), np.zeros((len(self.time), reading.shape[0]))
         for here, transition, drive in self.stretches():
             variances(Sparse.of(transition), drive, covariance, reading.part(here), every[here])
-        places = blocks_of([read.shape[1] for read in readings])
-        return [every[at, own] for at, own in zip(rows, places, strict=True)]
+        return every
 
     def _moving(self) -> BoolArray:
         """Return where transitions (d, d) may not be zero."""
@@ -181,13 +176,17 @@ class JointErrors:
         moving[3:HEAD, 3:5] = np.eye(3, 2) > 0.0  # where the head is moves nothing
         return moving
 
-    def _stacked(self, rows: Sequence[FloatArray], readings: Sequence[FloatArray]) -> Sparse:
-        """Return the derivatives (channels, d) of the channels of all sensors; 0 where a sensor has no sample."""
-        places = blocks_of([read.shape[1] for read in readings])
+    def stacked(self, rows: Sequence[FloatArray], readings: Sequence[FloatArray]) -> Sparse:
+        """Return the derivatives (m, d) of the channels of all sensors at every time; 0 where a sensor has no sample.
+
+        Args:
+            rows: places in `time` of the samples of each sensor.
+            readings: (samples, c, d) derivatives of what each sensor reads by the state.
+        """
         there = np.concatenate([np.any(read != 0.0, axis=0) for read in readings])
         row, column = np.nonzero(there)
         value = np.zeros((len(self.time), len(row)))
-        for at, read, own in zip(rows, readings, places, strict=True):
+        for at, read, own in zip(rows, readings, blocks_of([read.shape[1] for read in readings]), strict=True):
             mine = np.flatnonzero((row >= own.start) & (row < own.stop))
             value[at[:, None], mine] = read[:, row[mine] - own.start, column[mine]]
         return Sparse(row, column, value, there.shape)

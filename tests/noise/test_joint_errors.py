@@ -72,8 +72,10 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run() -> None:
     readings = tuple(
         rng.standard_normal((len(own), channels, len(errors.start))) for own, channels in zip(rows, (2, 1), strict=True)
     )
-    sigma = (np.array([0.01, 0.02]), np.array([0.05]))
-    filter_ = errors.filter(rows, readings, sigma)
+    counted = np.zeros((SAMPLES, 3), dtype=np.bool_)
+    counted[rows[0], :2], counted[rows[1], 2] = True, True
+    stacked = errors.stacked(rows, readings)
+    filter_ = errors.filter(stacked, np.array([0.01, 0.02, 0.05]), counted)
     every = np.zeros((SAMPLES, 3, 1))
     every[rows[0], :2, 0], every[rows[1], 2, 0] = rng.standard_normal((SAMPLES, 2)), rng.standard_normal(len(rows[1]))
     white = whitened(filter_, np.ones(SAMPLES, dtype=np.bool_), every)
@@ -83,12 +85,12 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run() -> None:
             reading[row, first : first + own.shape[1], row] = own[k]
     flat = reading.reshape(3 * SAMPLES, -1)
     noise = np.ones((SAMPLES, 3))
-    noise[rows[0], :2], noise[rows[1], 2] = sigma[0] ** 2, sigma[1] ** 2
+    noise[rows[0], :2], noise[rows[1], 2] = np.array([0.01, 0.02]) ** 2, 0.05**2
     dense = np.diag(noise.ravel()) + flat @ _covariance(errors) @ flat.T
     x = every.ravel()
     assert float(np.sum(white**2)) == pytest.approx(float(x @ np.linalg.solve(dense, x)), rel=1e-6)
     np.testing.assert_allclose(
-        errors.variances(rows, readings)[0].ravel(),
+        errors.variances(stacked)[:, :2].ravel(),
         np.diag(dense - np.diag(noise.ravel())).reshape(SAMPLES, 3)[:, :2].ravel(),
         rtol=1e-8,
     )
