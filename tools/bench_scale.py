@@ -1,7 +1,8 @@
 """Time and memory over runs and samples: `python tools/bench_scale.py WORK KIND RUNS SECONDS RATE` measures one.
 
     WORK      identify, inspect, diagnose or plan (a cause to be made visible)
-    KIND      driven: from rest, by the CPG; filmed: joint angles measured, each run with a start of its own
+    KIND      driven: from rest, by the CPG; filmed: joint angles measured, each run with a start of its own; seen: places,
+              headings and joint angles of a camera, with noise on all
     RUNS      number of runs, every fifth held out
     SECONDS   length of each
     RATE      samples a second
@@ -38,6 +39,8 @@ from mjfish.simulation.synthetic import generate
 
 _MODES = ("v1", "v3", "v5", "v7", "v1-v5", "v5-v1", "v1-t1", "v3-t2")
 _NOISE = np.array([0.006, 0.006, 0.05])
+#: Of places [m], headings and joint angles [rad].
+_SEEN, _JOINTS = np.array([0.001, 0.001, 0.01]), 0.005
 #: A film begins this late [s]: the fish swims already.
 _LATE = 1.0
 #: What is hidden in the data.

@@ -410,7 +410,7 @@ class Problem:
         velocity = np.nan_to_num(found.velocity[self.mask(index)], copy=False)
         if not trial.measured.all():
             velocity *= trial.measured[:, None]
-        sensors = self.white_sensors(index, [np.nan_to_num(block) for block in found.sensors])
+        sensors = self.white_sensors(index, [np.nan_to_num(block, copy=False) for block in found.sensors])
         return _Predicted(velocity, tuple(b.reshape(b.shape[0] * b.shape[1], b.shape[2]) for b in sensors))
 
     def white_sensors(self, index: int, blocks: Sequence[FloatArray]) -> list[FloatArray]:

@@ -38,6 +38,8 @@ _STEP = 5e-4
 _WAVE_SCALE = 0.05
 #: Of the differences of inertial readings along a direction.
 _UNIT = Parameter("sensor.along", "-", 0.0, -1.0, 1.0, 0.0, 0.01)
+#: Samples whose rates are turned at once: what is made on the way takes 10 MB.
+_STRETCH = 8192
 _SIXTH = ((1, 0.75), (2, -0.15), (3, 1.0 / 60.0))
 
 
@@ -164,10 +166,12 @@ def _sensed(
     clock = camera.clocked(sensor, label)
     here, time = seen(clock), np.minimum(clock, motion.time[-1])
     every = _along(here, time, along, directions, motion)
+    found = np.zeros((len(time), len(sensor.channels), len(names)))
     if camera.sees(sensor):
-        found = camera.read_rates(sensor, here, every)
+        for first in range(0, len(time), _STRETCH):
+            part = slice(first, first + _STRETCH)
+            found[part] = camera.read_rates(sensor, here.part(part), every.part(part))
     else:
-        found = np.zeros((len(time), len(sensor.channels), len(names)))
         for k, direction in enumerate(directions):
             if direction is not None:
                 moved = Moments(time, *(part[..., k] for part in (every.state, every.rate, every.angle, every.length)))
