@@ -8,10 +8,10 @@ goes on from sample to sample hardly shows in them: no model can buy itself a no
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
@@ -50,11 +50,15 @@ class AlongFit:
 
         Nor where it has velocities, whose noise allows for the errors by itself.
         """
-        key = (trial.name, *(array.tobytes() for array in (*sigma, *masks)))
+        key: tuple[str | bytes, ...] = (
+            trial.name,
+            *(array.tobytes() for array in sigma),
+            *(mask.tobytes() for mask in masks),
+        )
         if key not in self._cache:
             allowed = trial.joint_angle is not None and bool(trial.sensors) and not trial.measured.any()
             found = self._whitening(trial, sigma, masks) if allowed else None
-            again = partial(self._whitening, trial, sigma, masks)
+            again = cast(Callable[[], Whitening], partial(self._whitening, trial, sigma, masks))
             self._cache[key] = None if found is None else _Kept(again, found)
         kept = self._cache[key]
         return None if kept is None else kept()

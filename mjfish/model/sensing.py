@@ -57,8 +57,8 @@ class Moments:
 
     def part(self, samples: slice) -> Moments:
         """Return some of the samples."""
-        rows = (block[samples] for block in (self.time, self.state, self.rate, self.angle))
-        return Moments(*rows, self.length)
+        time, state, rate, angle = (block[samples] for block in (self.time, self.state, self.rate, self.angle))
+        return Moments(time, state, rate, angle, self.length)
 
 
 def moments(fish: Fish, rollout: Rollout, motion: JointMotion, time: FloatArray) -> Moments:

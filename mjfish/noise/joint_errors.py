@@ -125,8 +125,10 @@ class JointErrors:
             here = slice(first, min(first + _STRETCH, len(self.time)))
             moved = np.zeros((here.stop - first, HEAD, HEAD + 2 * (size - HEAD)))
             begin = min(max(int(np.searchsorted(along.time, self.time[first])) - 1, 0), len(along.time) - 2)
-            grid = (along.time, along.state, along.state_jacobian, along.input_jacobian)
-            _move(self.time[first : here.stop + 1], *(part[begin:] for part in grid), moved)
+            _move(
+                self.time[first : here.stop + 1], along.time[begin:], along.state[begin:],
+                along.state_jacobian[begin:], along.input_jacobian[begin:], moved,
+            )  # fmt: skip
             transition, drive = np.zeros((2, len(moved), size, size))
             transition[:, :HEAD, :HEAD] = moved[:, :, :HEAD]
             for j, (own, push) in enumerate(zip(self.own[:, here], self.push[:, here], strict=True)):
@@ -208,9 +210,8 @@ def _conditioned(
         h = steps[k]
         forward[0, 1], forward[0, 2], forward[1, 2] = h, 0.5 * h * h, h
         q[0, 0], q[1, 1], q[2, 2] = intensity * h**5 / 20.0, intensity * h**3 / 3.0, intensity * h
-        q[0, 1] = q[1, 0] = intensity * h**4 / 8.0
-        q[0, 2] = q[2, 0] = intensity * h**3 / 6.0
-        q[1, 2] = q[2, 1] = intensity * h**2 / 2.0
+        q[0, 1], q[0, 2], q[1, 2] = intensity * h**4 / 8.0, intensity * h**3 / 6.0, intensity * h**2 / 2.0
+        q[1, 0], q[2, 0], q[2, 1] = q[0, 1], q[0, 2], q[1, 2]
         _times(q, information, matrix)
         for i in range(3):
             matrix[i, i] += 1.0
@@ -218,11 +219,7 @@ def _conditioned(
         _times(shrink, forward, transition[k])
         _times(shrink, q, push[k])
         _times(information, transition[k], matrix)
-        for i in range(3):
-            for j in range(3):
-                shrink[i, j] = 0.0
-                for m in range(3):
-                    shrink[i, j] += forward[m, i] * matrix[m, j]
+        _times(forward.T, matrix, shrink)
         for i in range(3):
             for j in range(3):
                 information[i, j] = 0.5 * (shrink[i, j] + shrink[j, i])
