@@ -1,7 +1,9 @@
 """Time and memory over runs and samples: `python tools/bench_scale.py WORK KIND RUNS SECONDS RATE` measures one.
 
-    WORK      identify, inspect, diagnose or plan (a cause to be made visible)
-    KIND      driven: from rest, by the CPG; filmed: joint angles measured, each run with a start of its own
+    WORK      identify, inspect, diagnose or plan (a cause to be made visible); compare: what a fit does at every point,
+              with the errors of the joints and the derivatives
+    KIND      driven: from rest, by the CPG; filmed: joint angles measured, each run with a start of its own; seen:
+              places, headings and joint angles of a camera, with noise on all
     RUNS      number of runs, every fifth held out
     SECONDS   length of each
     RATE      samples a second
@@ -32,21 +34,37 @@ from mjfish.data import Dataset, Trial
 from mjfish.design import plan
 from mjfish.drive import cpg
 from mjfish.effects import find
+from mjfish.estimation.identification import pose
+from mjfish.estimation.sensor_noise import with_sensor_noise
 from mjfish.executors import processes
 from mjfish.fish import Cpg, load_fish
-from mjfish.simulation.synthetic import generate
+from mjfish.simulation.synthetic import Recording, generate
 
 _MODES = ("v1", "v3", "v5", "v7", "v1-v5", "v5-v1", "v1-t1", "v3-t2")
 _NOISE = np.array([0.006, 0.006, 0.05])
+#: Of places [m], headings and joint angles [rad].
+_SEEN, _JOINTS = np.array([0.001, 0.001, 0.01]), 0.005
 #: A film begins this late [s]: the fish swims already.
 _LATE = 1.0
 #: What is hidden in the data.
 _HIDDEN = {"fin_lift.slope": 1.0}
+
+
+def _compared(dataset: Dataset) -> str:
+    problem = pose(dataset, jobs=1)
+    x = problem.start()
+    problem = with_sensor_noise(problem, x)
+    problem.residual(x)
+    problem.jacobian(x).factorised()
+    return f"{problem.measured} numbers"
+
+
 WORKS: dict[str, Callable[[Dataset], str]] = {
     "identify": lambda dataset: mjfish.identify(dataset, starts=4, jobs=1).fit.status,
     "inspect": lambda dataset: f"{len(mjfish.inspect(dataset).findings)} findings",
     "diagnose": lambda dataset: mjfish.diagnose(dataset, jobs=1).verdict,
     "plan": lambda dataset: plan(dataset, causes=["fin_lift"], jobs=1).status,
+    "compare": _compared,
 }
 
 
@@ -86,10 +104,12 @@ def measured(work: str, kind: str, size: Size) -> Scaled:
 _RATIO, _MEMORY = 4.6, 2.0
 #: Pieces of work and sizes: those that are always measured, and those of the whole table.
 _RUNS = tuple(Size(runs) for runs in (20, 80))
-_SHORT = (("identify", "driven", _RUNS), ("diagnose", "driven", _RUNS))
+_HOUR = (Size(1, 3600.0, 100.0),)
+_QUARTERS = ((Size(15, 60.0, 100.0), Size(60, 60.0, 100.0)), (Size(1, 900.0, 100.0), *_HOUR))
+_SEEN_HOURS = tuple(("compare", "seen", sizes) for sizes in _QUARTERS)
+_SHORT = (("identify", "driven", _RUNS), ("diagnose", "driven", _RUNS), *_SEEN_HOURS)
 _ALL_RUNS = tuple(Size(runs) for runs in (5, 20, 80, 500))
 _LONG = tuple(Size(2, seconds) for seconds in (10.0, 100.0, 1000.0))
-_HOUR = (Size(1, 3600.0, 100.0),)
 _MORE = (
     ("identify", "driven", _ALL_RUNS),
     ("identify", "filmed", _ALL_RUNS),
@@ -102,6 +122,7 @@ _MORE = (
     ("diagnose", "filmed", _LONG[:2]),
     ("identify", "filmed", _HOUR),
     ("inspect", "filmed", _HOUR),
+    *_SEEN_HOURS,
 )
 
 
@@ -127,7 +148,9 @@ def over_runs(console: Console, *, every: bool) -> dict[str, tuple[float, float]
             if kind == "driven" and work in ("identify", "diagnose") and row.size.runs == 80 and before is not None:
                 found[f"{work}_80_over_20"] = (row.seconds / before.seconds, _RATIO)
                 found[f"{work}_80_gb"] = (row.gigabytes, _MEMORY)
-            if row.size in (_ALL_RUNS[-1], *_HOUR):
+            if work == "compare" and before is not None:
+                found[f"compare_{row.size.runs}_times_4"] = (row.seconds / before.seconds, _RATIO)
+            if row.size in (_ALL_RUNS[-1], *_HOUR, _QUARTERS[0][-1]):
                 length = "hour" if row.size.runs == 1 else str(row.size.runs)
                 found[f"{work}_{kind}_{length}_gb"] = (row.gigabytes, _MEMORY)
             before = row
@@ -144,9 +167,10 @@ def dataset(kind: str, size: Size) -> Dataset:
     """Return synthetic runs of the pike in which fins lift; every fifth is held out."""
     fish = load_fish("pike")
     names = [_MODES[i % len(_MODES)] for i in range(size.runs)]
+    seen: Recording = {"observe": "pose", "joints": "measured", "joint_noise": _JOINTS} if kind == "seen" else {}
     found = generate(
-        fish, names, values=_HIDDEN, effects=[find("fin_lift")], noise=_NOISE, seed=1, duration=size.seconds,
-        rate=size.rate,
+        fish, names, values=_HIDDEN, effects=[find("fin_lift")], noise=_SEEN if kind == "seen" else _NOISE, seed=1,
+        duration=size.seconds, rate=size.rate, **seen,
     )  # fmt: skip
     trials = [replace(trial, role="held_out" if i % 5 == 4 else "fit") for i, trial in enumerate(found.trials)]
     return replace(found, trials=tuple(_filmed(fish.cpg, t) if kind == "filmed" else t for t in trials))

@@ -66,23 +66,32 @@ def smoothing_spline(time: FloatArray, signal: FloatArray) -> BSpline:
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothing:
-    """A smoothed signal, and how the same smoothing changes others.
+class Smoothed:
+    """A smoothed signal.
 
     Attributes:
         spline: of the signal.
-        design: (n, size) basis functions at the samples.
-        bands: of the normal matrix with the penalty, in the layout of `scipy.linalg.solveh_banded`.
         penalty: lam, of the third derivative.
         sigma: of the white noise that was smoothed away, [unit of the signal].
-        degrees_of_freedom: of the spline, the trace of its hat matrix.
     """
 
     spline: BSpline
-    design: sparse.csr_array
-    bands: FloatArray
     penalty: float
     sigma: float
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothing(Smoothed):
+    """A smoothed signal, and how the same smoothing changes others; large.
+
+    Attributes:
+        design: (n, size) basis functions at the samples.
+        bands: of the normal matrix with the penalty, in the layout of `scipy.linalg.solveh_banded`.
+        degrees_of_freedom: of the spline, the trace of its hat matrix.
+    """
+
+    design: sparse.csr_array
+    bands: FloatArray
     degrees_of_freedom: float
 
     def of(self, columns: FloatArray) -> BSpline:
@@ -139,7 +148,7 @@ def smoothing(time: FloatArray, signal: FloatArray, share: float = 1.0) -> Smoot
     free = left(penalty)
     sigma = float(np.sqrt(squares / max(free - bend, 1e-9 * n)))
     return Smoothing(
-        BSpline(knots, coefficients, _DEGREE), design, bands(penalty), float(10.0**penalty * scale), sigma, n - free
+        BSpline(knots, coefficients, _DEGREE), float(10.0**penalty * scale), sigma, design, bands(penalty), n - free
     )
 
 

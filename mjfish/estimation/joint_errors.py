@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray
+from mjfish.arrays import BoolArray, FloatArray, blocks_of
 from mjfish.data import Sensor, Trial
 from mjfish.model.model import Prepared, recorded_joints
 from mjfish.model.sensing import Camera, Moments, moments
 from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
-from mjfish.noise.kalman import Gains, whitened
+from mjfish.noise.kalman import Gains, Sparse, whitened
 from mjfish.ode.jacobians import input_jacobian, state_jacobian
 from mjfish.ode.rollout import Rollout
 
@@ -23,27 +23,54 @@ _MATTERS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
+class Whitening:
+    """Whitens the counted samples of the sensors of a trial.
+
+    Attributes:
+        rows: places in the times of `filter` of the counted samples of each sensor.
+        channels: places of its channels.
+        filter: of the channels of all sensors.
+    """
+
+    rows: tuple[FloatArray, ...]
+    channels: list[slice]
+    filter: Gains
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the filter."""
+        return self.filter.nbytes
+
+    def __call__(self, blocks: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return columns (m, c, k) of the counted samples of each sensor, in physical units, whitened."""
+        every = np.zeros((len(self.filter.gain), self.channels[-1].stop, blocks[0].shape[2]))
+        for at, own, block in zip(self.rows, self.channels, blocks, strict=True):
+            every[at, own] = block
+        white = whitened(self.filter, np.ones(len(every), dtype=np.bool_), every)
+        return [white[at, own] for at, own in zip(self.rows, self.channels, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
 class Linearised:
     """A trial whose joints were measured, linearised along a rollout.
 
     Attributes:
-        trial: the trial.
         errors: of its joint angles and of the head.
         rows: places in the times of `errors` of the samples of each sensor.
-        readings: (m, c, d) derivatives of what each sensor reads by the state of `errors`.
+        channels: places of its channels.
+        reading: derivatives of what the sensors read by the state of `errors`.
     """
 
-    trial: Trial
     errors: JointErrors
     rows: tuple[FloatArray, ...]
-    readings: tuple[FloatArray, ...]
-    _cache: dict[tuple[bytes, ...], Gains] = field(default_factory=dict)
+    channels: list[slice]
+    reading: Sparse
 
     def matter(self, sigma: Sequence[FloatArray]) -> bool:
         """Return whether the errors move what any sensor reads by `_MATTERS` of its sigma or more, rms."""
-        every = self.errors.variances(self.rows, self.readings)
-        shares = [np.sqrt(np.mean(one, axis=0)) / own for one, own in zip(every, sigma, strict=True)]
-        return bool(np.max(np.concatenate(shares)) >= _MATTERS)
+        every = self.errors.variances(self.reading)
+        means = [np.mean(every[at, own], axis=0) for at, own in zip(self.rows, self.channels, strict=True)]
+        return bool(np.max(np.sqrt(np.concatenate(means)) / np.concatenate(sigma)) >= _MATTERS)
 
     @classmethod
     def along(cls, trial: Trial, run: Prepared, rollout: Rollout) -> Linearised:
@@ -55,30 +82,22 @@ class Linearised:
         time = rollout.time[: len(a)]
         errors = JointErrors.of(trial, joints, Along(time, rollout.state[: len(a), 0, :HEAD].copy(), a, b))
         at = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
-        readings = (_reading(trial, s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors)
-        return cls(trial, errors, tuple(at), tuple(readings))
+        readings = [_reading(trial, s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors]
+        channels = blocks_of([len(sensor.channels) for sensor in trial.sensors])
+        return cls(errors, tuple(at), channels, errors.stacked(at, readings))
 
-    def whiten(
-        self, sigma: Sequence[FloatArray], masks: Sequence[BoolArray], blocks: Sequence[FloatArray]
-    ) -> list[FloatArray]:
-        """Return columns (m, c, k) of the counted samples of each sensor, whitened.
+    def whitening(self, sigma: Sequence[FloatArray], masks: Sequence[BoolArray]) -> Whitening:
+        """Return what whitens the sensors.
 
         Args:
             sigma: (c,) of each sensor.
             masks: (m,) which of its samples count.
-            blocks: (m, c, k) of each sensor, all its samples, in physical units.
         """
-        rows = [at[mask] for at, mask in zip(self.rows, masks, strict=True)]
-        key = (*(one.tobytes() for one in sigma), *(mask.tobytes() for mask in masks))
-        if key not in self._cache:
-            readings = [read[mask] for read, mask in zip(self.readings, masks, strict=True)]
-            self._cache[key] = self.errors.filter(rows, readings, sigma)
-        channels = np.cumsum([0, *map(len, sigma)])
-        every = np.zeros((len(self.errors.time), channels[-1], blocks[0].shape[2]))
-        for at, mask, first, last, block in zip(rows, masks, channels, channels[1:], blocks, strict=False):
-            every[at, first:last] = block[mask]
-        white = whitened(self._cache[key], np.ones(len(every), dtype=np.bool_), every)
-        return [white[at, first:last] for at, first, last in zip(rows, channels, channels[1:], strict=False)]
+        rows = tuple(at[mask] for at, mask in zip(self.rows, masks, strict=True))
+        counted = np.zeros((len(self.errors.time), self.channels[-1].stop), dtype=np.bool_)
+        for at, own in zip(rows, self.channels, strict=True):
+            counted[at, own] = True
+        return Whitening(rows, self.channels, self.errors.filter(self.reading, np.concatenate(sigma), counted))
 
 
 def _reading(trial: Trial, sensor: Sensor, here: Moments) -> FloatArray:

@@ -18,7 +18,7 @@ from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
-from mjfish.estimation.joint_errors import Linearised
+from mjfish.estimation.joint_errors import Whitening
 from mjfish.estimation.time_limit import check_time
 from mjfish.executors import mapped
 from mjfish.frames import CHANNELS, UNITS
@@ -109,8 +109,9 @@ class Problem:
         nominal: names of the effects that are a part of the nominal model; others are causes that extend it.
         prior_sds: of learned priors, by name; those of others, and where it has none, are the declared ones.
         sensor_sigma: (c,) of every sensor whose sigma is not stated, by name.
-        joint_errors: returns a trial linearised for the errors of its measured joint angles, None where they do not
-            matter; its sensors have white noise alone then, and those of all trials where it is None.
+        joint_errors: returns what whitens the sensors of a trial for the errors of its measured joint angles, of the
+            sigma and the mask of each; None where they do not matter: its sensors have white noise alone then, and
+            those of all trials where it is None.
         jobs: threads.
         executor: takes whole fits in place of the threads; None: they do those as well.
         kept: where finished refits of a diagnosis are kept; None: nowhere.
@@ -128,7 +129,7 @@ class Problem:
     nominal: tuple[str, ...] = ()
     prior_sds: Mapping[str, float] = field(default_factory=dict)
     sensor_sigma: Mapping[str, FloatArray] = field(default_factory=dict)
-    joint_errors: Callable[[Trial], Linearised | None] | None = None
+    joint_errors: Callable[[Trial, Sequence[FloatArray], Sequence[BoolArray]], Whitening | None] | None = None
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
     executor: Executor | None = None
     kept: Kept | None = None
@@ -409,17 +410,19 @@ class Problem:
         velocity = np.nan_to_num(found.velocity[self.mask(index)], copy=False)
         if not trial.measured.all():
             velocity *= trial.measured[:, None]
-        sensors = self.white_sensors(index, [np.nan_to_num(block) for block in found.sensors])
+        sensors = self.white_sensors(index, [np.nan_to_num(block, copy=False) for block in found.sensors])
         return _Predicted(velocity, tuple(b.reshape(b.shape[0] * b.shape[1], b.shape[2]) for b in sensors))
 
     def white_sensors(self, index: int, blocks: Sequence[FloatArray]) -> list[FloatArray]:
         """Return the whitened columns (m, c, k) of the counted samples of each sensor of a trial, from all samples."""
         sensors = self.trials[index].sensors
         sigma, masks = [self.sigma_of(s) for s in sensors], [self.sensor_mask(index, s) for s in sensors]
-        errors = self.joint_errors(self.trials[index]) if self.joint_errors is not None and sensors else None
-        if errors is not None:
-            return errors.whiten(sigma, masks, blocks)
-        return [block[mask] / own[:, None] for block, mask, own in zip(blocks, masks, sigma, strict=True)]
+        counted = [block[mask] for block, mask in zip(blocks, masks, strict=True)]
+        if self.joint_errors is not None and sensors:
+            whitening = self.joint_errors(self.trials[index], sigma, masks)
+            if whitening is not None:
+                return whitening(counted)
+        return [block / own[:, None] for block, own in zip(counted, sigma, strict=True)]
 
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:
         """Return the derivatives (n, 3, k), (m, c, k) of one trial's prediction by parameters of it or shared."""

@@ -8,24 +8,33 @@ goes on from sample to sample hardly shows in them: no model can buy itself a no
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Sensor, Trial
 from mjfish.data.sensor import smallest_sigma, third_differences
-from mjfish.estimation.joint_errors import Linearised
+from mjfish.estimation.joint_errors import Linearised, Whitening
 from mjfish.estimation.problem import Problem
+from mjfish.sized_cache import Budget, Remade
 
 #: Smallest sigma that is believed, as a share of the range of a channel: samples are rounded.
 _ROUNDED = 1e-5
 
 
+class _Kept(Remade[Whitening]):
+    """What whitens a trial: that of an hour of four joints at 100 Hz takes 0.6 GB."""
+
+    budget: ClassVar[Budget] = Budget(0.7e9)
+
+
 @dataclass(frozen=True, eq=False)
 class AlongFit:
-    """Returns trials linearised along the rollouts of a fit: of a trial that was not fitted, from a guess of its start.
+    """Whitens trials linearised along the rollouts of a fit: one that was not fitted, from a guess of its start.
 
     Attributes:
         problem: that was fitted.
@@ -34,17 +43,41 @@ class AlongFit:
 
     problem: Problem
     values: Mapping[str, float]
-    _cache: dict[str, Linearised | None] = field(default_factory=dict)
+    _cache: dict[tuple[str | bytes, ...], _Kept | None] = field(default_factory=dict)
 
-    def __call__(self, trial: Trial) -> Linearised | None:
-        """Return a trial; None where its joints were not recorded, their errors do not matter, or it has velocities.
+    def __call__(self, trial: Trial, sigma: Sequence[FloatArray], masks: Sequence[BoolArray]) -> Whitening | None:
+        """Return what whitens a trial; None where its joints were not recorded, or their errors do not matter.
 
-        The noise of those allows for the errors by itself.
+        Nor where it has velocities, whose noise allows for the errors by itself.
         """
-        if trial.name not in self._cache:
+        key: tuple[str | bytes, ...] = (
+            trial.name,
+            *(array.tobytes() for array in sigma),
+            *(mask.tobytes() for mask in masks),
+        )
+        if key not in self._cache:
             allowed = trial.joint_angle is not None and bool(trial.sensors) and not trial.measured.any()
-            self._cache[trial.name] = self._linearised(trial) if allowed else None
-        return self._cache[trial.name]
+            found = self._whitening(trial, sigma, masks) if allowed else None
+            again = cast(Callable[[], Whitening], partial(self._whitening, trial, sigma, masks))
+            self._cache[key] = None if found is None else _Kept(again, found)
+        kept = self._cache[key]
+        return None if kept is None else kept()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process gets: filters are large, and made again."""
+        return {**vars(self), "_cache": {}}
+
+    def drop(self) -> None:
+        """Let go of the memory of all trials; what is asked for again is made again."""
+        for kept in self._cache.values():
+            if kept is not None:
+                kept.value = None
+
+    def _whitening(self, trial: Trial, sigma: Sequence[FloatArray], masks: Sequence[BoolArray]) -> Whitening | None:
+        found = self._linearised(trial)
+        if found is None or not found.matter([*map(self.problem.sigma_of, trial.sensors)]):
+            return None
+        return found.whitening(sigma, masks)
 
     def _linearised(self, trial: Trial) -> Linearised | None:
         alone = replace(self.problem, trials=(trial,), joint_errors=None)
@@ -52,8 +85,7 @@ class AlongFit:
         rollout = alone.prediction(trial, values).rollout
         if rollout.message:  # nothing is linear about a run that diverges
             return None
-        found = Linearised.along(trial, alone.model.prepare(trial, values), rollout)
-        return found if found.matter([self.problem.sigma_of(sensor) for sensor in trial.sensors]) else None
+        return Linearised.along(trial, alone.model.prepare(trial, values), rollout)
 
 
 def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:
@@ -73,6 +105,8 @@ def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:
     for name, rows in left.items():
         own = [sensor for _, sensor in problem.sensors if sensor.name == name]
         sigma[name] = np.maximum(np.sqrt(np.mean(np.concatenate(rows), axis=0)), smallest_sigma(own, _ROUNDED))
+    if isinstance(problem.joint_errors, AlongFit):
+        problem.joint_errors.drop()
     problem = replace(problem, sensor_sigma=sigma, joint_errors=None)
     if all(trial.joint_angle is None for trial in problem.trials):
         return problem

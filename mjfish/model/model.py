@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from mjfish import ode
 from mjfish.arrays import FloatArray
@@ -271,20 +270,19 @@ def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
 def _measured_motion(trial: Trial, step: float) -> JointMotion:
     staircase = trial.commanded and trial.hold == "zero"
     held = 0.5 * trial.step if staircase else 0.0  # a staircase is late by half a step, on average
-    return measured.sampled(_splines(trial), trial.time, step, late=held)
+    return measured.sampled([joint.spline for joint in recorded_joints(trial)], trial.time, step, late=held)
 
 
-@sized_cache(lambda splines: sum(int(spline.c.nbytes + spline.t.nbytes) for spline in splines), 0.1e9)
-def _splines(trial: Trial) -> tuple[BSpline, ...]:
-    """Return the splines of the recorded joint angles; they are kept longer than the far larger motions."""
-    return tuple(joint.spline for joint in recorded_joints(trial))
+@sized_cache(lambda joints: sum(int(joint.spline.c.nbytes + joint.spline.t.nbytes) for joint in joints), 0.1e9)
+def recorded_joints(trial: Trial) -> tuple[measured.Smoothed, ...]:
+    """Return the recorded joint angles, smoothed; less smooth where what is left is allowed for.
 
-
-def recorded_joints(trial: Trial) -> list[measured.Smoothing]:
-    """Return the recorded joint angles as splines; less smooth where what is left is allowed for."""
+    They are kept longer than the far larger motions.
+    """
     angle = np.zeros((0, 0)) if trial.joint_angle is None else trial.joint_angle
     share = 1.0 if trial.measured.any() else measured.ALLOWED
-    return [measured.smoothing(trial.time, column, share) for column in angle.T]
+    found = (measured.smoothing(trial.time, column, share) for column in angle.T)
+    return tuple(measured.Smoothed(joint.spline, joint.penalty, joint.sigma) for joint in found)
 
 
 def joint_motion(asked: JointMotion, trial: Trial, servos: Servos) -> JointMotion:

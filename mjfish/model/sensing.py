@@ -55,6 +55,11 @@ class Moments:
             self.length + by * along.length,
         )
 
+    def part(self, samples: slice) -> Moments:
+        """Return some of the samples."""
+        time, state, rate, angle = (block[samples] for block in (self.time, self.state, self.rate, self.angle))
+        return Moments(time, state, rate, angle, self.length)
+
 
 def moments(fish: Fish, rollout: Rollout, motion: JointMotion, time: FloatArray) -> Moments:
     """Return a run at some times (m,) [s]; what is after its end is read there."""
@@ -97,16 +102,16 @@ class Camera:
             along: its rates, the directions behind all other axes.
         """
         (place, heading), (places, headings) = _place(sensor, seen), _place_rates(sensor, seen, along)
-        rates = np.concatenate([places, headings[:, None]], axis=1)
         if any(effect.overrides("camera") for effect, _ in self.effects):
-            by = np.zeros((len(heading), 3, 3))
+            rates, by = np.concatenate([places, headings[:, None]], axis=1), np.zeros((len(heading), 3, 3))
             for axis, h in enumerate((_LENGTH, _LENGTH, _ANGLE)):
                 step = h * np.eye(3)[axis]
                 ends = [self._filmed(seen.time, place + k * step[:2], heading + k * step[2]) for k in (1.0, -1.0)]
                 (there, turned), (back, returned) = ends
                 by[:, :2, axis], by[:, 2, axis] = (there - back) / (2.0 * h), (turned - returned) / (2.0 * h)
             rates = by @ rates
-        return rates[:, :2] if sensor.kind == "position" else rates[:, 2:]
+            places, headings = rates[:, :2], rates[:, 2]
+        return places if sensor.kind == "position" else headings[:, None]
 
     def _filmed(self, time: FloatArray, place: FloatArray, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return places (m, 2) and headings (m,) as the camera sees them."""
@@ -133,7 +138,8 @@ def _place_rates(sensor: Sensor, seen: Moments, along: Moments) -> tuple[FloatAr
         moving -= _direction(heading)[:, :, None] * along.length[i] + seen.length[i] * _swung(heading, turning)
         heading += seen.angle[:, i] + (seen.state[:, 6] if i == last else 0.0)
         turning += along.angle[:, i] + (along.state[:, 6] if i == last else 0.0)
-    return moving - sensor.station * _swung(heading, turning), turning
+    moving -= sensor.station * _swung(heading, turning)
+    return moving, turning
 
 
 def _swung(heading: FloatArray, turning: FloatArray) -> FloatArray:

@@ -38,6 +38,8 @@ _STEP = 5e-4
 _WAVE_SCALE = 0.05
 #: Of the differences of inertial readings along a direction.
 _UNIT = Parameter("sensor.along", "-", 0.0, -1.0, 1.0, 0.0, 0.01)
+#: Samples whose rates are turned at once: what is made on the way takes 10 MB.
+_STRETCH = 8192
 _SIXTH = ((1, 0.75), (2, -0.15), (3, 1.0 / 60.0))
 #: What a camera makes of a place is smooth: of second order it has seven digits.
 _SECOND = ((1, 0.5),)
@@ -78,7 +80,8 @@ def with_sensors(
             of drive or body act on one side of it only (`one_sided`) it has no derivative there.
 
     Returns:
-        (n, 3, k) at the trial's times, and (m, c, k) at those of each sensor; NaN after a divergence.
+        (n, 3, k) at the trial's times, 0 where sensors alone measured, and (m, c, k) at those of each sensor; NaN
+        after a divergence.
     """
     run = model.prepare(trial, values, velocity=velocity, offset=offset)
     acting = {effect.name for effect, _ in run.active}
@@ -93,7 +96,9 @@ def with_sensors(
     directions = [_direction(at, name) for name in names]
     late, camera = sensor_offsets or {}, Camera(trial, run.active)
     labels = [sensor.time + late.get(sensor.name, 0.0) for sensor in trial.sensors]
-    clocks = [run.time, *(camera.clocked(s, time) for s, time in zip(trial.sensors, labels, strict=True))]
+    clocks, which = _distinct([camera.clocked(s, time) for s, time in zip(trial.sensors, labels, strict=True)])
+    compared = trial.measured.any() or not trial.sensors
+    clocks = [run.time if compared else run.time[:0], *clocks]
     times = np.minimum(np.concatenate(clocks), run.motion.time[-1])
     moving = [k for k, (direction, _) in enumerate(directions) if direction is not None]
     conditions = Conditions(
@@ -107,13 +112,19 @@ def with_sensors(
             for effect in inactive
             if effect.load is not None
         ],
-        with_rates=bool(trial.sensors),
+        with_rates=not all(map(camera.sees, trial.sensors)),
     )  # fmt: skip
     every = tangents
     if len(moving) < len(names):
         every = np.zeros((len(times), tangents.shape[1], len(names)))
         every[:, :, moving] = tangents
     along, *beside = np.split(every, np.cumsum([len(clock) for clock in clocks])[:-1])
+    seen = [
+        _sensed(at, sensor, rollout, label, beside[k], [direction for direction, _ in directions], names)
+        for sensor, label, k in zip(trial.sensors, labels, which, strict=True)
+    ]
+    if not compared:
+        return np.zeros((len(run.time), len(CHANNELS), len(names))), tuple(seen)
     along, times = along[:, :STATES], times[: len(along)]
     if any(rate is not None for _, rate in directions):
         ahead = rollout.rate_at(times) * (run.time < run.motion.time[-1])[:, None]
@@ -122,13 +133,18 @@ def with_sensors(
                 along[:, :, k] += ahead * rate[:, None]
     if trial.pose is not None:  # the heading at the first sample is the measured one, whatever moves
         along[:, 5] -= along[0, 5]
-    seen = [
-        _sensed(at, sensor, rollout, label, block, [direction for direction, _ in directions], names)
-        for sensor, label, block in zip(trial.sensors, labels, beside, strict=True)
-    ]
-    if not trial.measured.any():
-        return along[:, :3], tuple(seen)
     return _read(at, lambda: headed(rollout.at(times), trial), along, names), tuple(seen)
+
+
+def _distinct(clocks: Sequence[FloatArray]) -> tuple[list[FloatArray], list[int]]:
+    """Return the clocks that differ, and which of these each one is: place and heading are mostly seen at once."""
+    found: list[FloatArray] = []
+    which = []
+    for clock in clocks:
+        same = [k for k, other in enumerate(found) if np.array_equal(clock, other)]
+        which.append(same[0] if same else len(found))
+        found += [] if same else [clock]
+    return found, which
 
 
 def _sensed(
@@ -142,7 +158,7 @@ def _sensed(
 ) -> FloatArray:
     """Return the derivatives (m, c, k) of what a sensor reads at the times (m,) that its samples have.
 
-    `along` (m, 16, k) has those of the state and of its rates.
+    `along` (m, 16, k) has those of the state and of its rates; for a camera (m, 8, k), it sees no rates.
     """
     fish, motion, camera = at.run.fish, at.run.motion, Camera(at.trial, at.run.active)
 
@@ -152,10 +168,12 @@ def _sensed(
     clock = camera.clocked(sensor, label)
     here, time = seen(clock), np.minimum(clock, motion.time[-1])
     every = _along(here, time, along, directions, motion)
+    found = np.zeros((len(time), len(sensor.channels), len(names)))
     if camera.sees(sensor):
-        found = camera.read_rates(sensor, here, every)
+        for first in range(0, len(time), _STRETCH):
+            part = slice(first, first + _STRETCH)
+            found[part] = camera.read_rates(sensor, here.part(part), every.part(part))
     else:
-        found = np.zeros((len(time), len(sensor.channels), len(names)))
         for k, direction in enumerate(directions):
             if direction is not None:
                 moved = Moments(time, *(part[..., k] for part in (every.state, every.rate, every.angle, every.length)))

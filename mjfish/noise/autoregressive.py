@@ -152,7 +152,7 @@ class Autoregressive(Noise):
             filter_ = _filter(self.phi[c].tobytes(), float(self.sigma[c]), seen.tobytes())
             states = filtered_states(filter_, seen, np.nan_to_num(series))
             for steps, forecast in ahead.items():
-                row = np.linalg.matrix_power(filter_.transition[0], steps)[0]
+                row = np.linalg.matrix_power(filter_.transition.at(0), steps)[0]
                 forecast[steps:, c] = states[: max(len(states) - steps, 0)] @ row
         return ahead
 

@@ -20,16 +20,16 @@ the number of samples.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of
-from mjfish.compiled import compiled, part
+from mjfish.compiled import compiled, merged, part
 from mjfish.data import Trial
-from mjfish.drive.measured import Smoothing
-from mjfish.noise.kalman import Gains, gains
+from mjfish.drive.measured import Smoothed
+from mjfish.noise.kalman import Gains, Sparse, advance, variances
 
 #: States of the head: surge, sway, yaw rate, x, y, yaw; and of a joint.
 HEAD, JOINT = 6, 3
@@ -37,6 +37,8 @@ HEAD, JOINT = 6, 3
 _STEP = 0.01
 #: Times closer than this are one [s].
 _SAME = 1e-9
+#: Samples whose matrices are held at once: 21 MB of four joints.
+_STRETCH = 4096
 #: Coefficients of the quintics by powers of the share of the step.
 _QUINTIC = np.array(
     [
@@ -69,22 +71,24 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class JointErrors:
-    """The errors of the joint angles of one trial, and of the head that they move.
+    """The errors of the joint angles of one trial, and of the head that they move: states of the head, of every joint.
 
     Attributes:
         time: (n,) of all samples of joints and sensors, each once [s].
-        transition: (n, d, d) of the state of the head, then of every joint.
-        drive: (n, d, d) covariance of what comes in until the next time.
+        own: (joints, n, 3, 3) F~ of every joint.
+        push: (joints, n, 3, 3) cov w of every joint.
         start: (d, d) covariance of the state at the first time.
+        along: the rollout.
     """
 
     time: FloatArray
-    transition: FloatArray
-    drive: FloatArray
+    own: FloatArray
+    push: FloatArray
     start: FloatArray
+    along: Along
 
     @classmethod
-    def of(cls, trial: Trial, joints: Sequence[Smoothing], along: Along) -> JointErrors:
+    def of(cls, trial: Trial, joints: Sequence[Smoothed], along: Along) -> JointErrors:
         """Return the errors of a trial with measured joint angles.
 
         Args:
@@ -97,120 +101,163 @@ class JointErrors:
         time = time[np.concatenate([[True], np.diff(time) > _SAME])]
         measured = np.zeros(len(time), dtype=np.bool_)
         measured[np.searchsorted(time, trial.time - _SAME)] = True
-        moved = _moved(time, along.time, along.state, along.state_jacobian, along.input_jacobian)
-        size = HEAD + JOINT * len(joints)
-        transition, drive, start = (
-            np.zeros((len(time), size, size)),
-            np.zeros((len(time), size, size)),
-            np.zeros((size, size)),
-        )
-        transition[:, :HEAD, :HEAD] = moved[:, :, :HEAD]
+        own, push = np.zeros((2, len(joints), len(time), JOINT, JOINT))
+        start = np.zeros((HEAD + JOINT * len(joints),) * 2)
+        unit = float(np.median(np.diff(time)))
+        scale = unit ** -np.arange(3.0)
         for j, joint in enumerate(joints):
-            own, push, begin = _conditioned(np.diff(time), measured, joint.sigma, joint.sigma**2 / joint.penalty)
             at = slice(HEAD + JOINT * j, HEAD + JOINT * (j + 1))
-            left, right = (moved[:, :, HEAD + JOINT * (2 * j + k) : HEAD + JOINT * (2 * j + k + 1)] for k in (0, 1))
-            transition[:, at, at] = own
-            transition[:, :HEAD, at] = left + right @ own
-            drive[:, at, at] = push
-            drive[:, :HEAD, at] = right @ push
-            drive[:, at, :HEAD] = drive[:, :HEAD, at].transpose(0, 2, 1)
-            drive[:, :HEAD, :HEAD] += right @ push @ right.transpose(0, 2, 1)
-            start[at, at] = begin
-        return cls(time, transition, drive, start)
+            information = _conditioned(
+                np.diff(time) / unit, measured, joint.sigma, joint.sigma**2 / joint.penalty * unit**5, own[j], push[j]
+            )
+            own[j] *= scale[:, None] / scale
+            push[j] *= scale[:, None] * scale
+            start[at, at] = np.linalg.inv(information) * (scale[:, None] * scale)
+        return cls(time, own, push, start, along)
 
-    def filter(self, rows: Sequence[FloatArray], readings: Sequence[FloatArray], sigma: Sequence[FloatArray]) -> Gains:
+    def stretches(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+        """Yield stretches of times, the transitions (k, d, d) to the next time, covariances (k, d, d) of what comes in.
+
+        Those of the last time are 0.
+        """
+        size, along = len(self.start), self.along
+        for first in range(0, len(self.time), _STRETCH):
+            here = slice(first, min(first + _STRETCH, len(self.time)))
+            moved = np.zeros((here.stop - first, HEAD, HEAD + 2 * (size - HEAD)))
+            begin = min(max(int(np.searchsorted(along.time, self.time[first])) - 1, 0), len(along.time) - 2)
+            _move(
+                self.time[first : here.stop + 1], along.time[begin:], along.state[begin:],
+                along.state_jacobian[begin:], along.input_jacobian[begin:], moved,
+            )  # fmt: skip
+            transition, drive = np.zeros((2, len(moved), size, size))
+            transition[:, :HEAD, :HEAD] = moved[:, :, :HEAD]
+            for j, (own, push) in enumerate(zip(self.own[:, here], self.push[:, here], strict=True)):
+                at = slice(HEAD + JOINT * j, HEAD + JOINT * (j + 1))
+                left, right = (moved[:, :, HEAD + JOINT * (2 * j + k) : HEAD + JOINT * (2 * j + k + 1)] for k in (0, 1))
+                transition[:, at, at] = own
+                transition[:, :HEAD, at] = left + right @ own
+                drive[:, at, at] = push
+                drive[:, :HEAD, at] = right @ push
+                drive[:, at, :HEAD] = drive[:, :HEAD, at].transpose(0, 2, 1)
+                drive[:, :HEAD, :HEAD] += drive[:, :HEAD, at] @ right.transpose(0, 2, 1)
+            yield here, transition, drive
+
+    def filter(self, reading: Sparse, sigma: FloatArray, counted: BoolArray) -> Gains:
         """Return the filter of the channels of all sensors.
 
         Args:
-            rows: places in `time` of the samples of each sensor.
-            readings: (m, c, d) derivatives of what each sensor reads by the state.
-            sigma: (c,) of each sensor.
+            reading: (m, d) derivatives of what the sensors read by the state at every time, see `stacked`.
+            sigma: (m,) of one sample.
+            counted: (n, m) which samples there are.
         """
-        spread = np.tile(np.eye(sum(map(len, sigma))), (len(self.time), 1, 1))
-        for at, own, places in zip(rows, sigma, blocks_of([*map(len, sigma)]), strict=True):
-            channels = np.arange(places.start, places.stop)
-            spread[at[:, None], channels, channels] = own**2
-        reading = self._stacked(rows, readings)
-        return gains(self.transition, self.drive, reading, spread, self.start, np.ones(len(self.time), dtype=np.bool_))
+        (n, m), d = counted.shape, len(self.start)
+        spread = np.where(counted, sigma**2, 1.0)[:, :, None] * np.eye(m)
+        reading = reading._replace(value=reading.value * counted[:, reading.row])
+        gain, root, covariance, total = np.zeros((n, d, m)), np.zeros((n, m, m)), self.start.copy(), 0.0
+        row, column = np.nonzero(self._moving())
+        moves = Sparse(row, column, np.zeros((n, len(row))), (d, d))
+        for here, transition, drive in self.stretches():
+            moves.value[here] = transition[:, row, column]
+            seen = np.ones(len(drive), dtype=np.bool_)
+            total += advance(
+                moves.part(here), drive, reading.part(here), spread[here], covariance, seen, gain[here], root[here]
+            )
+        return Gains(moves, reading, gain, root, total)
 
-    def variances(self, rows: Sequence[FloatArray], readings: Sequence[FloatArray]) -> list[FloatArray]:
-        """Return the variances (m, c) of what each sensor reads by the errors alone; arguments as of `filter`."""
-        every = _variances(self.transition, self.drive, self.start.copy(), self._stacked(rows, readings))
-        places = blocks_of([read.shape[1] for read in readings])
-        return [every[at, own] for at, own in zip(rows, places, strict=True)]
+    def variances(self, reading: Sparse) -> FloatArray:
+        """Return the variances (n, m) of what the sensors read by the errors alone."""
+        covariance, every = self.start.copy(), np.zeros((len(self.time), reading.shape[0]))
+        for here, transition, drive in self.stretches():
+            variances(Sparse.of(transition), drive, covariance, reading.part(here), every[here])
+        return every
 
-    def _stacked(self, rows: Sequence[FloatArray], readings: Sequence[FloatArray]) -> FloatArray:
-        """Return the derivatives (n, channels, d) of the channels of all sensors; 0 where a sensor has no sample."""
-        places = blocks_of([read.shape[1] for read in readings])
-        reading = np.zeros((len(self.time), places[-1].stop, self.start.shape[0]))
-        for at, read, own in zip(rows, readings, places, strict=True):
-            reading[at, own] = read
-        return reading
+    def _moving(self) -> BoolArray:
+        """Return where transitions (d, d) may not be zero."""
+        moving = np.kron(np.eye(len(self.start) // JOINT), np.ones((JOINT, JOINT))) > 0.0
+        moving[:HEAD, :3] = moving[:HEAD, HEAD:] = True
+        moving[3:HEAD, 3:5] = np.eye(3, 2) > 0.0  # where the head is moves nothing
+        return moving
+
+    def stacked(self, rows: Sequence[FloatArray], readings: Sequence[FloatArray]) -> Sparse:
+        """Return the derivatives (m, d) of the channels of all sensors at every time; 0 where a sensor has no sample.
+
+        Args:
+            rows: places in `time` of the samples of each sensor.
+            readings: (samples, c, d) derivatives of what each sensor reads by the state.
+        """
+        there = np.concatenate([np.any(read != 0.0, axis=0) for read in readings])
+        row, column = np.nonzero(there)
+        value = np.zeros((len(self.time), len(row)))
+        for at, read, own in zip(rows, readings, blocks_of([read.shape[1] for read in readings]), strict=True):
+            mine = np.flatnonzero((row >= own.start) & (row < own.stop))
+            value[at[:, None], mine] = read[:, row[mine] - own.start, column[mine]]
+        return Sparse(row, column, value, there.shape)
 
 
 @compiled
-def _variances(transition: FloatArray, drive: FloatArray, covariance: FloatArray, reading: FloatArray) -> FloatArray:
-    """Return diag H P H' (n, m) of the state that nothing is measured of."""
-    n, m, d = reading.shape
-    out = np.zeros((n, m))
-    ahead = np.zeros((d, d))
-    for t in range(n):
-        for c in range(m):
-            for i in range(d):
-                if reading[t, c, i] != 0.0:
-                    for j in range(d):
-                        out[t, c] += reading[t, c, i] * covariance[i, j] * reading[t, c, j]
-        for i in range(d):
-            for j in range(d):
-                ahead[i, j] = 0.0
-                for k in range(d):
-                    ahead[i, j] += transition[t, i, k] * covariance[k, j]
-        for i in range(d):
-            for j in range(d):
-                covariance[i, j] = drive[t, i, j]
-                for k in range(d):
-                    covariance[i, j] += ahead[i, k] * transition[t, j, k]
-    return out
-
-
 def _conditioned(
-    steps: FloatArray, measured: BoolArray, sigma: float, intensity: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return F~ (n, 3, 3), cov w (n, 3, 3) and cov d_0 (3, 3) of the error of one joint; those of the last time are 0.
+    steps: FloatArray, measured: BoolArray, sigma: float, intensity: float, transition: FloatArray, push: FloatArray
+) -> FloatArray:
+    """Write F~ (n, 3, 3), cov w (n, 3, 3) of the error of one joint, those of the last time stay 0; return L_0 (3, 3).
 
     In units of a typical step, in which all numbers are of one size.
     """
-    unit = float(np.median(steps))
-    scale = unit ** -np.arange(3.0)
-    one = np.zeros((JOINT, JOINT))
-    one[0, 0] = 1.0 / sigma**2
-    transition, push = np.zeros((len(steps) + 1, JOINT, JOINT)), np.zeros((len(steps) + 1, JOINT, JOINT))
-    information = one * measured[-1]
+    information, q, shrink = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    forward, matrix = np.eye(3), np.zeros((3, 3))
+    one = 1.0 / sigma**2
+    information[0, 0] = one * measured[-1]
     for k in range(len(steps) - 1, -1, -1):
-        h = steps[k] / unit
-        forward = np.array([[1.0, h, 0.5 * h * h], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
-        q = intensity * unit**5 * np.array(
-            [[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]]
-        )  # fmt: skip
-        shrink = np.linalg.inv(np.eye(JOINT) + q @ information)
-        transition[k], push[k] = shrink @ forward, shrink @ q
-        information = forward.T @ information @ transition[k] + one * measured[k]
-        information = 0.5 * (information + information.T)
-    turn = scale[:, None] / scale
-    return transition * turn, push * (scale[:, None] * scale), np.linalg.inv(information) * (scale[:, None] * scale)
+        h = steps[k]
+        forward[0, 1], forward[0, 2], forward[1, 2] = h, 0.5 * h * h, h
+        q[0, 0], q[1, 1], q[2, 2] = intensity * h**5 / 20.0, intensity * h**3 / 3.0, intensity * h
+        q[0, 1], q[0, 2], q[1, 2] = intensity * h**4 / 8.0, intensity * h**3 / 6.0, intensity * h**2 / 2.0
+        q[1, 0], q[2, 0], q[2, 1] = q[0, 1], q[0, 2], q[1, 2]
+        _times(q, information, matrix)
+        for i in range(3):
+            matrix[i, i] += 1.0
+        _inverse(matrix, shrink)
+        _times(shrink, forward, transition[k])
+        _times(shrink, q, push[k])
+        _times(information, transition[k], matrix)
+        _times(forward.T, matrix, shrink)
+        for i in range(3):
+            for j in range(3):
+                information[i, j] = 0.5 * (shrink[i, j] + shrink[j, i])
+        information[0, 0] += one * measured[k]
+    return information
+
+
+@merged
+def _times(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    """Write a @ b (3, 3)."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+
+
+@part
+def _inverse(a: FloatArray, out: FloatArray) -> None:
+    """Write the inverse (3, 3) by cofactors."""
+    for i in range(3):
+        for j in range(3):
+            p, q, r, s = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
+            out[i, j] = a[p, r] * a[q, s] - a[p, s] * a[q, r]
+    determinant = a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0]
+    for i in range(3):
+        for j in range(3):
+            out[i, j] /= determinant
 
 
 @compiled
-def _moved(
-    time: FloatArray, grid: FloatArray, state: FloatArray, by_state: FloatArray, by_input: FloatArray
-) -> FloatArray:
-    """Return how the head (n, 6, 6 + 6 joints) at the next time depends on what is now, by Runge-Kutta steps.
+def _move(
+    time: FloatArray, grid: FloatArray, state: FloatArray, by_state: FloatArray, by_input: FloatArray, out: FloatArray
+) -> None:
+    """Write how the head (n, 6, 6 + 6 joints) at the next time depends on what is now, by Runge-Kutta steps.
 
     Columns: of the head; then of every joint its (d, d', d'') now and at the next time, between which d is a quintic.
     """
     joints = by_input.shape[3]
     width = 6 + 6 * joints
-    out = np.zeros((time.shape[0], 6, width))
     at = 0
     x, k, sum_k, there = np.zeros((6, width)), np.zeros((6, width)), np.zeros((6, width)), np.zeros((6, width))
     basis = np.zeros((3, 6))
@@ -265,7 +312,6 @@ def _moved(
                 for c in range(width):
                     x[r, c] += h / 6.0 * sum_k[r, c]
         out[i] = x
-    return out
 
 
 @part

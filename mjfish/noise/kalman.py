@@ -13,6 +13,7 @@ and sensitivities pass the same linear filter.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,23 +21,65 @@ from mjfish.arrays import BoolArray, FloatArray
 from mjfish.compiled import compiled, merged, part
 
 
+class Sparse(NamedTuple):
+    """Matrices of a series that are zero in the same places: of an hour of samples only the rest has room.
+
+    Attributes:
+        row, column: (e,) where they are not zero.
+        value: (n, e) what is there; one for all times where n = 1.
+        shape: of one matrix.
+    """
+
+    row: Any
+    column: Any
+    value: FloatArray
+    shape: tuple[int, int]
+
+    @staticmethod
+    def of(matrices: FloatArray) -> Sparse:
+        """Return matrices (n, i, j), or one (i, j) for all times."""
+        every = matrices if matrices.ndim == 3 else matrices[None]
+        row, column = np.nonzero(np.any(every != 0.0, axis=0))
+        return Sparse(row, column, np.ascontiguousarray(every[:, row, column]), every.shape[1:])
+
+    def at(self, t: int) -> FloatArray:
+        """Return the matrix of a sample."""
+        whole = np.zeros(self.shape)
+        whole[self.row, self.column] = self.value[min(t, len(self.value) - 1)]
+        return whole
+
+    def part(self, samples: slice) -> Sparse:
+        """Return those of some samples."""
+        return self._replace(value=self.value[samples])
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all of them."""
+        return self.value.nbytes
+
+
 @dataclass(frozen=True, eq=False)
 class Gains:
     """A filter made for one series of samples.
 
     Attributes:
-        transition: (n, d, d) F_t, from sample t to t + 1; one for all where n = 1.
-        reading: (m, d) H, or (n, m, d) where it changes.
+        transition: F_t (d, d), from sample t to t + 1.
+        reading: H_t (m, d).
         gain: (n, d, m) K_t; zero where the sample is missing.
         root: (n, m, m) inverse of the Cholesky factor of S_t.
         log_determinant: sum of log det S_t over the samples that are there.
     """
 
-    transition: FloatArray
-    reading: FloatArray
+    transition: Sparse
+    reading: Sparse
     gain: FloatArray
     root: FloatArray
     log_determinant: float
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the filter."""
+        return self.transition.nbytes + self.reading.nbytes + self.gain.nbytes + self.root.nbytes
 
     def scaled(self, sigma: float) -> Gains:
         """Return the filter of the noise times sigma; the filter is one of a single channel."""
@@ -59,50 +102,49 @@ def gains(
         transition: (n or 1, d, d) F_t.
         drive: (n or 1, d, d) covariance of w_t.
         reading: (m, d) H, or (n, m, d) where it changes.
-        spread: (m, m) covariance R of e_t, or (n, m, m).
+        spread: (m, m) covariance R of e_t.
         start: (d, d) covariance of the state at the first sample.
         seen: (n,) whether there is a sample.
     """
-    n, (m, d) = len(seen), reading.shape[-2:]
+    n, (m, d), moves, read = len(seen), reading.shape[-2:], Sparse.of(transition), Sparse.of(reading)
     gain, root = np.zeros((n, d, m)), np.zeros((n, m, m))
-    total = _gains(
-        np.ascontiguousarray(transition), np.ascontiguousarray(drive), _each(reading), _each(spread), start.copy(),
-        seen, gain, root,
-    )  # fmt: skip
-    return Gains(np.ascontiguousarray(transition), np.ascontiguousarray(reading), gain, root, float(total))
-
-
-def _each(matrices: FloatArray) -> FloatArray:
-    """Return matrices (n or 1, i, j), one for all times where there is one alone."""
-    return np.ascontiguousarray(matrices if matrices.ndim == 3 else matrices[None])
+    total = advance(moves, np.ascontiguousarray(drive), read, spread[None], start.copy(), seen, gain, root)
+    return Gains(moves, read, gain, root, float(total))
 
 
 @compiled
-def _gains(
-    transition: FloatArray,
+def advance(
+    transition: Sparse,
     drive: FloatArray,
-    reading: FloatArray,
+    reading: Sparse,
     spread: FloatArray,
     covariance: FloatArray,
     seen: BoolArray,
     gain: FloatArray,
     root: FloatArray,
 ) -> float:
-    """Write gains and roots; loops, for numba takes seven seconds to compile products and factors of matrices."""
+    """Write gains and roots of a stretch of samples; return what they add to the log determinant.
+
+    Loops, for numba takes seven seconds to compile products and factors of matrices.
+
+    Args:
+        transition, drive, reading, spread, seen: as of `gains`; (n or 1, ...).
+        covariance: (d, d) of the state at the first sample; becomes that behind the last.
+        gain, root: as of `Gains`.
+    """
     total = 0.0
-    last = transition.shape[0] - 1
-    m, d = reading.shape[1:]
+    d, m = gain.shape[1:]
     across, innovation = np.empty((m, d)), np.empty((m, m))  # H P, S
-    ahead = np.empty((d, d))
+    ahead, turned = np.empty((d, d)), np.empty((d, d))
     for t in range(seen.shape[0]):
         if seen[t]:
-            read, white = reading[min(t, reading.shape[0] - 1)], spread[min(t, spread.shape[0] - 1)]
-            _product(read, covariance, across)
+            value, white = reading.value[min(t, reading.value.shape[0] - 1)], spread[min(t, spread.shape[0] - 1)]
+            _product(reading, value, covariance, across)
             for i in range(m):
                 for j in range(m):
                     innovation[i, j] = white[i, j]
-                    for k in range(d):
-                        innovation[i, j] += across[i, k] * read[j, k]
+                for e in range(value.shape[0]):
+                    innovation[i, reading.row[e]] += across[i, reading.column[e]] * value[e]
             factor = root[t]
             _invert_root(innovation, factor)
             for k in range(m):
@@ -116,29 +158,50 @@ def _gains(
                             weight += factor[n, k] * factor[n, j]
                         gain[t, i, j] += across[k, i] * weight
             for i in range(d):
-                for j in range(d):
-                    for k in range(m):
+                for k in range(m):
+                    for j in range(d):
                         covariance[i, j] -= gain[t, i, k] * across[k, j]
-        moves, driven = transition[min(t, last)], drive[min(t, drive.shape[0] - 1)]
-        _product(moves, covariance, ahead)
-        for i in range(d):
-            for j in range(i + 1):
-                one, other = driven[i, j], driven[j, i]
-                for k in range(d):
-                    one += ahead[i, k] * moves[j, k]
-                    other += ahead[j, k] * moves[i, k]
-                covariance[i, j] = covariance[j, i] = 0.5 * (one + other)
+        _carry(transition, t, drive[min(t, drive.shape[0] - 1)], covariance, ahead, turned)
     return total
 
 
 @part
-def _product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+def _carry(
+    moves: Sparse, t: int, driven: FloatArray, covariance: FloatArray, ahead: FloatArray, turned: FloatArray
+) -> None:
+    """Turn a covariance P into F P F' + Q, that of the next sample."""
+    d, value = covariance.shape[0], moves.value[min(t, moves.value.shape[0] - 1)]
+    _product(moves, value, covariance, ahead)
+    for i in range(d):
+        for j in range(d):
+            turned[j, i] = ahead[i, j]
+    _product(moves, value, turned, ahead)
+    for i in range(d):
+        for j in range(i + 1):
+            covariance[i, j] = covariance[j, i] = 0.5 * (ahead[i, j] + ahead[j, i] + driven[i, j] + driven[j, i])
+
+
+@compiled
+def variances(transition: Sparse, drive: FloatArray, covariance: FloatArray, reading: Sparse, out: FloatArray) -> None:
+    """Write diag H P H' (n, m) of a stretch of samples that nothing is measured of; arguments as of `advance`."""
+    d, m = covariance.shape[0], out.shape[1]
+    across, ahead, turned = np.empty((m, d)), np.empty((d, d)), np.empty((d, d))
+    for t in range(out.shape[0]):
+        value = reading.value[min(t, reading.value.shape[0] - 1)]
+        _product(reading, value, covariance, across)
+        for e in range(value.shape[0]):
+            out[t, reading.row[e]] += across[reading.row[e], reading.column[e]] * value[e]
+        _carry(transition, t, drive[min(t, drive.shape[0] - 1)], covariance, ahead, turned)
+
+
+@merged
+def _product(a: Sparse, value: FloatArray, b: FloatArray, out: FloatArray) -> None:
     """Write a @ b."""
     for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            out[i, j] = 0.0
-            for k in range(b.shape[0]):
-                out[i, j] += a[i, k] * b[k, j]
+        for k in range(out.shape[1]):
+            out[i, k] = 0.0
+    for e in range(value.shape[0]):
+        _add(out, a.row[e], b, a.column[e], value[e])
 
 
 @part
@@ -165,47 +228,46 @@ def _invert_root(matrix: FloatArray, out: FloatArray) -> None:
 def whitened(filter_: Gains, seen: BoolArray, columns: FloatArray) -> FloatArray:
     """Return the white innovations (samples seen, m, k) of columns (samples seen, m, k)."""
     out = np.empty_like(columns)
-    reading = _each(filter_.reading)
-    _whiten(filter_.transition, reading, filter_.gain, filter_.root, seen, np.ascontiguousarray(columns), out)
+    _whiten(
+        filter_.transition, filter_.reading, filter_.gain, filter_.root, seen, np.ascontiguousarray(columns), out
+    )  # fmt: skip
     return out
 
 
 def coloured(filter_: Gains, seen: BoolArray, white: FloatArray) -> FloatArray:
     """Return noise (samples seen, m) that `whitened` makes `white` (samples seen, m): the inverse transform."""
-    state, rows, last = np.zeros(filter_.reading.shape[1]), iter(white), len(filter_.transition) - 1
-    out = []
+    state, rows, out = np.zeros(filter_.gain.shape[1]), iter(white), []
     for t in range(len(seen)):
         if seen[t]:
             innovation = np.linalg.solve(filter_.root[t], next(rows))
-            out.append(filter_.reading @ state + innovation)
+            out.append(filter_.reading.at(t) @ state + innovation)
             state = state + filter_.gain[t] @ innovation
-        state = filter_.transition[min(t, last)] @ state
+        state = filter_.transition.at(t) @ state
     return np.array(out)
 
 
 def filtered_states(filter_: Gains, seen: BoolArray, series: FloatArray) -> FloatArray:
     """Return the states s_t|t (n, d) of one channel (n,), what stands where no sample is seen ignored."""
-    states, state = np.empty((len(seen), filter_.reading.shape[1])), np.zeros(filter_.reading.shape[1])
-    reading, last = filter_.reading[0], len(filter_.transition) - 1
+    states, state = np.empty(filter_.gain.shape[:2]), np.zeros(filter_.gain.shape[1])
+    reading, transition = filter_.reading.at(0)[0], filter_.transition.at(0)
     for t in range(len(seen)):  # the gain is zero where a sample is missing
         state = state + filter_.gain[t, :, 0] * (series[t] - reading @ state)
         states[t] = state
-        state = filter_.transition[min(t, last)] @ state
+        state = transition @ state
     return states
 
 
 @compiled
 def _whiten(
-    transition: FloatArray,
-    reading: FloatArray,
+    transition: Sparse,
+    reading: Sparse,
     gain: FloatArray,
     root: FloatArray,
     seen: BoolArray,
     columns: FloatArray,
     out: FloatArray,
 ) -> None:
-    last = transition.shape[0] - 1
-    m, d = reading.shape[1:]
+    d, m = gain.shape[1:]
     width = columns.shape[2]
     state = np.zeros((d, width))
     ahead = np.zeros((d, width))
@@ -213,27 +275,25 @@ def _whiten(
     row = 0
     for t in range(seen.shape[0]):
         if seen[t]:
+            value = reading.value[min(t, reading.value.shape[0] - 1)]
             for i in range(m):
                 for k in range(width):  # numba compiles three seconds of error messages for a slice
-                    innovation[i, k] = columns[row, i, k]
-                _add(innovation, i, reading[min(t, reading.shape[0] - 1), i], state, -1.0)
+                    innovation[i, k], out[row, i, k] = columns[row, i, k], 0.0
+            for e in range(value.shape[0]):
+                _add(innovation, reading.row[e], state, reading.column[e], -value[e])
             for i in range(d):
-                _add(state, i, gain[t, i], innovation, 1.0)
+                for j in range(m):
+                    _add(state, i, innovation, j, gain[t, i, j])
             for i in range(m):
-                out[row, i] = 0.0
-                _add(out[row], i, root[t, i], innovation, 1.0)
+                for j in range(i + 1):
+                    _add(out[row], i, innovation, j, root[t, i, j])
             row += 1
-        ahead[:] = 0.0
-        for i in range(d):
-            _add(ahead, i, transition[min(t, last), i], state, 1.0)
+        _product(transition, transition.value[min(t, transition.value.shape[0] - 1)], state, ahead)
         state, ahead = ahead, state
 
 
 @merged
-def _add(target: FloatArray, row: int, weights: FloatArray, source: FloatArray, sign: float) -> None:
-    """Add sign * weights @ source to a row; most weights are zero."""
-    for j in range(weights.shape[0]):
-        weight = sign * weights[j]
-        if weight != 0.0:
-            for k in range(source.shape[1]):
-                target[row, k] += weight * source[j, k]
+def _add(target: FloatArray, row: int, source: FloatArray, other: int, weight: float) -> None:
+    """Add a row of `source` times a weight to one of `target`."""
+    for k in range(source.shape[1]):
+        target[row, k] += weight * source[other, k]

@@ -49,7 +49,8 @@ def state_jacobian(
     linear = Linearisation.empty(motion.joints, states.shape[1], len(loads))
     _write_state_jacobian(system, Joints(*starts), states, np.zeros(states.shape[1]), linear, out)
     signs = frames.flip(np.ones(3))
-    return np.asarray(signs[:, None] * out * signs)
+    out *= signs[:, None] * signs
+    return out
 
 
 def input_jacobian(
@@ -75,7 +76,8 @@ def input_jacobian(
     system = system_of(fish, values, "corrected", load_rows(loads, len(fish.links), STATES))
     buffers = LoadBuffers(np.zeros(ANSWER), states[0], np.zeros(states.shape[1]))
     _write_input_jacobian(system, sampled, states, buffers, np.empty((5, motion.joints)), out)
-    return np.asarray(frames.flip(np.ones(3))[:, None, None] * out)
+    out *= frames.flip(np.ones(3))[:, None, None]
+    return out
 
 
 def linear_response(jacobian: FloatArray, forcing: FloatArray, time: FloatArray) -> FloatArray:

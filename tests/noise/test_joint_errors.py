@@ -37,15 +37,22 @@ def _errors(joints: int) -> JointErrors:
     return JointErrors.of(trial, [_joint(seed) for seed in range(joints)], _along(joints))
 
 
+def _steps(errors: JointErrors) -> tuple[FloatArray, FloatArray]:
+    """Return all transitions and drives (n, d, d)."""
+    _, transitions, drives = zip(*errors.stretches(), strict=True)
+    return np.concatenate(transitions), np.concatenate(drives)
+
+
 def _covariance(errors: JointErrors) -> FloatArray:
     """Return the covariance (n d, n d) of the states of a whole run, from transitions and drives alone."""
+    transition, drive = _steps(errors)
     n, d = len(errors.time), len(errors.start)
     whole = np.zeros((n, d, n, d))
     whole[0, :, 0] = errors.start
     for k in range(n - 1):
-        whole[k + 1, :, : k + 1] = np.einsum("ij,jnk->ink", errors.transition[k], whole[k, :, : k + 1])
+        whole[k + 1, :, : k + 1] = np.einsum("ij,jnk->ink", transition[k], whole[k, :, : k + 1])
         whole[: k + 1, :, k + 1] = whole[k + 1, :, : k + 1].transpose(1, 2, 0)
-        whole[k + 1, :, k + 1] = errors.transition[k] @ whole[k, :, k] @ errors.transition[k].T + errors.drive[k]
+        whole[k + 1, :, k + 1] = transition[k] @ whole[k, :, k] @ transition[k].T + drive[k]
     return whole.reshape(n * d, n * d)
 
 
@@ -65,8 +72,10 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run() -> None:
     readings = tuple(
         rng.standard_normal((len(own), channels, len(errors.start))) for own, channels in zip(rows, (2, 1), strict=True)
     )
-    sigma = (np.array([0.01, 0.02]), np.array([0.05]))
-    filter_ = errors.filter(rows, readings, sigma)
+    counted = np.zeros((SAMPLES, 3), dtype=np.bool_)
+    counted[rows[0], :2], counted[rows[1], 2] = True, True
+    stacked = errors.stacked(rows, readings)
+    filter_ = errors.filter(stacked, np.array([0.01, 0.02, 0.05]), counted)
     every = np.zeros((SAMPLES, 3, 1))
     every[rows[0], :2, 0], every[rows[1], 2, 0] = rng.standard_normal((SAMPLES, 2)), rng.standard_normal(len(rows[1]))
     white = whitened(filter_, np.ones(SAMPLES, dtype=np.bool_), every)
@@ -76,12 +85,12 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run() -> None:
             reading[row, first : first + own.shape[1], row] = own[k]
     flat = reading.reshape(3 * SAMPLES, -1)
     noise = np.ones((SAMPLES, 3))
-    noise[rows[0], :2], noise[rows[1], 2] = sigma[0] ** 2, sigma[1] ** 2
+    noise[rows[0], :2], noise[rows[1], 2] = np.array([0.01, 0.02]) ** 2, 0.05**2
     dense = np.diag(noise.ravel()) + flat @ _covariance(errors) @ flat.T
     x = every.ravel()
     assert float(np.sum(white**2)) == pytest.approx(float(x @ np.linalg.solve(dense, x)), rel=1e-6)
     np.testing.assert_allclose(
-        errors.variances(rows, readings)[0].ravel(),
+        errors.variances(stacked)[:, :2].ravel(),
         np.diag(dense - np.diag(noise.ravel())).reshape(SAMPLES, 3)[:, :2].ravel(),
         rtol=1e-8,
     )
@@ -116,10 +125,11 @@ def test_the_head_follows_the_equation_between_samples() -> None:
     Its end is what is expected of it (transition) and what comes in by chance, which moves the head, too (drive).
     """
     errors, k = _errors(1), 7
+    transition, drive = (every[k] for every in _steps(errors))
     begun = np.array([0.0, 0.02, 0.1, 0.0, 0.0, 0.03, 0.01, -0.2, 3.0])
-    expected = _driven(k, errors, begun, errors.transition[k][HEAD:, HEAD:] @ begun[HEAD:])
-    np.testing.assert_allclose((errors.transition[k] @ begun)[:HEAD], expected, rtol=2e-3, atol=2e-6)
-    chance, drive = np.array([0.002, 0.3, -20.0]), errors.drive[k]
+    expected = _driven(k, errors, begun, transition[HEAD:, HEAD:] @ begun[HEAD:])
+    np.testing.assert_allclose((transition @ begun)[:HEAD], expected, rtol=2e-3, atol=2e-6)
+    chance = np.array([0.002, 0.3, -20.0])
     moved = drive[:HEAD, HEAD:] @ np.linalg.solve(drive[HEAD:, HEAD:], chance)
     pushed = _driven(k, errors, np.zeros(HEAD + JOINT), chance)
     np.testing.assert_allclose(moved, pushed, rtol=5e-3, atol=2e-6)
