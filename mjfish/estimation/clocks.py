@@ -13,6 +13,7 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial
 from mjfish.data.importers.smoothing import beat_frequency
+from mjfish.data.looking import for_looking
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 from mjfish.model import Model
@@ -69,7 +70,7 @@ def _clocked(trial: Trial, frequency: float, phase: float, scale: float) -> Tria
 def beat(trial: Trial) -> float | None:
     """Return the frequency [Hz] of a beat that is not the stated one of a wave with a clock of its own; None: it is.
 
-    It is that of the measured yaw rate, where this swings clearly.
+    It is that of the measured yaw rate, where this swings clearly; of a trial of `for_looking`, that of its heading.
     """
     if trial.wave is None or not trial.wave.free or not trial.measured[CHANNELS.index("yaw_rate")]:
         return None
@@ -82,7 +83,7 @@ def aligned(dataset: Dataset) -> Dataset:
 
     A wave of another frequency than the `beat` gets that of the beat. Of 16 phases the one is taken at which the
     nominal model correlates best with the measured sway and yaw rate, which swing with the beat whatever the
-    coefficients are; the fit does the rest.
+    coefficients are; the fit does the rest. Where places and headings were measured, these are of the smoothed path.
     """
     if not any(trial.wave is not None and trial.wave.free for trial in dataset.trials):
         return dataset
@@ -93,15 +94,17 @@ def aligned(dataset: Dataset) -> Dataset:
 def _aligned(model: Model, trial: Trial) -> Trial:
     if trial.wave is None or not trial.wave.free:
         return trial
-    swinging = [c for c in (CHANNELS.index("sway"), CHANNELS.index("yaw_rate")) if trial.measured[c]]
+    seen = for_looking(trial)
+    swinging = [c for c in (CHANNELS.index("sway"), CHANNELS.index("yaw_rate")) if seen.measured[c]]
     if not swinging:
         raise InputError(
-            f"trial '{trial.name}': neither sway nor yaw rate, expected one of them where the clock of a wave is free, "
-            "for its phase shows in them; add it, or give the wave the clock of the recording (free = false)"
+            f"trial '{trial.name}': neither sway nor yaw rate, nor sensors of place and heading, expected one of them "
+            "where the clock of a wave is free, for its phase shows in them; add it, or give the wave the clock of the "
+            "recording (free = false)"
         )
-    start = None if trial.starts_at_rest else np.nan_to_num(trial.velocity[0])
-    measured = trial.velocity[:, swinging] - trial.velocity[:, swinging].mean(axis=0)
-    faster = beat(trial)
+    start = None if trial.starts_at_rest else np.nan_to_num(seen.velocity[0])
+    measured = seen.velocity[:, swinging] - seen.velocity[:, swinging].mean(axis=0)
+    faster = beat(seen)
     trial = trial if faster is None else trial.waved(faster - trial.wave.frequency, 0.0)
     best, found = -np.inf, trial
     for phase in np.arange(_TRIED) * 2.0 * np.pi / _TRIED:

@@ -98,7 +98,7 @@ class Model:
         if len(set(names)) < len(names):
             raise InputError(f"effects {', '.join(names)}: one is there twice; give each once")
 
-    @property
+    @functools.cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The coefficients of the fish, its other free numbers, then the parameters of every effect."""
         return (*self.fish.parameters, *self.fish.numbers, *(p for effect in self.effects for p in effect.parameters))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish.data import Dataset, Trial
+from mjfish.data import Dataset, Sensor, Trial
 from mjfish.drive.wave import Wave
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -72,6 +72,27 @@ def test_frequency_and_phase_are_found_from_a_wrong_clock() -> None:
     assert moved.frequency == pytest.approx(TRUE.frequency, abs=5e-4)
     middle = 2 * np.pi * (moved.frequency - TRUE.frequency) * 2.5 + np.subtract(moved.phase, TRUE.phase)
     np.testing.assert_allclose(np.angle(np.exp(1j * middle)), 0.0, atol=0.03)
+
+
+def test_the_phase_is_found_from_places_and_headings() -> None:
+    """Of a film without velocities: the smoothed path swings with the beat."""
+    time = np.arange(151) / 30
+    blank = Trial("run", None, time, np.full((151, 3), np.nan), wave=TRUE)
+    sensors = (Sensor("p", "position", time, np.zeros((151, 2))), Sensor("h", "heading", time, np.zeros((151, 1))))
+    model = Model(FISH)
+    read = model.predict(
+        replace(blank, sensors=sensors), model.values(), velocity=START, pose=np.array([0.3, 0.1, 2.0])
+    )
+    rng = np.random.default_rng(3)
+    seen = tuple(
+        replace(sensor, values=values + rng.normal(0.0, 1e-3, values.shape))
+        for sensor, values in zip(sensors, read.sensors, strict=True)
+    )
+    said = replace(TRUE, phase=tuple(p - 2.5 for p in TRUE.phase))
+    (found,) = aligned(Dataset("one", FISH, (replace(blank, wave=said, sensors=seen),))).trials
+    assert found.wave is not None
+    turned = np.angle(np.exp(1j * (np.array(found.wave.phase) - np.array(TRUE.phase))))
+    assert np.max(np.abs(turned)) < 2.0 * np.pi / 16
 
 
 def test_a_wave_with_the_records_clock_has_nothing_free() -> None:
