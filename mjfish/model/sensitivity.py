@@ -100,12 +100,11 @@ def with_sensors(
     compared = trial.measured.any() or not trial.sensors
     clocks = [run.time if compared else run.time[:0], *clocks]
     times = np.minimum(np.concatenate(clocks), run.motion.time[-1])
-    moving = [k for k, (direction, _) in enumerate(directions) if direction is not None]
     conditions = Conditions(
         run.coefficients, run.velocity, pose_of(trial) if pose is None else pose, model.coriolis, run.loads
     )
-    rollout, tangents = simulate_tangents(
-        run.fish, run.motion, [direction for direction, _ in directions if direction is not None], times,
+    rollout, every = simulate_tangents(
+        run.fish, run.motion, [direction or Direction() for direction, _ in directions], times,
         conditions=conditions,
         inactive=[
             (effect.load, [*effect.own_values(values).values(), *effect.constants(trial)])
@@ -114,10 +113,6 @@ def with_sensors(
         ],
         with_rates=not all(map(camera.sees, trial.sensors)),
     )  # fmt: skip
-    every = tangents
-    if len(moving) < len(names):
-        every = np.zeros((len(times), tangents.shape[1], len(names)))
-        every[:, :, moving] = tangents
     along, *beside = np.split(every, np.cumsum([len(clock) for clock in clocks])[:-1])
     seen = [
         _sensed(at, sensor, rollout, label, beside[k], [direction for direction, _ in directions], names)
