@@ -84,9 +84,7 @@ def generate(
 def import_files(
     importer: Annotated[
         str,
-        typer.Argument(
-            help="fishsim, tailfish, deeplabcut, markers, mcap, poses, velocities, or a Python file with your own."
-        ),
+        typer.Argument(help="fishsim, deeplabcut, markers, mcap, poses, velocities, or a Python file with your own."),
     ],
     files: Annotated[list[Path], typer.Argument(help="Measured files.")],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],

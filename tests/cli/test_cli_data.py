@@ -147,7 +147,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
 
 def test_bad_input_of_import_is_refused_and_nothing_written(refuse: Callable[[str], str], tmp_path: Path) -> None:
     (tmp_path / "f1.csv").write_text("not,markers\n1,2\n", encoding="utf-8")
-    assert "unknown importer 'pool'; known: deeplabcut, fishsim, markers, mcap, poses, tailfish, velocities" in refuse(
+    assert "unknown importer 'pool'; known: deeplabcut, fishsim, markers, mcap, poses, velocities" in refuse(
         "import pool f1.csv --out a"
     )
     assert "absent.csv" in refuse("import fishsim absent.csv --out a")

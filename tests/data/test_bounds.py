@@ -28,6 +28,7 @@ from pathlib import Path
 import mjfish
 from mjfish import data
 from mjfish.data.importers import import_files
+from studies.tail_fish.importer import import_files as tail_fish
 
 readers = {
     "run.csv": data.read_table,
@@ -38,7 +39,7 @@ readers = {
     "bag.mcap": lambda path: import_files("mcap", [path], mapping="map.toml"),
     "velocities.csv": lambda path: import_files("velocities", [path], mapping="map.toml"),
     "track.csv": lambda path: import_files("deeplabcut", [path], mapping="markers.toml"),
-    "Amp20Bias-30.txt": lambda path: import_files("tailfish", [path]),
+    "Amp20Bias-30.txt": lambda path: tail_fish([path]),
 }
 for folder in ("zeros", "rows"):
     for name, read in readers.items():
@@ -70,7 +71,10 @@ def test_huge_files_of_zeros_are_refused_at_once(tmp_path: Path) -> None:
             os.truncate(path, HUGE)
     (tmp_path / "map.toml").write_text(MAP)
     (tmp_path / "markers.toml").write_text(MARKERS)
-    command, env = [sys.executable, "-c", READ], {**os.environ, "PYTHONPATH": str(ROOT)}
+    command, env = (
+        [sys.executable, "-c", READ],
+        {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tools")])},
+    )
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=env)
     assert done.returncode == 0, done.stderr[-2000:]
     read = [json.loads(line) for line in done.stdout.splitlines()]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +15,6 @@ from mjfish.data.importers.deeplabcut import import_deeplabcut
 from mjfish.data.importers.markers import import_fishsim, import_markers
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import import_poses, import_velocities
-from mjfish.data.importers.tailfish import import_tailfish
 from mjfish.data.importers.unknown import describe, foreign
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 
@@ -44,7 +44,6 @@ IMPORTERS: Mapping[str, Importer] = {
     "markers": import_markers,
     "mcap": import_mcap,
     "poses": import_poses,
-    "tailfish": import_tailfish,
     "velocities": import_velocities,
 }
 #: Importers of tables, which need a mapping file.
@@ -72,6 +71,7 @@ def find(importer: str | Path) -> Importer:
     spec = importlib.util.spec_from_file_location(f"mjfish_importer_{uuid.uuid4().hex}", path)
     assert spec is not None and spec.loader is not None  # noqa: S101, PT018 - a .py file always has a loader
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # where annotations of its classes are looked up
     try:
         spec.loader.exec_module(module)
     except MjfishError:

@@ -11,10 +11,10 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
-from mjfish.data.importers import import_files
 from mjfish.diagnosis import Diagnosis
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
+from studies.tail_fish.importer import import_files
 
 VARIABLE = "MJFISH_TAILFISH"
 #: Divisions of the runs by name: which are held out, and how their names begin.
@@ -46,7 +46,7 @@ def held_out(recorded: Sequence[Path], division: str) -> list[str]:
 
 def divided(recorded: Sequence[Path], division: str) -> Dataset:
     """Return the dataset of a division."""
-    dataset, _ = import_files("tailfish", recorded, held_out(recorded, division))
+    dataset, _ = import_files(recorded, held_out(recorded, division))
     return dataset
 
 

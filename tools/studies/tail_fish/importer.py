@@ -1,5 +1,7 @@
 """Importer of the runs of a one-joint fish, the public data of giorgosmamakoukas/DerivativeBasedKoopman (MIT).
 
+    mjfish import tools/studies/tail_fish/importer.py FILES --out FOLDER
+
 A file has no header. Its columns are time [s], velocity along and across the body [m/s], yaw rate [rad/s], heading
 [rad], x and y [m] of a tracked point. Its name says what the tail was told: ``Amp20Bias-30.txt`` is 20 degrees about
 -30 degrees. Neither phase nor frequency is recorded. The frequency is read from the yaw rate of the whole record, whose
@@ -26,7 +28,6 @@ from mjfish import bounded, tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.data.dataset_toml import GaussianTable, filter_of
-from mjfish.data.importers.mapping import layout
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.smoothing import beat_frequency
 from mjfish.data.importers.tables import increasing, velocity_report
@@ -42,6 +43,7 @@ from mjfish.tomlfile import Table
 _NAME = re.compile(r"Amp(?P<amplitude>\d+)Bias(?P<bias>-?\d+)")
 _COLUMNS = ("time", "velocity along", "velocity across", "yaw rate", "heading", "x", "y")
 _FEWEST = 20
+_KNOWN = Path(__file__).with_name("known.toml")
 #: How well the average phase of a record is known at either end, as the average frequency tells it [rad].
 _TURN = 0.05
 
@@ -53,7 +55,7 @@ class _Layout(Table):
     filter: GaussianTable
 
 
-def import_tailfish(
+def import_files(
     files: Sequence[Path], held_out: Sequence[str] = (), mapping: Path | None = None
 ) -> tuple[Dataset, ImportReport]:
     """Turn files of the one-joint fish into a dataset of the shipped fish ``one_joint``.
@@ -71,13 +73,13 @@ def import_tailfish(
         UnknownNameError: `held_out` names nothing.
     """
     if mapping is not None:
-        raise InputError(f"{mapping}: importer 'tailfish' takes no mapping file, its layout is known; leave out --map")
-    fish, beforehand = load_fish("one_joint"), tomlfile.read(layout("tailfish"), _Layout)
+        raise InputError(f"{mapping}: this importer takes no mapping file, the layout is known; leave out --map")
+    fish, beforehand = load_fish("one_joint"), tomlfile.read(_KNOWN, _Layout)
     trials = [_trial(path, fish.links[0].com) for path in files]
     check_distinct([trial.name for trial in trials], files)
     reports = tuple(velocity_report(t, beat=None if t.wave is None else t.wave.frequency) for t in trials)
     dataset = Dataset(
-        name=f"tailfish, {len(trials)} runs",
+        name=f"one-joint fish, {len(trials)} runs",
         fish=fish,
         trials=assign_roles([(trial.name, trial) for trial in trials], held_out),
         known={
@@ -86,7 +88,7 @@ def import_tailfish(
         },
         filter=filter_of(beforehand.filter),
     )
-    return dataset, ImportReport("tailfish", reports)
+    return dataset, ImportReport("tail_fish", reports)
 
 
 def _trial(path: Path, behind: float) -> Trial:

@@ -17,6 +17,10 @@ from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.fish import load_fish
 from mjfish.model import Model
+from studies.tail_fish import importer
+
+#: As a user gives it.
+IMPORTER = Path(importer.__file__)
 
 
 def _swum(amplitude: float, bias: float, frequency: float, phase: float) -> FloatArray:
@@ -39,14 +43,14 @@ def _swum(amplitude: float, bias: float, frequency: float, phase: float) -> Floa
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three runs."""
-    made = tmp_path_factory.mktemp("tailfish")
+    made = tmp_path_factory.mktemp("runs")
     for name, amplitude, bias in (("Amp20Bias0", 20, 0), ("Amp20Bias-30", 20, -30), ("Amp15Bias40", 15, 40)):
         np.savetxt(made / f"{name}.txt", _swum(amplitude, bias, 2.1, 0.8), fmt="%.6f")
     return made
 
 
 def test_a_run_is_what_its_file_says(folder: Path) -> None:
-    dataset, report = import_files("tailfish", sorted(folder.glob("*.txt")), ["Amp15Bias40"])
+    dataset, report = import_files(IMPORTER, sorted(folder.glob("*.txt")), ["Amp15Bias40"])
     assert [trial.role for trial in dataset.trials] == ["held_out", "fit", "fit"]
     assert dataset.fish == load_fish("one_joint")
     waves = [trial.wave for trial in dataset.trials]
@@ -59,7 +63,7 @@ def test_a_run_is_what_its_file_says(folder: Path) -> None:
 
 def test_the_tracked_point_is_carried_to_the_nose(folder: Path) -> None:
     """Velocities of the nose are the rates of its poses."""
-    dataset, _ = import_files("tailfish", [folder / "Amp20Bias0.txt"])
+    dataset, _ = import_files(IMPORTER, [folder / "Amp20Bias0.txt"])
     (trial,) = dataset.trials
     assert trial.pose is not None
     rate = np.gradient(trial.pose, trial.time, axis=0)
@@ -71,7 +75,7 @@ def test_the_tracked_point_is_carried_to_the_nose(folder: Path) -> None:
 
 def test_what_swam_is_found_again(folder: Path) -> None:
     """Frequency, phase and coefficients: a fit is at the level of the rounding of the files."""
-    dataset, _ = import_files("tailfish", sorted(folder.glob("*.txt")))
+    dataset, _ = import_files(IMPORTER, sorted(folder.glob("*.txt")))
     problem = Problem(Model(dataset.fish), aligned(dataset).trials, Noise.white(np.full(3, 1e-3)), jobs=1)
     found = fit(problem)
     assert found.sse < 0.01 * len(found.residual)
@@ -93,11 +97,11 @@ def test_what_swam_is_found_again(folder: Path) -> None:
 def test_what_is_no_such_file_is_refused(tmp_path: Path, name: str, text: str, complaint: str) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
     with pytest.raises(MjfishError, match=complaint.replace("(", r"\(")):
-        import_files("tailfish", [tmp_path / name])
+        import_files(IMPORTER, [tmp_path / name])
 
 
 def test_a_missing_file_and_a_mapping_are_refused(tmp_path: Path) -> None:
     with pytest.raises(MjfishError, match="cannot be read"):
-        import_files("tailfish", [tmp_path / "Amp1Bias1.txt"])
+        import_files(IMPORTER, [tmp_path / "Amp1Bias1.txt"])
     with pytest.raises(MjfishError, match="takes no mapping file"):
-        import_files("tailfish", [tmp_path / "Amp1Bias1.txt"], mapping=tmp_path / "map.toml")
+        import_files(IMPORTER, [tmp_path / "Amp1Bias1.txt"], mapping=tmp_path / "map.toml")
