@@ -6,9 +6,8 @@ import functools
 from typing import ClassVar
 
 import numpy as np
-from scipy.interpolate import BSpline
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import FloatArray, readonly
 from mjfish.compiled import compiled
 from mjfish.data import Dataset, Trial
 from mjfish.drive.measured import smoothing_spline
@@ -25,10 +24,9 @@ _STEP = 0.005
 class Roll(Effect):
     """The body rolls, and a marker at the height z above the roll axis goes with it: sway_recorded = sway - z phi'.
 
-    phi is positive with port up (about x forward). Where it was measured, it is its smoothing spline, the shapes play
-    no part, and a recorded place is off by z phi to starboard. Elsewhere the fish is a pendulum, its centre of mass
-    below the axis, that the side force drives: in a frame that accelerates sideways by a = sway' + yaw_rate surge, the
-    apparent weight leans by -a / g,
+    phi is positive with port up (about x forward). Where it was measured, phi' is the slope of its smoothing spline and
+    the shapes play no part. Elsewhere the fish is a pendulum, its centre of mass below the axis, that the side force
+    drives: in a frame that accelerates sideways by a = sway' + yaw_rate surge, the apparent weight leans by -a / g,
 
         phi'' + 2 zeta omega phi' + omega^2 phi = -(omega^2 / g) (sway' + yaw_rate surge).
 
@@ -59,40 +57,25 @@ class Roll(Effect):
     fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
 
     def not_applicable(self, dataset: Dataset) -> str:
-        """The marker swings to the side of a path that has velocities, or of places where the roll was measured."""
-        seen = any(
-            trial.measured.any() or (trial.roll is not None and any(one.kind == "position" for one in trial.sensors))
-            for trial in dataset.trials
-        )
-        return "" if seen else "neither velocity nor roll was measured, which the swing of the marker shows in"
+        """The marker swings to the side of a path that has velocities."""
+        seen = any(trial.measured.any() for trial in dataset.trials)
+        return "" if seen else "no velocity was measured, in which the swing of the marker shows"
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Take the speed of the marker about the roll axis off the sway."""
         read = state.copy()
-        roll = _measured(trial)
-        if roll is None:
+        rate = _measured_rate(trial)
+        if rate is None:
             slope = np.gradient(state[:, :3], trial.time, axis=0)
             rate = _rolled(trial.time, state[:, :3].copy(), slope, values["frequency"], values["damping"])
-        else:
-            rate = roll(trial.time, nu=1)
         read[:, 1] -= values["height"] * rate
         return read
 
-    def camera(
-        self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
-    ) -> tuple[FloatArray, FloatArray]:
-        """Move places to starboard where the roll was measured."""
-        roll = _measured(trial)
-        if roll is None:
-            return place, heading
-        off = values["height"] * roll(np.clip(time, trial.time[0], trial.time[-1]))
-        return place + off[:, None] * np.stack([np.sin(heading), -np.cos(heading)], axis=1), heading
-
 
 @functools.lru_cache(maxsize=256)
-def _measured(trial: Trial) -> BSpline | None:
-    """Return the roll [rad] that was measured, smoothed; None where it was not."""
-    return None if trial.roll is None else smoothing_spline(trial.time, trial.roll)
+def _measured_rate(trial: Trial) -> FloatArray | None:
+    """Return the rate (n,) [rad/s] of the roll that was measured, None where it was not."""
+    return None if trial.roll is None else readonly(smoothing_spline(trial.time, trial.roll)(trial.time, nu=1))
 
 
 @compiled

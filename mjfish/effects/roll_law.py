@@ -47,12 +47,6 @@ class RollLaw(RollLoss):
         """Take the speed of the marker about the roll axis off the sway."""
         return Roll().reading(state, values, trial) if values["height"] != 0.0 else state
 
-    def camera(
-        self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
-    ) -> tuple[FloatArray, FloatArray]:
-        """Move places to starboard where the roll was measured."""
-        return Roll().camera(time, place, heading, values, trial)
-
     def like(self, formula: str, values: Values) -> dict[str, float]:
         """Return this roll at the numbers of a formula."""
         if formula == "roll_loss":

@@ -36,11 +36,6 @@ class Whitening:
     channels: list[slice]
     filter: Gains
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the filter."""
-        return self.filter.nbytes
-
     def __call__(self, blocks: Sequence[FloatArray]) -> list[FloatArray]:
         """Return columns (m, c, k) of the counted samples of each sensor, in physical units, whitened."""
         every = np.zeros((len(self.filter.gain), self.channels[-1].stop, blocks[0].shape[2]))

@@ -173,7 +173,7 @@ def _run(trial: Trial, model: Model, shifts: FloatArray) -> _Run | None:
         return None
     rows = trial.time <= edges[-1] + 1.0 / frequency
     short = replace(
-        trial, time=trial.time[rows], velocity=trial.velocity[rows], pose=None, roll=None, errors=None,
+        trial, time=trial.time[rows], velocity=trial.velocity[rows], pose=None, errors=None,
         joint_angle=None if trial.joint_angle is None else trial.joint_angle[rows],
         sensors=tuple(sensor.kept(sensor.time <= edges[-1], "later") for sensor in seen),
     )  # fmt: skip

@@ -24,9 +24,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import linalg
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of
-from mjfish.compiled import compiled, merged, part
+from mjfish.compiled import compiled, part
 from mjfish.data import Trial
 from mjfish.drive.measured import Smoothed
 from mjfish.noise.kalman import Gains, Sparse, advance, variances
@@ -101,18 +102,13 @@ class JointErrors:
         time = time[np.concatenate([[True], np.diff(time) > _SAME])]
         measured = np.zeros(len(time), dtype=np.bool_)
         measured[np.searchsorted(time, trial.time - _SAME)] = True
-        own, push = np.zeros((2, len(joints), len(time), JOINT, JOINT))
-        start = np.zeros((HEAD + JOINT * len(joints),) * 2)
         unit = float(np.median(np.diff(time)))
         scale = unit ** -np.arange(3.0)
-        for j, joint in enumerate(joints):
-            at = slice(HEAD + JOINT * j, HEAD + JOINT * (j + 1))
-            information = _conditioned(
-                np.diff(time) / unit, measured, joint.sigma, joint.sigma**2 / joint.penalty * unit**5, own[j], push[j]
-            )
-            own[j] *= scale[:, None] / scale
-            push[j] *= scale[:, None] * scale
-            start[at, at] = np.linalg.inv(information) * (scale[:, None] * scale)
+        sigma, penalty = (np.array([getattr(joint, of) for joint in joints]) for of in ("sigma", "penalty"))
+        own, push, begin = _conditioned(np.diff(time) / unit, measured, sigma, sigma**2 / penalty * unit**5)
+        own *= scale[:, None] / scale
+        push *= scale[:, None] * scale
+        start = linalg.block_diag(np.zeros((HEAD, HEAD)), *(begin * (scale[:, None] * scale)))
         return cls(time, own, push, start, along)
 
     def stretches(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
@@ -194,58 +190,28 @@ class JointErrors:
         return Sparse(row, column, value, there.shape)
 
 
-@compiled
 def _conditioned(
-    steps: FloatArray, measured: BoolArray, sigma: float, intensity: float, transition: FloatArray, push: FloatArray
-) -> FloatArray:
-    """Write F~ (n, 3, 3), cov w (n, 3, 3) of the error of one joint, those of the last time stay 0; return L_0 (3, 3).
+    steps: FloatArray, measured: BoolArray, sigma: FloatArray, intensity: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return F~ and cov w (joints, n, 3, 3), cov d_0 (joints, 3, 3) of the errors of joints; of the last time F~ is 0.
 
     In units of a typical step, in which all numbers are of one size.
     """
-    information, q, shrink = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
-    forward, matrix = np.eye(3), np.zeros((3, 3))
-    one = 1.0 / sigma**2
-    information[0, 0] = one * measured[-1]
+    transition, push = np.zeros((2, len(sigma), len(steps) + 1, JOINT, JOINT))
+    one = np.zeros((len(sigma), JOINT, JOINT))
+    one[:, 0, 0] = 1.0 / sigma**2
+    information = one * measured[-1]
     for k in range(len(steps) - 1, -1, -1):
-        h = steps[k]
-        forward[0, 1], forward[0, 2], forward[1, 2] = h, 0.5 * h * h, h
-        q[0, 0], q[1, 1], q[2, 2] = intensity * h**5 / 20.0, intensity * h**3 / 3.0, intensity * h
-        q[0, 1], q[0, 2], q[1, 2] = intensity * h**4 / 8.0, intensity * h**3 / 6.0, intensity * h**2 / 2.0
-        q[1, 0], q[2, 0], q[2, 1] = q[0, 1], q[0, 2], q[1, 2]
-        _times(q, information, matrix)
-        for i in range(3):
-            matrix[i, i] += 1.0
-        _inverse(matrix, shrink)
-        _times(shrink, forward, transition[k])
-        _times(shrink, q, push[k])
-        _times(information, transition[k], matrix)
-        _times(forward.T, matrix, shrink)
-        for i in range(3):
-            for j in range(3):
-                information[i, j] = 0.5 * (shrink[i, j] + shrink[j, i])
-        information[0, 0] += one * measured[k]
-    return information
-
-
-@merged
-def _times(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
-    """Write a @ b (3, 3)."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
-
-
-@part
-def _inverse(a: FloatArray, out: FloatArray) -> None:
-    """Write the inverse (3, 3) by cofactors."""
-    for i in range(3):
-        for j in range(3):
-            p, q, r, s = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
-            out[i, j] = a[p, r] * a[q, s] - a[p, s] * a[q, r]
-    determinant = a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0]
-    for i in range(3):
-        for j in range(3):
-            out[i, j] /= determinant
+        h = float(steps[k])
+        forward = np.array([[1.0, h, 0.5 * h * h], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
+        q = intensity[:, None, None] * np.array(
+            [[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]]
+        )  # fmt: skip
+        shrink = np.linalg.inv(np.eye(JOINT) + q @ information)
+        transition[:, k], push[:, k] = shrink @ forward, shrink @ q
+        information = forward.T @ information @ transition[:, k] + one * measured[k]
+        information = 0.5 * (information + information.transpose(0, 2, 1))
+    return transition, push, np.linalg.inv(information)
 
 
 @compiled

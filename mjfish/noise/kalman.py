@@ -52,11 +52,6 @@ class Sparse(NamedTuple):
         """Return those of some samples."""
         return self._replace(value=self.value[samples])
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of all of them."""
-        return self.value.nbytes
-
 
 @dataclass(frozen=True, eq=False)
 class Gains:
@@ -75,11 +70,6 @@ class Gains:
     gain: FloatArray
     root: FloatArray
     log_determinant: float
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the filter."""
-        return self.transition.nbytes + self.reading.nbytes + self.gain.nbytes + self.root.nbytes
 
     def scaled(self, sigma: float) -> Gains:
         """Return the filter of the noise times sigma; the filter is one of a single channel."""

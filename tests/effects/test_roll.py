@@ -128,20 +128,3 @@ def test_with_a_measured_roll_the_height_of_the_marker_is_found(pike: Fish) -> N
     assert found.status == "converged"
     assert abs(deviations(found, ROLL, {"height": 0.03})["height"]) < 4.0
     assert found.sigma["roll.height"] < 0.002
-
-
-def test_a_measured_roll_moves_what_a_camera_reads_of_a_place(turning: Trial) -> None:
-    """A marker above the axis goes to starboard as port comes up: its speed is what is taken off the sway."""
-    roll = 0.1 * np.sin(5.0 * turning.time)
-    trial = replace(turning, roll=readonly(roll))
-    heading = np.full(len(trial.time), 0.7)
-    place, seen = ROLL.camera(trial.time, np.zeros((len(heading), 2)), heading, {"height": 0.05}, trial)
-    np.testing.assert_array_equal(seen, heading)
-    port = place @ [-np.sin(0.7), np.cos(0.7)]
-    np.testing.assert_allclose(port, -0.05 * roll, atol=1e-5)
-    np.testing.assert_allclose(place @ [np.cos(0.7), np.sin(0.7)], 0.0, atol=1e-12)
-    state = np.zeros((len(heading), 8))
-    sway = ROLL.reading(state, {"height": 0.05, **SHAPES}, trial)[:, 1]
-    np.testing.assert_allclose(np.gradient(port, trial.time)[2:-2], sway[2:-2], atol=1e-3)
-    untold = ROLL.camera(trial.time, place, heading, {"height": 0.05}, turning)
-    np.testing.assert_array_equal(untold[0], place)
