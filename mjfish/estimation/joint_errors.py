@@ -73,9 +73,10 @@ class Linearised:
         a, b = (
             of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (state_jacobian, input_jacobian)
         )
-        joints = recorded_joints(trial)
         time = rollout.time[: len(a)]
-        errors = JointErrors.of(trial, joints, Along(time, rollout.state[: len(a), 0, :HEAD].copy(), a, b))
+        errors = JointErrors.of(
+            trial, recorded_joints(trial), Along(time, rollout.state[: len(a), 0, :HEAD].copy(), a, b)
+        )
         at = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
         readings = [_reading(trial, s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors]
         channels = blocks_of([len(sensor.channels) for sensor in trial.sensors])
@@ -100,11 +101,9 @@ def _reading(trial: Trial, sensor: Sensor, here: Moments) -> FloatArray:
     joints, samples, camera = here.angle.shape[1], len(here.angle), Camera(trial)
     found = np.zeros((samples, len(sensor.channels), HEAD + JOINT * joints))
     for column in range(HEAD + joints):
-        state, angle = np.zeros_like(here.state), np.zeros_like(here.angle)
-        if column < HEAD:
-            state[:, column] = 1.0
-        else:
-            angle[:, column - HEAD] = 1.0
+        one = np.eye(HEAD + joints)[column]
+        state, angle = np.zeros_like(here.state), np.tile(one[HEAD:], (samples, 1))
+        state[:, :HEAD] = one[:HEAD]
         along = Moments(here.time, state, np.zeros_like(here.rate), angle, np.zeros_like(here.length))
         ahead, behind = (camera.read(sensor, here.moved(by, along)) for by in (_STEP, -_STEP))
         place = column if column < HEAD else HEAD + JOINT * (column - HEAD)

@@ -418,10 +418,9 @@ class Problem:
         sensors = self.trials[index].sensors
         sigma, masks = [self.sigma_of(s) for s in sensors], [self.sensor_mask(index, s) for s in sensors]
         counted = [block[mask] for block, mask in zip(blocks, masks, strict=True)]
-        if self.joint_errors is not None and sensors:
-            whitening = self.joint_errors(self.trials[index], sigma, masks)
-            if whitening is not None:
-                return whitening(counted)
+        errors = self.joint_errors(self.trials[index], sigma, masks) if self.joint_errors is not None else None
+        if errors is not None:
+            return errors(counted)
         return [block / own[:, None] for block, own in zip(counted, sigma, strict=True)]
 
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:

@@ -61,18 +61,14 @@ class AlongFit:
         self._cache.clear()
 
     def _whitening(self, trial: Trial, sigma: Sequence[FloatArray], masks: Sequence[BoolArray]) -> Whitening | None:
-        found = self._linearised(trial)
-        if found is None or not found.matter([*map(self.problem.sigma_of, trial.sensors)]):
-            return None
-        return found.whitening(sigma, masks)
-
-    def _linearised(self, trial: Trial) -> Linearised | None:
         alone = replace(self.problem, trials=(trial,), joint_errors=None)
         values = alone.named(alone.start(self.values))
         rollout = alone.prediction(trial, values).rollout
         if rollout.message:  # nothing is linear about a run that diverges
             return None
-        return Linearised.along(trial, alone.model.prepare(trial, values), rollout)
+        found = Linearised.along(trial, alone.model.prepare(trial, values), rollout)
+        matters = found.matter([*map(self.problem.sigma_of, trial.sensors)])
+        return found.whitening(sigma, masks) if matters else None
 
 
 def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:

@@ -76,15 +76,17 @@ class JointErrors:
 
     Attributes:
         time: (n,) of all samples of joints and sensors, each once [s].
-        own: (joints, n, 3, 3) F~ of every joint.
-        push: (joints, n, 3, 3) cov w of every joint.
+        intensity: (joints,) q.
+        information: (joints, n, 3, 3) L, of every joint; of d, d' and d'' times the first and second power of `unit`.
+        unit: a typical step [s].
         start: (d, d) covariance of the state at the first time.
         along: the rollout.
     """
 
     time: FloatArray
-    own: FloatArray
-    push: FloatArray
+    intensity: FloatArray
+    information: FloatArray
+    unit: float
     start: FloatArray
     along: Along
 
@@ -105,18 +107,17 @@ class JointErrors:
         unit = float(np.median(np.diff(time)))
         scale = unit ** -np.arange(3.0)
         sigma, penalty = (np.array([getattr(joint, of) for joint in joints]) for of in ("sigma", "penalty"))
-        own, push, begin = _conditioned(np.diff(time) / unit, measured, sigma, sigma**2 / penalty * unit**5)
-        own *= scale[:, None] / scale
-        push *= scale[:, None] * scale
-        start = linalg.block_diag(np.zeros((HEAD, HEAD)), *(begin * (scale[:, None] * scale)))
-        return cls(time, own, push, start, along)
+        intensity = sigma**2 / penalty
+        information = _information(np.diff(time) / unit, measured, sigma, intensity * unit**5)
+        begin = np.linalg.inv(information[:, 0]) * (scale[:, None] * scale)
+        return cls(time, intensity, information, unit, linalg.block_diag(np.zeros((HEAD, HEAD)), *begin), along)
 
     def stretches(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
         """Yield stretches of times, the transitions (k, d, d) to the next time, covariances (k, d, d) of what comes in.
 
         Those of the last time are 0.
         """
-        size, along = len(self.start), self.along
+        size, along, scale = len(self.start), self.along, self.unit ** -np.arange(3.0)
         for first in range(0, len(self.time), _STRETCH):
             here = slice(first, min(first + _STRETCH, len(self.time)))
             moved = np.zeros((here.stop - first, HEAD, HEAD + 2 * (size - HEAD)))
@@ -127,15 +128,20 @@ class JointErrors:
             )  # fmt: skip
             transition, drive = np.zeros((2, len(moved), size, size))
             transition[:, :HEAD, :HEAD] = moved[:, :, :HEAD]
-            for j, (own, push) in enumerate(zip(self.own[:, here], self.push[:, here], strict=True)):
+            later = self.information[:, first + 1 : here.stop + 1]
+            forward, driven = _step(np.diff(self.time[first : here.stop + 1]) / self.unit)
+            to = slice(len(forward))
+            for j, intensity in enumerate(self.intensity):
                 at = slice(HEAD + JOINT * j, HEAD + JOINT * (j + 1))
-                left, right = (moved[:, :, HEAD + JOINT * (2 * j + k) : HEAD + JOINT * (2 * j + k + 1)] for k in (0, 1))
-                transition[:, at, at] = own
-                transition[:, :HEAD, at] = left + right @ own
-                drive[:, at, at] = push
-                drive[:, :HEAD, at] = right @ push
-                drive[:, at, :HEAD] = drive[:, :HEAD, at].transpose(0, 2, 1)
-                drive[:, :HEAD, :HEAD] += drive[:, :HEAD, at] @ right.transpose(0, 2, 1)
+                left, right = (moved[to, :, HEAD + JOINT * (2 * j + k) :][:, :, :JOINT] for k in (0, 1))
+                q = intensity * self.unit**5 * driven
+                shrink = np.linalg.inv(np.eye(JOINT) + q @ later[j])
+                transition[to, at, at] = own = shrink @ forward * (scale[:, None] / scale)
+                transition[to, :HEAD, at] = left + right @ own
+                drive[to, at, at] = push = shrink @ q * (scale[:, None] * scale)
+                drive[to, :HEAD, at] = right @ push
+                drive[to, at, :HEAD] = drive[to, :HEAD, at].transpose(0, 2, 1)
+                drive[to, :HEAD, :HEAD] += drive[to, :HEAD, at] @ right.transpose(0, 2, 1)
             yield here, transition, drive
 
     def filter(self, reading: Sparse, sigma: FloatArray, counted: BoolArray) -> Gains:
@@ -190,28 +196,25 @@ class JointErrors:
         return Sparse(row, column, value, there.shape)
 
 
-def _conditioned(
-    steps: FloatArray, measured: BoolArray, sigma: FloatArray, intensity: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return F~ and cov w (joints, n, 3, 3), cov d_0 (joints, 3, 3) of the errors of joints; of the last time F~ is 0.
-
-    In units of a typical step, in which all numbers are of one size.
-    """
-    transition, push = np.zeros((2, len(sigma), len(steps) + 1, JOINT, JOINT))
-    one = np.zeros((len(sigma), JOINT, JOINT))
-    one[:, 0, 0] = 1.0 / sigma**2
-    information = one * measured[-1]
+def _information(steps: FloatArray, measured: BoolArray, sigma: FloatArray, intensity: FloatArray) -> FloatArray:
+    """Return L (joints, n, 3, 3), in units of a typical step, in which all numbers are of one size."""
+    found = np.zeros((len(sigma), len(measured), JOINT, JOINT))
+    found[:, :, 0, 0] = measured / sigma[:, None] ** 2
+    forward, driven = _step(steps)
     for k in range(len(steps) - 1, -1, -1):
-        h = float(steps[k])
-        forward = np.array([[1.0, h, 0.5 * h * h], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
-        q = intensity[:, None, None] * np.array(
-            [[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]]
-        )  # fmt: skip
-        shrink = np.linalg.inv(np.eye(JOINT) + q @ information)
-        transition[:, k], push[:, k] = shrink @ forward, shrink @ q
-        information = forward.T @ information @ transition[:, k] + one * measured[k]
-        information = 0.5 * (information + information.transpose(0, 2, 1))
-    return transition, push, np.linalg.inv(information)
+        later = found[:, k + 1]
+        own = np.linalg.inv(np.eye(JOINT) + intensity[:, None, None] * driven[k] @ later) @ forward[k]
+        back = forward[k].T @ later @ own
+        found[:, k] += 0.5 * (back + back.transpose(0, 2, 1))
+    return found
+
+
+def _step(h: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return F and Q / q (n, 3, 3) of steps (n,)."""
+    one, zero = np.ones_like(h), np.zeros_like(h)
+    forward = np.array([[one, h, 0.5 * h * h], [zero, one, h], [zero, zero, one]])
+    driven = np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
+    return forward.transpose(2, 0, 1), driven.transpose(2, 0, 1)
 
 
 @compiled

@@ -122,7 +122,7 @@ def simulate_tangents(
     index, place = place_in(motion.time, time)
     order = np.argsort(index, kind="stable")
     rows = 2 * STATES if with_rates else STATES
-    samples = Samples(index[order], place[order], np.full((len(time), rows, width), np.nan))
+    samples = Samples(index[order], place[order], np.full((len(time), rows, len(directions)), np.nan))
     stateful = any(load.stateful for load, _ in given.loads)
     workspace = TangentWorkspace(
         state=Workspace.of(len(start), motion.joints),
@@ -140,7 +140,7 @@ def simulate_tangents(
     done = integrate_tangents(
         system, joints_of(motion), motion.time, jumps, start, changed, samples, workspace, states, rates
     )
-    found = samples.values[:, :, : len(ordered)]
+    found = samples.values
     if motion_first != sorted(motion_first):
         found = found[:, :, np.argsort(motion_first)]
     if np.any(np.diff(order) < 0):  # of hours of samples a copy is large
