@@ -200,21 +200,20 @@ def _information(steps: FloatArray, measured: BoolArray, sigma: FloatArray, inte
     """Return L (joints, n, 3, 3), in units of a typical step, in which all numbers are of one size."""
     found = np.zeros((len(sigma), len(measured), JOINT, JOINT))
     found[:, :, 0, 0] = measured / sigma[:, None] ** 2
-    forward, driven = _step(steps)
     for k in range(len(steps) - 1, -1, -1):
-        later = found[:, k + 1]
-        own = np.linalg.inv(np.eye(JOINT) + intensity[:, None, None] * driven[k] @ later) @ forward[k]
-        back = forward[k].T @ later @ own
+        later, (forward, driven) = found[:, k + 1], _step(steps[k])
+        own = np.linalg.inv(np.eye(JOINT) + intensity[:, None, None] * driven @ later) @ forward
+        back = forward.T @ later @ own
         found[:, k] += 0.5 * (back + back.transpose(0, 2, 1))
     return found
 
 
 def _step(h: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return F and Q / q (n, 3, 3) of steps (n,)."""
+    """Return F and Q / q (n, 3, 3) of steps (n,), or of one."""
     one, zero = np.ones_like(h), np.zeros_like(h)
     forward = np.array([[one, h, 0.5 * h * h], [zero, one, h], [zero, zero, one]])
     driven = np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
-    return forward.transpose(2, 0, 1), driven.transpose(2, 0, 1)
+    return np.moveaxis(forward, (0, 1), (-2, -1)), np.moveaxis(driven, (0, 1), (-2, -1))
 
 
 @compiled
