@@ -291,7 +291,7 @@ class Fish(Table):
         """Names of the coefficients, ``c_m.head`` and so on: kind by kind, in each group by group."""
         return tuple(f"{kind}.{group}" for kind in KINDS for group in self.groups)
 
-    @functools.cached_property
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The coefficients as declared parameters, in the order of `coefficient_names`."""
         return tuple(self._parameter(name) for name in self.coefficient_names)
