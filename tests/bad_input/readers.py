@@ -32,7 +32,9 @@ from mjfish.model import extended
 from mjfish.study import read_cases
 from mjfish.study.study_toml import Generated, acting
 from mjfish.study.study_toml import fish_of as fish_of_study
-from studies.tail_fish import importer
+
+#: As a user gives it.
+_TAIL_FISH = Path(__file__).parents[2] / "tools" / "importers" / "tail_fish.py"
 
 #: Most that a file may take, of a processor [s].
 SECONDS = 5.0
@@ -381,7 +383,7 @@ def readers(folder: Path) -> dict[str, Reader]:
         Reader("map.toml", run["map.toml"], _imported("velocities", "run_1.csv"), toml, run),
         Reader("pose.csv", pose, _imported("poses", "pose.csv"), table, {"map.toml": _POSES_MAP.encode()}),
         Reader("track.csv", _tracks(), _markers, table),
-        Reader(tail, _tail_run(), _imported(str(Path(importer.__file__)), tail, None), (mutations.corrupted, _spaced)),
+        Reader(tail, _tail_run(), _imported(str(_TAIL_FISH), tail, None), (mutations.corrupted, _spaced)),
         Reader("bag.mcap", bag(), _imported("mcap", "bag.mcap"), bags, {"map.toml": _BAG_MAP.encode()}),
         Reader("rollout.csv", _csv(_velocities()), lambda place: _rollout(place / "rollout.csv"), table),
         Reader("diagnosis.json", told, lambda place: mjfish.sample(place / "diagnosis.json", 1), posterior),

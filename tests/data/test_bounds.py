@@ -28,7 +28,7 @@ from pathlib import Path
 import mjfish
 from mjfish import data
 from mjfish.data.importers import import_files
-from studies.tail_fish.importer import import_files as tail_fish
+from importers.tail_fish import import_files as tail_fish
 
 readers = {
     "run.csv": data.read_table,

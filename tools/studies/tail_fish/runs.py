@@ -11,12 +11,13 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
+from mjfish.data.importers import import_files
 from mjfish.diagnosis import Diagnosis
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
-from studies.tail_fish.importer import import_files
 
 VARIABLE = "MJFISH_TAILFISH"
+_IMPORTER = Path(__file__).parents[2] / "importers" / "tail_fish.py"
 #: Divisions of the runs by name: which are held out, and how their names begin.
 DIVISIONS = {"amplitude": "the runs of 25 degrees"}
 _BEGIN = {"amplitude": "Amp25"}
@@ -46,7 +47,7 @@ def held_out(recorded: Sequence[Path], division: str) -> list[str]:
 
 def divided(recorded: Sequence[Path], division: str) -> Dataset:
     """Return the dataset of a division."""
-    dataset, _ = import_files(recorded, held_out(recorded, division))
+    dataset, _ = import_files(_IMPORTER, recorded, held_out(recorded, division))
     return dataset
 
 

@@ -1,6 +1,6 @@
 """Importer of the runs of a one-joint fish, the public data of giorgosmamakoukas/DerivativeBasedKoopman (MIT).
 
-    mjfish import tools/studies/tail_fish/importer.py FILES --out FOLDER
+    mjfish import tools/importers/tail_fish.py FILES --out FOLDER
 
 A file has no header. Its columns are time [s], velocity along and across the body [m/s], yaw rate [rad/s], heading
 [rad], x and y [m] of a tracked point. Its name says what the tail was told: ``Amp20Bias-30.txt`` is 20 degrees about
@@ -43,7 +43,7 @@ from mjfish.tomlfile import Table
 _NAME = re.compile(r"Amp(?P<amplitude>\d+)Bias(?P<bias>-?\d+)")
 _COLUMNS = ("time", "velocity along", "velocity across", "yaw rate", "heading", "x", "y")
 _FEWEST = 20
-_KNOWN = Path(__file__).with_name("known.toml")
+_KNOWN = Path(__file__).with_suffix(".toml")
 #: How well the average phase of a record is known at either end, as the average frequency tells it [rad].
 _TURN = 0.05
 

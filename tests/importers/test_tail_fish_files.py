@@ -17,10 +17,9 @@ from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.fish import load_fish
 from mjfish.model import Model
-from studies.tail_fish import importer
 
 #: As a user gives it.
-IMPORTER = Path(importer.__file__)
+IMPORTER = Path(__file__).parents[2] / "tools" / "importers" / "tail_fish.py"
 
 
 def _swum(amplitude: float, bias: float, frequency: float, phase: float) -> FloatArray:
