@@ -5,6 +5,7 @@ Nothing is fitted to them, and no test rests on them.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from mjfish.drive.measured import smoothing_spline
 SMOOTHED = "measured velocities are those of the smoothed path: for looking, nothing was fitted to them"
 
 
+@functools.lru_cache(maxsize=256)
 def for_looking(trial: Trial) -> Trial:
     """Return a trial with the velocities and poses of its smoothed path, where it has none but places and headings.
 

@@ -73,21 +73,27 @@ def missing_force(problem: Problem, values: Mapping[str, float]) -> tuple[Missin
 
 
 def with_velocities(problem: Problem, values: Mapping[str, float]) -> Problem | None:
-    """Return a fitted problem whose trials have velocities: where they have none, those of the smoothed path.
+    """Return a fitted problem for pictures: of places and headings, with the velocities of the smoothed path.
 
-    Its noise weighs the channels by what the fit leaves of them. None where a trial has no path.
+    Its channels weigh by what the fit leaves of them. None where a trial has no path.
+
+    Args:
+        problem: that was fitted; returned as it is where velocities were measured.
+        values: estimates by name.
     """
+    if problem.samples:
+        return problem
     trials = tuple(for_looking(trial) for trial in problem.trials)
-    if problem.samples or not all(trial.measured.all() for trial in trials):
-        return problem if problem.samples else None
+    if not all(trial.measured.all() for trial in trials):
+        return None
     seen = replace(
         problem,
         trials=tuple(replace(trial, sensors=()) for trial in trials),
         noise=Noise.white(np.ones(len(CHANNELS))),
         joint_errors=None,
     )
-    left = np.concatenate(seen.raw(seen.start(values)))
-    return replace(seen, noise=Noise.white(np.sqrt(np.mean(left**2, axis=0))))
+    squares = np.square(np.concatenate(seen.raw(seen.start(values))))
+    return replace(seen, noise=Noise.white(np.sqrt(squares.mean(axis=0))))
 
 
 def _of_trial(

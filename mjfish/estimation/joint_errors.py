@@ -73,9 +73,9 @@ class Linearised:
         a, b = (
             of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (state_jacobian, input_jacobian)
         )
-        time = rollout.time[: len(a)]
+        n = len(a)
         errors = JointErrors.of(
-            trial, recorded_joints(trial), Along(time, rollout.state[: len(a), 0, :HEAD].copy(), a, b)
+            trial, recorded_joints(trial), Along(rollout.time[:n], rollout.state[:n, 0, :HEAD].copy(), a, b)
         )
         at = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
         readings = [_reading(trial, s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors]

@@ -67,8 +67,7 @@ class AlongFit:
         if rollout.message:  # nothing is linear about a run that diverges
             return None
         found = Linearised.along(trial, alone.model.prepare(trial, values), rollout)
-        matters = found.matter([*map(self.problem.sigma_of, trial.sensors)])
-        return found.whitening(sigma, masks) if matters else None
+        return found.whitening(sigma, masks) if found.matter([*map(self.problem.sigma_of, trial.sensors)]) else None
 
 
 def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:

@@ -184,8 +184,7 @@ def _sensed(
                 other = Camera(at.trial, [(effect, dict(own)) for effect, own in kept])
                 return other.read(sensor, seen(other.clocked(sensor, label)) if owner.overrides("clock") else here)
 
-            weights = _SIXTH if owner.overrides("clock") else _SECOND
-            found[:, :, k] += difference(turned, p, at.values[name], weights)
+            found[:, :, k] += difference(turned, p, at.values[name], _SIXTH if owner.overrides("clock") else _SECOND)
     return found
 
 

@@ -72,13 +72,15 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class JointErrors:
-    """The errors of the joint angles of one trial, and of the head that they move: states of the head, of every joint.
+    """The errors of the joint angles of one trial, and of the head that they move.
+
+    The state (d,) has the six numbers of the head first, then three of every joint.
 
     Attributes:
         time: (n,) of all samples of joints and sensors, each once [s].
-        intensity: (joints,) q.
-        information: (joints, n, 3, 3) L, of every joint; of d, d' and d'' times the first and second power of `unit`.
-        unit: a typical step [s].
+        intensity: (joints,) q, for times in units of `unit`.
+        information: (joints, n, 3, 3) L of every joint, likewise: all numbers are of one size then.
+        unit: the median step [s].
         start: (d, d) covariance of the state at the first time.
         along: the rollout.
     """
@@ -107,8 +109,8 @@ class JointErrors:
         unit = float(np.median(np.diff(time)))
         scale = unit ** -np.arange(3.0)
         sigma, penalty = (np.array([getattr(joint, of) for joint in joints]) for of in ("sigma", "penalty"))
-        intensity = sigma**2 / penalty
-        information = _information(np.diff(time) / unit, measured, sigma, intensity * unit**5)
+        intensity = sigma**2 / penalty * unit**5
+        information = _information(np.diff(time) / unit, measured, sigma, intensity)
         begin = np.linalg.inv(information[:, 0]) * (scale[:, None] * scale)
         return cls(time, intensity, information, unit, linalg.block_diag(np.zeros((HEAD, HEAD)), *begin), along)
 
@@ -129,12 +131,12 @@ class JointErrors:
             transition, drive = np.zeros((2, len(moved), size, size))
             transition[:, :HEAD, :HEAD] = moved[:, :, :HEAD]
             later = self.information[:, first + 1 : here.stop + 1]
-            forward, driven = _step(np.diff(self.time[first : here.stop + 1]) / self.unit)
+            forward, driven = _prior(np.diff(self.time[first : here.stop + 1]) / self.unit)
             to = slice(len(forward))
             for j, intensity in enumerate(self.intensity):
                 at = slice(HEAD + JOINT * j, HEAD + JOINT * (j + 1))
                 left, right = (moved[to, :, HEAD + JOINT * (2 * j + k) :][:, :, :JOINT] for k in (0, 1))
-                q = intensity * self.unit**5 * driven
+                q = intensity * driven
                 shrink = np.linalg.inv(np.eye(JOINT) + q @ later[j])
                 transition[to, at, at] = own = shrink @ forward * (scale[:, None] / scale)
                 transition[to, :HEAD, at] = left + right @ own
@@ -160,10 +162,10 @@ class JointErrors:
         moves = Sparse(row, column, np.zeros((n, len(row))), (d, d))
         for here, transition, drive in self.stretches():
             moves.value[here] = transition[:, row, column]
-            seen = np.ones(len(drive), dtype=np.bool_)
             total += advance(
-                moves.part(here), drive, reading.part(here), spread[here], covariance, seen, gain[here], root[here]
-            )
+                moves.part(here), drive, reading.part(here), spread[here], covariance,
+                np.ones(len(drive), dtype=np.bool_), gain[here], root[here],
+            )  # fmt: skip
         return Gains(moves, reading, gain, root, total)
 
     def variances(self, reading: Sparse) -> FloatArray:
@@ -197,19 +199,19 @@ class JointErrors:
 
 
 def _information(steps: FloatArray, measured: BoolArray, sigma: FloatArray, intensity: FloatArray) -> FloatArray:
-    """Return L (joints, n, 3, 3), in units of a typical step, in which all numbers are of one size."""
+    """Return L (joints, n, 3, 3) of steps (n - 1,); where `measured` (n,) says so, the angles are data of `sigma`."""
     found = np.zeros((len(sigma), len(measured), JOINT, JOINT))
     found[:, :, 0, 0] = measured / sigma[:, None] ** 2
     for k in range(len(steps) - 1, -1, -1):
-        later, (forward, driven) = found[:, k + 1], _step(steps[k])
+        later, (forward, driven) = found[:, k + 1], _prior(steps[k])
         own = np.linalg.inv(np.eye(JOINT) + intensity[:, None, None] * driven @ later) @ forward
         back = forward.T @ later @ own
         found[:, k] += 0.5 * (back + back.transpose(0, 2, 1))
     return found
 
 
-def _step(h: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return F and Q / q (n, 3, 3) of steps (n,), or of one."""
+def _prior(h: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return F and Q / q of the prior (n, 3, 3) over steps (n,), or (3, 3) over one."""
     one, zero = np.ones_like(h), np.zeros_like(h)
     forward = np.array([[one, h, 0.5 * h * h], [zero, one, h], [zero, zero, one]])
     driven = np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])

@@ -182,7 +182,11 @@ def test_a_film_shows_what_the_solver_predicts_of_the_truth(how: noise.Joints, m
         assert np.sqrt(np.mean(left**2)) < 0.01 * np.ptp(sensor.values)
 
 
-def test_a_cause_of_the_servos_is_never_hidden_behind_measured_joints() -> None:
+@pytest.mark.parametrize("psi", [{"servo_lag.time_constant": 0.02}, {"fading_battery.rate": 1e-3}])
+def test_a_cause_of_the_servos_is_never_hidden_behind_measured_joints(psi: dict[str, float]) -> None:
     """Measured angles are what the servos did: nothing would be wrong."""
-    found = {draft.draft(seed, noise_kind="poses", drives=True).noise.joints for seed in range(12)}
-    assert found == {"cpg", "commanded"}
+    drafts = [draft.draft(seed, noise_kind="poses") for seed in range(12)]
+    assert {made.noise.joints for made in drafts} == {"cpg", "commanded", "measured"}
+    assert {cases.with_seen_joints(made, psi).noise.joints for made in drafts} == {"cpg", "commanded"}
+    unmoved = {cases.with_seen_joints(made, {"inertia_error.error": 0.1}).noise.joints for made in drafts}
+    assert unmoved == {"cpg", "commanded", "measured"}

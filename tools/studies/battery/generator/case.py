@@ -149,10 +149,10 @@ def scaled_case(
         roll=roll,
         runs=runs,
         bound="coefficient_at_bound" in names,
-        drives=any(name.startswith(("servo", "joint_zero_offset")) for name in names),
         joints=joints,
     )
     found, measure = _sized(made, chosen, wanted)
+    made = with_seen_joints(made, found.psi)
     say = bool(made.rng.random() < 0.5) if stated is None else stated
     pushes, told = forcing.draw(made, disturbance, disturbance_level)
     dataset, clean = _measured(made, found.psi, pushes, say)
@@ -265,6 +265,20 @@ def _measured(
     sigma = readonly(np.array(made.noise.sigma)) if stated and made.noise.kind != "poses" else None
     name = f"{made.split} {made.seed}"
     return Dataset(name, made.fish, tuple(measured), noise=sigma), tuple(clean)
+
+
+def with_seen_joints(made: Draft, psi: Mapping[str, float]) -> Draft:
+    """Return a draft whose joints are commanded where measured ones would show all that is wrong with them.
+
+    An effect between what joints are told and what they do is measured with them, and nothing is wrong.
+    """
+    if made.noise.joints != "measured":
+        return made
+    for number, run in enumerate(made.plan.runs):
+        told, done = (world.angles(made.fish, run, own, made.time(number)) for own in ({}, psi))
+        if not np.array_equal(told, done):
+            return dataclasses.replace(made, noise=dataclasses.replace(made.noise, joints="commanded"))
+    return made
 
 
 def _filmed(made: Draft, number: int, psi: Mapping[str, float], clean: FloatArray) -> Trial:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -108,13 +108,9 @@ def draft(
     roll: bool | None = None,
     runs: int | None = None,
     bound: bool = False,
-    drives: bool = False,
     joints: int = PIKE,
 ) -> Draft:
-    """Draw a case without its effect; see `studies.battery.generator.case.scaled_case` for the arguments.
-
-    `bound`: a coefficient is at its bound; `drives`: the effect acts between what the joints are told and what they do.
-    """
+    """Draw a case without its effect; see `studies.battery.generator.case.scaled_case` for the arguments."""
     if not 0 <= seed < 1_000_000:
         raise InputError(f"seed is {seed}, expected 0 to 999999: the splits are a million apart")
     rng = np.random.default_rng(SPLITS[split] + seed)
@@ -128,7 +124,5 @@ def draft(
         theta[parameter.name] = parameter.high if rng.random() < 0.5 else parameter.low
     plan = plans.draw(rng, pose=pose, roll=roll, runs=runs, joints=joints)
     how = noise.draw(rng, noise_kind, level)
-    if how.joints == "measured" and drives:  # what a servo does is measured with the joints, and nothing is wrong
-        how = replace(how, joints="commanded")
     kept = tuple(noise.kept(how, round(run.duration * how.rate) + 1, rng) for run in plan.runs)
     return Draft(seed, split, rng, fish, theta, plan, how, kept)
