@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -43,6 +43,8 @@ _NARROWEST = 40
 _ENDLESS = 10_000
 #: Seconds between lines of progress.
 _EVERY = 20.0
+#: Share that must be done before the time left is told.
+_ESTIMABLE = 0.05
 
 #: Option of commands whose work may go to other machines.
 Cluster = Annotated[
@@ -183,7 +185,8 @@ def progress_bar(first: str = "starting", *, quiet: bool = False) -> Iterator[Ca
         yield lambda _what, _done: None
     elif err.is_terminal:
         text = TextColumn("{task.description}", markup=False)
-        with Progress(SpinnerColumn(), text, BarColumn(), TimeElapsedColumn(), console=err, transient=True) as bar:
+        columns = (SpinnerColumn(), text, BarColumn(), TimeElapsedColumn(), _TimeLeft())
+        with Progress(*columns, console=err, transient=True) as bar:
             task = bar.add_task(first, total=1.0)
             stage = _Stage(first, lambda what, done: bar.update(task, description=what, completed=done))
             with _watching(stage):
@@ -193,6 +196,16 @@ def progress_bar(first: str = "starting", *, quiet: bool = False) -> Iterator[Ca
         stage.tell(first, 0.0)
         with _watching(stage):
             yield stage.tell
+
+
+def _left(elapsed: float, done: float) -> str:
+    """Return in words how long the rest takes if it goes on as so far."""
+    return f"about {elapsed * (1.0 / done - 1.0):.0f} s left" if _ESTIMABLE <= done < 1.0 else ""
+
+
+class _TimeLeft(ProgressColumn):
+    def render(self, task: Task) -> Text:
+        return Text(_left(task.elapsed or 0.0, task.completed))
 
 
 class _Stage:
@@ -233,14 +246,14 @@ def _watching(stage: _Stage) -> Iterator[None]:
 
 def _progress_lines() -> Callable[[str, float], None]:
     """Return a function that prints a line: the first at once, and of compiling, others every `_EVERY` seconds."""
-    last, compiled = -math.inf, False
+    begun, last, compiled = time.monotonic(), -math.inf, False
 
     def tell(what: str, done: float) -> None:
         nonlocal last, compiled
         compiling = what.endswith("compiling, once")
         now = time.monotonic()
         if (compiling and not compiled) or now - last >= _EVERY:
-            err.print(f"{what} ({done:.0%})", soft_wrap=True)
+            err.print(f"{what} ({', '.join(filter(None, (f'{done:.0%}', _left(now - begun, done))))})", soft_wrap=True)
             last, compiled = now, compiled or compiling
 
     return tell

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from mjfish.data import Sensor, Trial
 from mjfish.model.model import Prepared, recorded_joints
 from mjfish.model.sensing import Camera, Moments, moments
 from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
-from mjfish.noise.kalman import Gains, Sparse, whitened
+from mjfish.noise.kalman import Gains, whitened
 from mjfish.ode.jacobians import input_jacobian, state_jacobian
 from mjfish.ode.rollout import Rollout
 
@@ -45,55 +46,42 @@ class Whitening:
         return [white[at, own] for at, own in zip(self.rows, self.channels, strict=True)]
 
 
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """A trial whose joints were measured, linearised along a rollout.
+def whitening(
+    trial: Trial, run: Prepared, rollout: Rollout, sigma: Sequence[FloatArray], masks: Sequence[BoolArray]
+) -> Whitening | None:
+    """Return what whitens the sensors of a trial whose joints were measured, linearised along a rollout.
 
-    Attributes:
-        errors: of its joint angles and of the head.
-        rows: places in the times of `errors` of the samples of each sensor.
-        channels: places of its channels.
-        reading: derivatives of what the sensors read by the state of `errors`.
+    None where the errors of the joints move no reading by `_MATTERS` of its sigma, rms.
+
+    Args:
+        trial: the data.
+        run: what was simulated.
+        rollout: of it; it reached its end.
+        sigma: (c,) of each sensor.
+        masks: (m,) which of its samples count.
     """
-
-    errors: JointErrors
-    rows: tuple[FloatArray, ...]
-    channels: list[slice]
-    reading: Sparse
-
-    def matter(self, sigma: Sequence[FloatArray]) -> bool:
-        """Return whether the errors move what any sensor reads by `_MATTERS` of its sigma or more, rms."""
-        every = self.errors.variances(self.reading)
-        means = [np.mean(every[at, own], axis=0) for at, own in zip(self.rows, self.channels, strict=True)]
-        return bool(np.max(np.sqrt(np.concatenate(means)) / np.concatenate(sigma)) >= _MATTERS)
-
-    @classmethod
-    def along(cls, trial: Trial, run: Prepared, rollout: Rollout) -> Linearised:
-        """Linearise a trial along a rollout that reached its end."""
-        a, b = (
-            of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (state_jacobian, input_jacobian)
-        )
-        n = len(a)
-        errors = JointErrors.of(
-            trial, recorded_joints(trial), Along(rollout.time[:n], rollout.state[:n, 0, :HEAD].copy(), a, b)
-        )
-        at = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
-        readings = [_reading(trial, s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors]
-        channels = blocks_of([len(sensor.channels) for sensor in trial.sensors])
-        return cls(errors, tuple(at), channels, errors.stacked(at, readings))
-
-    def whitening(self, sigma: Sequence[FloatArray], masks: Sequence[BoolArray]) -> Whitening:
-        """Return what whitens the sensors.
-
-        Args:
-            sigma: (c,) of each sensor.
-            masks: (m,) which of its samples count.
-        """
-        rows = tuple(at[mask] for at, mask in zip(self.rows, masks, strict=True))
-        counted = np.zeros((len(self.errors.time), self.channels[-1].stop), dtype=np.bool_)
-        for at, own in zip(rows, self.channels, strict=True):
-            counted[at, own] = True
-        return Whitening(rows, self.channels, self.errors.filter(self.reading, np.concatenate(sigma), counted))
+    by_state, by_joints = (
+        partial(of, run.fish, rollout, values=run.coefficients, loads=run.loads)
+        for of in (state_jacobian, input_jacobian)
+    )
+    along = Along(
+        rollout.time[:-1],
+        rollout.state[:, 0, :HEAD].copy(),
+        lambda steps: (by_state(steps=steps), by_joints(steps=steps)),
+    )
+    errors = JointErrors.of(trial, recorded_joints(trial), along)
+    places = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
+    readings = [_reading(trial, s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors]
+    channels = blocks_of([len(sensor.channels) for sensor in trial.sensors])
+    counted = np.zeros((len(errors.time), channels[-1].stop), dtype=np.bool_)
+    rows = tuple(at[mask] for at, mask in zip(places, masks, strict=True))
+    for at, own in zip(rows, channels, strict=True):
+        counted[at, own] = True
+    gains, variances = errors.filter(errors.stacked(places, readings), np.concatenate(sigma), counted)
+    means = [np.mean(variances[at, own], axis=0) for at, own in zip(places, channels, strict=True)]
+    if np.max(np.sqrt(np.concatenate(means)) / np.concatenate(sigma)) < _MATTERS:
+        return None
+    return Whitening(rows, channels, gains)
 
 
 def _reading(trial: Trial, sensor: Sensor, here: Moments) -> FloatArray:

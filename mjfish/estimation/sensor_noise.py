@@ -17,7 +17,7 @@ import numpy as np
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Sensor, Trial
 from mjfish.data.sensor import smallest_sigma, third_differences
-from mjfish.estimation.joint_errors import Linearised, Whitening
+from mjfish.estimation.joint_errors import Whitening, whitening
 from mjfish.estimation.problem import Problem
 
 #: Smallest sigma that is believed, as a share of the range of a channel: samples are rounded.
@@ -66,8 +66,7 @@ class AlongFit:
         rollout = alone.prediction(trial, values).rollout
         if rollout.message:  # nothing is linear about a run that diverges
             return None
-        found = Linearised.along(trial, alone.model.prepare(trial, values), rollout)
-        return found.whitening(sigma, masks) if found.matter([*map(self.problem.sigma_of, trial.sensors)]) else None
+        return whitening(trial, alone.model.prepare(trial, values), rollout, sigma, masks)
 
 
 def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:

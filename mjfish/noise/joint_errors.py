@@ -20,7 +20,7 @@ the number of samples.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,14 +60,13 @@ class Along:
     Attributes:
         time: (n,) [s].
         state: (n, 6) surge, sway [m/s], yaw rate [rad/s], x, y [m], yaw [rad].
-        state_jacobian: (n, 3, 3) A.
-        input_jacobian: (n, 3, 3, joints) B; the last but one axis: by angle, rate and acceleration.
+        jacobians: A (k, 3, 3) and B (k, 3, 3, joints) of a stretch of steps; the last but one axis of B: by angle, rate
+            and acceleration.
     """
 
     time: FloatArray
     state: FloatArray
-    state_jacobian: FloatArray
-    input_jacobian: FloatArray
+    jacobians: Callable[[slice], tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,15 +122,14 @@ class JointErrors:
         for first in range(0, len(self.time), _STRETCH):
             here = slice(first, min(first + _STRETCH, len(self.time)))
             moved = np.zeros((here.stop - first, HEAD, HEAD + 2 * (size - HEAD)))
-            begin = min(max(int(np.searchsorted(along.time, self.time[first])) - 1, 0), len(along.time) - 2)
-            _move(
-                self.time[first : here.stop + 1], along.time[begin:], along.state[begin:],
-                along.state_jacobian[begin:], along.input_jacobian[begin:], moved,
-            )  # fmt: skip
+            times = self.time[first : here.stop + 1]
+            begin, end = np.searchsorted(along.time, times[[0, -1]]) + np.array([-1, 2])
+            steps = slice(min(max(begin, 0), len(along.time) - 2), end)
+            _move(times, along.time[steps], along.state[steps], *along.jacobians(steps), moved)
             transition, drive = np.zeros((2, len(moved), size, size))
             transition[:, :HEAD, :HEAD] = moved[:, :, :HEAD]
             later = self.information[:, first + 1 : here.stop + 1]
-            forward, driven = _prior(np.diff(self.time[first : here.stop + 1]) / self.unit)
+            forward, driven = _prior(np.diff(times) / self.unit)
             to = slice(len(forward))
             for j, intensity in enumerate(self.intensity):
                 at = slice(HEAD + JOINT * j, HEAD + JOINT * (j + 1))
@@ -146,8 +144,8 @@ class JointErrors:
                 drive[to, :HEAD, :HEAD] += drive[to, :HEAD, at] @ right.transpose(0, 2, 1)
             yield here, transition, drive
 
-    def filter(self, reading: Sparse, sigma: FloatArray, counted: BoolArray) -> Gains:
-        """Return the filter of the channels of all sensors.
+    def filter(self, reading: Sparse, sigma: FloatArray, counted: BoolArray) -> tuple[Gains, FloatArray]:
+        """Return the filter of the channels of all sensors, and the variances (n, m) of what they read by errors alone.
 
         Args:
             reading: (m, d) derivatives of what the sensors read by the state at every time, see `stacked`.
@@ -156,24 +154,19 @@ class JointErrors:
         """
         (n, m), d = counted.shape, len(self.start)
         spread = np.where(counted, sigma**2, 1.0)[:, :, None] * np.eye(m)
-        reading = reading._replace(value=reading.value * counted[:, reading.row])
+        used = reading._replace(value=reading.value * counted[:, reading.row])
         gain, root, covariance, total = np.zeros((n, d, m)), np.zeros((n, m, m)), self.start.copy(), 0.0
+        alone, unmeasured = np.zeros((n, m)), self.start.copy()
         row, column = np.nonzero(self._moving())
         moves = Sparse(row, column, np.zeros((n, len(row))), (d, d))
         for here, transition, drive in self.stretches():
             moves.value[here] = transition[:, row, column]
             total += advance(
-                moves.part(here), drive, reading.part(here), spread[here], covariance,
+                moves.part(here), drive, used.part(here), spread[here], covariance,
                 np.ones(len(drive), dtype=np.bool_), gain[here], root[here],
             )  # fmt: skip
-        return Gains(moves, reading, gain, root, total)
-
-    def variances(self, reading: Sparse) -> FloatArray:
-        """Return the variances (n, m) of what the sensors read by the errors alone."""
-        covariance, every = self.start.copy(), np.zeros((len(self.time), reading.shape[0]))
-        for here, transition, drive in self.stretches():
-            variances(Sparse.of(transition), drive, covariance, reading.part(here), every[here])
-        return every
+            variances(moves.part(here), drive, unmeasured, reading.part(here), alone[here])
+        return Gains(moves, used, gain, root, total), alone
 
     def _moving(self) -> BoolArray:
         """Return where transitions (d, d) may not be zero."""

@@ -24,6 +24,7 @@ from mjfish.ode.rollout import Rollout, system_of
 
 #: Step of the differences by joint angles, rates and accelerations [rad, rad/s, rad/s2].
 _STEP = 1e-5
+_ALL = slice(None)
 
 
 def state_jacobian(
@@ -32,6 +33,7 @@ def state_jacobian(
     *,
     values: Mapping[str, float] | None = None,
     loads: Sequence[tuple[Load, Sequence[float]]] = (),
+    steps: slice = _ALL,
 ) -> FloatArray:
     """Return A (n, 3, 3) [1/s; yaw in rad] at the start of every step of a rollout, in the forward frame.
 
@@ -40,11 +42,15 @@ def state_jacobian(
         rollout: of the fish.
         values: coefficients by name that replace the fish's.
         loads: extra forces on every link, with their parameters.
+        steps: which ones.
     """
-    motion, steps, states = rollout.motion, len(rollout.state), _states(rollout)
-    out = np.zeros((steps, 3, 3))
+    motion, states = rollout.motion, _states(rollout, steps)
+    out = np.zeros((len(states), 3, 3))
     cos, sin = motion.trigonometry
-    starts = (part[:steps, 0].copy() for part in (cos, sin, motion.rate, motion.acceleration, motion.angle[..., -1]))
+    starts = (
+        part[: len(rollout.state), 0][steps].copy()
+        for part in (cos, sin, motion.rate, motion.acceleration, motion.angle[..., -1])
+    )
     system = system_of(fish, values, "corrected", load_rows(loads, len(fish.links), STATES))
     linear = Linearisation.empty(motion.joints, states.shape[1], len(loads))
     _write_state_jacobian(system, Joints(*starts), states, np.zeros(states.shape[1]), linear, out)
@@ -59,6 +65,7 @@ def input_jacobian(
     *,
     values: Mapping[str, float] | None = None,
     loads: Sequence[tuple[Load, Sequence[float]]] = (),
+    steps: slice = _ALL,
 ) -> FloatArray:
     """Return B (n, 3, 3, joints) at the start of every step of a rollout, in the forward frame.
 
@@ -69,10 +76,12 @@ def input_jacobian(
         rollout: of the fish.
         values: coefficients by name that replace the fish's.
         loads: extra forces on every link, with their parameters.
+        steps: which ones.
     """
-    motion, steps, states = rollout.motion, len(rollout.state), _states(rollout)
-    out = np.zeros((steps, 3, 3, motion.joints))
-    sampled = np.stack([part[:steps, 0] for part in (motion.angle, motion.rate, motion.acceleration)], axis=1)
+    motion, states = rollout.motion, _states(rollout, steps)
+    out = np.zeros((len(states), 3, 3, motion.joints))
+    every = (motion.angle, motion.rate, motion.acceleration)
+    sampled = np.stack([part[: len(rollout.state), 0][steps] for part in every], axis=1)
     system = system_of(fish, values, "corrected", load_rows(loads, len(fish.links), STATES))
     buffers = LoadBuffers(np.zeros(ANSWER), states[0], np.zeros(states.shape[1]))
     _write_input_jacobian(system, sampled, states, buffers, np.empty((5, motion.joints)), out)
@@ -97,10 +106,10 @@ def linear_response(jacobian: FloatArray, forcing: FloatArray, time: FloatArray)
     return response
 
 
-def _states(rollout: Rollout) -> FloatArray:
-    """Return the states (n, STATES + memory) at the start of every step, in the model's frame."""
-    memory = np.zeros((len(rollout.state), 0)) if rollout.memory is None else rollout.memory[:, 0]
-    state = np.concatenate([rollout.state[:, 0], memory], axis=1)
+def _states(rollout: Rollout, steps: slice) -> FloatArray:
+    """Return the states (n, STATES + memory) at the start of steps, in the model's frame."""
+    parts = (rollout.state,) if rollout.memory is None else (rollout.state, rollout.memory)
+    state = np.concatenate([part[steps, 0] for part in parts], axis=1)
     state[:, :3], state[:, 3:6] = frames.flip(state[:, :3]), frames.flip(state[:, 3:6])
     return state
 

@@ -19,8 +19,8 @@ def test_progress_through_a_pipe_is_a_line_at_times(
             tell(f"refitting [{seconds}]", seconds / 45)
     assert capsys.readouterr().err.splitlines() == [
         "starting (0%)",
-        "refitting [20] (44%)",
-        "refitting [40] (89%)",
+        "refitting [20] (44%, about 25 s left)",
+        "refitting [40] (89%, about 5 s left)",
     ]
 
 

@@ -29,7 +29,8 @@ def _along(joints: int) -> Along:
     by_input = 0.5 * rng.standard_normal((3, 3, joints)) * np.array([1.0, 0.3, 0.02])[:, None]
     state = np.zeros((len(time), HEAD))
     state[:, 0], state[:, 5] = 0.3, 0.5 * np.sin(2.0 * time)
-    return Along(time, state, a * (1.0 + 0.3 * swing), by_input[None] * (1.0 + 0.5 * swing[..., None]))
+    by_state, by_joints = a * (1.0 + 0.3 * swing), by_input[None] * (1.0 + 0.5 * swing[..., None])
+    return Along(time, state, lambda steps: (by_state[steps], by_joints[steps]))
 
 
 def _errors(joints: int) -> JointErrors:
@@ -78,7 +79,7 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run(stretch: int, monk
     counted = np.zeros((SAMPLES, 3), dtype=np.bool_)
     counted[rows[0], :2], counted[rows[1], 2] = True, True
     stacked = errors.stacked(rows, readings)
-    filter_ = errors.filter(stacked, np.array([0.01, 0.02, 0.05]), counted)
+    filter_, alone = errors.filter(stacked, np.array([0.01, 0.02, 0.05]), counted)
     every = np.zeros((SAMPLES, 3, 1))
     every[rows[0], :2, 0], every[rows[1], 2, 0] = rng.standard_normal((SAMPLES, 2)), rng.standard_normal(len(rows[1]))
     white = whitened(filter_, np.ones(SAMPLES, dtype=np.bool_), every)
@@ -93,7 +94,7 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run(stretch: int, monk
     x = every.ravel()
     assert float(np.sum(white**2)) == pytest.approx(float(x @ np.linalg.solve(dense, x)), rel=1e-6)
     np.testing.assert_allclose(
-        errors.variances(stacked)[:, :2].ravel(),
+        alone[:, :2].ravel(),
         np.diag(dense - np.diag(noise.ravel())).reshape(SAMPLES, 3)[:, :2].ravel(),
         rtol=1e-8,
     )
@@ -112,8 +113,9 @@ def _driven(k: int, errors: JointErrors, begun: FloatArray, end: FloatArray) -> 
     for i in range(len(time) - 1):
         at = np.interp(time[i] + 0.5 * (time[1] - time[0]), along.time, np.arange(len(along.time)))
         low, share = int(at), at - int(at)
-        a = (1 - share) * along.state_jacobian[low] + share * along.state_jacobian[low + 1]
-        b = (1 - share) * along.input_jacobian[low, ..., 0] + share * along.input_jacobian[low + 1, ..., 0]
+        by_state, by_joints = along.jacobians(slice(low, low + 2))
+        a = (1 - share) * by_state[0] + share * by_state[1]
+        b = (1 - share) * by_joints[0, ..., 0] + share * by_joints[1, ..., 0]
         surge, sway, yaw = (1 - share) * along.state[low, [0, 1, 5]] + share * along.state[low + 1, [0, 1, 5]]
         seen = v + np.array([-way[2] * sway, way[2] * surge, 0.0])
         turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
