@@ -164,13 +164,22 @@ def test_rivals_know_that_a_clock_looks_like_a_lag() -> None:
     assert case.truth.rho_max["time_offset"] == max(rho.values())
 
 
-@pytest.mark.parametrize("how", ["cpg", "commanded", "measured"])
-def test_a_film_shows_what_the_solver_predicts_of_the_truth(how: noise.Joints, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Places and headings of another sign, clock or frame than the solver's, or joints that it reads otherwise."""
+@pytest.mark.parametrize(("how", "share"), [("cpg", 1e-4), ("commanded", 0.01), ("measured", 0.01)])
+def test_a_film_shows_what_the_solver_predicts_of_the_truth(
+    how: noise.Joints, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Places and headings of another sign, clock or frame than the solver's, or joints that it reads otherwise.
+
+    Where the drive changes, velocities jump: integrated across it, a heading was off by 0.002 rad. What recorded joints
+    did between two samples there is not known.
+    """
     filmed = noise.Noise("poses", (1e-5, 1e-5, 1e-5), rate=100.0, joints=how)
     monkeypatch.setattr(noise, "draw", lambda *_: filmed)
     case = scaled_case(21, (), (), "poses", runs=3)
-    model, trial = Model(case.dataset.fish), case.dataset.trials[0]
+    drives = [run.drive for run in draft.draft(21, noise_kind="poses", runs=3).plan.runs]
+    number = (max if how == "cpg" else min)(range(3), key=lambda k: len(drives[k]))
+    assert (len(drives[number]) > 1) == (how == "cpg")
+    model, trial = Model(case.dataset.fish), case.dataset.trials[number]
     assert not trial.measured.any()
     assert (trial.joint_angle is None) == (how == "cpg")
     assert trial.commanded == (how == "commanded")
@@ -179,7 +188,7 @@ def test_a_film_shows_what_the_solver_predicts_of_the_truth(how: noise.Joints, m
     predicted = model.predict(trial, {**model.values(), **case.truth.theta}, pose=start)
     for sensor, read in zip(trial.sensors, predicted.sensors, strict=True):
         left = sensor.values - read
-        assert np.sqrt(np.mean(left**2)) < 0.01 * np.ptp(sensor.values)
+        assert np.sqrt(np.mean(left**2)) < share * np.ptp(sensor.values)
 
 
 @pytest.mark.parametrize("psi", [{"servo_lag.time_constant": 0.02}, {"fading_battery.rate": 1e-3}])

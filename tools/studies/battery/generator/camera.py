@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -17,7 +18,9 @@ SHEAR = 0.1
 #: A camera that tracks positions takes this many frames for each sample that is kept.
 FINER = 4
 #: Poses that are not differentiated are integrated at steps of this at most [s].
-FINEST = 0.0025
+FINEST = 0.001
+#: So long before a change of the drive is before it [s].
+_BEFORE = 1e-8
 
 
 def velocity(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArray) -> FloatArray:
@@ -51,13 +54,23 @@ def _into_body(world: FloatArray, yaw: FloatArray) -> FloatArray:
 
 
 def pose(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArray, finer: int = FINER) -> FloatArray:
-    """Return the pose (finer (n - 1) + 1, 3) whose rate the camera reads: its readings, integrated by Simpson."""
+    """Return the pose (finer (n - 1) + 1, 3) whose rate the camera reads: its readings, integrated by Simpson.
+
+    Where the drive changes the rate jumps: it is integrated up to there, and on from there.
+    """
     fine = np.linspace(time[0], time[-1], finer * (len(time) - 1) + 1)
-    read = velocity(motion, run, psi, fine)
-    yaw = run.start[2] + cumulative_simpson(read[:, 2], x=fine, initial=0.0)
-    world = _into_body(read[:, :2], -yaw)
-    place = cumulative_simpson(world, x=fine, axis=0, initial=0.0) + np.array(run.start[:2])
-    return np.asarray(np.column_stack([place, yaw]))
+    changes = np.array([nodes[0] for nodes, _ in motion.stretches]) - psi.get("time_offset.offset", 0.0)
+    inside = changes[(changes > fine[0] + _BEFORE) & (changes < fine[-1] - _BEFORE)]
+    found, now = np.empty((len(fine), 3)), np.array(run.start)
+    for begin, end in itertools.pairwise([fine[0], *inside, fine[-1]]):
+        here = (fine >= begin) & (fine <= end)
+        nodes = np.unique([begin, *fine[here], end])
+        read = velocity(motion, run, psi, np.minimum(nodes, end - _BEFORE))
+        yaw = now[2] + cumulative_simpson(read[:, 2], x=nodes, initial=0.0)
+        place = now[:2] + cumulative_simpson(_into_body(read[:, :2], -yaw), x=nodes, axis=0, initial=0.0)
+        along = np.column_stack([place, yaw])
+        found[here], now = along[np.searchsorted(nodes, fine[here])], along[-1]
+    return found
 
 
 def places(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArray) -> FloatArray:
