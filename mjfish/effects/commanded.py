@@ -6,7 +6,6 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, merged
-from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 
 #: Rate at which a joint behind its command closes in on it, below the limit [1/s]: position loops of servos.
@@ -17,13 +16,6 @@ _SHARP, _OFF_CORNER = 256.0, 0.87
 _STABLE = 1.0
 #: Shortest time constant of a filter of second order [s].
 SHORTEST = 1e-3
-
-
-def undetectable_behind_measured_joints(dataset: Dataset) -> str:
-    """Say why no servo can be detected, where every trial has measured joint angles."""
-    if all(trial.joints_measured for trial in dataset.trials):
-        return "the joint angles were measured, so no servo stands between them and the model"
-    return ""
 
 
 def balanced(time: FloatArray, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> JointMotion:

@@ -8,6 +8,8 @@ from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
 
+import numpy as np
+
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.drive.motion import JointMotion
@@ -26,7 +28,7 @@ Part = Literal["start-up", "transition", "steady", "turn", "everywhere"]
 #: Exponents of the beat frequency above this size count as a change with frequency.
 _SCALES = 0.25
 _DECLARED = ("name", "domain", "summary", "parameters", "source", "signature", "confirm")
-_HOOKS = ("drive", "body", "clock", "reading", "camera")
+_HOOKS = ("drive", "body", "clock", "reading", "displacement", "camera")
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,8 @@ class Effect(ABC):
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Say why `dataset` cannot show this effect; empty where it can."""
-        del dataset
+        if self.domain == "drive" and all(trial.joints_measured for trial in dataset.trials):
+            return "the joint angles were measured, so no servo stands between them and the model"
         return ""
 
     def beforehand(self, dataset: Dataset) -> dict[str, Beforehand]:
@@ -166,6 +169,15 @@ class Effect(ABC):
         """
         del values, trial
         return state
+
+    def displacement(self, time: FloatArray, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
+        """Return how far forward and to port (m, 2) [m] of its place on its link the motion moves what is tracked.
+
+        Unlike `camera` it may depend on all of the motion: `state` (m, 8) at all samples (m,) of a sensor, see
+        `reading`.
+        """
+        del time, values, trial
+        return np.zeros((len(state), 2))
 
     def camera(
         self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial

@@ -6,9 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import undetectable_behind_measured_joints
 from mjfish.effects.effect import Effect, Fingerprint, Values, variant
 from mjfish.effects.mechanism import Domain
 from mjfish.fish import Fish
@@ -43,10 +41,6 @@ class JointZeroOffset(Effect):
     def for_fish(cls, fish: Fish) -> Effect:
         """Return the effect with an offset for every joint of the fish."""
         return variant(JointZeroOffset, parameters=_zeros(fish.joints))
-
-    def not_applicable(self, dataset: Dataset) -> str:
-        """Measured joint angles have their own zero."""
-        return undetectable_behind_measured_joints(dataset)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Bend the joints."""

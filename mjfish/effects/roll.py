@@ -6,10 +6,11 @@ import functools
 from typing import ClassVar
 
 import numpy as np
+from scipy.interpolate import BSpline
 
-from mjfish.arrays import FloatArray, readonly
+from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
-from mjfish.data import Dataset, Trial
+from mjfish.data import Trial
 from mjfish.drive.measured import smoothing_spline
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.mechanism import Domain
@@ -22,7 +23,9 @@ _STEP = 0.005
 
 
 class Roll(Effect):
-    """The body rolls, and a marker at the height z above the roll axis goes with it: sway_recorded = sway - z phi'.
+    """The body rolls, and a marker at the height z above the roll axis goes with it, z phi to starboard.
+
+        sway_recorded = sway - z phi',   surge_recorded = surge + z phi yaw_rate
 
     phi is positive with port up (about x forward). Where it was measured, phi' is the slope of its smoothing spline and
     the shapes play no part. Elsewhere the fish is a pendulum, its centre of mass below the axis, that the side force
@@ -56,31 +59,39 @@ class Roll(Effect):
     confirm: ClassVar[str] = "measure the roll, or tilt the fish by hand, let go, and film the swing from ahead"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
 
-    def not_applicable(self, dataset: Dataset) -> str:
-        """The marker swings to the side of a path that has velocities."""
-        seen = any(trial.measured.any() for trial in dataset.trials)
-        return "" if seen else "no velocity was measured, in which the swing of the marker shows"
-
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
-        """Take the speed of the marker about the roll axis off the sway."""
-        read = state.copy()
-        rate = _measured_rate(trial)
-        if rate is None:
-            slope = np.gradient(state[:, :3], trial.time, axis=0)
-            rate = _rolled(trial.time, state[:, :3].copy(), slope, values["frequency"], values["damping"])
+        """Add the velocity of the marker about the roll axis."""
+        read, (angle, rate) = state.copy(), _roll(trial.time, state, values, trial).T
+        read[:, 0] += values["height"] * angle * state[:, 2]
         read[:, 1] -= values["height"] * rate
         return read
 
+    def displacement(self, time: FloatArray, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
+        """Swing the marker to starboard by z phi."""
+        return np.outer(_roll(time, state, values, trial)[:, 0], [0.0, -values["height"]])
+
+
+def _roll(time: FloatArray, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
+    """Return phi and phi' (m, 2), measured or of the pendulum."""
+    measured = _measured(trial)
+    if measured is not None:
+        return np.column_stack([measured(time), measured(time, nu=1)])
+    velocity = state[:, :3].copy()
+    slope = np.gradient(velocity, time, axis=0)
+    return _rolled(time, velocity, slope, values["frequency"], values["damping"])
+
 
 @functools.lru_cache(maxsize=256)
-def _measured_rate(trial: Trial) -> FloatArray | None:
-    """Return the rate (n,) [rad/s] of the roll that was measured, None where it was not."""
-    return None if trial.roll is None else readonly(smoothing_spline(trial.time, trial.roll)(trial.time, nu=1))
+def _measured(trial: Trial) -> BSpline | None:
+    """Return the roll that was measured, None where it was not."""
+    return None if trial.roll is None else smoothing_spline(trial.time, trial.roll)
 
 
 @compiled
 def _rolled(time: FloatArray, velocity: FloatArray, slope: FloatArray, frequency: float, damping: float) -> FloatArray:
-    """Return phi' (n,): phi' = q - k sway, q' = -2 zeta omega phi' - omega^2 phi - k yaw_rate surge, k = omega^2 / g.
+    """Return phi and phi' (n, 2).
+
+    phi' = q - k sway and q' = -2 zeta omega phi' - omega^2 phi - k yaw_rate surge, with k = omega^2 / g.
 
     Args:
         time: (n,) of the samples [s].
@@ -89,7 +100,7 @@ def _rolled(time: FloatArray, velocity: FloatArray, slope: FloatArray, frequency
     """
     n = time.shape[0]
     coupling = frequency * frequency / GRAVITY
-    rate = np.zeros(n)
+    rolled = np.zeros((n, 2))
     phi = 0.0
     q = coupling * velocity[0, 1]
     now = np.empty(3)
@@ -118,5 +129,5 @@ def _rolled(time: FloatArray, velocity: FloatArray, slope: FloatArray, frequency
                 total_q += weight * k_q
             phi += h / 6.0 * total_phi
             q += h / 6.0 * total_q
-        rate[i + 1] = q - coupling * velocity[i + 1, 1]
-    return rate
+        rolled[i + 1, 0], rolled[i + 1, 1] = phi, q - coupling * velocity[i + 1, 1]
+    return rolled

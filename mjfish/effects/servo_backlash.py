@@ -8,9 +8,8 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, merged
-from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import balanced, undetectable_behind_measured_joints
+from mjfish.effects.commanded import balanced
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
@@ -53,10 +52,6 @@ class ServoBacklash(Effect):
     confirm: ClassVar[str] = "hold the servo and rock the joint by hand; the free angle is the play"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
     smooth: ClassVar[bool] = False
-
-    def not_applicable(self, dataset: Dataset) -> str:
-        """Measured joint angles leave nothing between command and joint."""
-        return undetectable_behind_measured_joints(dataset)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Take the play off the command."""

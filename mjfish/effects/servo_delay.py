@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import SHORTEST, filtered, undetectable_behind_measured_joints
+from mjfish.effects.commanded import SHORTEST, filtered
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
@@ -33,10 +32,6 @@ class ServoDelay(Effect):
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
     resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
     smooth: ClassVar[bool] = False
-
-    def not_applicable(self, dataset: Dataset) -> str:
-        """Measured joint angles leave nothing between command and joint."""
-        return undetectable_behind_measured_joints(dataset)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Delay the motion."""

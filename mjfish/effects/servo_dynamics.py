@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import SHORTEST, filtered, limited, undetectable_behind_measured_joints
+from mjfish.effects.commanded import SHORTEST, filtered, limited
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
@@ -39,10 +38,6 @@ class ServoDynamics(Effect):
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
     resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
     smooth: ClassVar[bool] = False
-
-    def not_applicable(self, dataset: Dataset) -> str:
-        """Measured joint angles leave nothing between command and joint."""
-        return undetectable_behind_measured_joints(dataset)
 
     def like(self, formula: str, values: Values) -> dict[str, float]:
         """Return this motion at the numbers of a formula of the same mechanism."""

@@ -8,9 +8,8 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
-from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import cubic, undetectable_behind_measured_joints
+from mjfish.effects.commanded import cubic
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
@@ -41,10 +40,6 @@ class ServoLag(Effect):
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
     resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
     smooth: ClassVar[bool] = False
-
-    def not_applicable(self, dataset: Dataset) -> str:
-        """Measured joint angles leave nothing between command and joint."""
-        return undetectable_behind_measured_joints(dataset)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Filter the motion; the rate no longer jumps."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import limited, undetectable_behind_measured_joints
+from mjfish.effects.commanded import limited
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
@@ -36,10 +35,6 @@ class ServoLimitedLag(Effect):
     resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
     limits: ClassVar[tuple[str, ...]] = ("servo_lag", "servo_rate_limit")
     smooth: ClassVar[bool] = False
-
-    def not_applicable(self, dataset: Dataset) -> str:
-        """Measured joint angles leave nothing between command and joint."""
-        return undetectable_behind_measured_joints(dataset)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Let the joints close in as fast as they may."""

@@ -6,9 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.commanded import undetectable_behind_measured_joints
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
@@ -44,10 +42,6 @@ class ServoSaturation(Effect):
     confirm: ClassVar[str] = "step the joints on the bench to larger and larger angles and read them"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
     resembles: ClassVar[tuple[str, ...]] = ("stuck-clipped",)
-
-    def not_applicable(self, dataset: Dataset) -> str:
-        """Measured joint angles leave nothing between command and joint."""
-        return undetectable_behind_measured_joints(dataset)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Compress the angles; rates and accelerations by the chain rule."""

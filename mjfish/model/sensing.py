@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Sensor, Trial
 from mjfish.drive.motion import JointMotion
@@ -79,6 +80,10 @@ class Camera:
         """Return whether a sensor is read by it: it measures places or headings."""
         return sensor.kind in ("position", "heading")
 
+    def turns(self, sensor: Sensor) -> bool:
+        """Return whether what it reads of a sample depends on place and heading at that sample alone."""
+        return self.sees(sensor) and not any(effect.overrides("displacement") for effect, _ in self.effects)
+
     def clocked(self, sensor: Sensor, time: FloatArray) -> FloatArray:
         """Return when what a sensor has at `time` (m,) was seen [s]; a free clock of its own says so itself."""
         if self.sees(sensor) and not sensor.free_clock:
@@ -90,14 +95,18 @@ class Camera:
         """Return what a sensor reads (m, c), its channels in the order of the sensor."""
         if not self.sees(sensor):
             return np.stack([_INERTIAL[channel](sensor, seen) for channel in sensor.channels], axis=1)
-        place, heading = self._filmed(seen.time, *_place(sensor, seen))
+        place, heading = _place(sensor, seen)
+        for effect, values in self.effects:
+            if effect.overrides("displacement"):
+                place += frames.to_body(effect.displacement(seen.time, seen.state, values, self.trial), -heading)
+        place, heading = self._filmed(seen.time, place, heading)
         return place if sensor.kind == "position" else heading[:, None]
 
     def read_rates(self, sensor: Sensor, seen: Moments, along: Moments) -> FloatArray:
         """Return the rates (m, c, k) of what a sensor of places or headings reads, along many directions at once.
 
         Args:
-            sensor: one that the camera sees.
+            sensor: one of which the camera `turns` what it sees.
             seen: the run.
             along: its rates, the directions behind all other axes.
         """

@@ -40,6 +40,8 @@ _WAVE_SCALE = 0.05
 _UNIT = Parameter("sensor.along", "-", 0.0, -1.0, 1.0, 0.0, 0.01)
 #: Samples whose rates are turned at once: what is made on the way takes 10 MB.
 _STRETCH = 8192
+#: Hooks of effects that say what a camera makes of a run.
+_FILMED = ("clock", "displacement", "camera")
 _SIXTH = ((1, 0.75), (2, -0.15), (3, 1.0 / 60.0))
 #: What a camera makes of a place is smooth: of second order it has seven digits.
 _SECOND = ((1, 0.5),)
@@ -111,7 +113,7 @@ def with_sensors(
             for effect in inactive
             if effect.load is not None
         ],
-        with_rates=not all(map(camera.sees, trial.sensors)),
+        with_rates=not all(map(camera.turns, trial.sensors)),
     )  # fmt: skip
     along, *beside = np.split(every, np.cumsum([len(clock) for clock in clocks])[:-1])
     seen = [
@@ -164,7 +166,7 @@ def _sensed(
     here, time = seen(clock), np.minimum(clock, motion.time[-1])
     every = _along(here, time, along, directions, motion)
     found = np.zeros((len(time), len(sensor.channels), len(names)))
-    if camera.sees(sensor):
+    if camera.turns(sensor):
         for first in range(0, len(time), _STRETCH):
             part = slice(first, first + _STRETCH)
             found[part] = camera.read_rates(sensor, here.part(part), every.part(part))
@@ -177,7 +179,7 @@ def _sensed(
         p, owner = _declared(at.model, name), _owner(at.model, name)
         if name == sensor.clock:
             found[:, :, k] = difference(lambda by: camera.read(sensor, seen(clock + by)), p, 0.0)
-        if owner is not None and camera.sees(sensor) and (owner.overrides("camera") or owner.overrides("clock")):
+        if owner is not None and camera.sees(sensor) and any(map(owner.overrides, _FILMED)):
 
             def turned(value: float, owner: Effect = owner, name: str = name) -> FloatArray:
                 kept = at.kept(owner, (name, value))

@@ -18,6 +18,7 @@ CASES = {
     "marker_offset": {"marker_offset.along": -0.08, "marker_offset.across": 0.02},
     "time_offset": {"time_offset.offset": 0.03},
     "ambient_current": {"ambient_current.x": 0.05, "ambient_current.y": -0.03, "ambient_current.held": 0.5},
+    "roll": {"roll.height": 0.004, "roll.frequency": 9.0, "roll.damping": 0.15},
     "lens_distortion": {"lens_distortion.curvature": 0.03, "lens_distortion.x": 0.4, "lens_distortion.y": -0.3},
 }
 

@@ -31,7 +31,8 @@ def velocity(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArra
     if np.any(current):
         read[:, :2] += _into_body(_sheared(current, seen[:, 3:5]), seen[:, 5])
     if psi.get("roll.height"):
-        rate = rolling.rolled(motion, psi).at(time + psi.get("time_offset.offset", 0.0))[:, 1]
+        angle, rate = rolling.rolled(motion, psi).at(time + psi.get("time_offset.offset", 0.0)).T
+        read[:, 0] += psi["roll.height"] * angle * read[:, 2]
         read[:, 1] -= psi["roll.height"] * rate
     turn, along = read[:, 2].copy(), psi.get("marker_offset.along", 0.0)
     read[:, 0] -= psi.get("marker_offset.across", 0.0) * turn
