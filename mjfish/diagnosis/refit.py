@@ -265,7 +265,7 @@ def made_smooth(refit: Refit, best: float = np.inf) -> Refit:
         middle = {p.name: p.middle if p.shape else found.values[p.name] for p in own}
         found = _restarted(problem, found, problem.start(middle), least)
     problem, found = smoothed(problem, found)
-    return _resolved(replace(refit, problem=problem, fit=found, gain=refit.gain + refit.fit.sse - found.sse))
+    return _resolved(replace(refit, problem=problem, fit=found, gain=refit.gain + refit.fit.sse - found.sse), least)
 
 
 def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
@@ -305,7 +305,7 @@ def refined(refit: Refit, best: float) -> Refit:
         result = lower
     if result.objective <= refit.fit.objective:
         refit = replace(refit, fit=result, gain=refit.gain + refit.fit.sse - result.sse)
-    return _resolved(refit)
+    return _resolved(refit, best)
 
 
 def _restarted(problem: Problem, found: Fit, start: FloatArray, best: float) -> Fit:
@@ -316,19 +316,24 @@ def _restarted(problem: Problem, found: Fit, start: FloatArray, best: float) -> 
     return min(found, tried, key=lambda each: each.objective)
 
 
-def _resolved(refit: Refit) -> Refit:
-    """Shorten the integration step where its error would show with the cause in the model, and fit once more."""
-    problem = finer(refit.problem, refit.fit.x, TOLERANCE)
+def _resolved(refit: Refit, best: float) -> Refit:
+    """Shorten the integration step where its error would show with the cause in the model, and follow it once more."""
+    x, sse = refit.fit.x, refit.fit.sse
+    problem = finer(refit.problem, x, _tolerance(sse, best))
     if problem is refit.problem:
         return refit
-    result = fit_or_raise(problem, refit.fit.x, tolerance=TOLERANCE)
-    return replace(refit, problem=problem, fit=result, gain=refit.gain + refit.fit.sse - result.sse)
+    result = _followed(problem, x, sse, best)
+    return replace(refit, problem=problem, fit=result, gain=refit.gain + sse - result.sse)
+
+
+def _tolerance(sse: float, best: float) -> float:
+    return max(TOLERANCE, _BEHIND * (sse - best) / sse)
 
 
 def _followed(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
     """Fit from x, ever finer as long as the result comes near the best."""
     while True:
-        tolerance = max(TOLERANCE, _BEHIND * (sse - best) / sse)
+        tolerance = _tolerance(sse, best)
         result = fit_or_raise(problem, x, tolerance=tolerance, evaluations=_MOST)
         behind = _BEHIND * (result.sse - best)
         if tolerance == TOLERANCE or result.status != "converged" or behind > 0.5 * tolerance * result.sse:
