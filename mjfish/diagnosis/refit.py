@@ -351,6 +351,8 @@ _FELT, _HALVINGS, _ABOVE = 0.5, 8, (0.003, 0.006, 0.012, 0.025, 0.05)
 _OTHER_SIZES = tuple(2.0 ** (k / 4.0) for k in (-4, -3, -2, -1, 1, 2, 3, 4))
 #: How many of the most promising starts are looked at once more, with the coefficients moved.
 _TRIED = 3
+#: How often these move on, as long as this share or less is left each time.
+_ONWARD, _FALLING = 6, 0.9
 #: An amplitude that cannot be negative may come nearer to zero than its effect says (`Effect.least`): to this share of
 #: the smallest size that would show.
 _OFF_VISIBLE = 0.05
@@ -424,19 +426,37 @@ class _Tried:
         """Try a start (p,); return the sum of squares that is promised there."""
         residual = self.problem.residual(start)
         step = self._jacobian.solve(residual, 1e-8)
-        moved = start.copy()
-        moved[self._columns] += step
         self.starts.append(start)
-        self.moved.append(np.clip(moved, *bounds(self.problem.parameters)))
+        self.moved.append(self._moved(start, step))
         self.left.append(float(residual @ residual))
         self.promised.append(float(np.sum((residual - self._jacobian @ step) ** 2)))
         return self.promised[-1]
 
     def best(self) -> tuple[FloatArray, float]:
-        """Return the start of the least sum of squares, and that; the most promising are simulated where they moved."""
-        promising = [self.moved[i] for i in np.argsort(self.promised)[:_TRIED]]
-        left = [*self.left, *(float(np.sum(self.problem.residual(x) ** 2)) for x in promising)]
-        return np.asarray([*self.starts, *promising][int(np.argmin(left))]), float(min(left))
+        """Return the start of the least sum of squares, and that; the most promising are simulated where they moved.
+
+        They move on from there, without what rests on a bound, as long as less and less is left.
+        """
+        starts, left = [*self.starts], [*self.left]
+        low, high = bounds(self.problem.parameters)
+        for x in [self.moved[i] for i in np.argsort(self.promised)[:_TRIED]]:
+            before = np.inf
+            for _ in range(_ONWARD):
+                residual = self.problem.residual(x)
+                starts.append(x)
+                left.append(float(residual @ residual))
+                if left[-1] > _FALLING * before:
+                    break
+                before, inside = left[-1], ((x > low) & (x < high))[self._columns]
+                step = np.zeros(len(inside))
+                step[inside] = self._jacobian.chosen(inside).solve(residual, 1e-8)
+                x = self._moved(x, step)
+        return np.asarray(starts[int(np.argmin(left))]), float(min(left))
+
+    def _moved(self, x: FloatArray, step: FloatArray) -> FloatArray:
+        moved = x.copy()
+        moved[self._columns] += step
+        return np.clip(moved, *bounds(self.problem.parameters))
 
 
 def other_minima(found: Fit, problem: Problem, *, fits: bool = True) -> list[FloatArray]:
