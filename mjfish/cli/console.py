@@ -43,8 +43,8 @@ _NARROWEST = 40
 _ENDLESS = 10_000
 #: Seconds between lines of progress.
 _EVERY = 20.0
-#: Share that must be done before the time left is told.
-_ESTIMABLE = 0.05
+#: Share that must be done before the time left is told: before, it is mostly that of the compiler.
+_ESTIMABLE = 0.2
 
 #: Option of commands whose work may go to other machines.
 Cluster = Annotated[

@@ -75,7 +75,7 @@ def test_progress_names_the_stage_and_says_when_it_compiles(capsys: pytest.Captu
         assert njit(lambda x: x + 1)(1) == 2
     assert capsys.readouterr().err.splitlines() == [
         "reading the data (0%)",
-        "fitting: compiling, once (10%, about 0 s left)",
+        "fitting: compiling, once (10%)",
     ]
 
 
