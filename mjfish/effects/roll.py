@@ -25,7 +25,7 @@ _STEP = 0.005
 class Roll(Effect):
     """The body rolls, and a marker at the height z above the roll axis goes with it, z phi to starboard.
 
-        sway_recorded = sway - z phi',   surge_recorded = surge + z phi yaw_rate
+        sway_recorded = sway - z phi'
 
     phi is positive with port up (about x forward). Where it was measured, phi' is the slope of its smoothing spline and
     the shapes play no part. Elsewhere the fish is a pendulum, its centre of mass below the axis, that the side force
@@ -37,7 +37,8 @@ class Roll(Effect):
     by Runge-Kutta steps of 5 ms at most, with cubics between the samples of the velocity. What the side force acts on
     besides the weight, added mass above all, is in `height`: without a measured roll it is an effective one.
 
-    The loss of normal force by leaning, cos^2 phi, is of second order and left out.
+    The loss of normal force by leaning, cos^2 phi, is of second order and left out, as is the surge z phi yaw_rate of
+    the marker in a turn: the zero of a measured roll is not known well enough for it.
     """
 
     name: ClassVar[str] = "roll"
@@ -60,10 +61,9 @@ class Roll(Effect):
     fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
-        """Add the velocity of the marker about the roll axis."""
-        read, (angle, rate) = state.copy(), _roll(trial.time, state, values, trial).T
-        read[:, 0] += values["height"] * angle * state[:, 2]
-        read[:, 1] -= values["height"] * rate
+        """Take the speed of the marker about the roll axis off the sway."""
+        read = state.copy()
+        read[:, 1] -= values["height"] * _roll(trial.time, state, values, trial)[:, 1]
         return read
 
     def displacement(self, time: FloatArray, state: FloatArray, values: Values, trial: Trial) -> FloatArray:

@@ -31,8 +31,7 @@ def velocity(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArra
     if np.any(current):
         read[:, :2] += _into_body(_sheared(current, seen[:, 3:5]), seen[:, 5])
     if psi.get("roll.height"):
-        angle, rate = rolling.rolled(motion, psi).at(time + psi.get("time_offset.offset", 0.0)).T
-        read[:, 0] += psi["roll.height"] * angle * read[:, 2]
+        rate = rolling.rolled(motion, psi).at(time + psi.get("time_offset.offset", 0.0))[:, 1]
         read[:, 1] -= psi["roll.height"] * rate
     turn, along = read[:, 2].copy(), psi.get("marker_offset.along", 0.0)
     read[:, 0] -= psi.get("marker_offset.across", 0.0) * turn
@@ -77,4 +76,8 @@ def pose(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArray, f
 def places(motion: Motion, run: Run, psi: Mapping[str, float], time: FloatArray) -> FloatArray:
     """Return the pose (n, 3) that an ideal camera reads at its times, evenly apart."""
     finer = int(np.ceil(float(time[1] - time[0]) / FINEST))
-    return pose(motion, run, psi, time, finer)[::finer]
+    found = pose(motion, run, {**psi, "roll.height": 0.0}, time, finer)[::finer]
+    if height := psi.get("roll.height"):  # the marker leans, which its sway alone does not say in a turn
+        angle = rolling.rolled(motion, psi).at(time + psi.get("time_offset.offset", 0.0))[:, 0]
+        found[:, :2] += _into_body(np.outer(angle, [0.0, -height]), -found[:, 2])
+    return found
