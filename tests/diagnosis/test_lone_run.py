@@ -50,6 +50,7 @@ def test_of_three_runs_none_is_the_odd_one(pike: Fish) -> None:
     assert lone_run(_evidence(fewer)) is None
 
 
+@pytest.mark.slow
 def test_nothing_is_named_for_what_one_run_has(pike: Fish) -> None:
     result = diagnose(_recorded(pike, 2), jobs=1)
     assert result.verdict in ("unexplained", "cannot_tell"), result.message
