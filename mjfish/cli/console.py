@@ -253,7 +253,8 @@ def _progress_lines() -> Callable[[str, float], None]:
         compiling = what.endswith("compiling, once")
         now = time.monotonic()
         if (compiling and not compiled) or now - last >= _EVERY:
-            err.print(f"{what} ({', '.join(filter(None, (f'{done:.0%}', _left(now - begun, done))))})", soft_wrap=True)
+            left = _left(now - begun, done)
+            err.print(f"{what} ({done:.0%}, {left})" if left else f"{what} ({done:.0%})", soft_wrap=True)
             last, compiled = now, compiled or compiling
 
     return tell

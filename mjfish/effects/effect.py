@@ -171,10 +171,15 @@ class Effect(ABC):
         return state
 
     def displacement(self, time: FloatArray, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
-        """Return how far forward and to port (m, 2) [m] of its place on its link the motion moves what is tracked.
+        """Return by how much a tracked point moves on its link, forward and to port (m, 2) [m].
 
-        Unlike `camera` it may depend on all of the motion: `state` (m, 8) at all samples (m,) of a sensor, see
-        `reading`.
+        Unlike `camera`, this hook may depend on the whole motion.
+
+        Args:
+            time: (m,) of all samples of a sensor [s].
+            state: (m, 8) at these times, as in `reading`.
+            values: parameters by short name.
+            trial: that is filmed.
         """
         del time, values, trial
         return np.zeros((len(state), 2))

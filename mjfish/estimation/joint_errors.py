@@ -79,9 +79,8 @@ def whitening(
         counted[at, own] = True
     gains, variances = errors.filter(errors.stacked(places, readings), np.concatenate(sigma), counted)
     means = [np.mean(variances[at, own], axis=0) for at, own in zip(places, channels, strict=True)]
-    if np.max(np.sqrt(np.concatenate(means)) / np.concatenate(sigma)) < _MATTERS:
-        return None
-    return Whitening(rows, channels, gains)
+    matter = np.max(np.sqrt(np.concatenate(means)) / np.concatenate(sigma)) >= _MATTERS
+    return Whitening(rows, channels, gains) if matter else None
 
 
 def _reading(trial: Trial, sensor: Sensor, here: Moments) -> FloatArray:

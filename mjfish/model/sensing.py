@@ -80,7 +80,7 @@ class Camera:
         """Return whether a sensor is read by it: it measures places or headings."""
         return sensor.kind in ("position", "heading")
 
-    def turns(self, sensor: Sensor) -> bool:
+    def pointwise(self, sensor: Sensor) -> bool:
         """Return whether what it reads of a sample depends on place and heading at that sample alone."""
         return self.sees(sensor) and not any(effect.overrides("displacement") for effect, _ in self.effects)
 
@@ -106,7 +106,7 @@ class Camera:
         """Return the rates (m, c, k) of what a sensor of places or headings reads, along many directions at once.
 
         Args:
-            sensor: one of which the camera `turns` what it sees.
+            sensor: one that is `pointwise`.
             seen: the run.
             along: its rates, the directions behind all other axes.
         """

@@ -113,7 +113,7 @@ def with_sensors(
             for effect in inactive
             if effect.load is not None
         ],
-        with_rates=not all(map(camera.turns, trial.sensors)),
+        with_rates=not all(map(camera.pointwise, trial.sensors)),
     )  # fmt: skip
     along, *beside = np.split(every, np.cumsum([len(clock) for clock in clocks])[:-1])
     seen = [
@@ -166,7 +166,7 @@ def _sensed(
     here, time = seen(clock), np.minimum(clock, motion.time[-1])
     every = _along(here, time, along, directions, motion)
     found = np.zeros((len(time), len(sensor.channels), len(names)))
-    if camera.turns(sensor):
+    if camera.pointwise(sensor):
         for first in range(0, len(time), _STRETCH):
             part = slice(first, first + _STRETCH)
             found[part] = camera.read_rates(sensor, here.part(part), every.part(part))

@@ -73,10 +73,7 @@ def test_progress_names_the_stage_and_says_when_it_compiles(capsys: pytest.Captu
     with console.progress_bar("reading the data") as tell:
         tell("fitting", 0.1)
         assert njit(lambda x: x + 1)(1) == 2
-    assert capsys.readouterr().err.splitlines() == [
-        "reading the data (0%)",
-        "fitting: compiling, once (10%)",
-    ]
+    assert capsys.readouterr().err.splitlines() == ["reading the data (0%)", "fitting: compiling, once (10%)"]
 
 
 def test_the_shell_can_complete(run: Run) -> None:
