@@ -5,9 +5,10 @@ from __future__ import annotations
 import functools
 import threading
 import weakref
-from collections import OrderedDict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from typing import Any, ClassVar, Generic, ParamSpec, Protocol, TypeVar
+
+import cachetools
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -24,53 +25,23 @@ class Large(Protocol):
 L = TypeVar("L", bound=Large)
 
 
-class SizedCache(Generic[P, R]):
-    """A function whose results are kept, the last used ones, up to a limit in bytes.
+def sized_cache(size: Callable[[Any], float], limit: float) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator that keeps results of a function, the last used ones, up to `limit` bytes.
 
-    The newest is kept whatever its size. Calls may come from several threads.
+    The newest is kept whatever its size. Arguments must be hashable; calls may come from several threads.
+
+    Args:
+        size: tells the bytes of a result.
+        limit: bytes.
 
     Example:
         >>> import numpy as np
-        >>> squares = SizedCache(lambda n: np.arange(float(n)) ** 2, lambda block: block.nbytes, 1e6)
+        >>> squares = sized_cache(lambda block: block.nbytes, 1e6)(lambda n: np.arange(float(n)) ** 2)
         >>> squares(3) is squares(3)
         True
     """
-
-    def __init__(self, function: Callable[P, R], size: Callable[[Any], int], limit: float) -> None:
-        """Keep results of `function`, of which `size` tells the bytes, up to `limit` bytes."""
-        functools.update_wrapper(self, function)
-        self._function, self._size, self._limit = function, size, limit
-        self._lock = threading.Lock()
-        self._held: OrderedDict[Hashable, R] = OrderedDict()
-        self._bytes = 0
-
-    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
-        """Return what is held of these arguments, which must be hashable, or what the function makes of them."""
-        key = (args, tuple(kwargs.items()))
-        with self._lock:
-            if key in self._held:
-                self._held.move_to_end(key)
-                return self._held[key]
-        made = self._function(*args, **kwargs)
-        with self._lock:
-            if key not in self._held:
-                self._held[key] = made
-                self._bytes += self._size(made)
-            while self._bytes > self._limit and len(self._held) > 1:
-                _, oldest = self._held.popitem(last=False)
-                self._bytes -= self._size(oldest)
-            return made
-
-    def cache_clear(self) -> None:
-        """Forget all results."""
-        with self._lock:
-            self._held.clear()
-            self._bytes = 0
-
-
-def sized_cache(size: Callable[[Any], int], limit: float) -> Callable[[Callable[P, R]], SizedCache[P, R]]:
-    """Return a decorator that keeps results of a function up to `limit` bytes; `size` tells those of one."""
-    return lambda function: SizedCache(function, size, limit)
+    kept: cachetools.LRUCache[Any, Any] = cachetools.LRUCache(limit, getsizeof=lambda made: min(size(made), limit))
+    return cachetools.cached(kept, lock=threading.Lock())
 
 
 def always(value: R) -> Callable[[], R]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.compiled import compiled
-from mjfish.sized_cache import SizedCache, sized_cache
+from mjfish.sized_cache import sized_cache
 
 P = ParamSpec("P")
 
@@ -94,7 +94,7 @@ class JointMotion:
         return nodes, angle, rate
 
 
-def cached(limit: float) -> Callable[[Callable[P, JointMotion]], SizedCache[P, JointMotion]]:
+def cached(limit: float) -> Callable[[Callable[P, JointMotion]], Callable[P, JointMotion]]:
     """Return a decorator that keeps the motions that a function returns, up to `limit` bytes of them."""
     return sized_cache(lambda motion: motion.nbytes, limit)
 

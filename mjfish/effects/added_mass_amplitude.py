@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mjfish.effects.beat_amplitude import TAU, keulegan_carpenter
+from mjfish.effects.beat_amplitude import keulegan_carpenter
 from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.effects.mechanism import Domain
-from mjfish.effects.momentum_rate import momentum_rate
+from mjfish.effects.momentum_rate import added_mass_excess
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
 
@@ -17,27 +17,10 @@ from mjfish.parameter import Parameter
 @load(memory=8)
 def _excess(link: Any, parameters: Any) -> tuple[float, ...]:
     """Return the force of the missing added mass, and the rates of y, s and of the lags of both momenta."""
-    way, square = link.memory[0], link.memory[1]
     height = np.sqrt(4.0 * link.added[0] / (np.pi * link.density * link.length))
-    number = keulegan_carpenter(square, height)
+    number = keulegan_carpenter(link.memory[1], height)
     excess = -parameters[0] * number**2 / (number**2 + parameters[1] ** 2)
-    momentum = link.c_m * (link.added[0] * link.v + link.added[1] * link.w)
-    turning = link.c_m * (link.added[1] * link.v + link.added[2] * link.w)
-    rate, a, b, c = momentum_rate(momentum, link.memory[2], link.memory[3], link.memory[4])
-    turn_rate, turn_a, turn_b, turn_c = momentum_rate(turning, link.memory[5], link.memory[6], link.memory[7])
-    return (
-        excess * link.w * momentum,
-        -excess * rate,
-        -excess * (turn_rate + link.munk * link.u * momentum),
-        link.v + 0.5 * link.length * link.w - way / TAU,
-        (way * way - square) / TAU,
-        a,
-        b,
-        c,
-        turn_a,
-        turn_b,
-        turn_c,
-    )
+    return added_mass_excess(link, excess)
 
 
 class AddedMassAmplitude(Effect):

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import functools
 import importlib
-import importlib.util
 import pkgutil
 import sys
-import traceback
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -15,8 +13,9 @@ from types import ModuleType
 import cloudpickle
 
 from mjfish.effects.effect import Effect
-from mjfish.errors import InputError, MjfishError, UnknownNameError, located
+from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish
+from mjfish.user_code import user_code
 
 
 @functools.cache
@@ -62,24 +61,12 @@ def find(name: str, known: dict[str, Effect] | None = None) -> Effect:
 @functools.cache
 def _from_file(path: Path, _stamp: int) -> list[Effect]:
     """Run the file and return its causes; again after an edit, which changes the stamp."""
-    spec = importlib.util.spec_from_file_location(f"mjfish_user_effects_{path.stem}", path)
-    if spec is None or spec.loader is None:
-        raise InputError("not a Python file; a file of effects ends in .py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    cloudpickle.register_pickle_by_value(module)  # workers lack the file
-    try:
-        spec.loader.exec_module(module)
+    with user_code(path) as module:
+        cloudpickle.register_pickle_by_value(module)  # workers lack the file
         found = _effects_in(module)
         for effect in found:
             if effect.load is not None:
                 _ = effect.load.address, effect.load.gradient  # compiled here, where a mistake is the file's
-    except MjfishError:
-        raise
-    except (Exception, SystemExit) as error:  # whatever a user's file raises is bad input here
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-        where = f"line {lines[-1]}: " if lines else ""
-        raise InputError(f"{where}running the file failed: {type(error).__name__}: {error}; correct it") from error
     if not found:
         raise InputError("no subclass of mjfish.effects.Effect found; define one")
     return found

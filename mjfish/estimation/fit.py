@@ -6,7 +6,7 @@ Fits from many starts: is the optimum that was found the only one, and the best?
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -34,6 +34,8 @@ _UNKNOWN = 1e200
 _EXACT = 400
 #: LSMR to the last digits: steps, and so their number, are then those of the exact solver.
 _EXACTLY = {"atol": 1e-12, "btol": 1e-12, "regularize": False}
+#: Relative change of the cost from which a fit goes on without bounds.
+_NEAR = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,25 +220,9 @@ def _minimised(
     turned = _Turned(problem, scale, large) if loss == "linear" else _Rows(problem, scale)
     with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
         some = _Some.of(turned, x0 / scale)
-        moving = some.moving
-        solution = optimize.least_squares(
-            some.residual,
-            some.start[moving],
-            jac=some.jacobian,
-            bounds=((low / scale)[moving], (high / scale)[moving]),
-            method="trf",
-            x_scale="jac",
-            tr_solver="lsmr" if large else "exact",
-            tr_options={**_EXACTLY, "maxiter": 10 * len(scale)} if large else {},
-            ftol=tolerance,
-            xtol=1e-8,
-            gtol=1e-10,
-            max_nfev=evaluations,
-            loss=loss,
-            f_scale=loss_scale,
-        )
-    ended, gradient = some.whole(solution.x), np.zeros(len(scale))
-    gradient[moving] = solution.grad
+        options = {"x_scale": "jac", "xtol": 1e-8, "gtol": 1e-10, "loss": loss, "f_scale": loss_scale}
+        options |= {"tr_solver": "lsmr", "tr_options": {**_EXACTLY, "maxiter": 10 * len(scale)}} if large else {}
+        ended, gradient, solution = _solved(some, (low / scale, high / scale), tolerance, evaluations, options)
     x, at_bound = _settle(ended * scale, low, high, gradient)
     end = End(
         x,
@@ -248,6 +234,47 @@ def _minimised(
         2.0 * float(solution.cost),
     )
     return _fit_at(turned, _Ended(problem, end, loss, loss_scale))
+
+
+def _solved(
+    some: _Some, limits: tuple[FloatArray, FloatArray], tolerance: float, evaluations: int, options: Mapping[str, Any]
+) -> tuple[FloatArray, FloatArray, optimize.OptimizeResult]:
+    """Return parameters and gradient (p,) where the optimiser ended, and what it says; its evaluations are all.
+
+    It scales steps by distances to bounds, which leaves next to nothing of one along a narrow valley. Near the optimum
+    it goes on as if there were none, but for those that estimates rest on; where a step crosses one, it does with them.
+    """
+    gradient, used = np.zeros(len(some.start)), 0
+    for free, until in ((False, max(tolerance, _NEAR)), (True, tolerance), (False, tolerance)):
+        here = some
+        if free:
+            resting = _settle(some.start, *limits, gradient)[1]
+            here = replace(some, moving=some.moving[~resting[some.moving]])
+        low, high = (limit[here.moving] for limit in limits)
+        crossed = False
+
+        def walled(moved: FloatArray, here: _Some = here, low: FloatArray = low, high: FloatArray = high) -> FloatArray:
+            nonlocal crossed
+            outside = bool(np.any((moved < low) | (moved > high)))
+            crossed = crossed or outside
+            return np.full(1, np.inf) if outside else here.residual(moved)
+
+        found = optimize.least_squares(
+            walled if free else here.residual,
+            here.start[here.moving],
+            jac=here.jacobian,
+            bounds=(-np.inf, np.inf) if free else (low, high),
+            ftol=until,
+            max_nfev=evaluations - used,
+            **options,
+        )
+        used += int(found.nfev)
+        some = replace(some, start=here.whole(found.x))
+        gradient[here.moving] = found.grad
+        if found.status <= 0 or used >= evaluations or (until <= tolerance and not crossed):
+            break
+    found.nfev = used
+    return some.start, gradient, found
 
 
 @dataclass(frozen=True, eq=False)
@@ -396,10 +423,13 @@ class _Turned(_Rows):
         super().__init__(problem, scale)
         self._large, self._least = large, np.inf
         self._rows: dict[bytes, BlockAngular] = {}
+        self._seen = np.zeros(0)
         self._best: tuple[FloatArray, FloatArray, BlockAngular] | None = None
 
     def residual(self, y: FloatArray) -> FloatArray:
         """Return the residual at y (p,)."""
+        if self._best is not None and np.array_equal(self._best[0], y):
+            return self._seen
         whole, turned = super().residual(y), np.zeros(len(y) + 1)
         square = float(whole @ whole)
         if square >= self._least * (1.0 + _ABOVE):
@@ -414,10 +444,14 @@ class _Turned(_Rows):
         self._rows = {y.tobytes(): factors.triangle.scaled(columns=-self.scale)}
         if square < self._least:
             self._least, self._best = square, (y.copy(), whole[: len(whole) - len(self.mean)], jacobian)
+            self._seen = turned
         return turned
 
     def jacobian(self, y: FloatArray) -> FloatArray | sparse.csr_array:
         """Return its derivative at y (p,), the last point that was below all before; without its zeros if large."""
+        if y.tobytes() not in self._rows:  # where the optimiser begins anew
+            self._least = np.inf
+            self.residual(y)
         rows = self._rows[y.tobytes()]
         if self._large:
             return rows.sparse(len(y) + 1)

@@ -275,14 +275,16 @@ def _measured_motion(trial: Trial, step: float) -> JointMotion:
 
 @sized_cache(lambda joints: sum(int(joint.spline.c.nbytes + joint.spline.t.nbytes) for joint in joints), 0.1e9)
 def recorded_joints(trial: Trial) -> tuple[measured.Smoothed, ...]:
-    """Return the recorded joint angles, smoothed; less smooth where what is left is allowed for.
+    """Return the recorded joint angles; measured ones smoothed, less so where what is left is allowed for.
 
     They are kept longer than the far larger motions.
     """
     angle = np.zeros((0, 0)) if trial.joint_angle is None else trial.joint_angle
+    if trial.commanded:
+        return tuple(measured.exact(trial.time, column, from_rest=trial.starts_at_rest) for column in angle.T)
     share = 1.0 if trial.measured.any() else measured.ALLOWED
     found = (measured.smoothing(trial.time, column, share) for column in angle.T)
-    return tuple(measured.Smoothed(joint.spline, joint.penalty, joint.sigma) for joint in found)
+    return tuple(measured.Smoothed(joint.spline, joint.sigma, joint.intensity) for joint in found)
 
 
 def joint_motion(asked: JointMotion, trial: Trial, servos: Servos) -> JointMotion:

@@ -77,7 +77,7 @@ class JointErrors:
 
     Attributes:
         time: (n,) of all samples of joints and sensors, each once [s].
-        intensity: (joints,) q, for times in units of `unit`.
+        intensity: (joints, n - 1) q until the next time, for times in units of `unit`.
         information: (joints, n, 3, 3) L of every joint, likewise: all numbers are of one size then.
         unit: the median step [s].
         start: (d, d) covariance of the state at the first time.
@@ -107,8 +107,9 @@ class JointErrors:
         measured[np.searchsorted(time, trial.time - _SAME)] = True
         unit = float(np.median(np.diff(time)))
         scale = unit ** -np.arange(3.0)
-        sigma, penalty = (np.array([getattr(joint, of) for joint in joints]) for of in ("sigma", "penalty"))
-        intensity = sigma**2 / penalty * unit**5
+        sigma = np.array([joint.sigma for joint in joints])
+        at = np.searchsorted(trial.time, time[1:] - _SAME) - 1
+        intensity = np.stack([joint.intensity[at] for joint in joints]) * unit**5
         information = _information(np.diff(time) / unit, measured, sigma, intensity)
         begin = np.linalg.inv(information[:, 0]) * (scale[:, None] * scale)
         return cls(time, intensity, information, unit, linalg.block_diag(np.zeros((HEAD, HEAD)), *begin), along)
@@ -134,7 +135,7 @@ class JointErrors:
             for j, intensity in enumerate(self.intensity):
                 at = slice(HEAD + JOINT * j, HEAD + JOINT * (j + 1))
                 left, right = (moved[to, :, HEAD + JOINT * (2 * j + k) :][:, :, :JOINT] for k in (0, 1))
-                q = intensity * driven
+                q = intensity[first : first + len(driven), None, None] * driven
                 shrink = np.linalg.inv(np.eye(JOINT) + q @ later[j])
                 transition[to, at, at] = own = shrink @ forward * (scale[:, None] / scale)
                 transition[to, :HEAD, at] = left + right @ own
@@ -192,12 +193,12 @@ class JointErrors:
 
 
 def _information(steps: FloatArray, measured: BoolArray, sigma: FloatArray, intensity: FloatArray) -> FloatArray:
-    """Return L (joints, n, 3, 3) of steps (n - 1,); where `measured` (n,) says so, the angles are data of `sigma`."""
+    """Return L (joints, n, 3, 3) of steps (n - 1,) and q (joints, n - 1); `measured` (n,): where angles are data."""
     found = np.zeros((len(sigma), len(measured), JOINT, JOINT))
     found[:, :, 0, 0] = measured / sigma[:, None] ** 2
     for k in range(len(steps) - 1, -1, -1):
         later, (forward, driven) = found[:, k + 1], _prior(steps[k])
-        own = np.linalg.inv(np.eye(JOINT) + intensity[:, None, None] * driven @ later) @ forward
+        own = np.linalg.inv(np.eye(JOINT) + intensity[:, k, None, None] * driven @ later) @ forward
         back = forward.T @ later @ own
         found[:, k] += 0.5 * (back + back.transpose(0, 2, 1))
     return found

@@ -288,7 +288,7 @@ def test_an_importer_in_a_file_of_ones_own_works_the_same(tmp_path: Path) -> Non
 
 BROKEN = {
     "no function": ("x = 1\n", "defines no function 'import_files'"),
-    "fails": ("raise ValueError('no')\n", "fails when it is read: ValueError: no"),
+    "fails": ("raise ValueError('no')\n", "line 1: running the file failed: ValueError: no"),
 }
 
 

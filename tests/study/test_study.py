@@ -6,10 +6,7 @@ import csv
 import errno
 import json
 import os
-import platform
 import shutil
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from tempfile import mkstemp
@@ -92,15 +89,11 @@ def test_what_is_wrong_with_a_dataset_fails_its_piece(tmp_path: Path) -> None:
     assert (ran.made, ran.failed) == (2, 1)
 
 
-def _holder(host: str, pid: int) -> str:
-    return json.dumps({"pid": pid, "host": host, "shard": [1, 1]})
-
-
 def test_two_runs_into_one_folder_are_refused(tmp_path: Path) -> None:
     """Also where they share some pieces only; shares without a common piece run side by side."""
     with locked(tmp_path, Shard(1, 2)):
         for other in (Shard(1, 2), Shard(), Shard(3, 4)):
-            with pytest.raises(InputError, match=f"process {os.getpid()} on .* is at work"), locked(tmp_path, other):
+            with pytest.raises(InputError, match="another run is at work"), locked(tmp_path, other):
                 pass
         with locked(tmp_path, Shard(2, 2)):
             pass
@@ -108,23 +101,12 @@ def test_two_runs_into_one_folder_are_refused(tmp_path: Path) -> None:
         pass
 
 
-def test_the_lock_of_a_process_that_ended_is_taken_over_and_that_of_another_host_is_not(tmp_path: Path) -> None:
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    lock = tmp_path / "run-1-of-1.lock"
-    for pid in (ended.pid, os.getpid()):  # the second: a number that was given again, as in containers
-        lock.write_text(_holder(platform.node(), pid))
-        with locked(tmp_path, Shard()):
-            assert json.loads(lock.read_text())["pid"] == os.getpid()
-        lock.write_text(_holder(platform.node(), pid))
-        with locked(tmp_path, Shard(1, 2)):
-            assert not lock.exists()
-    for text in (_holder("elsewhere", ended.pid), _holder(platform.node(), os.getppid()), "{"):
-        lock.write_text(text)
-        with pytest.raises(InputError, match="delete"), locked(tmp_path, Shard()):
+def test_the_lock_of_a_process_that_ended_is_taken_over(tmp_path: Path) -> None:
+    """Whatever the file says: the system knows who holds it."""
+    (tmp_path / "run-1-of-1.lock").write_text("left behind")
+    for shard in (Shard(1, 2), Shard()):
+        with locked(tmp_path, shard):
             pass
-        assert lock.read_text() == text
-    assert [path.name for path in tmp_path.iterdir()] == [lock.name]
 
 
 def test_a_folder_that_cannot_be_written_is_a_named_error(tmp_path: Path) -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -16,7 +13,8 @@ from mjfish.data.importers.markers import import_fishsim, import_markers
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import import_poses, import_velocities
 from mjfish.data.importers.unknown import describe, foreign
-from mjfish.errors import InputError, MjfishError, UnknownNameError
+from mjfish.errors import InputError, UnknownNameError, located
+from mjfish.user_code import user_code
 
 
 class Importer(Protocol):
@@ -68,17 +66,8 @@ def find(importer: str | Path) -> Importer:
         raise UnknownNameError("importer", str(importer), IMPORTERS, "or give a Python file")
     if not path.is_file():
         raise InputError(f"{path}: no such file; give the Python file of an importer, or one of {', '.join(IMPORTERS)}")
-    spec = importlib.util.spec_from_file_location(f"mjfish_importer_{uuid.uuid4().hex}", path)
-    assert spec is not None and spec.loader is not None  # noqa: S101, PT018 - a .py file always has a loader
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # where annotations of its classes are looked up
-    try:
-        spec.loader.exec_module(module)
-    except MjfishError:
-        raise
-    except Exception as error:
-        raise InputError(f"{path}: fails when it is read: {type(error).__name__}: {error}; correct it") from error
-    function = getattr(module, FUNCTION, None)
+    with located(str(path)), user_code(path) as module:
+        function = getattr(module, FUNCTION, None)
     if not callable(function):
         raise InputError(
             f"{path}: defines no function '{FUNCTION}', expected {FUNCTION}(files, held_out=(), mapping=None) that "
