@@ -18,7 +18,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import merged
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.effects.effect import Effect
+from mjfish.effects.effect import Effect, variant
 from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Fit, Problem
 from mjfish.hydro.load import Load, load
@@ -64,32 +64,19 @@ class _Term(Effect):
     confirm: ClassVar[str] = "find the cause"
 
 
-def _terms(name: str, unit: str) -> tuple[Parameter, ...]:
-    return tuple(
-        Parameter(f"{name}.term_{k}", unit, 0.0, -1e6, 1e6, 0.0, 0.1, about=function)
+def _term(name: str, summary: str, of: Load) -> Effect:
+    declared = tuple(
+        Parameter(f"{name}.term_{k}", "SI", 0.0, -1e6, 1e6, 0.0, 0.1, about=function)
         for k, function in enumerate(_FUNCTIONS)
     )
+    return variant(_Term, name=name, summary=summary, parameters=declared, load=of)
 
 
-class _AlongLink(_Term):
-    name: ClassVar[str] = "force_along"
-    summary: ClassVar[str] = "a force along every link"
-    parameters: ClassVar[tuple[Parameter, ...]] = _terms("force_along", "SI")
-    load: ClassVar[Load | None] = _surge_load
-
-
-class _AcrossLink(_Term):
-    name: ClassVar[str] = "force_across"
-    summary: ClassVar[str] = "a force across every link"
-    parameters: ClassVar[tuple[Parameter, ...]] = _terms("force_across", "SI")
-    load: ClassVar[Load | None] = _sway_load
-
-
-class _Moment(_Term):
-    name: ClassVar[str] = "moment"
-    summary: ClassVar[str] = "a moment on every link"
-    parameters: ClassVar[tuple[Parameter, ...]] = _terms("moment", "SI")
-    load: ClassVar[Load | None] = _yaw_load
+_TERMS = (
+    _term("force_along", "a force along every link", _surge_load),
+    _term("force_across", "a force across every link", _sway_load),
+    _term("moment", "a moment on every link", _yaw_load),
+)
 
 
 @dataclass(frozen=True)
@@ -123,7 +110,7 @@ def describe(problem: Problem, fit: Fit, rng: np.random.Generator) -> Descriptio
     random halves of the runs choose them too (stability selection by complementary pairs, [Shah2013]). The result says
     how the missing force looks, not why.
     """
-    evidence = gather(problem, fit, (_AlongLink(), _AcrossLink(), _Moment()))
+    evidence = gather(problem, fit, _TERMS)
     labels = [f"{effect.summary} ~ {p.about}" for effect in evidence.candidates for p in effect.parameters]
     scales = np.array([p.scale for effect in evidence.candidates for p in effect.parameters])
     chosen = _pursuit(evidence.score, evidence.information)

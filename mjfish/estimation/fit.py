@@ -219,61 +219,55 @@ def _minimised(
     large = loss == "linear" and len(scale) > _EXACT
     turned = _Turned(problem, scale, large) if loss == "linear" else _Rows(problem, scale)
     with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
-        some = _Some.of(turned, x0 / scale)
+        some = _Some.of(turned, (low / scale, high / scale), x0 / scale)
         options = {"x_scale": "jac", "xtol": 1e-8, "gtol": 1e-10, "loss": loss, "f_scale": loss_scale}
-        options |= {"tr_solver": "lsmr", "tr_options": {**_EXACTLY, "maxiter": 10 * len(scale)}} if large else {}
-        ended, gradient, solution = _solved(some, (low / scale, high / scale), tolerance, evaluations, options)
+        options |= {"tr_solver": "lsmr" if large else "exact"}
+        options |= {"tr_options": {**_EXACTLY, "maxiter": 10 * len(scale)} if large else {}}
+        ended, gradient, solution = _solved(some, tolerance, evaluations, options)
     x, at_bound = _settle(ended * scale, low, high, gradient)
     end = End(
         x,
         ended,
         at_bound,
-        "converged" if solution.status > 0 else "failed" if solution.nfev < evaluations else "stopped",
+        "converged" if solution.status > 0 else "failed" if turned.evaluations < evaluations else "stopped",
         str(solution.message),
-        int(solution.nfev),
+        turned.evaluations,
         2.0 * float(solution.cost),
     )
     return _fit_at(turned, _Ended(problem, end, loss, loss_scale))
 
 
 def _solved(
-    some: _Some, limits: tuple[FloatArray, FloatArray], tolerance: float, evaluations: int, options: Mapping[str, Any]
+    some: _Some, tolerance: float, evaluations: int, options: Mapping[str, Any]
 ) -> tuple[FloatArray, FloatArray, optimize.OptimizeResult]:
-    """Return parameters and gradient (p,) where the optimiser ended, and what it says; its evaluations are all.
+    """Return parameters and gradient (p,) where the optimiser ended, and what it says.
 
     It scales steps by distances to bounds, which leaves next to nothing of one along a narrow valley. Near the optimum
     it goes on as if there were none, but for those that estimates rest on; where a step crosses one, it does with them.
     """
-    gradient, used = np.zeros(len(some.start)), 0
-    for free, until in ((False, max(tolerance, _NEAR)), (True, tolerance), (False, tolerance)):
-        here = some
-        if free:
-            resting = _settle(some.start, *limits, gradient)[1]
-            here = replace(some, moving=some.moving[~resting[some.moving]])
-        low, high = (limit[here.moving] for limit in limits)
-        crossed = False
-
-        def walled(moved: FloatArray, here: _Some = here, low: FloatArray = low, high: FloatArray = high) -> FloatArray:
-            nonlocal crossed
-            outside = bool(np.any((moved < low) | (moved > high)))
-            crossed = crossed or outside
-            return np.full(1, np.inf) if outside else here.residual(moved)
-
-        found = optimize.least_squares(
-            walled if free else here.residual,
-            here.start[here.moving],
-            jac=here.jacobian,
-            bounds=(-np.inf, np.inf) if free else (low, high),
-            ftol=until,
-            max_nfev=evaluations - used,
-            **options,
-        )
-        used += int(found.nfev)
+    turned, gradient = some.turned, np.zeros(len(some.start))
+    phases = ((False, max(tolerance, _NEAR)), (True, tolerance), (False, tolerance))
+    for free, until in phases if isinstance(turned, _Turned) else phases[2:]:
+        resting = _settle(some.start, *some.limits, gradient)[1][some.moving]
+        here = _Walled(turned, some.limits, some.start, some.moving[~resting]) if free else some
+        begun = turned.evaluations > 0  # the residual is known there
+        try:
+            found = optimize.least_squares(
+                here.residual,
+                here.start[here.moving],
+                jac=here.jacobian,
+                bounds=(-np.inf, np.inf) if free else here.bounds,
+                ftol=until,
+                max_nfev=evaluations - turned.evaluations + begun,
+                **{**options, "tr_options": dict(options["tr_options"])},  # scipy takes out of it
+            )
+        except _CrossedError:
+            some = replace(some, start=turned.best)
+            continue
         some = replace(some, start=here.whole(found.x))
         gradient[here.moving] = found.grad
-        if found.status <= 0 or used >= evaluations or (until <= tolerance and not crossed):
+        if found.status <= 0 or turned.evaluations >= evaluations or until <= tolerance:
             break
-    found.nfev = used
     return some.start, gradient, found
 
 
@@ -388,10 +382,13 @@ class _Rows:
     def __init__(self, problem: Problem, scale: FloatArray) -> None:
         self.problem, self.scale = problem, scale
         self.prior, self.mean = problem.prior_root, problem.prior_mean
+        self.evaluations = 0
+        self.best = np.zeros(0)  # the point y (p,) of the least sum of squares, where it is known
 
     def residual(self, y: FloatArray) -> FloatArray:
         """Return the residual at y (p,); refuse one that is not finite, as no rollout gives it."""
         x = y * self.scale
+        self.evaluations += 1
         whole = np.concatenate([self.problem.residual(x), self.mean - self.prior @ x])
         if not np.isfinite(whole).all():
             raise FloatingPointError("the residual is not finite")
@@ -444,13 +441,13 @@ class _Turned(_Rows):
         self._rows = {y.tobytes(): factors.triangle.scaled(columns=-self.scale)}
         if square < self._least:
             self._least, self._best = square, (y.copy(), whole[: len(whole) - len(self.mean)], jacobian)
-            self._seen = turned
+            self._seen, self.best = turned, y.copy()
         return turned
 
     def jacobian(self, y: FloatArray) -> FloatArray | sparse.csr_array:
         """Return its derivative at y (p,), the last point that was below all before; without its zeros if large."""
         if y.tobytes() not in self._rows:  # where the optimiser begins anew
-            self._least = np.inf
+            self._least, self._best = np.inf, None
             self.residual(y)
         rows = self._rows[y.tobytes()]
         if self._large:
@@ -477,30 +474,37 @@ class _Some:
 
     Attributes:
         turned: of all parameters.
+        limits: low and high (p,) of y.
         start: (p,) y where the fit begins.
         moving: places of those that move.
     """
 
     turned: _Rows
+    limits: tuple[FloatArray, FloatArray]
     start: FloatArray
     moving: IntArray
 
     @classmethod
-    def of(cls, turned: _Rows, start: FloatArray) -> _Some:
+    def of(cls, turned: _Rows, limits: tuple[FloatArray, FloatArray], start: FloatArray) -> _Some:
         """Return them for a fit that begins at y (p,)."""
         pairs = [*zip(turned.problem.parameters, start * turned.scale, strict=True)]
         acting = {p.group for p, value in pairs if not p.shape and value != p.default}
         shapes = np.array([p.shape and p.group in acting for p, _ in pairs], dtype=np.bool_)
         if not shapes.any():
-            return cls(turned, start, np.arange(len(shapes)))
+            return cls(turned, limits, start, np.arange(len(shapes)))
         turned.residual(start)
         lengths = np.sqrt(np.asarray(sparse.csr_array(turned.jacobian(start)).power(2).sum(axis=0)).ravel())
-        return cls(turned, start, np.flatnonzero(~(shapes & (lengths <= _IDLE * lengths.max(initial=0.0)))))
+        return cls(turned, limits, start, np.flatnonzero(~(shapes & (lengths <= _IDLE * lengths.max(initial=0.0)))))
 
     @property
     def problem(self) -> Problem:
         """The problem that is solved."""
         return self.turned.problem
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Low and high of those that move."""
+        return self.limits[0][self.moving], self.limits[1][self.moving]
 
     def whole(self, moved: FloatArray) -> FloatArray:
         """Return all parameters y (p,)."""
@@ -515,6 +519,21 @@ class _Some:
     def jacobian(self, moved: FloatArray) -> Any:
         """Return its derivative."""
         return self.turned.jacobian(self.whole(moved))[:, self.moving]
+
+
+class _CrossedError(Exception):
+    """A step crosses a bound."""
+
+
+class _Walled(_Some):
+    """The same within the bounds; beyond them the residual raises `_CrossedError`."""
+
+    def residual(self, moved: FloatArray) -> FloatArray:
+        """Return the residual."""
+        low, high = self.bounds
+        if np.any((moved < low) | (moved > high)):
+            raise _CrossedError
+        return super().residual(moved)
 
 
 def slope(loss: Loss, z: FloatArray) -> FloatArray:

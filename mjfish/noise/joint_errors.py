@@ -51,6 +51,8 @@ _QUINTIC = np.array(
         [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
     ]
 )
+#: The same of their values, rates and accelerations.
+_BASIS = np.stack([np.pad(np.polynomial.polynomial.polyder(_QUINTIC, k, axis=1), ((0, 0), (0, k))) for k in range(3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,12 +284,8 @@ def _move(
 def _quintic(s: float, w: float, out: FloatArray) -> None:
     """Write value, rate and acceleration of the quintics (3, 6) of unit value, rate, acceleration at 0, then at w."""
     for c in range(6):
-        scale = w ** (c % 3)
         for order in range(3):
             value = 0.0
-            for power in range(order, 6):
-                factor = 1.0
-                for m in range(order):
-                    factor *= power - m
-                value += _QUINTIC[c, power] * factor * s ** (power - order)
-            out[order, c] = value * scale / w**order
+            for power in range(5, -1, -1):
+                value = value * s + _BASIS[order, c, power]
+            out[order, c] = value * w ** (c % 3 - order)

@@ -164,14 +164,16 @@ def test_between_exact_samples_a_step_is_off_by_what_is_said() -> None:
     assert np.mean(said, axis=0)[[10, 40]].max() < 0.001
 
 
-def test_a_command_from_rest_begins_at_rest() -> None:
-    """A tail that goes to its beat within a sample: a spline of free ends begins at 16 rad/s."""
+def test_a_command_from_rest_begins_at_rest_or_with_a_jump_of_its_rate() -> None:
+    """A tail that goes to its beat within two samples: a spline of free ends begins at -11 rad/s; a beat at 3."""
     time = np.arange(0.0, 1.0, 1.0 / 30.0)
-    command = -0.3 * np.expm1(-((time / 0.02) ** 2)) * np.sin(9.0 * time + 1.0)
-    free, still = (exact(time, command, from_rest=rest).spline for rest in (False, True))
+    sudden = -0.3 * np.expm1(-((time / 0.05) ** 3)) * np.sin(9.0 * time + 1.0)
+    free, still = (exact(time, sudden, from_rest=rest).spline for rest in (False, True))
     assert abs(float(free(0.0, nu=1))) > 10.0
     assert abs(float(still(0.0, nu=1))) < 1e-9
-    np.testing.assert_allclose(still(time), command, atol=1e-12)
+    np.testing.assert_allclose(still(time), sudden, atol=1e-12)
+    beat = exact(time, 0.3 * np.sin(10.0 * time), from_rest=True).spline
+    assert float(beat(0.0, nu=1)) == pytest.approx(3.0, abs=1e-3)
 
 
 def test_so_few_samples_are_interpolated_too() -> None:
