@@ -27,7 +27,7 @@ _NETWORK = {
 }
 _UNSAFE = {"pickle", "marshal", "shelve", "runpy", "code", "yaml", "joblib", "dill", "cloudpickle"}
 #: Where the promise allows it.
-_RUNS_FILES = {"effects/catalogue.py", "data/importers/registry.py"}
+_RUNS_FILES = {"user_code.py"}
 #: What goes to workers and comes back from them.
 _SENDS = {"executors.py", "hydro/load.py", "effects/catalogue.py"}
 _RUNS_PROGRAMS = {"reporting/log/viewer.py", "diagnosis/provenance.py"}

@@ -192,9 +192,8 @@ def _interpolated(time: FloatArray, signal: FloatArray, still: bool) -> BSpline:
     spline = make_interp_spline(time, signal, k=degree)
     if not still or degree < _DEGREE:
         return spline
-    knots = np.insert(spline.t, degree + 1, time[2])  # one more, for the rate
-    rate: Any = ([(1, 0.0)], None)
-    return make_interp_spline(time, signal, k=degree, t=knots, bc_type=rate)
+    resting: dict[str, Any] = {"t": np.insert(spline.t, degree + 1, time[2]), "bc_type": ([(1, 0.0)], None)}
+    return make_interp_spline(time, signal, k=degree, **resting)
 
 
 def _roughness(knots: FloatArray) -> sparse.csr_array:

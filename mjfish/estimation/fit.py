@@ -229,7 +229,7 @@ def _minimised(
         x,
         ended,
         at_bound,
-        "converged" if solution.status > 0 else "failed" if turned.evaluations < evaluations else "stopped",
+        "converged" if solution.status > 0 else "failed" if solution.status < 0 else "stopped",
         str(solution.message),
         turned.evaluations,
         2.0 * float(solution.cost),
@@ -250,7 +250,7 @@ def _solved(
     for free, until in phases if isinstance(turned, _Turned) else phases[2:]:
         resting = _settle(some.start, *some.limits, gradient)[1][some.moving]
         here = _Walled(turned, some.limits, some.start, some.moving[~resting]) if free else some
-        begun = turned.evaluations > 0  # the residual is known there
+        most = evaluations - turned.evaluations + (turned.evaluations > 0)  # where it begins anew is known
         try:
             found = optimize.least_squares(
                 here.residual,
@@ -258,14 +258,15 @@ def _solved(
                 jac=here.jacobian,
                 bounds=(-np.inf, np.inf) if free else here.bounds,
                 ftol=until,
-                max_nfev=evaluations - turned.evaluations + begun,
+                max_nfev=most,
                 **{**options, "tr_options": dict(options["tr_options"])},  # scipy takes out of it
             )
         except _CrossedError:
             some = replace(some, start=turned.best)
             continue
-        some = replace(some, start=here.whole(found.x))
-        gradient[here.moving] = found.grad
+        some, gradient[here.moving] = replace(some, start=here.whole(found.x)), found.grad
+        if found.status == 0 and found.nfev < most:
+            found.status = -1  # it ended, though there was more to do
         if found.status <= 0 or turned.evaluations >= evaluations or until <= tolerance:
             break
     return some.start, gradient, found

@@ -55,7 +55,7 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_no_python_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"mine.txt: not a Python file; expected a name that ends in .py"):
+    with pytest.raises(InputError, match=r"mine.txt: not a Python file, expected a name that ends in .py"):
         catalogue([_file(tmp_path, VALID, "mine.txt")])
 
 
