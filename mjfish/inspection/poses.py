@@ -187,7 +187,7 @@ def _run(trial: Trial, model: Model, shifts: FloatArray) -> _Run | None:
     ways = [np.diff(mean[:, 0] + 1j * mean[:, 1]) for mean, _ in place]
     means = np.column_stack([mean for mean, _ in heading])
     between = 0.5 * (means[1:] + means[:-1])
-    ahead = float(np.nanmean(np.real(ways[1] * np.exp(-1j * between[:, 1]))))
+    ahead, there = float(np.nansum(np.real(ways[1] * np.exp(-1j * between[:, 1])))), np.isfinite(ways[1])
     swing, swings = heading[0][1], []
     for by in shifts:
         at = np.clip(short.sensors[1].time + by, joints.time[0], joints.time[-1])
@@ -204,7 +204,7 @@ def _run(trial: Trial, model: Model, shifts: FloatArray) -> _Run | None:
         products=np.nansum(swing * swings, axis=1) / power,
         squares=np.nansum(np.square(swings), axis=1) / power + _DUST,
         phased=(trial.wave is None or not trial.wave.free) and not seen[1].free_clock,
-        ahead=ahead > max(_CONSTANT * float(np.nanmean(np.abs(ways[1]))), _MOVED * model.fish.length),
+        ahead=ahead > max(_CONSTANT * float(np.sum(np.abs(ways[1][there]))), _MOVED * model.fish.length * there.sum()),
     )
 
 
