@@ -110,7 +110,7 @@ class JointErrors:
         unit = float(np.median(np.diff(time)))
         scale = unit ** -np.arange(3.0)
         sigma = np.array([joint.sigma for joint in joints])
-        at = np.searchsorted(trial.time, time[1:] - _SAME) - 1
+        at = np.minimum(np.searchsorted(trial.time, time[1:] - _SAME), len(trial.time) - 1) - 1
         intensity = np.stack([joint.intensity[at] for joint in joints]) * unit**5
         information = _information(np.diff(time) / unit, measured, sigma, intensity)
         begin = np.linalg.inv(information[:, 0]) * (scale[:, None] * scale)

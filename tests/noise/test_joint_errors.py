@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import mjfish
 from mjfish.arrays import FloatArray
+from mjfish.data import Sensor
 from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.noise import joint_errors
 from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
@@ -98,6 +101,16 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run(stretch: int, monk
         np.diag(dense - np.diag(noise.ravel())).reshape(SAMPLES, 3)[:, :2].ravel(),
         rtol=1e-8,
     )
+
+
+def test_a_sensor_may_go_on_behind_the_last_joint_angle() -> None:
+    """There the intensity is that of the last interval."""
+    trial = mjfish.generate("pike", ["v1"], duration=STEP * (SAMPLES - 1), rate=1.0 / STEP).trials[0]
+    late = np.append(trial.time, trial.time[-1] + 0.5 * STEP)
+    sensor = Sensor("heading", "heading", late, np.zeros((len(late), 1)))
+    errors = JointErrors.of(replace(trial, sensors=(sensor,)), [_joint(0)], _along(1))
+    assert len(errors.time) == SAMPLES + 1
+    assert errors.intensity[0, -1] == errors.intensity[0, -2]
 
 
 def _driven(k: int, errors: JointErrors, begun: FloatArray, end: FloatArray) -> FloatArray:
