@@ -242,15 +242,16 @@ def _solved(
 ) -> tuple[FloatArray, FloatArray, optimize.OptimizeResult]:
     """Return parameters and gradient (p,) where the optimiser ended, and what it says.
 
-    It scales steps by distances to bounds, which leaves next to nothing of one along a narrow valley. Near the optimum
-    it goes on as if there were none, but for those that estimates rest on; where a step crosses one, it does with them.
+    The optimiser scales steps by distances to bounds. Along a narrow valley next to nothing is left of a step. So it
+    goes on without bounds near the optimum; estimates that rest on one are held. Where a step crosses a bound, it goes
+    on with them.
     """
     turned, gradient = some.turned, np.zeros(len(some.start))
     phases = ((False, max(tolerance, _NEAR)), (True, tolerance), (False, tolerance))
     for free, until in phases if isinstance(turned, _Turned) else phases[2:]:
         resting = _settle(some.start, *some.limits, gradient)[1][some.moving]
         here = _Walled(turned, some.limits, some.start, some.moving[~resting]) if free else some
-        most = evaluations - turned.evaluations + (turned.evaluations > 0)  # where it begins anew is known
+        most = max(evaluations - turned.evaluations + (turned.evaluations > 0), 1)  # where it begins anew is known
         try:
             found = optimize.least_squares(
                 here.residual,
