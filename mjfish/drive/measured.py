@@ -157,43 +157,30 @@ def smoothing(time: FloatArray, signal: FloatArray, share: float = 1.0) -> Smoot
     return Smoothing(BSpline(knots, coefficients, _DEGREE), sigma, intensity, design, bands(penalty), n - free)
 
 
-def exact(time: FloatArray, signal: FloatArray, *, from_rest: bool) -> Smoothed:
+def exact(time: FloatArray, signal: FloatArray) -> Smoothed:
     """Interpolate a signal whose samples have no noise, and say how well it is known between them.
 
-    In the middle between two samples the spline is as far off as one of every second sample is, rms, at these two.
-    Where a signal is smooth that is 2^6 times what it misses; where it steps, it is half the step, and so is that.
-    From rest the rate begins at zero or with a jump, as the splines of every second sample foretell the others better.
+    The spline is the natural one: of all curves through the samples it has the least INT f'''^2 dt [Wahba1990]. In the
+    middle between two samples it is as far off as one of every second sample is, rms, at these two. Where a signal is
+    smooth that is 2^6 times what it misses; where it steps, it is half the step, and so is that.
 
     Args:
         time: (n,) increasing, n > 6 [s].
         signal: (n,).
-        from_rest: whether its rate may begin at zero.
     """
-    still, missed = min(
-        ((still, _left_out(time, signal, still)) for still in ((False, True) if from_rest else (False,))),
-        key=lambda found: float(found[1] @ found[1]),
-    )
-    squares = 0.5 * (missed[:-1] ** 2 + missed[1:] ** 2)
-    intensity = (squares + _EXACT**2) / (_MIDDLE**2 * np.diff(time) ** 5)
-    return Smoothed(_interpolated(time, signal, still), _EXACT, intensity)
-
-
-def _left_out(time: FloatArray, signal: FloatArray, still: bool) -> FloatArray:
-    """Return by how much splines of every second sample miss the others; an end is no better than what is beside it."""
     missed = np.empty_like(signal)
     for first in (0, 1):
         used, left = slice(first, None, 2), slice(1 - first, None, 2)
-        missed[left] = _interpolated(time[used], signal[used], still)(time[left]) - signal[left]
-    return np.pad(missed[1:-1], 1, mode="edge")
+        missed[left] = _natural(time[used], signal[used])(time[left]) - signal[left]
+    missed = np.pad(missed[1:-1], 1, mode="edge")  # an end is no better than what is beside it
+    squares = 0.5 * (missed[:-1] ** 2 + missed[1:] ** 2)
+    intensity = (squares + _EXACT**2) / (_MIDDLE**2 * np.diff(time) ** 5)
+    return Smoothed(_natural(time, signal), _EXACT, intensity)
 
 
-def _interpolated(time: FloatArray, signal: FloatArray, still: bool) -> BSpline:
-    degree = min(_DEGREE, len(time) - 1)
-    spline = make_interp_spline(time, signal, k=degree)
-    if not still or degree < _DEGREE:
-        return spline
-    resting: dict[str, Any] = {"t": np.insert(spline.t, degree + 1, time[2]), "bc_type": ([(1, 0.0)], None)}
-    return make_interp_spline(time, signal, k=degree, **resting)
+def _natural(time: FloatArray, signal: FloatArray) -> BSpline:
+    ends: Any = [(3, 0.0), (4, 0.0)]
+    return make_interp_spline(time, signal, k=_DEGREE, bc_type=(ends, ends))
 
 
 def _roughness(knots: FloatArray) -> sparse.csr_array:

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of
+from mjfish.block_angular import IntArray
 from mjfish.data import Sensor, Trial
 from mjfish.model.model import Prepared, recorded_joints
 from mjfish.model.sensing import Camera, Moments, moments
 from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
-from mjfish.noise.kalman import Gains, whitened
+from mjfish.noise.kalman import Gains, filtered_states, whitened
 from mjfish.ode.jacobians import input_jacobian, state_jacobian
 from mjfish.ode.rollout import Rollout
 
 #: Steps of the differences of what a sensor reads, by states of the head and by angles.
 _STEP = 1e-6
+#: Place of the heading in the state of the head.
+_YAW = 5
 #: Errors of joint angles that move what a sensor reads by a smaller share of its sigma are left out.
 _MATTERS = 0.1
 
@@ -28,35 +31,63 @@ class Whitening:
     """Whitens the counted samples of the sensors of a trial.
 
     Attributes:
-        rows: places in the times of `filter` of the counted samples of each sensor.
+        places: places in the times of `filter` of all samples of each sensor.
+        masks: (m,) which of them count.
         channels: places of its channels.
         filter: of the channels of all sensors.
     """
 
-    rows: tuple[FloatArray, ...]
+    places: Sequence[IntArray]
+    masks: Sequence[BoolArray]
     channels: list[slice]
     filter: Gains
 
     def __call__(self, blocks: Sequence[FloatArray]) -> list[FloatArray]:
         """Return columns (m, c, k) of the counted samples of each sensor, in physical units, whitened."""
+        rows = [at[mask] for at, mask in zip(self.places, self.masks, strict=True)]
         every = np.zeros((len(self.filter.gain), self.channels[-1].stop, blocks[0].shape[2]))
-        for at, own, block in zip(self.rows, self.channels, blocks, strict=True):
+        for at, own, block in zip(rows, self.channels, blocks, strict=True):
             every[at, own] = block
         white = whitened(self.filter, np.ones(len(every), dtype=np.bool_), every)
-        return [white[at, own] for at, own in zip(self.rows, self.channels, strict=True)]
+        return [white[at, own] for at, own in zip(rows, self.channels, strict=True)]
+
+    def explained(self, left: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return by how much errors of the joints move all samples (m, c), by the counted ones of them and before.
+
+        Args:
+            left: (m, c) what a prediction leaves of each sensor.
+        """
+        series = np.zeros((len(self.filter.gain), self.channels[-1].stop))
+        for at, own, block in zip(self.places, self.channels, left, strict=True):
+            series[at, own] = block
+        read = self.filter.reading
+        moved = np.zeros_like(series)
+        states = filtered_states(self.filter, series)
+        for place, (row, column) in enumerate(zip(read.row, read.column, strict=True)):
+            moved[:, row] += read.value[:, place] * states[:, column]
+        return [moved[at, own] for at, own in zip(self.places, self.channels, strict=True)]
 
 
 def whitening(
-    trial: Trial, run: Prepared, rollout: Rollout, sigma: Sequence[FloatArray], masks: Sequence[BoolArray]
+    trial: Trial,
+    run: Prepared,
+    rollout: Rollout,
+    left: Sequence[FloatArray],
+    sigma: Sequence[FloatArray],
+    masks: Sequence[BoolArray],
 ) -> Whitening | None:
-    """Return what whitens the sensors of a trial whose joints were measured, linearised along a rollout.
+    """Return what whitens the sensors of a trial whose joints were measured, linearised where the fish was.
 
     None where the errors of the joints move no reading by `_MATTERS` of its sigma, rms.
+
+    What errors of joints turn the fish by moves it across its heading: along a rollout that heads elsewhere, a fit
+    would turn it further away. So rollouts are turned to where the filter along them says that the fish headed.
 
     Args:
         trial: the data.
         run: what was simulated.
         rollout: of it; it reached its end.
+        left: (m, c) what it leaves of the samples of each sensor.
         sigma: (c,) of each sensor.
         masks: (m,) which of its samples count.
     """
@@ -71,16 +102,36 @@ def whitening(
     )
     errors = JointErrors.of(trial, recorded_joints(trial), along)
     places = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
-    readings = [_reading(trial, s, moments(run.fish, rollout, run.motion, s.time)) for s in trial.sensors]
+    seen = [moments(run.fish, rollout, run.motion, sensor.time) for sensor in trial.sensors]
     channels = blocks_of([len(sensor.channels) for sensor in trial.sensors])
-    counted = np.zeros((len(errors.time), channels[-1].stop), dtype=np.bool_)
-    rows = tuple(at[mask] for at, mask in zip(places, masks, strict=True))
-    for at, own in zip(rows, channels, strict=True):
-        counted[at, own] = True
-    gains, variances = errors.filter(errors.stacked(places, readings), np.concatenate(sigma), counted)
+    series = np.zeros((len(errors.time), channels[-1].stop))
+    counted = np.zeros(series.shape, dtype=np.bool_)
+    for at, own, mask, block in zip(places, channels, masks, left, strict=True):
+        counted[at, own], series[at, own] = mask[:, None], block
+
+    def filtered(turned: FloatArray) -> tuple[Gains, FloatArray]:
+        """Return the filter along the rollout turned by angles (n,) at the times of the errors, and variances."""
+        state = along.state.copy()
+        state[:, _YAW] += np.interp(along.time, errors.time, turned)
+        readings = [
+            _reading(trial, sensor, _turned(here, turned[at]))
+            for sensor, here, at in zip(trial.sensors, seen, places, strict=True)
+        ]
+        there = replace(errors, along=replace(along, state=state))
+        return there.filter(there.stacked(places, readings), np.concatenate(sigma), counted)
+
+    first = filtered(np.zeros(len(errors.time)))[0]
+    gains, variances = filtered(filtered_states(first, series)[:, _YAW])
     means = [np.mean(variances[at, own], axis=0) for at, own in zip(places, channels, strict=True)]
     matter = np.max(np.sqrt(np.concatenate(means)) / np.concatenate(sigma)) >= _MATTERS
-    return Whitening(rows, channels, gains) if matter else None
+    return Whitening(places, masks, channels, gains) if matter else None
+
+
+def _turned(here: Moments, by: FloatArray) -> Moments:
+    """Return moments of a fish turned on by angles (m,)."""
+    state = here.state.copy()
+    state[:, _YAW] += by
+    return replace(here, state=state)
 
 
 def _reading(trial: Trial, sensor: Sensor, here: Moments) -> FloatArray:

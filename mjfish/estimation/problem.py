@@ -414,14 +414,36 @@ class Problem:
         return _Predicted(velocity, tuple(b.reshape(b.shape[0] * b.shape[1], b.shape[2]) for b in sensors))
 
     def white_sensors(self, index: int, blocks: Sequence[FloatArray]) -> list[FloatArray]:
-        """Return the whitened columns (m, c, k) of the counted samples of each sensor of a trial, from all samples."""
+        """Return the whitened columns (m, c, k) of the counted samples of each sensor of a trial, from all samples.
+
+        Those before the window of a trial are given: errors of its joints are known by them.
+        """
         sensors = self.trials[index].sensors
-        sigma, masks = [self.sigma_of(s) for s in sensors], [self.sensor_mask(index, s) for s in sensors]
-        counted = [block[mask] for block, mask in zip(blocks, masks, strict=True)]
-        errors = self.joint_errors(self.trials[index], sigma, masks) if self.joint_errors is not None else None
+        sigma, (begin, end) = [self.sigma_of(s) for s in sensors], self._window(index)
+        seen = [self._between(index, s, -np.inf, end) for s in sensors]
+        errors = self.joint_errors(self.trials[index], sigma, seen) if self.joint_errors is not None else None
+        white = [block[mask] for block, mask in zip(blocks, seen, strict=True)]
         if errors is not None:
-            return errors(counted)
-        return [block / own[:, None] for block, own in zip(counted, sigma, strict=True)]
+            white = errors(white)
+        else:
+            white = [block / own[:, None] for block, own in zip(white, sigma, strict=True)]
+        return [b[s.time[mask] >= begin] for b, s, mask in zip(white, sensors, seen, strict=True)]
+
+    def explained(self, index: int, left: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return by how much errors of its joints move the sensors of a trial (m, c), as far as they are known.
+
+        That is by the samples before its window; where they are not allowed for, by nothing.
+
+        Args:
+            index: of the trial.
+            left: (m, c) what a prediction leaves of each sensor.
+        """
+        sensors, begin = self.trials[index].sensors, self._window(index)[0]
+        if self.joint_errors is None or begin == -np.inf:
+            return [np.zeros_like(block) for block in left]
+        before = [self._between(index, s, -np.inf, np.nextafter(begin, -np.inf)) for s in sensors]
+        errors = self.joint_errors(self.trials[index], [self.sigma_of(s) for s in sensors], before)
+        return [np.zeros_like(block) for block in left] if errors is None else errors.explained(left)
 
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:
         """Return the derivatives (n, 3, k), (m, c, k) of one trial's prediction by parameters of it or shared."""
@@ -494,15 +516,21 @@ class Problem:
 
         Nor at the ends of measured joint angles, or outside of the window.
         """
+        return self._between(index, sensor, *self._window(index))
+
+    def _window(self, index: int) -> tuple[float, float]:
+        window = self.windows[index] if self.windows is not None else None
+        return (-np.inf, np.inf) if window is None else window
+
+    def _between(self, index: int, sensor: Sensor, begin: float, end: float) -> BoolArray:
+        """Return which samples (m,) of a sensor would count, were this the window."""
         trial = self.trials[index]
-        keep = np.asarray((sensor.time >= trial.time[0] - 1e-9) & (sensor.time <= trial.time[-1] + 1e-9))
+        begin, end = max(begin, trial.time[0] - 1e-9), min(end, trial.time[-1] + 1e-9)
+        if trial.joint_angle is not None:
+            begin, end = max(begin, trial.time[0] + MARGIN), min(end, trial.time[-1] - MARGIN)
+        keep = np.asarray((sensor.time >= begin) & (sensor.time <= end))
         for segment in trial.drive[1:]:
             keep &= np.abs(sensor.time - segment.start) > 1.5 * sensor.step
-        if trial.joint_angle is not None:
-            keep &= (sensor.time >= trial.time[0] + MARGIN) & (sensor.time <= trial.time[-1] - MARGIN)
-        window = self.windows[index] if self.windows is not None else None
-        if window is not None:
-            keep &= (sensor.time >= window[0]) & (sensor.time <= window[1])
         return keep
 
     def sigma_of(self, sensor: Sensor) -> FloatArray:

@@ -227,14 +227,16 @@ def fitted(problem: Problem, x: FloatArray) -> tuple[Residual, ...]:
 
 
 def of_sensors(problem: Problem, x: FloatArray, index: int) -> tuple[SensorResidual, ...]:
-    """Return what the sensors of a trial measured, and what they are predicted to read at `x`."""
-    if not problem.trials[index].sensors:
-        return ()
+    """Return what the sensors of a trial measured, and what they are predicted to read at `x`.
+
+    Errors of its joints are allowed for as far as samples before its window tell them.
+    """
     pairs = zip(problem.sensors, problem.sensor_predictions(x), strict=True)
+    own = [(sensor, predicted) for (i, sensor), predicted in pairs if i == index]
+    moved = problem.explained(index, [sensor.values - predicted for sensor, predicted in own])
     return tuple(
-        SensorResidual(sensor, predicted, problem.sensor_mask(i, sensor))
-        for (i, sensor), predicted in pairs
-        if i == index
+        SensorResidual(sensor, predicted + by, problem.sensor_mask(index, sensor))
+        for (sensor, predicted), by in zip(own, moved, strict=True)
     )
 
 

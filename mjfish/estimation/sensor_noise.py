@@ -63,10 +63,11 @@ class AlongFit:
     def _whitening(self, trial: Trial, sigma: Sequence[FloatArray], masks: Sequence[BoolArray]) -> Whitening | None:
         alone = replace(self.problem, trials=(trial,), joint_errors=None)
         values = alone.named(alone.start(self.values))
-        rollout = alone.prediction(trial, values).rollout
-        if rollout.message:  # nothing is linear about a run that diverges
+        predicted = alone.prediction(trial, values)
+        if predicted.message:  # nothing is linear about a run that diverges
             return None
-        return whitening(trial, alone.model.prepare(trial, values), rollout, sigma, masks)
+        left = [sensor.values - read for sensor, read in zip(trial.sensors, predicted.sensors, strict=True)]
+        return whitening(trial, alone.model.prepare(trial, values), predicted.rollout, left, sigma, masks)
 
 
 def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:

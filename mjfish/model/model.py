@@ -281,7 +281,7 @@ def recorded_joints(trial: Trial) -> tuple[measured.Smoothed, ...]:
     """
     angle = np.zeros((0, 0)) if trial.joint_angle is None else trial.joint_angle
     if trial.commanded:
-        return tuple(measured.exact(trial.time, column, from_rest=trial.starts_at_rest) for column in angle.T)
+        return tuple(measured.exact(trial.time, column) for column in angle.T)
     share = 1.0 if trial.measured.any() else measured.ALLOWED
     found = (measured.smoothing(trial.time, column, share) for column in angle.T)
     return tuple(measured.Smoothed(joint.spline, joint.sigma, joint.intensity) for joint in found)

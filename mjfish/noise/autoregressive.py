@@ -150,7 +150,7 @@ class Autoregressive(Noise):
         for c, series in enumerate(residual.T if self.order else ()):
             seen = np.isfinite(series)
             filter_ = _filter(self.phi[c].tobytes(), float(self.sigma[c]), seen.tobytes())
-            states = filtered_states(filter_, seen, np.nan_to_num(series))
+            states = filtered_states(filter_, np.nan_to_num(series)[:, None])
             for steps, forecast in ahead.items():
                 row = np.linalg.matrix_power(filter_.transition.at(0), steps)[0]
                 forecast[steps:, c] = states[: max(len(states) - steps, 0)] @ row

@@ -157,7 +157,7 @@ class JointErrors:
         """
         (n, m), d = counted.shape, len(self.start)
         spread = np.where(counted, sigma**2, 1.0)[:, :, None] * np.eye(m)
-        used = reading._replace(value=reading.value * counted[:, reading.row])
+        used = reading._replace(value=reading.value * counted[:, reading.row])  # what is missing tells nothing
         gain, root, covariance, total = np.zeros((n, d, m)), np.zeros((n, m, m)), self.start.copy(), 0.0
         alone, unmeasured = np.zeros((n, m)), self.start.copy()
         row, column = np.nonzero(self._moving())
@@ -169,7 +169,7 @@ class JointErrors:
                 np.ones(len(drive), dtype=np.bool_), gain[here], root[here],
             )  # fmt: skip
             variances(moves.part(here), drive, unmeasured, reading.part(here), alone[here])
-        return Gains(moves, used, gain, root, total), alone
+        return Gains(moves, reading, gain, root, total), alone
 
     def _moving(self) -> BoolArray:
         """Return where transitions (d, d) may not be zero."""

@@ -236,14 +236,12 @@ def coloured(filter_: Gains, seen: BoolArray, white: FloatArray) -> FloatArray:
     return np.array(out)
 
 
-def filtered_states(filter_: Gains, seen: BoolArray, series: FloatArray) -> FloatArray:
-    """Return the states s_t|t (n, d) of one channel (n,), what stands where no sample is seen ignored."""
+def filtered_states(filter_: Gains, series: FloatArray) -> FloatArray:
+    """Return the states s_t|t (n, d) of channels (n, m); what stands where no sample is seen is ignored."""
     states, state = np.empty(filter_.gain.shape[:2]), np.zeros(filter_.gain.shape[1])
-    reading, transition = filter_.reading.at(0)[0], filter_.transition.at(0)
-    for t in range(len(seen)):  # the gain is zero where a sample is missing
-        state = state + filter_.gain[t, :, 0] * (series[t] - reading @ state)
-        states[t] = state
-        state = transition @ state
+    for t, gain in enumerate(filter_.gain):  # zero where a sample is missing
+        states[t] = state = state + gain @ (series[t] - filter_.reading.at(t) @ state)
+        state = filter_.transition.at(t) @ state
     return states
 
 

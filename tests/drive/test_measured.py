@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline, make_smoothing_spline
+from scipy.interpolate import BSpline, make_interp_spline, make_smoothing_spline
 from scipy.linalg import eigh
 
 from mjfish.arrays import FloatArray
@@ -155,7 +155,7 @@ def test_between_exact_samples_a_step_is_off_by_what_is_said() -> None:
         def command(t: FloatArray, begins: float = begins, lasts: float = lasts) -> FloatArray:
             return 0.4 * np.sin(6.0 * t) + 0.3 * -np.expm1(-np.maximum(t - begins, 0.0) / lasts)
 
-        found = exact(time, command(time), from_rest=False)
+        found = exact(time, command(time))
         said.append(BETWEEN * np.sqrt(found.intensity * np.diff(time) ** 5))
         errors.append(found.spline(middle) - command(middle))
     off = np.sqrt(np.mean((np.array(errors) / np.array(said)) ** 2, axis=0))
@@ -164,18 +164,25 @@ def test_between_exact_samples_a_step_is_off_by_what_is_said() -> None:
     assert np.mean(said, axis=0)[[10, 40]].max() < 0.001
 
 
-def test_a_command_from_rest_begins_at_rest_or_with_a_jump_of_its_rate() -> None:
-    """A tail that goes to its beat within two samples: a spline of free ends begins at -11 rad/s; a beat at 3."""
-    time = np.arange(0.0, 1.0, 1.0 / 30.0)
-    sudden = -0.3 * np.expm1(-((time / 0.05) ** 3)) * np.sin(9.0 * time + 1.0)
-    free, still = (exact(time, sudden, from_rest=rest).spline for rest in (False, True))
-    assert abs(float(free(0.0, nu=1))) > 10.0
-    assert abs(float(still(0.0, nu=1))) < 1e-9
-    np.testing.assert_allclose(still(time), sudden, atol=1e-12)
-    beat = exact(time, 0.3 * np.sin(10.0 * time), from_rest=True).spline
-    assert float(beat(0.0, nu=1)) == pytest.approx(3.0, abs=1e-3)
+def test_a_command_that_begins_at_once_is_followed() -> None:
+    """Between the first samples of a tail that goes to its beat within two, a spline of free ends is five times as far.
+
+    It begins at -11 rad/s. A beat that begins with its whole rate is followed, too.
+    """
+    time, fine = np.arange(0.0, 1.0, 1.0 / 30.0), np.linspace(0.0, 0.1, 101)
+
+    def sudden(t: FloatArray) -> FloatArray:
+        return -0.3 * np.expm1(-((t / 0.05) ** 3)) * np.sin(9.0 * t + 1.0)
+
+    free = make_interp_spline(time, sudden(time), k=5)
+    natural = exact(time, sudden(time)).spline
+    np.testing.assert_allclose(natural(time), sudden(time), atol=1e-12)
+    missed, missed_free = (np.abs(spline(fine) - sudden(fine)).max() for spline in (natural, free))
+    assert missed < 0.01 < 0.05 < missed_free
+    beat = exact(time, 0.3 * np.sin(10.0 * time)).spline
+    assert float(beat(0.0, nu=1)) == pytest.approx(3.0, rel=0.03)
 
 
 def test_so_few_samples_are_interpolated_too() -> None:
     time = 0.1 * np.arange(7)
-    assert np.all(np.isfinite(exact(time, time**2, from_rest=True).intensity))
+    assert np.all(np.isfinite(exact(time, time**2).intensity))
