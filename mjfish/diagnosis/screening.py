@@ -19,7 +19,7 @@ from mjfish.diagnosis.fan_out import followed
 from mjfish.diagnosis.integration_step import resolved
 from mjfish.diagnosis.progress import Progress, part
 from mjfish.diagnosis.refit import far_off, other_refits, refined, refit_nonsmooth, refits, settled, tried_afresh
-from mjfish.diagnosis.refit_result import TOLERANCE, Refit
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
@@ -44,8 +44,6 @@ _STARTS, _SCOUT = 4, 8
 _EXPLAINED, _PROMISING = 2.0, 1.05
 #: Rounds of estimating the noise of sensors before the nominal fit, and most evaluations of their fits.
 _ROUNDS, _ROUGH = 2, 15
-#: Most rounds of a refit and the noise along it, and the share of its error by which no estimate moves in the last.
-_MOST_ROUNDS, _AT_REST = 5, 0.3
 #: Mean square under the stated noise below which a refit tells the noise, where the nominal model is far off.
 _FITTED = 1.5
 _OTHER = ErrorsInVariables | NoiseByRate | ProcessNoise | GaussMarkov | DifferentiationNoise
@@ -132,29 +130,13 @@ def _screened_sensors(
         return Screening(seen.evidence, {}, seen.p_wrong, directed=False)
     refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), refitted, seen.refits)
     if refitted:  # along the rollouts of the best model, for those of a wrong one are not where the fish was
-        best = _under_its_own_noise(_led(refitted))
-        refitted[best.names[-1]] = best
-        problem = having_noise_of(problem, best.problem)
+        best = _led(refitted)
+        problem = having_noise_of(problem, with_sensor_noise(best.problem, best.fit.x))
         baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
         slopes = _signatures(problem, baseline.values, candidates)
         seen = _NominalTest(candidates, slopes, rng, progress).run(problem, baseline, problem.noise)
         refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted, seen.refits)
     return Screening(seen.evidence, settled(refitted, part(progress, 0.6, 0.1)), seen.p_wrong, seen.directed < ALARM)
-
-
-def _under_its_own_noise(refit: Refit) -> Refit:
-    """Return a refit under the noise along its own rollouts, which move with the noise: repeated until it is at rest.
-
-    Filters of errors of joints are linearised along a fit, and that fit was made with others.
-    """
-    for _ in range(_MOST_ROUNDS):
-        problem = with_sensor_noise(refit.problem, refit.fit.x)
-        found = fit_or_raise(problem, refit.fit.x, tolerance=TOLERANCE)
-        moved = np.abs(found.x - refit.fit.x) > _AT_REST * found.errors
-        refit = replace(refit, problem=problem, fit=found)
-        if not moved.any():
-            break
-    return refit
 
 
 def nominal_fit(problem: Problem, start: FloatArray) -> Fit:

@@ -6,7 +6,7 @@ Fits from many starts: is the optimum that was found the only one, and the best?
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -34,8 +34,6 @@ _UNKNOWN = 1e200
 _EXACT = 400
 #: LSMR to the last digits: steps, and so their number, are then those of the exact solver.
 _EXACTLY = {"atol": 1e-12, "btol": 1e-12, "regularize": False}
-#: Relative change of the cost from which a fit goes on without bounds.
-_NEAR = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,58 +217,37 @@ def _minimised(
     large = loss == "linear" and len(scale) > _EXACT
     turned = _Turned(problem, scale, large) if loss == "linear" else _Rows(problem, scale)
     with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
-        some = _Some.of(turned, (low / scale, high / scale), x0 / scale)
-        options = {"x_scale": "jac", "xtol": 1e-8, "gtol": 1e-10, "loss": loss, "f_scale": loss_scale}
-        options |= {"tr_solver": "lsmr" if large else "exact"}
-        options |= {"tr_options": {**_EXACTLY, "maxiter": 10 * len(scale)} if large else {}}
-        ended, gradient, solution = _solved(some, tolerance, evaluations, options)
+        some = _Some.of(turned, x0 / scale)
+        moving = some.moving
+        solution = optimize.least_squares(
+            some.residual,
+            some.start[moving],
+            jac=some.jacobian,
+            bounds=((low / scale)[moving], (high / scale)[moving]),
+            method="trf",
+            x_scale="jac",
+            tr_solver="lsmr" if large else "exact",
+            tr_options={**_EXACTLY, "maxiter": 10 * len(scale)} if large else {},
+            ftol=tolerance,
+            xtol=1e-8,
+            gtol=1e-10,
+            max_nfev=evaluations,
+            loss=loss,
+            f_scale=loss_scale,
+        )
+    ended, gradient = some.whole(solution.x), np.zeros(len(scale))
+    gradient[moving] = solution.grad
     x, at_bound = _settle(ended * scale, low, high, gradient)
     end = End(
         x,
         ended,
         at_bound,
-        "converged" if solution.status > 0 else "failed" if solution.status < 0 else "stopped",
+        "converged" if solution.status > 0 else "failed" if solution.nfev < evaluations else "stopped",
         str(solution.message),
-        turned.evaluations,
+        int(solution.nfev),
         2.0 * float(solution.cost),
     )
     return _fit_at(turned, _Ended(problem, end, loss, loss_scale))
-
-
-def _solved(
-    some: _Some, tolerance: float, evaluations: int, options: Mapping[str, Any]
-) -> tuple[FloatArray, FloatArray, optimize.OptimizeResult]:
-    """Return parameters and gradient (p,) where the optimiser ended, and what it says.
-
-    The optimiser scales steps by distances to bounds. Along a narrow valley next to nothing is left of a step. So it
-    goes on without bounds near the optimum; estimates that rest on one are held. Where a step crosses a bound, it goes
-    on with them.
-    """
-    turned, gradient = some.turned, np.zeros(len(some.start))
-    phases = ((False, max(tolerance, _NEAR)), (True, tolerance), (False, tolerance))
-    for free, until in phases if isinstance(turned, _Turned) else phases[2:]:
-        resting = _settle(some.start, *some.limits, gradient)[1][some.moving]
-        here = _Walled(turned, some.limits, some.start, some.moving[~resting]) if free else some
-        most = max(evaluations - turned.evaluations + (turned.evaluations > 0), 1)  # where it begins anew is known
-        try:
-            found = optimize.least_squares(
-                here.residual,
-                here.start[here.moving],
-                jac=here.jacobian,
-                bounds=(-np.inf, np.inf) if free else here.bounds,
-                ftol=until,
-                max_nfev=most,
-                **{**options, "tr_options": dict(options["tr_options"])},  # scipy takes out of it
-            )
-        except _CrossedError:
-            some = replace(some, start=turned.best)
-            continue
-        some, gradient[here.moving] = replace(some, start=here.whole(found.x)), found.grad
-        if found.status == 0 and found.nfev < most:
-            found.status = -1  # it ended, though there was more to do
-        if found.status <= 0 or turned.evaluations >= evaluations or until <= tolerance:
-            break
-    return some.start, gradient, found
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,13 +361,10 @@ class _Rows:
     def __init__(self, problem: Problem, scale: FloatArray) -> None:
         self.problem, self.scale = problem, scale
         self.prior, self.mean = problem.prior_root, problem.prior_mean
-        self.evaluations = 0
-        self.best = np.zeros(0)  # the point y (p,) of the least sum of squares, where it is known
 
     def residual(self, y: FloatArray) -> FloatArray:
         """Return the residual at y (p,); refuse one that is not finite, as no rollout gives it."""
         x = y * self.scale
-        self.evaluations += 1
         whole = np.concatenate([self.problem.residual(x), self.mean - self.prior @ x])
         if not np.isfinite(whole).all():
             raise FloatingPointError("the residual is not finite")
@@ -422,13 +396,10 @@ class _Turned(_Rows):
         super().__init__(problem, scale)
         self._large, self._least = large, np.inf
         self._rows: dict[bytes, BlockAngular] = {}
-        self._seen = np.zeros(0)
         self._best: tuple[FloatArray, FloatArray, BlockAngular] | None = None
 
     def residual(self, y: FloatArray) -> FloatArray:
         """Return the residual at y (p,)."""
-        if self._best is not None and np.array_equal(self._best[0], y):
-            return self._seen
         whole, turned = super().residual(y), np.zeros(len(y) + 1)
         square = float(whole @ whole)
         if square >= self._least * (1.0 + _ABOVE):
@@ -443,14 +414,10 @@ class _Turned(_Rows):
         self._rows = {y.tobytes(): factors.triangle.scaled(columns=-self.scale)}
         if square < self._least:
             self._least, self._best = square, (y.copy(), whole[: len(whole) - len(self.mean)], jacobian)
-            self._seen, self.best = turned, y.copy()
         return turned
 
     def jacobian(self, y: FloatArray) -> FloatArray | sparse.csr_array:
         """Return its derivative at y (p,), the last point that was below all before; without its zeros if large."""
-        if y.tobytes() not in self._rows:  # where the optimiser begins anew
-            self._least, self._best = np.inf, None
-            self.residual(y)
         rows = self._rows[y.tobytes()]
         if self._large:
             return rows.sparse(len(y) + 1)
@@ -476,37 +443,30 @@ class _Some:
 
     Attributes:
         turned: of all parameters.
-        limits: low and high (p,) of y.
         start: (p,) y where the fit begins.
         moving: places of those that move.
     """
 
     turned: _Rows
-    limits: tuple[FloatArray, FloatArray]
     start: FloatArray
     moving: IntArray
 
     @classmethod
-    def of(cls, turned: _Rows, limits: tuple[FloatArray, FloatArray], start: FloatArray) -> _Some:
+    def of(cls, turned: _Rows, start: FloatArray) -> _Some:
         """Return them for a fit that begins at y (p,)."""
         pairs = [*zip(turned.problem.parameters, start * turned.scale, strict=True)]
         acting = {p.group for p, value in pairs if not p.shape and value != p.default}
         shapes = np.array([p.shape and p.group in acting for p, _ in pairs], dtype=np.bool_)
         if not shapes.any():
-            return cls(turned, limits, start, np.arange(len(shapes)))
+            return cls(turned, start, np.arange(len(shapes)))
         turned.residual(start)
         lengths = np.sqrt(np.asarray(sparse.csr_array(turned.jacobian(start)).power(2).sum(axis=0)).ravel())
-        return cls(turned, limits, start, np.flatnonzero(~(shapes & (lengths <= _IDLE * lengths.max(initial=0.0)))))
+        return cls(turned, start, np.flatnonzero(~(shapes & (lengths <= _IDLE * lengths.max(initial=0.0)))))
 
     @property
     def problem(self) -> Problem:
         """The problem that is solved."""
         return self.turned.problem
-
-    @property
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Low and high of those that move."""
-        return self.limits[0][self.moving], self.limits[1][self.moving]
 
     def whole(self, moved: FloatArray) -> FloatArray:
         """Return all parameters y (p,)."""
@@ -521,21 +481,6 @@ class _Some:
     def jacobian(self, moved: FloatArray) -> Any:
         """Return its derivative."""
         return self.turned.jacobian(self.whole(moved))[:, self.moving]
-
-
-class _CrossedError(Exception):
-    """A step crosses a bound."""
-
-
-class _Walled(_Some):
-    """The same within the bounds; beyond them the residual raises `_CrossedError`."""
-
-    def residual(self, moved: FloatArray) -> FloatArray:
-        """Return the residual."""
-        low, high = self.bounds
-        if np.any((moved < low) | (moved > high)):
-            raise _CrossedError
-        return super().residual(moved)
 
 
 def slope(loss: Loss, z: FloatArray) -> FloatArray:
