@@ -45,9 +45,7 @@ class Whitening:
     def __call__(self, blocks: Sequence[FloatArray]) -> list[FloatArray]:
         """Return columns (m, c, k) of the counted samples of each sensor, in physical units, whitened."""
         rows = [at[mask] for at, mask in zip(self.places, self.masks, strict=True)]
-        every = np.zeros((len(self.filter.gain), self.channels[-1].stop, blocks[0].shape[2]))
-        for at, own, block in zip(rows, self.channels, blocks, strict=True):
-            every[at, own] = block
+        every = _side_by_side(len(self.filter.gain), rows, self.channels, blocks)
         white = whitened(self.filter, np.ones(len(every), dtype=np.bool_), every)
         return [white[at, own] for at, own in zip(rows, self.channels, strict=True)]
 
@@ -57,12 +55,8 @@ class Whitening:
         Args:
             left: (m, c) what a prediction leaves of each sensor.
         """
-        series = np.zeros((len(self.filter.gain), self.channels[-1].stop))
-        for at, own, block in zip(self.places, self.channels, left, strict=True):
-            series[at, own] = block
-        read = self.filter.reading
-        moved = np.zeros_like(series)
-        states = filtered_states(self.filter, series)
+        series, read = _side_by_side(len(self.filter.gain), self.places, self.channels, left), self.filter.reading
+        states, moved = filtered_states(self.filter, series), np.zeros_like(series)
         for place, (row, column) in enumerate(zip(read.row, read.column, strict=True)):
             moved[:, row] += read.value[:, place] * states[:, column]
         return [moved[at, own] for at, own in zip(self.places, self.channels, strict=True)]
@@ -104,27 +98,36 @@ def whitening(
     places = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
     seen = [moments(run.fish, rollout, run.motion, sensor.time) for sensor in trial.sensors]
     channels = blocks_of([len(sensor.channels) for sensor in trial.sensors])
-    series = np.zeros((len(errors.time), channels[-1].stop))
-    counted = np.zeros(series.shape, dtype=np.bool_)
-    for at, own, mask, block in zip(places, channels, masks, left, strict=True):
-        counted[at, own], series[at, own] = mask[:, None], block
+    series = _side_by_side(len(errors.time), places, channels, left)
+    there = [mask[:, None] * np.ones(block.shape[1]) for mask, block in zip(masks, left, strict=True)]
+    counted = _side_by_side(len(errors.time), places, channels, there) > 0.0
 
     def filtered(turned: FloatArray) -> tuple[Gains, FloatArray]:
         """Return the filter along the rollout turned by angles (n,) at the times of the errors, and variances."""
         state = along.state.copy()
         state[:, _YAW] += np.interp(along.time, errors.time, turned)
         readings = [
-            _reading(trial, sensor, _turned(here, turned[at]))
-            for sensor, here, at in zip(trial.sensors, seen, places, strict=True)
+            _reading(trial, sensor, _turned(moment, turned[at]))
+            for sensor, moment, at in zip(trial.sensors, seen, places, strict=True)
         ]
-        there = replace(errors, along=replace(along, state=state))
-        return there.filter(there.stacked(places, readings), np.concatenate(sigma), counted)
+        here = replace(errors, along=replace(along, state=state))
+        return here.filter(here.stacked(places, readings), np.concatenate(sigma), counted)
 
-    first = filtered(np.zeros(len(errors.time)))[0]
-    gains, variances = filtered(filtered_states(first, series)[:, _YAW])
+    headed = filtered_states(filtered(np.zeros(len(errors.time)))[0], series)[:, _YAW].copy()  # not two filters at once
+    gains, variances = filtered(headed)
     means = [np.mean(variances[at, own], axis=0) for at, own in zip(places, channels, strict=True)]
     matter = np.max(np.sqrt(np.concatenate(means)) / np.concatenate(sigma)) >= _MATTERS
     return Whitening(places, masks, channels, gains) if matter else None
+
+
+def _side_by_side(
+    count: int, rows: Sequence[IntArray], channels: Sequence[slice], blocks: Sequence[FloatArray]
+) -> FloatArray:
+    """Return the blocks (m, c, ...) of all sensors in their channels of (count, channels, ...); 0 where none is."""
+    every = np.zeros((count, channels[-1].stop, *blocks[0].shape[2:]))
+    for at, own, block in zip(rows, channels, blocks, strict=True):
+        every[at, own] = block
+    return every
 
 
 def _turned(here: Moments, by: FloatArray) -> Moments:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from synthetic_swimming import problem
 
 import mjfish
+from mjfish.arrays import FloatArray
+from mjfish.estimation import Score, predict_held_out
 from mjfish.estimation.sensor_noise import with_sensor_noise
 
 
@@ -24,3 +29,25 @@ def test_runs_that_begin_with_a_wrong_heading_are_whitened_as_the_true_ones() ->
     turned = posed.start({**posed.named(truth), **{f"{trial.name}:start.yaw": 0.3 for trial in pool.trials}})
     here, there = (with_sensor_noise(posed, along).residual(truth) for along in (truth, turned))
     assert float(there @ there) == pytest.approx(float(here @ here), rel=0.05)
+
+
+def test_a_held_out_run_is_predicted_from_what_its_first_quarter_tells_of_its_joints() -> None:
+    """Errors of the joints turn a run. Those of its first quarter are known, and later samples are whitened given them.
+
+    Of six seeds the error of every channel at the true coefficients is 0.37 to 0.95 of what the rollout alone leaves.
+    """
+    noise = (0.0005, 0.0005, 0.002)
+    runs = ["v1", "v3-t1", "v3-t2", "v5"]
+    pool = mjfish.generate(
+        "pike", runs, observe="pose", joints="measured", joint_noise=0.02, noise=noise, duration=8.0, seed=2
+    )
+    posed = problem(pool)
+    truth = posed.model.values()
+    posed = with_sensor_noise(posed, posed.start(truth))
+    told, alone = (predict_held_out(one, truth, pool.trials) for one in (posed, replace(posed, joint_errors=None)))
+
+    def squares(score: Score) -> FloatArray:
+        return np.asarray(np.mean([[np.mean(channel.left**2) for channel in run] for run in score.channels], axis=0))
+
+    assert np.all(np.sqrt(squares(told) / squares(alone)) < 0.8)
+    assert all(0.6 < float(np.mean(white**2)) < 1.1 for white in told.whitened)

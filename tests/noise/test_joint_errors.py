@@ -13,7 +13,7 @@ from mjfish.data import Sensor
 from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.noise import joint_errors
 from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
-from mjfish.noise.kalman import whitened
+from mjfish.noise.kalman import filtered_states, whitened
 
 STEP, SAMPLES, SIGMA = 0.04, 40, 0.01
 
@@ -101,6 +101,26 @@ def test_whitening_is_that_of_the_covariance_of_the_whole_run(stretch: int, monk
         np.diag(dense - np.diag(noise.ravel())).reshape(SAMPLES, 3)[:, :2].ravel(),
         rtol=1e-8,
     )
+
+
+def test_later_samples_are_foretold_as_by_the_covariance_of_the_whole_run() -> None:
+    """Of the first half of the samples, x: C_ba (C_aa + R)^-1 x, with C of the readings."""
+    rng, errors, half = np.random.default_rng(6), _errors(2), SAMPLES // 2
+    reading = rng.standard_normal((SAMPLES, 3, len(errors.start)))
+    counted = np.repeat(np.arange(SAMPLES)[:, None] < half, 3, axis=1)
+    rows = (np.arange(SAMPLES),)
+    sigma = np.array([0.01, 0.02, 0.05])
+    filter_, _ = errors.filter(errors.stacked(rows, (reading,)), sigma, counted)
+    series = rng.standard_normal((SAMPLES, 3))
+    states = filtered_states(filter_, series)
+    whole = np.zeros((SAMPLES, 3, SAMPLES, len(errors.start)))
+    whole[np.arange(SAMPLES), :, np.arange(SAMPLES)] = reading
+    flat = whole.reshape(3 * SAMPLES, -1)
+    c = flat @ _covariance(errors) @ flat.T
+    before = c[: 3 * half, : 3 * half] + np.diag(np.tile(sigma**2, half))
+    expected = c[3 * half :, : 3 * half] @ np.linalg.solve(before, series[:half].ravel())
+    found = np.einsum("kcd,kd->kc", reading[half:], states[half:]).ravel()
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
 
 
 def test_a_sensor_may_go_on_behind_the_last_joint_angle() -> None:
