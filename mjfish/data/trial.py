@@ -79,7 +79,7 @@ class Trial:
         drive: CPG segments; empty where the joints were measured.
         joint_angle: (n, joints) measured joint angles [rad], or None.
         commanded: the angles are those that the servos were told, with a `hold` between them; else those of the joints.
-        hold: what a commanded angle does until the next one: ``zero``, it stays; ``linear``, it goes there on a line.
+        hold: what a commanded angle does until the next one: ``zero``, it stays; ``linear``, it goes there smoothly.
         from_rest: the fish is known to be at rest in the water at the first sample, though no CPG drives it.
         pose: (n, 3) x [m], y [m], yaw [rad] in the world, or None; yaw alone may be given (x, y are NaN then).
         roll: (n,) [rad], or None.

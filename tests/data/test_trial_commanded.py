@@ -54,7 +54,7 @@ def test_a_lag_behind_recorded_commands_is_found() -> None:
 
 @pytest.mark.parametrize(("hold", "late"), [("zero", 0.5), ("linear", 0.0)])
 def test_a_command_is_held_until_the_next(hold: Hold, late: float) -> None:
-    """Half a step late, on average; on a line to the next it is not late."""
+    """Half a step late, on average; smoothly to the next it is not late."""
     (trial,) = commanded(0.0).trials
     motion = asked_motion(None, replace(trial, hold=hold), 0.002)
     inside = (motion.time > 0.2) & (motion.time < 3.8)
