@@ -259,7 +259,7 @@ def made_smooth(refit: Refit, best: float = np.inf) -> Refit:
         best: least sum of squares of all refits; a refit far behind it is followed less accurately.
     """
     problem, least = refit.problem, min(best, refit.fit.sse)
-    found = _followed(problem, refit.fit.x, refit.fit.sse, least)
+    found = converge(problem, refit.fit.x, refit.fit.sse, least)
     if found.sse > _MISFIT * found.count:
         own = refit.effects[-1].parameters
         middle = {p.name: p.middle if p.shape else found.values[p.name] for p in own}
@@ -292,13 +292,13 @@ def refined(refit: Refit, best: float) -> Refit:
         best: least sum of squares of all refits; a refit far behind it is followed less accurately.
     """
     there = refit.fit.status == "converged"
-    result = refit.fit if there else _followed(refit.problem, refit.fit.x, refit.fit.sse, best)
+    result = refit.fit if there else converge(refit.problem, refit.fit.x, refit.fit.sse, best)
     fits = min(best, result.sse) <= _MISFIT * result.count
     if not fits:
         result = _restarted(refit.problem, result, refit.problem.start(refit.parameter_values()), best)
     for _ in range(_MOST_MINIMA):
         starts = other_minima(result, refit.problem, fits=fits)
-        others = [_followed(refit.problem, start, result.sse, best) for start in starts]
+        others = [converge(refit.problem, start, result.sse, best) for start in starts]
         lower = min([result, *others], key=lambda each: each.objective)
         if lower is result:
             break
@@ -312,7 +312,7 @@ def _restarted(problem: Problem, found: Fit, start: FloatArray, best: float) -> 
     """Return the better of a fit and another one from `start`, which is followed where it comes near the first."""
     tried = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=_TRY)
     if tried.objective < _HOPE * found.objective and tried.status != "converged":
-        tried = _followed(problem, tried.x, tried.sse, best)
+        tried = converge(problem, tried.x, tried.sse, best)
     return min(found, tried, key=lambda each: each.objective)
 
 
@@ -322,7 +322,7 @@ def _resolved(refit: Refit, best: float) -> Refit:
     problem = finer(refit.problem, x, _tolerance(sse, best))
     if problem is refit.problem:
         return refit
-    result = _followed(problem, x, sse, best)
+    result = converge(problem, x, sse, best)
     return replace(refit, problem=problem, fit=result, gain=refit.gain + sse - result.sse)
 
 
@@ -330,7 +330,7 @@ def _tolerance(sse: float, best: float) -> float:
     return max(TOLERANCE, _BEHIND * (sse - best) / sse)
 
 
-def _followed(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
+def converge(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
     """Fit from x, ever finer as long as the result comes near the best."""
     while True:
         tolerance = _tolerance(sse, best)

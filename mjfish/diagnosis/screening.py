@@ -18,7 +18,16 @@ from mjfish.diagnosis.failures import NOMINAL, finite, sound
 from mjfish.diagnosis.fan_out import followed
 from mjfish.diagnosis.integration_step import resolved
 from mjfish.diagnosis.progress import Progress, part
-from mjfish.diagnosis.refit import far_off, other_refits, refined, refit_nonsmooth, refits, settled, tried_afresh
+from mjfish.diagnosis.refit import (
+    converge,
+    far_off,
+    other_refits,
+    refined,
+    refit_nonsmooth,
+    refits,
+    settled,
+    tried_afresh,
+)
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import Effect
@@ -132,7 +141,8 @@ def _screened_sensors(
     if refitted:  # along the rollouts of the best model, for those of a wrong one are not where the fish was
         best = _led(refitted)
         problem = having_noise_of(problem, with_sensor_noise(best.problem, best.fit.x))
-        baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
+        begun = float(np.sum(problem.residual(baseline.x) ** 2))
+        baseline = sound(NOMINAL, converge(problem, baseline.x, begun, best.fit.sse))
         slopes = _signatures(problem, baseline.values, candidates)
         seen = _NominalTest(candidates, slopes, rng, progress).run(problem, baseline, problem.noise)
         refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted, seen.refits)
@@ -266,7 +276,7 @@ class _NominalTest:
     def run(self, problem: Problem, baseline: Fit, noise: Noise) -> _Tested:
         """Return the test under a noise; the baseline is the fit under that of the problem."""
         slopes = self.slopes
-        if not _same(noise, problem.noise):
+        if noise is not problem.noise and not _same(noise, problem.noise):  # of sensors it has no number
             self.progress("fitting the nominal model", 0.08)
             problem = replace(problem, noise=noise)
             baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
