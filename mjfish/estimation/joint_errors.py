@@ -132,9 +132,7 @@ def _side_by_side(
 
 def _turned(here: Moments, by: FloatArray) -> Moments:
     """Return moments of a fish turned on by angles (m,)."""
-    state = here.state.copy()
-    state[:, _YAW] += by
-    return replace(here, state=state)
+    return replace(here, state=here.state + by[:, None] * np.eye(here.state.shape[1])[_YAW])
 
 
 def _reading(trial: Trial, sensor: Sensor, here: Moments) -> FloatArray:

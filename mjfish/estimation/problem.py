@@ -423,10 +423,7 @@ class Problem:
         seen = [self._between(index, s, -np.inf, end) for s in sensors]
         errors = self.joint_errors(self.trials[index], sigma, seen) if self.joint_errors is not None else None
         white = [block[mask] for block, mask in zip(blocks, seen, strict=True)]
-        if errors is not None:
-            white = errors(white)
-        else:
-            white = [block / own[:, None] for block, own in zip(white, sigma, strict=True)]
+        white = errors(white) if errors else [block / own[:, None] for block, own in zip(white, sigma, strict=True)]
         return [b[s.time[mask] >= begin] for b, s, mask in zip(white, sensors, seen, strict=True)]
 
     def explained(self, index: int, left: Sequence[FloatArray]) -> list[FloatArray]:
@@ -525,9 +522,8 @@ class Problem:
     def _between(self, index: int, sensor: Sensor, begin: float, end: float) -> BoolArray:
         """Return which samples (m,) of a sensor would count, were this the window."""
         trial = self.trials[index]
-        begin, end = max(begin, trial.time[0] - 1e-9), min(end, trial.time[-1] + 1e-9)
-        if trial.joint_angle is not None:
-            begin, end = max(begin, trial.time[0] + MARGIN), min(end, trial.time[-1] - MARGIN)
+        inside = -1e-9 if trial.joint_angle is None else MARGIN
+        begin, end = max(begin, trial.time[0] + inside), min(end, trial.time[-1] - inside)
         keep = np.asarray((sensor.time >= begin) & (sensor.time <= end))
         for segment in trial.drive[1:]:
             keep &= np.abs(sensor.time - segment.start) > 1.5 * sensor.step

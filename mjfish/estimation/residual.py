@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Role, Sensor, Trial
@@ -98,7 +99,7 @@ class Score:
 def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
     """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""
     residuals, predictions, whitened, sensors, channels = [], [], [], [], []
-    for alone, x in _alone(fitted, values, trials):
+    for alone, x, _ in _alone(fitted, values, trials):
         residuals.append(alone.raw(x)[0])
         predictions.append(alone.predictions(x)[0])
         whitened.append(alone.residual(x)[: alone.measured])
@@ -110,37 +111,42 @@ def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple
 def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, ...]) -> FloatArray:
     """Return whitened columns D (n, k) of the scored samples of all trials; D D' is the covariance of the prediction.
 
-    D = J C^(1/2), with J the derivative by the model's free parameters and C their covariance where they were fitted.
+    D = (J C^(1/2), J_o C_o^(1/2)), with C the covariance of the model's free parameters where they were fitted, and C_o
+    that of a trial's own, by its first part. J is the derivative of what is predicted, for which these are fitted anew.
     """
-    shared = [p.name for p in fitted.parameters if ":" not in p.name]
+    shared = {p.name for p in fitted.parameters if ":" not in p.name}
     rows = [i for i, p in enumerate(found.parameters) if p.name in shared]
     values, vectors = np.linalg.eigh(found.covariance[np.ix_(rows, rows)])
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    slopes = []
-    for alone, x in _alone(fitted, found.values, trials):
-        free = replace(alone, fixed=fitted.fixed)
-        columns = free.slopes(free.start({**alone.named(x), **found.values}), shared)
-        slopes.append(free.rows(columns).shared[: free.measured])
-    return np.asarray(np.concatenate(slopes) @ root)
+    slopes, doubts = [], []
+    for alone, x, first in _alone(fitted, found.values, trials):
+        free, before = (replace(one, fixed=fitted.fixed) for one in (alone, first))
+        here = free.start({**alone.named(x), **found.values})
+        mine = np.array([p.name in shared for p in free.parameters])
+        scored, told = free.jacobian(here).dense(), before.jacobian(here).above(before.prior_root).dense()
+        basis, triangle = np.linalg.qr(told[:, ~mine])
+        own = scored[: free.measured, ~mine] @ np.linalg.pinv(triangle)
+        slopes.append(scored[: free.measured, mine] - own @ (basis.T @ told[:, mine]))
+        doubts.append(own)
+    return np.hstack([np.concatenate(slopes) @ root, linalg.block_diag(*doubts)])
 
 
 def _alone(
     fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]
-) -> Iterator[tuple[Problem, FloatArray]]:
-    """Yield the problem of every trial whose residuals are the scored ones, and the estimates of its own parameters."""
+) -> Iterator[tuple[Problem, FloatArray, Problem]]:
+    """Yield of every trial the problem whose residuals are the scored ones, its own parameters, and that they solve."""
     everything = {**fitted.fixed, **values}
     shared = {name: value for name, value in everything.items() if ":" not in name}
     for trial in trials:
-        own = nuisances(trial, fitted.free_clock)
-        alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
+        first = alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
         x = alone.start()
-        if own:
+        if nuisances(trial, fitted.free_clock):
             counted = np.sort(np.concatenate([trial.time[alone.mask(0)], *_sensor_times(alone)]))
             split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))
             first = replace(alone, windows=((-np.inf, split),))
             x = fit_or_raise(first, x, tolerance=1e-6, evaluations=_MOST).x
             alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
-        yield alone, x
+        yield alone, x, first
 
 
 def own_parameters(fitted: Problem, values: Mapping[str, float], trials: Sequence[Trial]) -> dict[str, float]:
