@@ -127,12 +127,15 @@ def far_off(found: Fit) -> bool:
 
 
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
-    """Follow the contenders to their optimum; who contends is seen once coefficients far off had a second start."""
+    """Follow the contenders to their optimum; who contends is seen once coefficients far off had a second start.
+
+    The limits of a contender contend, too: it explains what they do, and they are simpler.
+    """
     found = tried_afresh(found)
     floor = _floor(found)
-    running = {name: refit for name, refit in found.items() if refit.gain >= floor}
-    least = min(refit.fit.sse for refit in found.values())
-    results = followed(functools.partial(refined, best=least), [*running.values()])
+    limits = {name for refit in found.values() if refit.gain >= floor for name in refit.effects[-1].limits}
+    running = {name: refit for name, refit in found.items() if refit.gain >= floor or name in limits}
+    results = followed(functools.partial(refined, best=_closest(found).sse), [*running.values()])
     result = dict(found)
     for done, name in enumerate(running):
         progress(f"refining the fit with {name}", done / len(running))
