@@ -92,6 +92,7 @@ def test_a_formula_is_not_claimed_where_another_form_would_not_have_been_seen(
     assert curves == [LEARNED]
 
 
+@pytest.mark.slow
 def test_what_other_forms_leave_grows_with_the_strength(pike: Fish) -> None:
     """A weak power of the speed may be any curve; a strong one is that power."""
     noise, left = np.array([0.004, 0.004, 0.03]), []

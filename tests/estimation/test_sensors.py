@@ -249,6 +249,7 @@ def _lagging(sensors: tuple[Sensor, ...]) -> Dataset:
     return mjfish.generate("pike", modes, values=truth, noise=(0.01, 0.01, 0.05), seed=2, sensors=sensors)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_counts_sensors_in() -> None:
     """The named cause is sized with the rows of the imu, more surely than without."""
     found = {}

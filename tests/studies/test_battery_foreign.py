@@ -206,6 +206,7 @@ def test_forms_are_drawn_by_mechanism_and_half_are_random_functions() -> None:
     assert np.mean(free) == pytest.approx(0.5, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_foreign_case_has_the_strength_asked_for() -> None:
     case = make_case(3, "foreign", cause="stalling_fin", strength=200.0, noise_kind="white")
     assert case.truth.kind == "foreign"

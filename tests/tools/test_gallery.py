@@ -16,6 +16,7 @@ from mjfish.effects.mechanism import MECHANISMS
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow
 def test_every_formula_has_its_equation_parameters_and_picture(tmp_path: Path) -> None:
     written = pages.write(tmp_path)
     assert {page.stem for page in written} == {"index", *MECHANISMS}
