@@ -129,7 +129,7 @@ def far_off(found: Fit) -> bool:
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
     """Follow the contenders to their optimum; who contends is seen once coefficients far off had a second start.
 
-    The limits of a contender contend, too: it explains what they do, and they are simpler.
+    A formula that is a limit of a contender is followed, too: it is simpler, and may explain as much.
     """
     found = tried_afresh(found)
     floor = _floor(found)
@@ -334,7 +334,14 @@ def _tolerance(sse: float, best: float) -> float:
 
 
 def converge(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
-    """Fit from x, ever finer as long as the result comes near the best."""
+    """Fit from x, ever finer as long as the result comes near the best.
+
+    Args:
+        problem: what is fitted.
+        x: (p,) where to start.
+        sse: sum of squares there.
+        best: the least sum of squares that is known; a fit that stays far above it need not be accurate.
+    """
     while True:
         tolerance = _tolerance(sse, best)
         result = fit_or_raise(problem, x, tolerance=tolerance, evaluations=_MOST)

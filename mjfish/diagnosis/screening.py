@@ -276,7 +276,7 @@ class _NominalTest:
     def run(self, problem: Problem, baseline: Fit, noise: Noise) -> _Tested:
         """Return the test under a noise; the baseline is the fit under that of the problem."""
         slopes = self.slopes
-        if noise is not problem.noise and not _same(noise, problem.noise):  # of sensors it has no number
+        if noise is not problem.noise and not _same(noise, problem.noise):  # of sensors alone it is NaN
             self.progress("fitting the nominal model", 0.08)
             problem = replace(problem, noise=noise)
             baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))

@@ -74,8 +74,9 @@ def whitening(
 
     None where the errors of the joints move no reading by `_MATTERS` of its sigma, rms.
 
-    What errors of joints turn the fish by moves it across its heading: along a rollout that heads elsewhere, a fit
-    would turn it further away. So rollouts are turned to where the filter along them says that the fish headed.
+    An error of a joint turns the fish, and then moves it across its heading. A rollout may have another heading; a
+    filter linearised along it leads the next fit further away. So the heading is estimated by that filter first, and
+    the rollout is turned to it, as in an extended Kalman filter.
 
     Args:
         trial: the data.

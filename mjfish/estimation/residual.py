@@ -111,8 +111,9 @@ def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple
 def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, ...]) -> FloatArray:
     """Return whitened columns D (n, k) of the scored samples of all trials; D D' is the covariance of the prediction.
 
-    D = (J C^(1/2), J_o C_o^(1/2)), with C the covariance of the model's free parameters where they were fitted, and C_o
-    that of a trial's own, by its first part. J is the derivative of what is predicted, for which these are fitted anew.
+    D = (J C^(1/2), J_o C_o^(1/2)). C is the covariance of the model's free parameters. C_o is that of a trial's own
+    parameters, which are fitted to its first part. J is the derivative by the former, the latter fitted anew; J_o is
+    the derivative by the latter.
     """
     shared = {p.name for p in fitted.parameters if ":" not in p.name}
     rows = [i for i, p in enumerate(found.parameters) if p.name in shared]
@@ -134,7 +135,7 @@ def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, .
 def _alone(
     fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]
 ) -> Iterator[tuple[Problem, FloatArray, Problem]]:
-    """Yield of every trial the problem whose residuals are the scored ones, its own parameters, and that they solve."""
+    """Yield, by trial, the problem of its scored samples, its own parameters, and the problem that these solve."""
     everything = {**fitted.fixed, **values}
     shared = {name: value for name, value in everything.items() if ":" not in name}
     for trial in trials:
@@ -237,12 +238,12 @@ def of_sensors(problem: Problem, x: FloatArray, index: int) -> tuple[SensorResid
 
     Errors of its joints are allowed for as far as samples before its window tell them.
     """
-    pairs = zip(problem.sensors, problem.sensor_predictions(x), strict=True)
-    own = [(sensor, predicted) for (i, sensor), predicted in pairs if i == index]
-    moved = problem.explained(index, [sensor.values - predicted for sensor, predicted in own])
+    trial = problem.trials[index]
+    reads = problem.prediction(trial, problem.named(x)).sensors if trial.sensors else ()
+    moved = problem.explained(index, [sensor.values - read for sensor, read in zip(trial.sensors, reads, strict=True)])
     return tuple(
-        SensorResidual(sensor, predicted + by, problem.sensor_mask(index, sensor))
-        for (sensor, predicted), by in zip(own, moved, strict=True)
+        SensorResidual(sensor, read + by, problem.sensor_mask(index, sensor))
+        for sensor, read, by in zip(trial.sensors, reads, moved, strict=True)
     )
 
 

@@ -146,7 +146,7 @@ def test_commanded_joints_their_hold_and_a_start_from_rest_are_said_and_written(
     shown = laboratory(line.format("tank")).stdout
     written = (tmp_path / "tank" / "dataset.toml").read_text(encoding="utf-8")
     for text in (
-        "smoothly to the next (hold linear): held until then (zero) they are half a sample, 5 ms, later",
+        "in a smooth motion (hold linear): held until then (zero) they are half a sample, 5 ms, later",
         "start     at rest in the water, as given",
         "positive  y_down, heading clockwise from 0 along x",
     ):
@@ -157,7 +157,7 @@ def test_commanded_joints_their_hold_and_a_start_from_rest_are_said_and_written(
     assert (trial.commanded, trial.hold, trial.from_rest) == (True, "linear", True)
     np.testing.assert_allclose(trial.sensors[1].values[:, 0], -np.radians(FILMED[:, 3]), atol=1e-12)
     shown = laboratory(line.format("second") + " --hold zero --set turn_to=port").stdout
-    assert "each held until the next (hold zero), half a sample, 5 ms, later than smoothly (linear)" in shown
+    assert "held until the next (hold zero), half a sample, 5 ms, later than in a smooth motion (linear)" in shown
     (trial,) = load_dataset(tmp_path / "second").trials
     assert trial.hold == "zero"
     np.testing.assert_allclose(trial.sensors[1].values[:, 0], np.radians(FILMED[:, 3]), atol=1e-12)

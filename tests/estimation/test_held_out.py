@@ -132,11 +132,13 @@ def test_a_held_out_trial_has_no_say_in_the_fit(synthetic: Dataset) -> None:
     assert [p.name for p in fits[0].parameters] == list(COEFFICIENTS)
 
 
-@pytest.mark.parametrize("clock", [False, True], ids=["nothing of its own", "a clock of its own"])
-def test_the_doubt_about_a_prediction_is_that_of_the_fit(synthetic: Dataset, measured: Trial, clock: bool) -> None:
-    """D D' = J C J' + J_o C_o J_o', J by differences: what a held-out trial fits for itself goes along with the rest.
+@pytest.mark.parametrize(("clock", "step", "close"), [(False, 1e-4, 1e-3), (True, 1e-3, 5e-3)])
+def test_the_doubt_about_a_prediction_is_that_of_the_fit(
+    synthetic: Dataset, measured: Trial, clock: bool, step: float, close: float
+) -> None:
+    """D D' = J C J' + J_o C_o J_o', J by differences, a clock of the held-out trial fitted anew at each of them.
 
-    The error of its clock by its first part moves what is predicted, too: by J_o, that of the clock.
+    J_o is the derivative by the clock. Fits of a clock end within 1e-6 of their cost: differences are wider then.
     """
     trial = measured if clock else synthetic.trials[1]
     fitted = problem(synthetic, free_clock=clock)
@@ -145,13 +147,13 @@ def test_the_doubt_about_a_prediction_is_that_of_the_fit(synthetic: Dataset, mea
     slopes = []
     for i, p in enumerate(found.parameters):
         sides = []
-        for by in (-1e-3, 1e-3):
+        for by in (-step, step):
             x = found.x.copy()
             x[i] += by * p.scale
             sides.append(predict_held_out(fitted, dict(zip(found.values, x, strict=True)), (trial,)).whitened[0])
-        slopes.append((sides[0] - sides[1]) / (2e-3 * p.scale))
+        slopes.append((sides[0] - sides[1]) / (2.0 * step * p.scale))
     j = np.stack(slopes, axis=1)
     shared = doubt[:, : len(COEFFICIENTS)]
-    np.testing.assert_allclose(shared @ shared.T, j @ found.covariance @ j.T, atol=5e-3 * float(np.max(doubt**2)))
+    np.testing.assert_allclose(shared @ shared.T, j @ found.covariance @ j.T, atol=close * float(np.max(doubt**2)))
     assert len(doubt) == len(sides[0])
     assert doubt.shape[1] - len(COEFFICIENTS) == len(nuisances(trial, clock))
