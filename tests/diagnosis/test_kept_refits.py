@@ -157,7 +157,7 @@ def vars_of(problem: Problem) -> dict[str, Any]:
     [
         ("servo_lag", partial(refined, best=np.inf)),
         ("servo_backlash", partial(refined, best=np.inf)),
-        ("drag_law", made_smooth),
+        pytest.param("drag_law", made_smooth, marks=pytest.mark.slow),
     ],
 )
 def test_a_kept_refit_is_the_same_to_the_last_bit(

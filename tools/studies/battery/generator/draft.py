@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from mjfish import new_fish
 from mjfish.arrays import FloatArray
@@ -54,11 +55,11 @@ class Draft:
         accuracy: Accuracy = COARSE,
         theta: Mapping[str, float] | None = None,
         disturbance: Disturbance | None = None,
+        joints: BSpline | None = None,
     ) -> world.Motion:
         """Let run `number` swim."""
-        return world.swim(
-            self.fish, self.plan.runs[number], self.theta if theta is None else theta, psi, accuracy, disturbance
-        )
+        run, coefficients = self.plan.runs[number], self.theta if theta is None else theta
+        return world.swim(self.fish, run, coefficients, psi, accuracy, disturbance, joints)
 
     def clean(
         self,
@@ -67,9 +68,10 @@ class Draft:
         accuracy: Accuracy = COARSE,
         theta: Mapping[str, float] | None = None,
         disturbance: Disturbance | None = None,
+        joints: BSpline | None = None,
     ) -> FloatArray:
         """Return what is measured in a run without noise (n, 3), at the frames that are there."""
-        moved = self.motion(number, psi, accuracy, theta, disturbance)
+        moved = self.motion(number, psi, accuracy, theta, disturbance, joints)
         return self.seen(number, moved, psi)
 
     def seen(self, number: int, moved: world.Motion, psi: Mapping[str, float]) -> FloatArray:

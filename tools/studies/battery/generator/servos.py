@@ -42,7 +42,7 @@ def joints(asked: tuple[Stretch, ...], run: Run, psi: Psi) -> tuple[Stretch, ...
     return got
 
 
-def _nodes(part: Stretch) -> FloatArray:
+def nodes(part: Stretch) -> FloatArray:
     """Return the times (steps, 3) of start, middle, end of every step."""
     start = part.start + part.step * np.arange(part.steps)
     return np.asarray(start[:, None] + part.step * np.array([0.0, 0.5, 1.0]))
@@ -56,7 +56,7 @@ def _amplitude(asked: tuple[Stretch, ...], run: Run, psi: Psi) -> tuple[Stretch,
         bad = psi.get("bad_run.size", 0.0) if run.number == int(psi.get("bad_run.number", -1)) else 0.0
         level = (1.0 - bad) / (1.0 + psi.get("frequency_gain.size", 0.0) * (segment.omega / 20.0) ** 2)
         before = level if before is None else before
-        t = _nodes(part)[..., None]
+        t = nodes(part)[..., None]
         settle = (before - level) * np.exp(-(t - part.start) / _SETTLE)
         fade = psi.get("fading_battery.rate", 0.0)
         left = np.exp(-fade * (run.session + t))
@@ -75,7 +75,7 @@ def _stuck(asked: tuple[Stretch, ...], run: Run, psi: Psi) -> tuple[Stretch, ...
     got = []
     for part in asked:
         angle, rate = part.angle.copy(), part.rate.copy()
-        t = _nodes(part)
+        t = nodes(part)
         for begin in times[(times > part.start) & (times < t[-1, -1] - _STICK)]:
             x = (t - begin) / _EDGE
             out = (begin + _STICK - t) / _EDGE

@@ -1,7 +1,8 @@
 """How large an effect must be to be seen this well: lambda = |M (eta(psi) - eta(0))|^2, whitened by the true noise.
 
-M projects out the sensitivities of the nine coefficients: what is left is what a refit cannot swallow. All by the
-generator's own runs, with a coarser step and fewer strips.
+M projects out the sensitivities of the nine coefficients, and of poses those of where each run started: what is left
+is what a refit cannot swallow. Of poses, what is not known of the joints counts as noise, too. All by the generator's
+own runs, with a coarser step and fewer strips.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 from scipy.linalg import orth
 
 from mjfish.arrays import FloatArray
+from studies.battery.generator import world
 from studies.battery.generator.classes import CAUSES, LISTED, MECHANISMS, Cause
 from studies.battery.generator.draft import Draft
 from studies.battery.generator.noise import whiten
@@ -31,6 +34,8 @@ _SPREAD = 1.4
 MET = 0.1
 #: Strength, after refit, of one standard deviation of a number of a rival mechanism.
 _PRIOR = 3000.0
+#: How often noise of measured joints is drawn a run; over what time it is smoothed, for joints move at some Hz [s].
+_DRAWS, _BAND = 40, 0.05
 #: Sizes that are tried for a strength beyond the rivals.
 _TRIES = 4
 
@@ -42,9 +47,12 @@ class Ruler:
     Attributes:
         draft: measured.
         numbers: of the runs.
-        span: (n, 9) orthonormal, of the whitened sensitivities to the logarithms of the coefficients.
+        span: (n, 9 or more) orthonormal, of the whitened sensitivities to the logarithms of the coefficients, and of
+            poses to the starts of the runs.
         step: (9, n) takes a whitened difference to the change of those logarithms that fits it best.
         plain: (n,) whitened runs without any effect.
+        unsure: (n, k) orthonormal, beyond `span`, of what errors of the joints do; none where joints are known.
+        kept: (k,) share of the length that is left there, 1 / sqrt(1 + variance).
     """
 
     draft: Draft
@@ -52,6 +60,8 @@ class Ruler:
     span: FloatArray
     step: FloatArray
     plain: FloatArray
+    unsure: FloatArray
+    kept: FloatArray
 
     def strength(self, psi: Mapping[str, float]) -> float:
         """Return lambda of effects `psi`, all together."""
@@ -82,8 +92,9 @@ class Ruler:
         return best
 
     def beyond(self, signature: FloatArray) -> FloatArray:
-        """Return what a linear refit of the coefficients leaves of a signature (n,)."""
-        return _out(self.span, signature)
+        """Return what a linear refit of the coefficients leaves of a signature (n,), whitened by all noise."""
+        left = _out(self.span, signature)
+        return np.asarray(left + self.unsure @ ((self.kept - 1.0) * (self.unsure.T @ left)))
 
 
 def _out(basis: FloatArray, vector: FloatArray) -> FloatArray:
@@ -105,9 +116,60 @@ def ruler(draft: Draft, numbers: Sequence[int]) -> Ruler:
         up, down = ({**draft.theta, name: value * (1.0 + sign * _DIFFERENCE)} for sign in (1.0, -1.0))
         change = stacked(draft, numbers, {}, up) - stacked(draft, numbers, {}, down)
         columns.append(change / np.log((1.0 + _DIFFERENCE) / (1.0 - _DIFFERENCE)))
-    jacobian = np.column_stack(columns)
+    poses = draft.noise.kind == "poses"
+    jacobian = np.column_stack(columns + (_starts(draft, numbers) if poses else []))
     span, _ = np.linalg.qr(jacobian / np.linalg.norm(jacobian, axis=0))
-    return Ruler(draft, tuple(numbers), span, np.linalg.pinv(jacobian), plain)
+    errors = [_out(span, column) for column in (_joint_errors(draft, numbers) if poses else [])]
+    unsure, lengths, _ = np.linalg.svd(np.array(errors).reshape(-1, len(plain)).T, full_matrices=False)
+    step = np.linalg.pinv(jacobian)[: len(draft.theta)]
+    return Ruler(draft, tuple(numbers), span, step, plain, unsure, 1.0 / np.sqrt(1.0 + lengths**2))
+
+
+def _starts(draft: Draft, numbers: Sequence[int]) -> list[FloatArray]:
+    """Return what x, y and yaw at the start of each run change of the poses, whitened (n,)."""
+    paths = [draft.clean(i, {}) for i in numbers]
+    found = []
+    for i, path in enumerate(paths):
+        turned = np.column_stack([-path[:, 1], path[:, 0], np.ones(len(path))])
+        moved = [np.tile(axis, (len(path), 1)) for axis in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0])]
+        found += [_of_run(draft, paths, i, change) for change in (*moved, turned)]
+    return found
+
+
+def _joint_errors(draft: Draft, numbers: Sequence[int]) -> list[FloatArray]:
+    """Return what errors of the joints do to the poses, whitened (n,); the sum of their squares is the covariance.
+
+    Samples of the joints do not say how they move in between: the smoothest curve through those without noise is off
+    by one standard deviation. Noise of measured joints is drawn _DRAWS times, smoothed over _BAND.
+    """
+    how = draft.noise
+    if how.joints == "cpg":
+        return []
+    rng, found = np.random.default_rng([draft.seed, 79]), []
+    paths = [draft.clean(i, {}) for i in numbers]
+    for place, number in enumerate(numbers):
+        time = draft.time(number)
+        angle = world.angles(draft.fish, draft.plan.runs[number], {}, time)
+        known = draft.clean(number, {}, joints=_smoothest(time, angle))
+        found.append(_of_run(draft, paths, place, known - paths[place]))
+        knots = np.arange(0.0, time[-1] + 2.0 * _BAND, _BAND)
+        for _ in range(_DRAWS if how.joints == "measured" else 0):
+            noise = how.angle / np.sqrt(max(_BAND * how.rate, 1.0)) * rng.standard_normal((len(knots), angle.shape[1]))
+            moved = draft.clean(number, {}, joints=_smoothest(time, angle + CubicSpline(knots, noise)(time)))
+            found.append(_of_run(draft, paths, place, (moved - known) / np.sqrt(_DRAWS)))
+    return found
+
+
+def _smoothest(time: FloatArray, angle: FloatArray) -> BSpline:
+    """Return the curve through samples of the least third derivative."""
+    free = [(3, np.zeros(angle.shape[1])), (4, np.zeros(angle.shape[1]))]
+    return make_interp_spline(time, angle, k=5, bc_type=(free, free))
+
+
+def _of_run(draft: Draft, paths: Sequence[FloatArray], place: int, change: FloatArray) -> FloatArray:
+    """Return a change (m, 3) of one run, whitened, among zeros for all others (n,)."""
+    parts = [change if i == place else np.zeros_like(path) for i, path in enumerate(paths)]
+    return np.concatenate([whiten(draft.noise, part).ravel() for part in parts])
 
 
 @dataclass(frozen=True)

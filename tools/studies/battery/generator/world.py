@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import BSpline, CubicHermiteSpline
 
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
@@ -79,6 +79,7 @@ def swim(
     psi: Mapping[str, float],
     accuracy: Accuracy = FINE,
     disturbance: Disturbance | None = None,
+    joints: BSpline | None = None,
 ) -> Motion:
     """Let the fish swim.
 
@@ -89,6 +90,7 @@ def swim(
         psi: sizes of effects, by the generator's names.
         accuracy: step and strips.
         disturbance: force noise.
+        joints: angles of all joints over time; None: those of the CPG and the servos.
 
     Raises:
         FloatingPointError: the run diverged.
@@ -99,6 +101,7 @@ def swim(
     w = numbers(**classes.water(fish, psi))
     step = _step(accuracy.step, body, w)
     got = servos.joints(oscillator.command(fish.cpg, run.drive, run.duration + LEAD, step), run, psi)
+    got = got if joints is None else tuple(_recorded(part, joints) for part in got)
     state = np.zeros(momentum.STATES)
     state[:3] = -run.start[0], -run.start[1], run.start[2]
     momentum.rest(body.links, got[0].angle[0, 0], got[0].rate[0, 0], state)
@@ -128,6 +131,13 @@ def swim(
         out[:, [0, 1, 3, 4, 7]] *= -1.0  # half a turn: from nose to tail, to forward
         stretches.append((times, out))
     return Motion(tuple(stretches))
+
+
+def _recorded(part: oscillator.Stretch, joints: BSpline) -> oscillator.Stretch:
+    """Return a stretch whose joints move as a spline says, and stay where it ends."""
+    nodes, end = servos.nodes(part), joints.t[-1]
+    inside = (nodes <= end)[..., None]
+    return replace(part, angle=joints(np.minimum(nodes, end)), rate=inside * joints(np.minimum(nodes, end), 1))
 
 
 def angles(fish: Fish, run: Run, psi: Mapping[str, float], time: FloatArray) -> FloatArray:
