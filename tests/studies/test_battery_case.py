@@ -20,6 +20,9 @@ from studies.battery.generator.classes import CAUSES
 from studies.battery.generator.truth import Truth
 from studies.battery.generator.world import FINE
 
+#: Noise of a film, 1 mm and 0.3 deg, and of the joint angles, 0.3 deg.
+FILMED = noise.Noise("poses", (0.001, 0.001, 0.005), rate=50.0, angle=0.005)
+
 
 @pytest.mark.parametrize(
     ("cause", "kind"),
@@ -39,6 +42,22 @@ def test_a_case_has_the_strength_asked_for(cause: str, kind: noise.Kind) -> None
     clean = [case.clean[i] for i in measure.numbers]
     whole = [noise.whiten(made.noise, a - b).ravel() for a, b in zip(clean, plain, strict=True)]
     assert np.sum(measure.beyond(np.concatenate(whole)) ** 2) == pytest.approx(150.0, rel=0.15)
+
+
+def test_strength_from_poses_counts_neither_where_a_run_started_nor_what_joints_hide() -> None:
+    """A path that is moved and turned says nothing; joints that are known say more than measured ones."""
+    measured = replace(draft.draft(11, noise_kind="poses"), noise=replace(FILMED, joints="measured"))
+    known = replace(measured, noise=replace(FILMED, joints="cpg"))
+    of_both = [size.ruler(made, (0, 1)) for made in (measured, known)]
+    ends = np.cumsum([0, *(3 * len(measured.time(i)) for i in (0, 1))])
+    path = measured.clean(1, {})
+    moved = np.zeros(ends[2])
+    turned = np.column_stack([0.1 - 0.01 * path[:, 1], 0.01 * path[:, 0], np.full(len(path), 0.01)])
+    moved[ends[1] :] = noise.whiten(FILMED, turned).ravel()
+    assert moved @ moved > 1e4
+    assert of_both[1].beyond(moved) == pytest.approx(np.zeros(ends[2]), abs=1e-6)
+    less, more = (measure.strength({"munk_moment.kappa": 0.05}) for measure in of_both)
+    assert 0.0 < less < 0.9 * more
 
 
 def test_strength_is_that_of_the_solvers_own_sensitivities() -> None:
