@@ -78,10 +78,10 @@ class Score:
 
     Attributes:
         residuals: (n_r, 3) of the velocities per trial, scored samples only, physical units.
-        channels: per trial, what is left of its channels.
         predictions: (n_r, 3) per trial, all samples.
         whitened: the scored residuals of velocities and sensors in the metric of the noise, (rows,) per trial.
         sensors: per trial, those of its sensors.
+        channels: per trial, what is left of its channels.
     """
 
     residuals: tuple[FloatArray, ...]
@@ -98,14 +98,17 @@ class Score:
 
 def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
     """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""
-    residuals, predictions, whitened, sensors, channels = [], [], [], [], []
-    for alone, x, _ in _alone(fitted, values, trials):
-        residuals.append(alone.raw(x)[0])
-        predictions.append(alone.predictions(x)[0])
-        whitened.append(alone.residual(x)[: alone.measured])
-        sensors.append(of_sensors(alone, x, 0))
-        channels.append(channel_errors(alone, x, 0))
-    return Score(tuple(residuals), tuple(predictions), tuple(whitened), tuple(sensors), tuple(channels))
+    found = [*fitted.mapped(_predicted, trials, values=values)]
+    return Score(*map(tuple, zip(*found, strict=True))) if found else Score((), (), ())
+
+
+def _predicted(
+    fitted: Problem, trial: Trial, values: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray, FloatArray, tuple[SensorResidual, ...], tuple[ChannelError, ...]]:
+    """Return what `Score` has of a trial."""
+    alone, x, _ = _alone(fitted, values, trial)
+    whitened = alone.residual(x)[: alone.measured]
+    return alone.raw(x)[0], alone.predictions(x)[0], whitened, of_sensors(alone, x, 0), channel_errors(alone, x, 0)
 
 
 def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, ...]) -> FloatArray:
@@ -115,39 +118,37 @@ def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, .
     parameters, which are fitted to its first part. J is the derivative by the former, the latter fitted anew; J_o is
     the derivative by the latter.
     """
-    shared = {p.name for p in fitted.parameters if ":" not in p.name}
-    rows = [i for i, p in enumerate(found.parameters) if p.name in shared]
+    rows = [i for i, p in enumerate(found.parameters) if ":" not in p.name]
     values, vectors = np.linalg.eigh(found.covariance[np.ix_(rows, rows)])
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    slopes, doubts = [], []
-    for alone, x, first in _alone(fitted, found.values, trials):
-        free, before = (replace(one, fixed=fitted.fixed) for one in (alone, first))
-        here = free.start({**alone.named(x), **found.values})
-        mine = np.array([p.name in shared for p in free.parameters])
-        scored, told = free.jacobian(here).dense(), before.jacobian(here).above(before.prior_root).dense()
-        basis, triangle = np.linalg.qr(told[:, ~mine])
-        own = scored[: free.measured, ~mine] @ np.linalg.pinv(triangle)
-        slopes.append(scored[: free.measured, mine] - own @ (basis.T @ told[:, mine]))
-        doubts.append(own)
+    slopes, doubts = zip(*fitted.mapped(_derived, trials, values=found.values), strict=True)
     return np.hstack([np.concatenate(slopes) @ root, linalg.block_diag(*doubts)])
 
 
-def _alone(
-    fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]
-) -> Iterator[tuple[Problem, FloatArray, Problem]]:
-    """Yield, by trial, the problem of its scored samples, its own parameters, and the problem that these solve."""
-    everything = {**fitted.fixed, **values}
-    shared = {name: value for name, value in everything.items() if ":" not in name}
-    for trial in trials:
-        first = alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
-        x = alone.start()
-        if nuisances(trial, fitted.free_clock):
-            counted = np.sort(np.concatenate([trial.time[alone.mask(0)], *_sensor_times(alone)]))
-            split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))
-            first = replace(alone, windows=((-np.inf, split),))
-            x = fit_or_raise(first, x, tolerance=1e-6, evaluations=_MOST).x
-            alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
-        yield alone, x, first
+def _derived(fitted: Problem, trial: Trial, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+    """Return J and J_o C_o^(1/2) of a trial."""
+    alone, x, first = _alone(fitted, values, trial)
+    free, before = (replace(one, fixed=fitted.fixed) for one in (alone, first))
+    here = free.start({**alone.named(x), **values})
+    mine = np.array([":" not in p.name for p in free.parameters])
+    scored, told = free.jacobian(here).dense(), before.jacobian(here).above(before.prior_root).dense()
+    basis, triangle = np.linalg.qr(told[:, ~mine])
+    own = scored[: free.measured, ~mine] @ np.linalg.pinv(triangle)
+    return scored[: free.measured, mine] - own @ (basis.T @ told[:, mine]), own
+
+
+def _alone(fitted: Problem, values: Mapping[str, float], trial: Trial) -> tuple[Problem, FloatArray, Problem]:
+    """Return the problem of a trial's scored samples, its own parameters, and the problem that these solve."""
+    shared = {name: value for name, value in {**fitted.fixed, **values}.items() if ":" not in name}
+    first = alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
+    x = alone.start()
+    if nuisances(trial, fitted.free_clock):
+        counted = np.sort(np.concatenate([trial.time[alone.mask(0)], *_sensor_times(alone)]))
+        split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))
+        first = replace(alone, windows=((-np.inf, split),))
+        x = fit_or_raise(first, x, tolerance=1e-6, evaluations=_MOST).x
+        alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
+    return alone, x, first
 
 
 def own_parameters(fitted: Problem, values: Mapping[str, float], trials: Sequence[Trial]) -> dict[str, float]:
