@@ -48,7 +48,7 @@ def write_recordings(
     """
     model = Model(load_fish(str(fish)), () if cause is None else (find(cause),))
     rng = np.random.default_rng(seed)
-    time = np.arange(0.0, 10.0, 1.0 / RATE)
+    time = np.arange(0.0, 7.0, 1.0 / RATE)
     sensors = tuple(
         Sensor(kind, kind, time, np.zeros((len(time), width)), station=0.02 if kind == "position" else 0.0)
         for kind, width in (("position", 2), ("heading", 1))
