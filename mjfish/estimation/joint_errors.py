@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -87,13 +87,16 @@ def whitening(
         masks: (m,) which of its samples count.
     """
     by_state, by_joints = (
-        partial(of, run.fish, rollout, values=run.coefficients, loads=run.loads)
+        functools.partial(of, run.fish, rollout, values=run.coefficients, loads=run.loads)
         for of in (state_jacobian, input_jacobian)
     )
+
+    @functools.lru_cache(maxsize=1)  # a run of one stretch has the same under both filters: they know of no heading
+    def jacobians(begin: int, end: int) -> tuple[FloatArray, FloatArray]:
+        return by_state(steps=slice(begin, end)), by_joints(steps=slice(begin, end))
+
     along = Along(
-        rollout.time[:-1],
-        rollout.state[:, 0, :HEAD].copy(),
-        lambda steps: (by_state(steps=steps), by_joints(steps=steps)),
+        rollout.time[:-1], rollout.state[:, 0, :HEAD].copy(), lambda steps: jacobians(steps.start, steps.stop)
     )
     errors = JointErrors.of(trial, recorded_joints(trial), along)
     places = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]

@@ -98,7 +98,8 @@ class Score:
 
 def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
     """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""
-    found = [*fitted.mapped(_predicted, trials, values=values)]
+    # In this process: to send all fitted runs along with one takes longer.
+    found = [*replace(fitted, executor=None).mapped(_predicted, trials, values=values)]
     return Score(*map(tuple, zip(*found, strict=True))) if found else Score((), (), ())
 
 
@@ -121,7 +122,7 @@ def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, .
     rows = [i for i, p in enumerate(found.parameters) if ":" not in p.name]
     values, vectors = np.linalg.eigh(found.covariance[np.ix_(rows, rows)])
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    slopes, doubts = zip(*fitted.mapped(_derived, trials, values=found.values), strict=True)
+    slopes, doubts = zip(*replace(fitted, executor=None).mapped(_derived, trials, values=found.values), strict=True)
     return np.hstack([np.concatenate(slopes) @ root, linalg.block_diag(*doubts)])
 
 

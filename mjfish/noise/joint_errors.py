@@ -198,16 +198,16 @@ def _information(steps: FloatArray, measured: BoolArray, sigma: FloatArray, inte
     """Return L (joints, n, 3, 3) of steps (n - 1,) and q (joints, n - 1); `measured` (n,): where angles are data."""
     found = np.zeros((len(sigma), len(measured), JOINT, JOINT))
     found[:, :, 0, 0] = measured / sigma[:, None] ** 2
+    forward, driven = _prior(steps)
     for k in range(len(steps) - 1, -1, -1):
-        later, (forward, driven) = found[:, k + 1], _prior(steps[k])
-        own = np.linalg.inv(np.eye(JOINT) + intensity[:, k, None, None] * driven @ later) @ forward
-        back = forward.T @ later @ own
+        own = np.linalg.inv(np.eye(JOINT) + intensity[:, k, None, None] * driven[k] @ found[:, k + 1]) @ forward[k]
+        back = forward[k].T @ found[:, k + 1] @ own
         found[:, k] += 0.5 * (back + back.transpose(0, 2, 1))
     return found
 
 
 def _prior(h: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return F and Q / q of the prior (n, 3, 3) over steps (n,), or (3, 3) over one."""
+    """Return F and Q / q of the prior (n, 3, 3) over steps (n,)."""
     one, zero = np.ones_like(h), np.zeros_like(h)
     forward = np.array([[one, h, 0.5 * h * h], [zero, one, h], [zero, zero, one]])
     driven = np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])

@@ -100,6 +100,7 @@ def test_what_cannot_be_done_is_refused_before_the_work(refuse: Callable[[str], 
     assert "is a file, expected a folder" in refuse("diagnose two --out two/dataset.toml")
 
 
+@pytest.mark.slow
 def test_a_planted_lag_is_named_in_all_splits(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No stub. The effects and the seed of the command line reach every split."""
     few = {name: find(name) for name in ("servo_lag", "time_offset")}

@@ -83,6 +83,7 @@ def test_a_held_out_run_of_another_size_is_seen(pike: Fish) -> None:
     assert stats.chi2.sf(*linearised(refit, trials[3:]).sizes()) < 1e-6
 
 
+@pytest.mark.slow
 def test_what_sensors_see_of_a_size_by_run_counts(pike: Fish) -> None:
     """Those of a fitted run; of a held-out one the velocities alone do."""
     time = np.arange(0.0, 6.0, 0.02)

@@ -109,7 +109,8 @@ def test_an_effect_off_the_list_is_unexplained(pike: Fish) -> None:
     assert result.gain is not None
 
 
-@pytest.mark.parametrize("shown", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("shown", [False, True])
 def test_the_closest_model_is_not_shown_where_it_misleads(
     pike: Fish, monkeypatch: pytest.MonkeyPatch, shown: bool
 ) -> None:

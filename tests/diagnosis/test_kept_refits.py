@@ -283,6 +283,7 @@ class Spoilt(Effect):
         return np.asarray(state * (1.0 + values["error"]))
 
 
+@pytest.mark.slow
 def test_a_candidate_that_fails_on_a_worker_is_listed_as_by_threads(dataset: Dataset, tmp_path: Path) -> None:
     """And the diagnosis without it keeps refits of its own: those with it have other steps."""
     effects = {**QUICK, "spoilt": Spoilt()}

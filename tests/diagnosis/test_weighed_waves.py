@@ -62,6 +62,7 @@ def test_they_are_the_omnibus_test_under_white_noise(pike: Fish) -> None:
         assert test.beyond < evidence.omnibus_excess() + 25.0
 
 
+@pytest.mark.slow
 def test_their_p_value_is_none_of_a_misfit_under_noise(pike: Fish) -> None:
     found = [_evidence(pike, ROUGH, 0.0, seed).weighed().p for seed in range(8)]
     assert min(found) > 0.005

@@ -71,6 +71,7 @@ def _drag(result: Identification) -> dict[str, tuple[float, float]]:
     return {name: found.interval(name) for name in TRUTH}
 
 
+@pytest.mark.slow
 def test_intervals_of_sensors_alone_hold_the_truth() -> None:
     """Of 36 intervals, three of 12 draws, of each sensor 1.8 miss the truth; six and more have a chance of 1 %."""
     for name in ("tag", "imu"):

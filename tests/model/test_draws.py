@@ -50,6 +50,7 @@ def test_a_parameter_on_its_bound_is_half_normal_and_the_others_follow_it(poster
     assert np.mean(x[:, 0]) < 1.5 - 0.02
 
 
+@pytest.mark.slow
 def test_draws_are_those_of_rejection() -> None:
     """Nine parameters, five of them on bounds. Catches walks that are too short, and arcs cut on the wrong side."""
     rng = np.random.default_rng(0)

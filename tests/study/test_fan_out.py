@@ -59,6 +59,7 @@ def test_the_bytes_are_those_of_one_process(by: tuple[str, ...], tmp_path: Path,
     assert contents(tmp_path / "out") == made
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DASK, reason="Dask is not installed (pip install 'mjfish[cluster]')")
 def test_a_scheduler_that_does_not_answer_is_a_named_error(tmp_path: Path) -> None:
     code, printed = finish(write_study(tmp_path), "--out", tmp_path / "out", "--cluster", "tcp://127.0.0.1:9")
