@@ -108,8 +108,10 @@ def _predicted(
 ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[SensorResidual, ...], tuple[ChannelError, ...]]:
     """Return what `Score` has of a trial."""
     alone, x, _ = _alone(fitted, values, trial)
-    whitened = alone.residual(x)[: alone.measured]
-    return alone.raw(x)[0], alone.predictions(x)[0], whitened, of_sensors(alone, x, 0), channel_errors(alone, x, 0)
+    return (
+        alone.raw(x)[0], alone.predictions(x)[0], alone.residual(x)[: alone.measured], of_sensors(alone, x, 0),
+        channel_errors(alone, x, 0),
+    )  # fmt: skip
 
 
 def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, ...]) -> FloatArray:

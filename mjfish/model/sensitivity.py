@@ -32,9 +32,8 @@ from mjfish.sized_cache import sized_cache
 
 #: Effects with their values by short name.
 Active = tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...]
-#: Step of a central difference, in units of the parameter's scale: what it leaves out, its square, is as small as what
-#: rounding makes of it, and the corner of a servo at its limit, 1/256 of that, is wide beside it.
-_STEP = 4e-5
+#: Step of a central difference, in units of the parameter's scale.
+_STEP = 2e-4
 #: Distance from a bound, in the same units, at which a parameter is on it.
 _ON_BOUND = 1.5e-3
 #: Scale of frequency [Hz] and phase [rad] of a wave.
@@ -416,11 +415,12 @@ def _declared(model: Model, name: str) -> Parameter:
 
 
 def difference(function: Callable[[float], FloatArray], p: Parameter, value: float) -> FloatArray:
-    """Return the derivative of `function` at `value` by a central difference.
+    """Return the derivative of `function` at `value` by a central difference of fourth order.
 
     Its step is _STEP of the parameter's scale, less where the bound of a null value is nearer.
     """
     h = _STEP * p.scale
     if p.default == p.low and value > p.low:
-        h = min(h, 0.5 * (value - p.low))
-    return np.asarray(function(value + h) - function(value - h)) / (2.0 * h)
+        h = min(h, (value - p.low) / 3.0)
+    near, far = (function(value + by) - function(value - by) for by in (h, 2.0 * h))
+    return np.asarray(8.0 * near - far) / (12.0 * h)

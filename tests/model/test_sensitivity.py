@@ -67,8 +67,6 @@ ALONE = {
 }  # fmt: skip
 #: Central differences of eighth order.
 EIGHTH = ((1, 0.8), (2, -0.2), (3, 4.0 / 105.0), (4, -1.0 / 280.0))
-#: Exactness of central differences of hooks at a step that leaves out as much as rounding makes of it.
-OF_HOOKS = 3e-8
 
 
 def _trial(mode: str, seconds: float, **fields: Any) -> Trial:
@@ -124,7 +122,7 @@ def test_parameters_of_every_catalogued_effect(pike: Fish, effect: str, short: s
 
 @pytest.mark.parametrize("effect", ALONE)
 def test_all_parameters_of_one_effect_at_once(pike: Fish, effect: str) -> None:
-    """Exact tangents of every parameter, and differences of hooks, against differences of eighth order, over a start.
+    """Exact tangents of every parameter against differences of eighth order, over a start.
 
     Less exact where a difference goes over kinks: the corner of a rate limit, the knots of a curve, a power at rest;
     and by hidden states that begin with zero.
@@ -142,7 +140,7 @@ def test_all_parameters_of_one_effect_at_once(pike: Fish, effect: str) -> None:
         predicted = lambda value, name=p.name: model.predict(trial, {**values, name: value}).velocity  # noqa: E731
         expected = _difference(predicted, values[p.name], 2e-3 * p.scale)
         away = trial.time > 0.01
-        limit = rough.get(effect, OF_HOOKS) if p.short == "slowness" or not effect.startswith("servo") else OF_HOOKS
+        limit = rough.get(effect, 1e-8) if p.short == "slowness" or not effect.startswith("servo") else 1e-8
         assert np.abs(expected).max() * p.scale > 1e-6
         _agree(exact[away, :, k], expected[away], limit)
 

@@ -105,29 +105,33 @@ def stacked(
     draft: Draft, numbers: Sequence[int], psi: Mapping[str, float], theta: Mapping[str, float] | None = None
 ) -> FloatArray:
     """Return the whitened noise-free runs, one after another (n,)."""
-    return np.concatenate([whiten(draft.noise, draft.clean(i, psi, theta=theta)).ravel() for i in numbers])
+    return _whitened(draft, [draft.clean(i, psi, theta=theta) for i in numbers])
+
+
+def _whitened(draft: Draft, parts: Sequence[FloatArray]) -> FloatArray:
+    """Return parts (m, 3) of the runs, whitened, one after another (n,)."""
+    return np.concatenate([whiten(draft.noise, part).ravel() for part in parts])
 
 
 def ruler(draft: Draft, numbers: Sequence[int]) -> Ruler:
     """Compute the sensitivities of the coefficients over some runs."""
-    plain = stacked(draft, numbers, {})
-    columns = []
+    paths = [draft.clean(i, {}) for i in numbers]
+    plain, columns = _whitened(draft, paths), []
     for name, value in draft.theta.items():
         up, down = ({**draft.theta, name: value * (1.0 + sign * _DIFFERENCE)} for sign in (1.0, -1.0))
         change = stacked(draft, numbers, {}, up) - stacked(draft, numbers, {}, down)
         columns.append(change / np.log((1.0 + _DIFFERENCE) / (1.0 - _DIFFERENCE)))
     poses = draft.noise.kind == "poses"
-    jacobian = np.column_stack(columns + (_starts(draft, numbers) if poses else []))
+    jacobian = np.column_stack(columns + (_starts(draft, paths) if poses else []))
     span, _ = np.linalg.qr(jacobian / np.linalg.norm(jacobian, axis=0))
-    errors = [_out(span, column) for column in (_joint_errors(draft, numbers) if poses else [])]
+    errors = [_out(span, column) for column in (_joint_errors(draft, numbers, paths) if poses else [])]
     unsure, lengths, _ = np.linalg.svd(np.array(errors).reshape(-1, len(plain)).T, full_matrices=False)
     step = np.linalg.pinv(jacobian)[: len(draft.theta)]
     return Ruler(draft, tuple(numbers), span, step, plain, unsure, 1.0 / np.sqrt(1.0 + lengths**2))
 
 
-def _starts(draft: Draft, numbers: Sequence[int]) -> list[FloatArray]:
+def _starts(draft: Draft, paths: Sequence[FloatArray]) -> list[FloatArray]:
     """Return what x, y and yaw at the start of each run change of the poses, whitened (n,)."""
-    paths = [draft.clean(i, {}) for i in numbers]
     found = []
     for i, path in enumerate(paths):
         turned = np.column_stack([-path[:, 1], path[:, 0], np.ones(len(path))])
@@ -136,17 +140,16 @@ def _starts(draft: Draft, numbers: Sequence[int]) -> list[FloatArray]:
     return found
 
 
-def _joint_errors(draft: Draft, numbers: Sequence[int]) -> list[FloatArray]:
+def _joint_errors(draft: Draft, numbers: Sequence[int], paths: Sequence[FloatArray]) -> list[FloatArray]:
     """Return what errors of the joints do to the poses, whitened (n,); the sum of their squares is the covariance.
 
-    Samples of the joints do not say how they move in between: the smoothest curve through those without noise is off
-    by one standard deviation. Noise of measured joints is drawn _DRAWS times, smoothed over _BAND.
+    Samples do not say how a joint moves in between. The error of the smoothest curve through samples without noise
+    counts as one standard deviation. Noise of measured joints is drawn _DRAWS times, smoothed over _BAND.
     """
     how = draft.noise
     if how.joints == "cpg":
         return []
     rng, found = np.random.default_rng([draft.seed, 79]), []
-    paths = [draft.clean(i, {}) for i in numbers]
     for place, number in enumerate(numbers):
         time = draft.time(number)
         angle = world.angles(draft.fish, draft.plan.runs[number], {}, time)
@@ -168,8 +171,7 @@ def _smoothest(time: FloatArray, angle: FloatArray) -> BSpline:
 
 def _of_run(draft: Draft, paths: Sequence[FloatArray], place: int, change: FloatArray) -> FloatArray:
     """Return a change (m, 3) of one run, whitened, among zeros for all others (n,)."""
-    parts = [change if i == place else np.zeros_like(path) for i, path in enumerate(paths)]
-    return np.concatenate([whiten(draft.noise, part).ravel() for part in parts])
+    return _whitened(draft, [change if i == place else np.zeros_like(path) for i, path in enumerate(paths)])
 
 
 @dataclass(frozen=True)
