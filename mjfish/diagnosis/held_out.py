@@ -108,7 +108,9 @@ class HeldOut:
         if refit not in self.covariance_roots:
             of = self.evidence if refit is None else refit
             with _of(refit):
-                self.covariance_roots[refit] = held_out_covariance_root(of.problem, of.fit, self.trials)
+                self.covariance_roots[refit] = held_out_covariance_root(
+                    of.problem, of.fit, self.trials, self.score(refit).own
+                )
         return self.covariance_roots[refit]
 
     def confirmed(self, refit: Refit, against: Refit | None) -> Confirmation | None:

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg, optimize, sparse
 from scipy.interpolate import BSpline, make_interp_spline
+from scipy.ndimage import maximum_filter1d
 
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion, grid
@@ -39,6 +40,11 @@ _EXACT = 1e-6
 #: Posterior standard deviation in the middle between exact samples one apart, under unit intensity of the third
 #: derivative (the posterior of the interpolating spline).
 _MIDDLE = 0.02603
+#: So many times as much is said as splines of fewer samples promise, for what is missed is missed in every beat alike.
+#: With 8, 53 films with nothing hidden and commanded joints pass, the least p is 0.011; with 5.5, two of the first ten
+#: have 0.005 in one of the tests. A spline that misses this share of the standard deviation
+#: promises nothing.
+_ALIKE, _LOST = 8.0, 0.5
 #: Steps of the first and the second derivative with respect to log10 of the penalty.
 _DIFFERENCE, _SECOND = 5e-3, 0.05
 
@@ -161,21 +167,30 @@ def exact(time: FloatArray, signal: FloatArray) -> Smoothed:
     """Interpolate a signal whose samples have no noise, and say how well it is known between them.
 
     The spline is the natural one: of all curves through the samples it has the least INT f'''^2 dt [Wahba1990]. In the
-    middle between two samples it is as far off as one of every second sample is, rms, at these two. Where a signal is
-    smooth that is 2^6 times what it misses; where it steps, it is half the step, and so is that.
+    middle between two samples it is no further off than one of every second sample is there. Where the signal is
+    smooth it is closer by more than the factor that lies between those of every second and of every fourth sample;
+    by an eighth of that factor less is said, for what is missed in a beat is missed in every beat alike. Where it
+    steps, that factor is one. Where a spline of every fourth sample misses the beat itself, there is no such factor.
 
     Args:
         time: (n,) increasing, n > 6 [s].
         signal: (n,).
     """
-    missed = np.empty_like(signal)
-    for first in (0, 1):
-        used, left = slice(first, None, 2), slice(1 - first, None, 2)
-        missed[left] = _natural(time[used], signal[used])(time[left]) - signal[left]
-    missed = np.pad(missed[1:-1], 1, mode="edge")  # an end is no better than what is beside it
-    squares = 0.5 * (missed[:-1] ** 2 + missed[1:] ** 2)
-    intensity = (squares + _EXACT**2) / (_MIDDLE**2 * np.diff(time) ** 5)
+    missed, coarse = _missed(time, signal, 2), _missed(time, signal, 4)
+    smooth = coarse < _LOST * np.std(signal)
+    missed *= np.where(smooth, np.minimum(_ALIKE * missed / np.maximum(coarse, _EXACT), 1.0), 1.0)
+    intensity = (0.5 * (missed[:-1] ** 2 + missed[1:] ** 2) + _EXACT**2) / (_MIDDLE**2 * np.diff(time) ** 5)
     return Smoothed(_natural(time, signal), _EXACT, intensity)
+
+
+def _missed(time: FloatArray, signal: FloatArray, every: int) -> FloatArray:
+    """Return by how much splines of every so many samples miss those in their middles, or those beside them (n,)."""
+    missed = np.full(len(signal), np.inf)
+    for first in range(every if len(signal) >= 3 * every else 0):  # a natural spline has three points or more
+        used, left = slice(first, None, every), slice((first + every // 2) % every, None, every)
+        missed[left] = _natural(time[used], signal[used])(time[left]) - signal[left]
+    ends = every // 2  # an end is no better than what is beside it
+    return np.asarray(maximum_filter1d(np.pad(np.abs(missed[ends:-ends]), ends, mode="edge"), 3, mode="nearest"))
 
 
 def _natural(time: FloatArray, signal: FloatArray) -> BSpline:

@@ -148,7 +148,7 @@ def noise_at(residuals: Sequence[Residual], step: float) -> Autoregressive:
     same_rate = [r for r in good if abs(r.trial.step / step - 1.0) < _SAME_RATE]
     chosen = [r for r in same_rate if r.role == "fit"] or same_rate
     there = [np.all(np.isfinite(r.values), axis=1) for r in chosen]
-    kept = [(r.values[inside], r.rows[inside]) for r, inside in zip(chosen, there, strict=True) if np.any(inside)]
+    kept = [(r.values[inside], r.trial.rows[inside]) for r, inside in zip(chosen, there, strict=True) if np.any(inside)]
     return estimate([block for block, _ in kept], seen=[seen_of(rows - rows[0]) for _, rows in kept])
 
 
@@ -159,7 +159,7 @@ def _unforecast(
     if noise is None:
         return {steps: np.full_like(residual.values, np.nan) for steps in horizons}
     ahead = noise.forecasts(residual.on_grid(residual.values), horizons)
-    return {steps: residual.values - forecast[residual.rows] for steps, forecast in ahead.items()}
+    return {steps: residual.values - forecast[residual.trial.rows] for steps, forecast in ahead.items()}
 
 
 def _row(

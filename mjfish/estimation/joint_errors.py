@@ -100,28 +100,30 @@ def whitening(
     )
     errors = JointErrors.of(trial, recorded_joints(trial), along)
     places = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
-    seen = [moments(run.fish, rollout, run.motion, sensor.time) for sensor in trial.sensors]
     channels = blocks_of([len(sensor.channels) for sensor in trial.sensors])
     series = _side_by_side(len(errors.time), places, channels, left)
-    there = [mask[:, None] * np.ones(block.shape[1]) for mask, block in zip(masks, left, strict=True)]
-    counted = _side_by_side(len(errors.time), places, channels, there) > 0.0
+    there = (mask[:, None] * np.ones_like(block) for mask, block in zip(masks, left, strict=True))
+    counted = _side_by_side(len(errors.time), places, channels, [*there]) > 0.0
 
     def filtered(turned: FloatArray) -> tuple[Gains, FloatArray]:
         """Return the filter along the rollout turned by angles (n,) at the times of the errors, and variances."""
         state = along.state.copy()
         state[:, _YAW] += np.interp(along.time, errors.time, turned)
-        readings = [
-            _reading(trial, sensor, _turned(moment, turned[at]))
-            for sensor, moment, at in zip(trial.sensors, seen, places, strict=True)
-        ]
         here = replace(errors, along=replace(along, state=state))
-        return here.filter(here.stacked(places, readings), np.concatenate(sigma), counted)
+        reading = here.stacked(
+            places,
+            [
+                _reading(trial, sensor, moments(run.fish, rollout, run.motion, sensor.time), turned[at])
+                for sensor, at in zip(trial.sensors, places, strict=True)
+            ],
+        )
+        return here.filter(reading, np.concatenate(sigma), counted)
 
     headed = filtered_states(filtered(np.zeros(len(errors.time)))[0], series)[:, _YAW].copy()  # not two filters at once
     gains, variances = filtered(headed)
-    means = [np.mean(variances[at, own], axis=0) for at, own in zip(places, channels, strict=True)]
-    matter = np.max(np.sqrt(np.concatenate(means)) / np.concatenate(sigma)) >= _MATTERS
-    return Whitening(places, masks, channels, gains) if matter else None
+    means = (np.mean(variances[at, own], axis=0) for at, own in zip(places, channels, strict=True))
+    matter = np.concatenate([*means]) >= (_MATTERS * np.concatenate(sigma)) ** 2
+    return Whitening(places, masks, channels, gains) if matter.any() else None
 
 
 def _side_by_side(
@@ -134,13 +136,12 @@ def _side_by_side(
     return every
 
 
-def _turned(here: Moments, by: FloatArray) -> Moments:
-    """Return moments of a fish turned on by angles (m,)."""
-    return replace(here, state=here.state + by[:, None] * np.eye(here.state.shape[1])[_YAW])
+def _reading(trial: Trial, sensor: Sensor, here: Moments, turned: FloatArray) -> FloatArray:
+    """Return the derivatives (m, c, d) of what a sensor reads, by the state of the head and of every joint.
 
-
-def _reading(trial: Trial, sensor: Sensor, here: Moments) -> FloatArray:
-    """Return the derivatives (m, c, d) of what a sensor reads, by the state of the head and of every joint."""
+    They are those of a fish that is turned on by angles (m,).
+    """
+    here = replace(here, state=here.state + turned[:, None] * np.eye(here.state.shape[1])[_YAW])
     joints, samples, camera = here.angle.shape[1], len(here.angle), Camera(trial)
     found = np.zeros((samples, len(sensor.channels), HEAD + JOINT * joints))
     for column in range(HEAD + joints):

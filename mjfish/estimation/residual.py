@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from mjfish.arrays import BoolArray, FloatArray
@@ -82,6 +81,7 @@ class Score:
         whitened: the scored residuals of velocities and sensors in the metric of the noise, (rows,) per trial.
         sensors: per trial, those of its sensors.
         channels: per trial, what is left of its channels.
+        own: per trial, its own parameters.
     """
 
     residuals: tuple[FloatArray, ...]
@@ -89,6 +89,7 @@ class Score:
     whitened: tuple[FloatArray, ...]
     sensors: tuple[tuple[SensorResidual, ...], ...] = ()
     channels: tuple[tuple[ChannelError, ...], ...] = ()
+    own: tuple[FloatArray, ...] = ()
 
     @property
     def nbytes(self) -> int:
@@ -105,32 +106,44 @@ def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple
 
 def _predicted(
     fitted: Problem, trial: Trial, values: Mapping[str, float]
-) -> tuple[FloatArray, FloatArray, FloatArray, tuple[SensorResidual, ...], tuple[ChannelError, ...]]:
+) -> tuple[FloatArray, FloatArray, FloatArray, tuple[SensorResidual, ...], tuple[ChannelError, ...], FloatArray]:
     """Return what `Score` has of a trial."""
-    alone, x, _ = _alone(fitted, values, trial)
+    alone, first = _alone(fitted, values, trial)
+    x = alone.start() if first is alone else fit_or_raise(first, alone.start(), tolerance=1e-6, evaluations=_MOST).x
     return (
         alone.raw(x)[0], alone.predictions(x)[0], alone.residual(x)[: alone.measured], of_sensors(alone, x, 0),
-        channel_errors(alone, x, 0),
+        channel_errors(alone, x, 0), x,
     )  # fmt: skip
 
 
-def held_out_covariance_root(fitted: Problem, found: Fit, trials: tuple[Trial, ...]) -> FloatArray:
+def held_out_covariance_root(
+    fitted: Problem, found: Fit, trials: tuple[Trial, ...], own: tuple[FloatArray, ...]
+) -> FloatArray:
     """Return whitened columns D (n, k) of the scored samples of all trials; D D' is the covariance of the prediction.
 
     D = (J C^(1/2), J_o C_o^(1/2)). C is the covariance of the model's free parameters. C_o is that of a trial's own
     parameters, which are fitted to its first part. J is the derivative by the former, the latter fitted anew; J_o is
     the derivative by the latter.
+
+    Args:
+        fitted, found: the problem and its fit.
+        trials: held out.
+        own: parameters of each of them, see `Score`.
     """
     rows = [i for i, p in enumerate(found.parameters) if ":" not in p.name]
     values, vectors = np.linalg.eigh(found.covariance[np.ix_(rows, rows)])
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    slopes, doubts = zip(*replace(fitted, executor=None).mapped(_derived, trials, values=found.values), strict=True)
+    derived = replace(fitted, executor=None).mapped(_derived, [*zip(trials, own, strict=True)], values=found.values)
+    slopes, doubts = zip(*derived, strict=True)
     return np.hstack([np.concatenate(slopes) @ root, linalg.block_diag(*doubts)])
 
 
-def _derived(fitted: Problem, trial: Trial, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
-    """Return J and J_o C_o^(1/2) of a trial."""
-    alone, x, first = _alone(fitted, values, trial)
+def _derived(
+    fitted: Problem, task: tuple[Trial, FloatArray], values: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Return J and J_o C_o^(1/2) of a trial with its own parameters."""
+    trial, x = task
+    alone, first = _alone(fitted, values, trial)
     free, before = (replace(one, fixed=fitted.fixed) for one in (alone, first))
     here = free.start({**alone.named(x), **values})
     mine = np.array([":" not in p.name for p in free.parameters])
@@ -140,18 +153,19 @@ def _derived(fitted: Problem, trial: Trial, values: Mapping[str, float]) -> tupl
     return scored[: free.measured, mine] - own @ (basis.T @ told[:, mine]), own
 
 
-def _alone(fitted: Problem, values: Mapping[str, float], trial: Trial) -> tuple[Problem, FloatArray, Problem]:
-    """Return the problem of a trial's scored samples, its own parameters, and the problem that these solve."""
+def _alone(fitted: Problem, values: Mapping[str, float], trial: Trial) -> tuple[Problem, Problem]:
+    """Return the problems of a trial's scored samples, and of those that its own parameters are fitted to.
+
+    They are the same where it has no parameters of its own.
+    """
     shared = {name: value for name, value in {**fitted.fixed, **values}.items() if ":" not in name}
-    first = alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
-    x = alone.start()
-    if nuisances(trial, fitted.free_clock):
-        counted = np.sort(np.concatenate([trial.time[alone.mask(0)], *_sensor_times(alone)]))
-        split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))
-        first = replace(alone, windows=((-np.inf, split),))
-        x = fit_or_raise(first, x, tolerance=1e-6, evaluations=_MOST).x
-        alone = replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),))
-    return alone, x, first
+    alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
+    if not nuisances(trial, fitted.free_clock):
+        return alone, alone
+    counted = np.sort(np.concatenate([trial.time[alone.mask(0)], *_sensor_times(alone)]))
+    split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))
+    first = replace(alone, windows=((-np.inf, split),))
+    return replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),)), first
 
 
 def own_parameters(fitted: Problem, values: Mapping[str, float], trials: Sequence[Trial]) -> dict[str, float]:
@@ -217,15 +231,10 @@ class Residual:
         """Residuals (n, 3) in physical units; NaN where a sample is missing or does not count."""
         return np.where(self.counted[:, None], self.trial.velocity - self.predicted, np.nan)
 
-    @property
-    def rows(self) -> NDArray[np.intp]:
-        """Row (n,) of every sample on a grid of equal intervals: rows of lost samples are skipped."""
-        return self.trial.rows
-
     def on_grid(self, block: FloatArray) -> FloatArray:
         """Spread a block (n, ...) over the grid: (m, ...), NaN between."""
-        spread = np.full((int(self.rows[-1]) + 1, *block.shape[1:]), np.nan)
-        spread[self.rows] = block
+        spread = np.full((int(self.trial.rows[-1]) + 1, *block.shape[1:]), np.nan)
+        spread[self.trial.rows] = block
         return spread
 
 

@@ -48,8 +48,8 @@ class AlongFit:
             *(mask.tobytes() for mask in masks),
         )
         if key not in self._cache:
-            allowed = trial.joint_angle is not None and bool(trial.sensors) and not trial.measured.any()
-            self._cache[key] = self._whitening(trial, sigma, masks) if allowed else None
+            known = trial.joint_angle is None or not trial.sensors or trial.measured.any()
+            self._cache[key] = None if known else self._whitening(trial, sigma, masks)
         return self._cache[key]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -83,16 +83,18 @@ def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:
     for (_, sensor), predicted in zip(problem.sensors, problem.sensor_predictions(x), strict=True):
         if sensor.sigma is None:
             left.setdefault(sensor.name, []).append(_spread(sensor, predicted))
-    sigma = dict(problem.sensor_sigma)
-    for name, rows in left.items():
-        own = [sensor for _, sensor in problem.sensors if sensor.name == name]
-        sigma[name] = np.maximum(np.sqrt(np.mean(np.concatenate(rows), axis=0)), smallest_sigma(own, _ROUNDED))
+    sigma = {
+        name: np.maximum(
+            np.sqrt(np.mean(np.concatenate(rows), axis=0)),
+            smallest_sigma([sensor for _, sensor in problem.sensors if sensor.name == name], _ROUNDED),
+        )
+        for name, rows in left.items()
+    }
     if isinstance(problem.joint_errors, AlongFit):
         problem.joint_errors.drop()
-    problem = replace(problem, sensor_sigma=sigma, joint_errors=None)
-    if all(trial.joint_angle is None for trial in problem.trials):
-        return problem
-    return replace(problem, joint_errors=AlongFit(problem, problem.named(x)))
+    problem = replace(problem, sensor_sigma={**problem.sensor_sigma, **sigma}, joint_errors=None)
+    exact = all(trial.joint_angle is None for trial in problem.trials)
+    return problem if exact else replace(problem, joint_errors=AlongFit(problem, problem.named(x)))
 
 
 def having_noise_of(problem: Problem, other: Problem) -> Problem:

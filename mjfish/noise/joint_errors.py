@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import linalg
@@ -40,6 +41,8 @@ _STEP = 0.01
 _SAME = 1e-9
 #: Samples whose matrices are held at once: 21 MB of four joints.
 _STRETCH = 4096
+#: How gains and transitions are kept: to seven digits, which is six more than a model of noise has.
+_KEPT: Any = np.float32
 #: Coefficients of the quintics by powers of the share of the step.
 _QUINTIC = np.array(
     [
@@ -158,17 +161,15 @@ class JointErrors:
         (n, m), d = counted.shape, len(self.start)
         spread = np.where(counted, sigma**2, 1.0)[:, :, None] * np.eye(m)
         used = reading._replace(value=reading.value * counted[:, reading.row])  # what is missing tells nothing
-        gain, root, covariance, total = np.zeros((n, d, m)), np.zeros((n, m, m)), self.start.copy(), 0.0
+        gain, root, covariance, total = np.zeros((n, d, m), _KEPT), np.zeros((n, m, m)), self.start.copy(), 0.0
         alone, unmeasured = np.zeros((n, m)), self.start.copy()
         row, column = np.nonzero(self._moving())
-        moves = Sparse(row, column, np.zeros((n, len(row))), (d, d))
+        moves = Sparse(row, column, np.zeros((n, len(row)), _KEPT), (d, d))
         for here, transition, drive in self.stretches():
-            moves.value[here] = transition[:, row, column]
-            total += advance(
-                moves.part(here), drive, used.part(here), spread[here], covariance,
-                np.ones(len(drive), dtype=np.bool_), gain[here], root[here],
-            )  # fmt: skip
-            variances(moves.part(here), drive, unmeasured, reading.part(here), alone[here])
+            exact, seen = moves._replace(value=transition[:, row, column]), np.ones(len(drive), dtype=np.bool_)
+            moves.value[here] = exact.value
+            total += advance(exact, drive, used.part(here), spread[here], covariance, seen, gain[here], root[here])
+            variances(exact, drive, unmeasured, reading.part(here), alone[here])
         return Gains(moves, reading, gain, root, total), alone
 
     def _moving(self) -> BoolArray:

@@ -125,7 +125,7 @@ def advance(
     total = 0.0
     d, m = gain.shape[1:]
     across, innovation = np.empty((m, d)), np.empty((m, m))  # H P, S
-    ahead, turned = np.empty((d, d)), np.empty((d, d))
+    ahead, turned, here = np.empty((d, d)), np.empty((d, d)), np.empty((d, m))
     for t in range(seen.shape[0]):
         if seen[t]:
             value, white = reading.value[min(t, reading.value.shape[0] - 1)], spread[min(t, spread.shape[0] - 1)]
@@ -141,16 +141,17 @@ def advance(
                 total -= 2.0 * np.log(factor[k, k])
             for i in range(d):
                 for j in range(m):
-                    gain[t, i, j] = 0.0
+                    here[i, j] = 0.0
                     for k in range(m):
                         weight = 0.0  # of the inverse of S
                         for n in range(m):
                             weight += factor[n, k] * factor[n, j]
-                        gain[t, i, j] += across[k, i] * weight
+                        here[i, j] += across[k, i] * weight
+                    gain[t, i, j] = here[i, j]
             for i in range(d):
                 for k in range(m):
                     for j in range(d):
-                        covariance[i, j] -= gain[t, i, k] * across[k, j]
+                        covariance[i, j] -= here[i, k] * across[k, j]
         _carry(transition, t, drive[min(t, drive.shape[0] - 1)], covariance, ahead, turned)
     return total
 

@@ -145,17 +145,22 @@ class MarkersMap(MappingTable):
         return self
 
 
-class PosesMap(Driven):
-    """``kind = "poses"``: columns of time, x, y, yaw of a point of the head."""
+class Tabled(Driven):
+    """Columns of time and of a point of the head."""
 
-    kind: Literal["poses"]
     time: str = "time"
-    x: str = "x"
-    y: str = "y"
-    yaw: str = "yaw"
     time_unit: Time = "s"
     length_unit: Length = "m"
     angle_unit: Angle = "rad"
+
+
+class PosesMap(Tabled):
+    """``kind = "poses"``: columns of time, x, y, yaw of a point of the head."""
+
+    kind: Literal["poses"]
+    x: str = "x"
+    y: str = "y"
+    yaw: str = "yaw"
     #: Where y points, seen from above with x to the right.
     axes: Literal["y_up", "y_down"] = "y_up"
     #: Where yaw is positive; by default to port with y up, as in an image to starboard with y down.
@@ -171,17 +176,13 @@ class PosesMap(Driven):
         return self.axes == "y_up" if self.turn_to is None else self.turn_to == "port"
 
 
-class VelocitiesMap(Driven):
+class VelocitiesMap(Tabled):
     """``kind = "velocities"``: columns of time, surge, sway, yaw rate of a point of the head."""
 
     kind: Literal["velocities"]
-    time: str = "time"
     surge: str = "surge"
     sway: str = "sway"
     yaw_rate: str = "yaw_rate"
-    time_unit: Time = "s"
-    length_unit: Length = "m"
-    angle_unit: Angle = "rad"
     #: Where surge, sway and yaw rate are positive.
     surge_to: Literal["front", "tail"] = "front"
     sway_to: Literal["port", "starboard"] = "port"

@@ -34,8 +34,9 @@ _SPREAD = 1.4
 MET = 0.1
 #: Strength, after refit, of one standard deviation of a number of a rival mechanism.
 _PRIOR = 3000.0
-#: How often noise of measured joints is drawn a run; over what time it is smoothed, for joints move at some Hz [s].
-_DRAWS, _BAND = 40, 0.05
+#: How often errors of joints are drawn a run; over what time noise of measured ones is smoothed, for joints move at
+#: some Hz [s]; share of the time between two samples at which the motion there is sampled.
+_DRAWS, _BAND, _FINE = 40, 0.05, 0.125
 #: Sizes that are tried for a strength beyond the rivals.
 _TRIES = 4
 
@@ -144,21 +145,28 @@ def _joint_errors(draft: Draft, numbers: Sequence[int], paths: Sequence[FloatArr
     """Return what errors of the joints do to the poses, whitened (n,); the sum of their squares is the covariance.
 
     Samples do not say how a joint moves in between. The error of the smoothest curve through samples without noise
-    counts as one standard deviation. Noise of measured joints is drawn _DRAWS times, smoothed over _BAND.
+    counts as one standard deviation: all of it alike, and in _DRAWS draws of every stretch between two samples by
+    itself. Noise of measured joints is drawn as often, smoothed over _BAND.
     """
     how = draft.noise
     if how.joints == "cpg":
         return []
     rng, found = np.random.default_rng([draft.seed, 79]), []
     for place, number in enumerate(numbers):
-        time = draft.time(number)
-        angle = world.angles(draft.fish, draft.plan.runs[number], {}, time)
-        known = draft.clean(number, {}, joints=_smoothest(time, angle))
+        run, time = draft.plan.runs[number], draft.time(number)
+        angle = world.angles(draft.fish, run, {}, time)
+        smooth = _smoothest(time, angle)
+        known = draft.clean(number, {}, joints=smooth)
         found.append(_of_run(draft, paths, place, known - paths[place]))
-        knots = np.arange(0.0, time[-1] + 2.0 * _BAND, _BAND)
-        for _ in range(_DRAWS if how.joints == "measured" else 0):
-            noise = how.angle / np.sqrt(max(_BAND * how.rate, 1.0)) * rng.standard_normal((len(knots), angle.shape[1]))
-            moved = draft.clean(number, {}, joints=_smoothest(time, angle + CubicSpline(knots, noise)(time)))
+        if how.joints == "measured":
+            knots, fine = np.arange(0.0, time[-1] + 2.0 * _BAND, _BAND), time
+            size = np.full_like(angle, how.angle / np.sqrt(max(_BAND * how.rate, 1.0)))
+        else:
+            knots, fine = time, np.interp(np.arange(0.0, len(time) - 1.0 + _FINE, _FINE), np.arange(len(time)), time)
+            size = world.angles(draft.fish, run, {}, fine) - smooth(fine)
+        for _ in range(_DRAWS):
+            noise = CubicSpline(knots, rng.standard_normal((len(knots), angle.shape[1])))(fine)
+            moved = draft.clean(number, {}, joints=_smoothest(fine, smooth(fine) + size * noise))
             found.append(_of_run(draft, paths, place, (moved - known) / np.sqrt(_DRAWS)))
     return found
 
