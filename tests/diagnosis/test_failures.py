@@ -111,6 +111,9 @@ def _at_once(solve: Any, most: int) -> Any:
     return optimize.OptimizeResult({**solve(max_nfev=1), "status": 0, "nfev": most})
 
 
+#: Whether anything is hidden; that nothing is, is tried by the slow tests.
+HIDDEN_OR_NOT = (pytest.param(False, marks=pytest.mark.slow), True)
+
 SOLVERS = {
     "raises": (_singular, "SVD did not converge"),
     "ends early": (_early, "gave up"),
@@ -147,7 +150,7 @@ def test_a_rival_whose_refit_fails_keeps_the_cause_from_being_named(
     assert (failed.failure, failed.parameters) == (result.failures["velocity_scale"], None)
 
 
-@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("hidden", HIDDEN_OR_NOT)
 @pytest.mark.parametrize("how", SOLVERS)
 def test_where_every_fit_fails_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch, how: str, hidden: bool) -> None:
     ends, reason = SOLVERS[how]
@@ -251,7 +254,7 @@ def _broken(at: str, does: Callable[..., Any]) -> Effect:
     return type("Broken", (Broken,), {"reading": reading, at: does})()
 
 
-@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("hidden", HIDDEN_OR_NOT)
 @pytest.mark.parametrize("at", ["drive", "body", "start", "clock", "reading", "priors", "not_applicable", "for_fish"])
 def test_an_effect_that_raises_is_a_failure(at: str, hidden: bool) -> None:
     result = _diagnosed(hidden, _broken(at, _raises))
@@ -260,7 +263,7 @@ def test_an_effect_that_raises_is_a_failure(at: str, hidden: bool) -> None:
         _assert_compared(result, name)
 
 
-@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("hidden", HIDDEN_OR_NOT)
 @pytest.mark.parametrize(
     ("at", "does", "reason"),
     [
