@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -279,7 +279,7 @@ def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
     problem = replace(having_noise_of(refit.problem, evidence.problem), jobs=evidence.problem.jobs)
     idle = {p.name: p.low for p in problem.declared.values()}
     nothing = problem.start({**idle, **evidence.fit.values})
-    start = min((refit.fit.x, nothing), key=lambda x: float(np.sum(problem.rough.residual(x) ** 2)))
+    start = min((refit.fit.x, nothing), key=lambda x: float(np.sum(problem.residual(x) ** 2)))
     here = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=evaluations)
     return replace(refit, problem=problem, fit=here, gain=evidence.fit.sse - here.sse)
 
@@ -355,8 +355,8 @@ def converge(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
 _MULTIPLES = (0.3, 1.0, 3.0)
 #: And of the scale of a cause that is not smooth at its null.
 _GRID = (0.1, 0.2, 0.6, 1.25, 1.5, 1.75, 2.0, 2.5)
-#: Change of the sum of squares from which on a size is felt, and how closely and how far above the least such is tried.
-_FELT, _HALVINGS, _ABOVE = 0.5, 8, (0.003, 0.006, 0.012, 0.025, 0.05)
+#: Change of the sum of squares from which on a size is felt, and how closely the least such is found.
+_FELT, _HALVINGS = 0.5, 8
 #: Multiples of a fitted amplitude at which another minimum is looked for.
 _OTHER_SIZES = tuple(2.0 ** (k / 4.0) for k in (-4, -3, -2, -1, 1, 2, 3, 4))
 #: How many of the most promising starts are looked at once more, with the coefficients moved.
@@ -376,7 +376,7 @@ def best_start(
     Tried are multiples of the one-step estimate and of the declared scale, with the coefficients unchanged, because a
     large effect may lie outside the range of the linearisation; the estimate with the coefficients refitted to first
     order, both at the shapes of the largest score; and almost no effect, so that no refit is worse than none. Where an
-    effect has a threshold, sizes just above it are tried as well: its minimum may be narrow.
+    effect has a threshold, sizes above it are tried as well: its minimum may be narrow.
 
     Args:
         evidence: of the model that is extended.
@@ -509,9 +509,10 @@ def _other_minimum(promised: Sequence[float], here: float) -> int | None:
 
 
 def find_threshold(tried: _Tried, column: int) -> None:
-    """Find by bisection the threshold above which the amplitude of a column changes the fit; try sizes just above it.
+    """Bisect where the amplitude of a column begins to change the fit, and where it leaves more than an idle one.
 
-    The fit is compared with that of an almost zero effect, not of none: an idle effect passes the motion through
+    In between it explains something; near the upper end is the minimum of an amplitude that is hardly met most of the
+    time. The fit is compared with that of an almost zero effect, not of none: an idle effect passes the motion through
     another computation, and precise data may show its rounding errors.
     """
     sizes, promised = np.array([start[column] for start in tried.starts]), np.array(tried.promised)
@@ -521,23 +522,24 @@ def find_threshold(tried: _Tried, column: int) -> None:
     if responds.all() or not np.any(responds & (sizes > sizes[~responds].max())):
         return
     start = tried.starts[int(np.argmax(np.where(responds, -np.inf, sizes)))]
-    low, high = float(start[column]), float(sizes[responds & (sizes > start[column])].min())
 
     def at(size: float) -> float:
-        x = start.copy()
-        x[column] = size
-        return tried.add(x)
+        return tried.add(np.where(np.arange(len(start)) == column, size, start)) - idle
 
-    if abs(at(0.5 * float(sizes[least])) - idle) > _FELT:
+    def least_of(low: float, high: float, beyond: Callable[[float], bool]) -> float:
+        """Return the least size that is beyond, where `low` is not and `high` is."""
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if beyond(at(middle)) else (middle, high)
+        return high
+
+    if abs(at(0.5 * float(sizes[least]))) > _FELT:
         return  # every size changes the fit: there is no threshold
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        if abs(at(middle) - idle) > _FELT:
-            high = middle
-        else:
-            low = middle
-    for share in _ABOVE:
-        at((1.0 + share) * high)
+    above = responds & (sizes > start[column])
+    threshold = least_of(float(start[column]), float(sizes[above].min()), lambda more: abs(more) > _FELT)
+    worse = sizes[above & (promised > idle)]
+    if len(worse):
+        least_of(threshold, float(worse.min()), lambda more: more > 0.0)
 
 
 def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, float]]:
