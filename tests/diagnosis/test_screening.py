@@ -46,16 +46,24 @@ def _limited(pike: Fish, sigma: FloatArray) -> tuple[Evidence, float]:
 
 
 @pytest.mark.parametrize("share", [pytest.param(0.3, marks=pytest.mark.slow), 0.02], ids=["noise", "hardly any noise"])
-def test_a_limit_that_is_hardly_met_is_found_in_its_narrow_minimum(pike: Fish, share: float) -> None:
+def test_a_limit_that_is_hardly_met_is_found_in_its_narrow_minimum(
+    pike: Fish, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """From sizes that do not feel it there is no way down. Catches starts that step over the minimum.
 
-    With hardly any noise an idle limit differs from none by rounding, and is not felt for it.
+    With hardly any noise an idle limit differs from none by rounding, and is not felt for it. Under another noise the
+    refit is taken on, though at a longer step it would leave more than none.
     """
     evidence, slowness = _limited(pike, share * SIGMA)
     found = refit_with(evidence, LIMIT)
     assert found.gain > 50.0
     (size,) = found.parameter_values().values()
     assert size == pytest.approx(slowness, rel=0.004)
+    monkeypatch.setattr(Problem, "rough", property(lambda one: replace(one, model=replace(one.model, step=0.05))))
+    rough = found.problem.rough
+    assert np.sum(rough.residual(found.fit.x) ** 2) > evidence.fit.sse
+    again = refits(evidence, (LIMIT,), before={LIMIT.name: found})[LIMIT.name]
+    assert again.gain > 0.99 * found.gain
 
 
 @dataclass
@@ -89,6 +97,17 @@ def test_sizes_just_above_an_edge_are_tried_where_there_is_one(
         assert len(new) == 1
     else:
         assert np.count_nonzero((new > edge) & (new < 1.06 * edge)) >= 5
+
+
+def test_sizes_just_below_where_more_is_left_than_by_none_are_tried() -> None:
+    """A joint that meets its limit now and then feels it from 0.3 on; from 0.48 on it meets it in every beat."""
+    tried = _Tried(lambda size: 1e3 * (1.0 - (size > 0.3) * 0.1 + (size > 0.48) * 100.0 * (size - 0.479)), [], [])
+    for size in (1e-3, 1e-3, 0.1, 0.2, 0.5, 1.0):
+        tried.add(np.array([size]))
+    find_threshold(tried, 0)  # type: ignore[arg-type]
+    new = np.array(tried.starts)[:, 0]
+    assert np.count_nonzero((new > 0.475) & (new < 0.48)) >= 2
+    assert np.count_nonzero((new > 0.29) & (new < 0.31)) >= 5
 
 
 @pytest.mark.parametrize(
