@@ -40,10 +40,9 @@ _EXACT = 1e-6
 #: Posterior standard deviation in the middle between exact samples one apart, under unit intensity of the third
 #: derivative (the posterior of the interpolating spline).
 _MIDDLE = 0.02603
-#: So many times as much is said as splines of fewer samples promise, for what is missed is missed in every beat alike.
-#: With 8, 53 films with nothing hidden and commanded joints pass, the least p is 0.011; with 5.5, two of the first ten
-#: have 0.005 in one of the tests. A spline that misses this share of the standard deviation
-#: promises nothing.
+#: Multiple of m_2 m_2 / m_4 that is said, and the share of the standard deviation from which on m_4 tells nothing (see
+#: `exact`). With 8, all of 53 films with nothing hidden and commanded joints pass, and the least p is 0.011; with 5.5,
+#: two of the first ten have p = 0.005 in one of the tests.
 _ALIKE, _LOST = 8.0, 0.5
 #: Steps of the first and the second derivative with respect to log10 of the penalty.
 _DIFFERENCE, _SECOND = 5e-3, 0.05
@@ -167,10 +166,10 @@ def exact(time: FloatArray, signal: FloatArray) -> Smoothed:
     """Interpolate a signal whose samples have no noise, and say how well it is known between them.
 
     The spline is the natural one: of all curves through the samples it has the least INT f'''^2 dt [Wahba1990]. In the
-    middle between two samples it is no further off than one of every second sample is there. Where the signal is
-    smooth it is closer by more than the factor that lies between those of every second and of every fourth sample;
-    by an eighth of that factor less is said, for what is missed in a beat is missed in every beat alike. Where it
-    steps, that factor is one. Where a spline of every fourth sample misses the beat itself, there is no such factor.
+    middle between two samples its error is at most m_2, that of a spline of every second sample there. The spline of
+    every fourth sample has the error m_4. A smooth signal has an error below m_2 m_2 / m_4. Eight times that is said,
+    if it is less than m_2, for an error in a beat is the same in every beat. Where the signal steps, m_2 = m_4, and m_2
+    is said; so it is where the spline of every fourth sample misses the beat itself.
 
     Args:
         time: (n,) increasing, n > 6 [s].

@@ -48,8 +48,8 @@ class AlongFit:
             *(mask.tobytes() for mask in masks),
         )
         if key not in self._cache:
-            known = trial.joint_angle is None or not trial.sensors or trial.measured.any()
-            self._cache[key] = None if known else self._whitening(trial, sigma, masks)
+            allowed = trial.joint_angle is not None and bool(trial.sensors) and not trial.measured.any()
+            self._cache[key] = self._whitening(trial, sigma, masks) if allowed else None
         return self._cache[key]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -57,7 +57,7 @@ class AlongFit:
         return {**vars(self), "_cache": {}}
 
     def drop(self) -> None:
-        """Let go of the memory of all trials, 1.6 kB a sample of four joints; what is asked for again is made again."""
+        """Let go of the memory of all trials, 0.8 kB a sample of four joints; what is asked for again is made again."""
         self._cache.clear()
 
     def _whitening(self, trial: Trial, sigma: Sequence[FloatArray], masks: Sequence[BoolArray]) -> Whitening | None:
