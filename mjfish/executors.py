@@ -30,6 +30,8 @@ R = TypeVar("R")
 
 #: The address that stands for a cluster of one's own on this machine.
 LOCAL = "local"
+#: Threads that work on a task.
+_AT_WORK: set[int] = set()
 #: Within which a scheduler must answer [s].
 _PATIENCE = 10
 #: Run by the workers of a cluster of one's own: Ctrl-C in a terminal is for all processes, and this one stops them.
@@ -68,7 +70,7 @@ def completed(
     Args:
         function: its result must not depend on where it runs.
         tasks: one argument each.
-        jobs: threads, where there is no executor.
+        jobs: threads, where there is no executor; a task's own tasks get those that have nothing else to do.
         executor: its workers get function and task by cloudpickle, and work with one thread.
 
     Getting it raises `WorkerError` where a worker ended without an answer, and an error of `function` as it is.
@@ -77,11 +79,19 @@ def completed(
         sent = cloudpickle.dumps(function)
         for place, answer in fan_out(_answer, [(sent, cloudpickle.dumps(task)) for task in tasks], executor):
             yield place, partial(_opened, answer)
-    elif jobs <= 1 or len(tasks) < 2:
+    elif len(tasks) < 2 or (threads := jobs - len(_AT_WORK - {threading.get_ident()})) < 2:
         yield from ((place, partial(function, task)) for place, task in enumerate(tasks))
     else:
-        with ThreadPoolExecutor(jobs) as pool:
-            yield from ((place, future.result) for place, future in fan_out(function, tasks, pool))
+        with ThreadPoolExecutor(threads) as pool:
+            yield from ((place, future.result) for place, future in fan_out(partial(_at_work, function), tasks, pool))
+
+
+def _at_work(function: Callable[[T], R], task: T) -> R:
+    _AT_WORK.add(threading.get_ident())
+    try:
+        return function(task)
+    finally:
+        _AT_WORK.discard(threading.get_ident())
 
 
 def mapped(function: Callable[[T], R], tasks: Sequence[T], jobs: int, executor: Executor | None = None) -> Iterator[R]:

@@ -24,7 +24,7 @@ from mjfish.effects.catalogue import catalogue
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
 from mjfish.ode.forces import link_forces
-from mjfish.ode.jacobians import input_jacobian, state_jacobian
+from mjfish.ode.jacobians import jacobians
 dataset = load_dataset(DEMO)
 trial, late = dataset.trials[0], catalogue()["wake_memory"]
 for effects, names in (((), ["c_d.head"]), ((late,), ["c_d.head", "start.surge", "wake_memory.share"])):
@@ -33,8 +33,7 @@ for effects, names in (((), ["c_d.head"]), ((late,), ["c_d.head", "start.surge",
     run = model.prepare(trial, values)
     rollout = model.predict(trial, values).rollout
     sensitivities(model, trial, values, names)
-    state_jacobian(run.fish, rollout, loads=run.loads)
-    input_jacobian(run.fish, rollout, loads=run.loads)
+    jacobians(run.fish, rollout, loads=run.loads)
     link_forces(run.fish, rollout.motion, rollout.at_steps(), loads=run.loads)
 """
 _DEMO = """

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.integrate import cumulative_simpson
@@ -27,10 +27,10 @@ from mjfish.fish import Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.forced_motion import forced_motion
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import apply_loads, load_table
+from mjfish.hydro.load import ANSWER, LoadBuffers, LoadTable, load_rows, loads_on
 from mjfish.hydro.outline import outlines
 from mjfish.model import Model
-from mjfish.model.model import ActiveEffects, LoadsOfRun, active_effects, asked_motion, loads_of
+from mjfish.model.model import Prepared, asked_motion
 from mjfish.ode.kinematics import link_velocities
 
 #: Shares of the information between which a variable counts as visited.
@@ -194,40 +194,36 @@ class _Fish:
     """A fish with a cause: its body, records of its links, its effects, and their loads.
 
     Attributes:
-        body, records, active: as they say.
+        run: what is simulated.
+        records: of its links.
         loads: table of the loads that know the velocity only.
-        every: all of them.
     """
 
-    body: Fish
+    run: Prepared
     records: RecordArray
-    active: ActiveEffects
-    loads: tuple[Any, FloatArray]
-    every: LoadsOfRun
+    loads: LoadTable
 
     @classmethod
     def of(cls, model: Model, values: Mapping[str, float], trial: Trial) -> _Fish:
         """Return it with these values."""
         everything = {p.name: values.get(p.name, p.default) for p in model.parameters}
-        active, body = active_effects(model, everything), model.fish
-        for effect, own in active:
-            body = effect.body(body, own)
-        every = loads_of(active, trial)
-        table = load_table([pair for pair in every if not pair[0].stateful])
-        coefficients = {name: everything[name] for name in model.fish.coefficient_names}
-        return cls(body, link_records(body, coefficients), active, table, every)
+        run = model.prepare(trial, everything)
+        table = load_rows([pair for pair in run.loads if not pair[0].stateful])
+        return cls(run, link_records(run.fish, run.coefficients), table)
 
     def force(self, link: int, u: float, v: float) -> tuple[float, float]:
         """Return the force of the loads on a link that moves at u along and v across [N]."""
         self.records["u"], self.records["v"], self.records["w"] = u, v, 0.0
-        fx, fy, _ = apply_loads(self.records, link, *self.loads, np.zeros(3))
+        fx, fy, _ = loads_on(
+            self.records, link, link, self.loads, False, LoadBuffers(np.zeros(ANSWER), np.zeros(0), np.zeros(0))
+        )
         return fx, fy
 
     def across(self, link: int, v: FloatArray) -> FloatArray:
         """Return the force across (n + 1,) [N] of all loads on a link moved across at v (2 n + 1,), at every step."""
         velocity = np.zeros((len(v), 3))
         velocity[:, 1] = v
-        return forced_motion(self.records, link, self.every, velocity, _STEP)[:, 1]
+        return forced_motion(self.records, link, self.run.loads, velocity, _STEP)[:, 1]
 
 
 def _visited(x: FloatArray, weight: FloatArray) -> tuple[float, float]:
@@ -273,13 +269,13 @@ def _drag(refit: Refit) -> Iterator[_Form]:
 
 def _coefficient(kind: str, link: int) -> Callable[[_Fish, FloatArray], FloatArray]:
     def value(fish: _Fish, speeds: FloatArray) -> FloatArray:
-        outline = outlines(fish.body)[link]
+        outline = outlines(fish.run.fish)[link]
         area = outline.wetted if kind == "c_f" else outline.height_moment[-1, 0]
         found = []
         for speed in speeds:
             u, v = (speed, 0.0) if kind == "c_f" else (0.0, speed)
             force = np.add(fish.force(link, u, v), drag(fish.records[link])[:2])[0 if kind == "c_f" else 1]
-            found.append(-2.0 * force / (fish.body.density * area * speed**2))
+            found.append(-2.0 * force / (fish.run.fish.density * area * speed**2))
         return np.array(found)
 
     return value
@@ -303,7 +299,7 @@ def _lift(refit: Refit) -> Iterator[_Form]:
 
 def _normal(link: int, speed: float) -> Callable[[_Fish, FloatArray], FloatArray]:
     def value(fish: _Fish, angles: FloatArray) -> FloatArray:
-        pressure = 0.5 * fish.body.density * outlines(fish.body)[link].height_moment[-1, 0] * speed**2
+        pressure = 0.5 * fish.run.fish.density * outlines(fish.run.fish)[link].height_moment[-1, 0] * speed**2
         forces = [fish.force(link, -speed * np.cos(angle), speed * np.sin(angle))[1] for angle in angles]
         return np.asarray(-np.array(forces) / pressure)
 
@@ -322,7 +318,7 @@ def _tail(refit: Refit) -> Iterator[_Form]:
 
 
 def _moment(fish: _Fish, deflection: FloatArray) -> FloatArray:
-    tail = fish.body
+    tail = fish.run.fish
     if tail.tail_compliance <= 0.0:
         return np.zeros_like(deflection)
     stiffer = tail.tail_quadratic * deflection + tail.tail_hardening * deflection**2  # deflections are not negative
@@ -435,7 +431,7 @@ def _reached(fish: _Fish, command: FloatArray) -> FloatArray:
     angle = np.broadcast_to(command[:, None, None], (len(command), 3, 1))
     still = np.zeros_like(angle)
     motion = JointMotion(np.arange(len(command) + 1.0), angle, still, still)
-    for effect, own in fish.active:
+    for effect, own in fish.run.active:
         motion = effect.drive(motion, own)
     return motion.angle[:, 0, 0].copy()
 

@@ -71,9 +71,7 @@ def _side_by_side(
     files = [None] * len(tasks) if kept is None else [*kept.step([_name(task) for task in begun])]
     found = [None if file is None else Kept.read(file) for file in files]
     rest = [place for place, known in enumerate(found) if known is None]
-    worker: Any = first
-    if executor is not None or len(rest) > 1:
-        worker = replace(worker, problem=problem.alone)
+    worker: Any = replace(first, problem=problem.alone)
     recorded = kept is not None or executor is not None
     function: Callable[[tuple[Any, ...]], Any] = partial(_attempted, partial(call, make, worker), candidate_limit())
     if recorded:

@@ -59,7 +59,6 @@ def _add_weights(out: Any, row: int, first: int, t: float, count: int, force: fl
 
 def _slopes(link: Any, parameters: Any, out: Any) -> None:
     """Write the derivatives of the excess by all parameters and by u, v, w."""
-    out[:] = 0.0
     whole, power, speed, height = parameters[_WHOLE_D], parameters[_HEIGHT], parameters[_SPEED], parameters[_TALL]
     other = parameters[_WHOLE_F]
     by_u, by_v, by_w = PARAMETERS, PARAMETERS + 1, PARAMETERS + 2

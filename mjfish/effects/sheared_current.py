@@ -7,19 +7,26 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mjfish.arrays import FloatArray
+from mjfish.compiled import merged
 from mjfish.data import Dataset, Trial
 from mjfish.effects.ambient_current import AmbientCurrent
 from mjfish.effects.effect import Effect, Fingerprint, Values, variant
 from mjfish.effects.place import begun_at, unplaced
 from mjfish.fish import Fish
-from mjfish.hydro.force import crossflow
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.force import crossflow, crossflow_derivatives
+from mjfish.hydro.load import PARAMETERS, PLACES, Load, load
 from mjfish.parameter import Parameter
 
+#: Columns of the derivatives that are not zero: by c_x, c_y, g_x, g_y, then by u, v, w, x, y, heading and the clock.
+_COLUMNS = (0, 1, 3, 4, *range(PARAMETERS, PARAMETERS + 6), PARAMETERS + PLACES)
+_SEEDS = tuple(map(tuple, np.eye(len(_COLUMNS)).tolist()))
 
-@load(memory=1, shared=True)
-def _sheared(link: Any, parameters: Any) -> tuple[float, float, float, float]:
-    """Return the force in the current less that in still water, and the rate of the clock.
+
+@merged
+def _around(
+    x: float, y: float, heading: float, clock: float, parameters: Any
+) -> tuple[float, float, float, float, float, float]:
+    """Return of the frame its velocity, of the water around a link its velocity, both in the world, strain and turn.
 
     All in the frame that moves with the current at the start of the run: there the water moves with c' = G xi at the
     distance xi from that place, and the place itself with the clock.
@@ -27,13 +34,71 @@ def _sheared(link: Any, parameters: Any) -> tuple[float, float, float, float]:
     shear_x, shear_y = parameters[3], parameters[4]
     start_x, start_y = parameters[5], parameters[6]
     frame_x, frame_y = parameters[0] + shear_x * start_y, parameters[1] + shear_y * start_x
-    cos, sin = np.cos(link.heading), np.sin(link.heading)
-    u, v, w = link.u, link.v, link.w
+    cos, sin = np.cos(heading), np.sin(heading)
     # The water at the link's origin, in the world; e = (cos, sin) points ahead, n = (-sin, cos) to port.
-    water_x = shear_x * (link.y - start_y + link.memory[0] * frame_y)
-    water_y = shear_y * (link.x - start_x + link.memory[0] * frame_x)
+    water_x = shear_x * (y - start_y + clock * frame_y)
+    water_y = shear_y * (x - start_x + clock * frame_x)
     strain = (shear_x + shear_y) * sin * cos  # e G e, and -n G n
     turn = shear_y * cos * cos - shear_x * sin * sin  # n G e
+    return frame_x, frame_y, water_x, water_y, strain, turn
+
+
+def _slopes(link: Any, parameters: Any, out: Any) -> None:
+    """Write the derivatives of the force: of every line of `_sheared`, along one number after the other."""
+    shear_x, shear_y, clock = parameters[3], parameters[4], link.memory[0]
+    frame_x, frame_y, water_x, water_y, strain, turn = _around(link.x, link.y, link.heading, link.memory[0], parameters)
+    cos, sin = np.cos(link.heading), np.sin(link.heading)
+    u, v, w = link.u, link.v, link.w
+    ahead, v_water = cos * water_x + sin * water_y, sin * water_x - cos * water_y
+    pull_x, pull_y = shear_x * (frame_y + water_y), shear_y * (frame_x + water_x)
+    _, _, f_v, f_w, g_v, g_w = crossflow_derivatives(
+        v - v_water, w - turn, link.length, link.node_height, link.height_moment
+    )
+    _, _, still_v, still_w, still_gv, still_gw = crossflow_derivatives(
+        v, w, link.length, link.node_height, link.height_moment
+    )
+    across = -0.5 * link.density * link.c_d
+    friction = -link.density * link.c_f * link.wetted
+    slip = u + ahead - 0.5 * link.length * strain
+    a0, a1, a2 = link.c_m * link.added[0], link.c_m * link.added[1], link.c_m * link.added[2]
+    momentum, less = a0 * v + a1 * w, a0 * v_water + a1 * turn
+    for column, seed in zip(_COLUMNS, _SEEDS):  # noqa: B905 # numba knows no strict
+        c_x, c_y, g_x, g_y, du, dv, dw, dx, dy, turned, later = seed
+        to_x, to_y = c_x + g_x * parameters[6], c_y + g_y * parameters[5]  # of the frame
+        along_x = g_x * (link.y - parameters[6] + clock * frame_y) + shear_x * (dy + later * frame_y + clock * to_y)
+        along_y = g_y * (link.x - parameters[5] + clock * frame_x) + shear_y * (dx + later * frame_x + clock * to_x)
+        strained = (g_x + g_y) * sin * cos + (shear_x + shear_y) * (cos * cos - sin * sin) * turned
+        turning = g_y * cos * cos - g_x * sin * sin - 2.0 * strain * turned
+        more_ahead = cos * along_x + sin * along_y - v_water * turned
+        aside = sin * along_x - cos * along_y + ahead * turned
+        carried = cos * (g_y * frame_x + shear_y * to_x) - sin * (g_x * frame_y + shear_x * to_y)
+        carried -= (sin * shear_y * frame_x + cos * shear_x * frame_y) * turned
+        v_rate = dw * ahead + w * more_ahead - carried + du * turn + u * turning - dv * strain - v * strained
+        turn_rate = -2.0 * (dw * strain + w * strained)
+        pulled_x = g_x * (frame_y + water_y) + shear_x * (to_y + along_y)
+        pulled_y = g_y * (frame_x + water_x) + shear_y * (to_x + along_x)
+        pressure_x = (g_x * shear_y + shear_x * g_y) * link.com - cos * pulled_x - sin * pulled_y
+        pressure_x += (sin * pull_x - cos * pull_y) * turned
+        pressure_y = link.mass * (sin * pulled_x - cos * pulled_y + (cos * pull_x + sin * pull_y) * turned)
+        slipped = du + more_ahead - 0.5 * link.length * strained
+        lessened = a0 * aside + a1 * turning
+        out[0, column] = friction * (abs(slip) * slipped - abs(u) * du) - dw * less - w * lessened
+        out[0, column] += link.mass * pressure_x
+        force = f_v * (dv - aside) + f_w * (dw - turning) - still_v * dv - still_w * dw
+        out[1, column] = across * force + a0 * v_rate + a1 * turn_rate + pressure_y
+        moment = g_v * (dv - aside) + g_w * (dw - turning) - still_gv * dv - still_gw * dw
+        munk = slipped * (momentum - less) + slip * (a0 * dv + a1 * dw - lessened) - du * momentum
+        munk -= u * (a0 * dv + a1 * dw)
+        out[2, column] = across * moment + a1 * v_rate + a2 * turn_rate + link.com * pressure_y - link.munk * munk
+
+
+@load(memory=1, shared=True, gradient=_slopes)
+def _sheared(link: Any, parameters: Any) -> tuple[float, float, float, float]:
+    """Return the force in the current less that in still water, and the rate of the clock; see `_around`."""
+    shear_x, shear_y = parameters[3], parameters[4]
+    frame_x, frame_y, water_x, water_y, strain, turn = _around(link.x, link.y, link.heading, link.memory[0], parameters)
+    cos, sin = np.cos(link.heading), np.sin(link.heading)
+    u, v, w = link.u, link.v, link.w
     # In the frame of the link, which points to tail and starboard; along it, at its middle.
     ahead = cos * water_x + sin * water_y
     u_water = 0.5 * link.length * strain - ahead

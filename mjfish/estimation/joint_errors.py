@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,7 +14,7 @@ from mjfish.model.model import Prepared, recorded_joints
 from mjfish.model.sensing import Camera, Moments, moments
 from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
 from mjfish.noise.kalman import Gains, filtered_states, whitened
-from mjfish.ode.jacobians import input_jacobian, state_jacobian
+from mjfish.ode.jacobians import jacobians
 from mjfish.ode.rollout import Rollout
 
 #: Steps of the differences of what a sensor reads, by states of the head and by angles.
@@ -86,17 +85,10 @@ def whitening(
         sigma: (c,) of each sensor.
         masks: (m,) which of its samples count.
     """
-    by_state, by_joints = (
-        functools.partial(of, run.fish, rollout, values=run.coefficients, loads=run.loads)
-        for of in (state_jacobian, input_jacobian)
-    )
-
-    @functools.lru_cache(maxsize=1)  # a run of one stretch has the same under both filters: they know of no heading
-    def jacobians(begin: int, end: int) -> tuple[FloatArray, FloatArray]:
-        return by_state(steps=slice(begin, end)), by_joints(steps=slice(begin, end))
-
     along = Along(
-        rollout.time[:-1], rollout.state[:, 0, :HEAD].copy(), lambda steps: jacobians(steps.start, steps.stop)
+        rollout.time[:-1],
+        rollout.state[:, 0, :HEAD].copy(),
+        lambda steps: jacobians(run.fish, rollout, values=run.coefficients, loads=run.loads, steps=steps),
     )
     errors = JointErrors.of(trial, recorded_joints(trial), along)
     places = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]

@@ -47,7 +47,7 @@ from mjfish.noise import (
 from mjfish.noise.autoregressive import grid
 from mjfish.noise.differentiation import DEGREES, WINDOWS
 from mjfish.noise.selection import CONTRADICTED, excess
-from mjfish.ode.jacobians import input_jacobian, linear_response, state_jacobian
+from mjfish.ode.jacobians import jacobians, linear_response
 
 #: Cosines that stand for white errors of a joint, for every degree of freedom of its spline: faster ones do not pass.
 _WAVES = 2.0
@@ -122,7 +122,7 @@ def state_jacobians(problem: Problem, values: Mapping[str, float]) -> dict[str, 
     for i, trial in enumerate(problem.trials):
         run = problem.model.prepare(trial, values)
         rollout = problem.prediction(trial, values).rollout
-        a = state_jacobian(run.fish, rollout, values=run.coefficients, loads=run.loads)
+        a, _ = jacobians(run.fish, rollout, values=run.coefficients, loads=run.loads)
         times = float(trial.time[0]) + trial.step * np.arange(len(grid(trial.time, problem.mask(i))))
         result[trial.name] = readonly(a[np.clip(np.searchsorted(rollout.time, times), 0, len(a) - 1)])
     return result
@@ -179,7 +179,7 @@ def _loadings(problem: Problem, trial: Trial, values: dict[str, float]) -> Float
     rollout = problem.prediction(trial, values).rollout
     if rollout.message:  # nothing is linear about a run that diverges
         return read
-    a, b = (of(run.fish, rollout, values=run.coefficients, loads=run.loads) for of in (state_jacobian, input_jacobian))
+    a, b = jacobians(run.fish, rollout, values=run.coefficients, loads=run.loads)
     time = rollout.time[: len(a)]
     joints = [smoothing(trial.time, trial.joint_angle[:, j]) for j in range(trial.joint_angle.shape[1])]
     if trial.errors is not None:

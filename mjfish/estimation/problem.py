@@ -136,8 +136,8 @@ class Problem:
 
     @property
     def alone(self) -> Problem:
-        """The problem for one worker of many."""
-        return replace(self, jobs=1, executor=None, kept=None)
+        """The problem for one worker of many; its threads are those that the others leave."""
+        return replace(self, executor=None, kept=None)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process gets: a problem for one worker."""
@@ -145,9 +145,7 @@ class Problem:
 
     def mapped(self, function: Callable[..., R], tasks: Sequence[T], **settings: Any) -> Iterator[R]:
         """Yield what `function` returns of this problem, each task and the settings, in the order of the tasks."""
-        single = self.executor is None and len(tasks) == 1
-        worker = partial(function, self if single else self.alone, **settings)
-        return mapped(worker, tasks, self.jobs, self.executor)
+        return mapped(partial(function, self.alone, **settings), tasks, self.jobs, self.executor)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -566,14 +564,14 @@ class Problem:
 
     def _sensors_left(self, predicted: list[_Predicted]) -> list[FloatArray]:
         """Return whitened residuals (m,) of each sensor."""
-        parts: list[FloatArray] = []
-        for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True)):
-            left = [
-                (sensor.values - block)[:, :, None] for sensor, block in zip(trial.sensors, own.sensors, strict=True)
-            ]
-            white = [block.ravel() for block in self.white_sensors(i, left)]
-            parts += [np.full_like(block, LOST) for block in white] if own.lost else white
-        return parts
+
+        def of_trial(index: int) -> list[FloatArray]:
+            sensors, own = self.trials[index].sensors, predicted[index]
+            left = [(one.values - block)[:, :, None] for one, block in zip(sensors, own.sensors, strict=True)]
+            white = [block.ravel() for block in self.white_sensors(index, left)]
+            return [np.full_like(block, LOST) for block in white] if own.lost else white
+
+        return [block for blocks in mapped(of_trial, range(len(self.trials)), self.jobs) for block in blocks]
 
     def _run(self, x: FloatArray) -> list[_Predicted]:
         check_time()

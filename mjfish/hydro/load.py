@@ -24,7 +24,7 @@ from numba.extending import intrinsic
 
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.compiled import c_callback, is_ours, merged, part
-from mjfish.errors import InputError, ParameterError
+from mjfish.errors import ParameterError
 from mjfish.hydro.link import LINK, MEMORY, MOVING, column
 
 #: Most parameters a load may have.
@@ -34,8 +34,10 @@ PARAMETERS = 18
 #: velocity only, 1 where it is stateful, 2 where it is stateful and exerts nothing (inactive); address of its gradient,
 #: 0 where it has none.
 AT_MEMORY, AT_FIRST, AT_STRIDE, AT_STATEFUL, AT_GRADIENT, ROW = range(PARAMETERS, PARAMETERS + 6)
-#: Columns of a gradient: the parameters, then u, v, w.
-SLOPES = PARAMETERS + 3
+#: Numbers of the motion of a link that a load may depend on: u, v, w, x, y, heading, bend.
+PLACES = 7
+#: Columns of a gradient: the parameters, then the motion, then the hidden states.
+SLOPES = PARAMETERS + PLACES + MEMORY
 #: Most numbers that a load returns.
 ANSWER = 3 + MEMORY
 LINK_SIZE = LINK.itemsize
@@ -160,8 +162,9 @@ def load(
         function: the load; with a memory it returns the rates of its hidden states behind (fx, fy, mz).
         memory: hidden states on each link, at most MEMORY, zero at the start; read in ``link.memory``.
         shared: the fish has them once, and every link returns what it adds to their rates.
-        gradient: ``gradient(link, parameters, out)`` writes into out (3, SLOPES) the derivatives of fx, fy, mz by the
-            parameters, then by u, v, w, where that is cheaper than a difference for each; of a load without memory.
+        gradient: ``gradient(link, parameters, out)`` writes into out (3 + memory, SLOPES), which is zero, the
+            derivatives of what the load returns: by its parameters, from column PARAMETERS on by u, v, w, x, y,
+            heading, bend, and behind them by its hidden states, where that is cheaper than a difference for each.
 
     Raises:
         ParameterError: more memory than there is.
@@ -212,10 +215,12 @@ def _callback(load_: Load) -> Any:
 def _gradient(load_: Load) -> Any:
     if load_.slopes is None:
         return None
-    inner = part(load_.slopes, allocates=True)
+    inner, wide = part(load_.slopes, allocates=True), 3 + load_.memory
 
     def sloping(link: Any, parameters: Any, out: Any) -> None:
-        inner(carray(link, 1)[0], carray(parameters, PARAMETERS), carray(out, (3, SLOPES)))
+        slopes = carray(out, (wide, SLOPES))
+        slopes[:] = 0.0
+        inner(carray(link, 1)[0], carray(parameters, PARAMETERS), slopes)
 
     return c_callback(_SIGNATURE, cached=is_ours(load_.slopes))(sloping)
 
@@ -239,18 +244,6 @@ def fields_read(function: Callable[..., Any]) -> frozenset[str]:
                 return every
             read.add(str(following.argval))
     return every & read
-
-
-def load_table(loads: Sequence[tuple[Load, Sequence[float]]]) -> tuple[Any, FloatArray]:
-    """Return addresses (k,) uint64 and parameters (k, PARAMETERS) of loads with their parameters, for `apply_loads`.
-
-    Raises:
-        InputError: a load has a memory, or reads where the link is, which is more than `apply_loads` knows.
-    """
-    if any(load_.stateful for load_, _ in loads):
-        raise InputError("a load has a memory or reads the place of its link, expected none such; use load_rows")
-    addresses, rows = load_rows(loads)
-    return addresses, np.ascontiguousarray(rows[:, :PARAMETERS])
 
 
 def load_rows(
@@ -298,44 +291,21 @@ def _call(_typing: Any, _address: Any, _link: Any, _parameters: Any, _force: Any
     return signature, codegen
 
 
-@part
-def apply_loads(
-    links: Any, index: int, addresses: Any, parameters: FloatArray, force: FloatArray
-) -> tuple[float, float, float]:
-    """Sum all loads on a link, none of them stateful: a tenth of a microsecond less than `loads_on`.
-
-    Args:
-        links: `LINK` records.
-        index: of the link.
-        addresses: (k,) uint64.
-        parameters: (k, PARAMETERS or more).
-        force: (3,) scratch.
-    """
-    fx, fy, mz = 0.0, 0.0, 0.0
-    for k in range(addresses.shape[0]):
-        _call(
-            addresses[k],
-            np.uint64(links.ctypes.data + index * LINK_SIZE),
-            np.uint64(parameters.ctypes.data + 8 * k * parameters.shape[1]),
-            np.uint64(force.ctypes.data),
-        )
-        fx += force[0]
-        fy += force[1]
-        mz += force[2]
-    return fx, fy, mz
-
-
 @merged
-def gradient_on(links: Any, link: int, address: Any, row: FloatArray, out: FloatArray) -> None:
-    """Write the derivatives of one load on a link by its parameters and the velocity.
+def gradient_on(links: Any, link: int, address: Any, row: FloatArray, state: Any, out: FloatArray) -> None:
+    """Write the derivatives of one load on a link by its parameters, the motion and its hidden states.
 
     Args:
         links: `LINK` records.
         link: index.
         address: of the gradient.
         row: of a `LoadTable`.
-        out: (3 * SLOPES,), written.
+        state: (STATES + hidden,) with the hidden states.
+        out: (ANSWER, SLOPES), written as far as the load answers.
     """
+    called, first = links[link], int(row[AT_FIRST]) + link * int(row[AT_STRIDE])
+    for m in range(int(row[AT_MEMORY])):
+        called.memory[m] = state[first + m]
     _call(
         address,
         np.uint64(links.ctypes.data + link * LINK_SIZE),

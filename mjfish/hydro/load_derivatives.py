@@ -17,10 +17,11 @@ from mjfish.hydro.load import (
     AT_FIRST,
     AT_GRADIENT,
     AT_MEMORY,
+    AT_STATEFUL,
     AT_STRIDE,
     PARAMETERS,
+    PLACES,
     ROW,
-    SLOPES,
     LoadBuffers,
     LoadTable,
     clear_shared,
@@ -38,8 +39,6 @@ AT_DIRECTION, AT_STEP, AT_PARAMETER, CHANGE = ROW, ROW + 1, ROW + 2, ROW + 3
 _VELOCITY_STEP = 2e-6
 _LEAST_SPEED = 1e-3  # the step is not shorter than that of this speed [m/s]
 _POSE_STEP = 1e-6  # [m, rad]
-#: Numbers of the motion of a link that a load may depend on: u, v, w, x, y, heading, bend.
-PLACES = 7
 _LEAST_MEMORY = 1e-2  # the step is not shorter than that of this hidden state
 
 
@@ -72,20 +71,13 @@ def _step_of(link: Any, column: int, memory_state: float) -> Any:
 
 @part
 def _move(link: Any, column: int, by: float) -> None:
-    if column == 0:
-        link.u += by
-    elif column == 1:
-        link.v += by
-    elif column == 2:
-        link.w += by
-    elif column == 3:
-        link.x += by
-    elif column == 4:
-        link.y += by
-    elif column == 5:
-        link.heading += by
-    else:
-        link.bend += by
+    link.u += by * (column == 0)
+    link.v += by * (column == 1)
+    link.w += by * (column == 2)
+    link.x += by * (column == 3)
+    link.y += by * (column == 4)
+    link.heading += by * (column == 5)
+    link.bend += by * (column == 6)
 
 
 @part
@@ -100,19 +92,20 @@ def velocity_derivatives(
     Args:
         links, table, velocity_only, buffers: as in `mjfish.hydro.load.loads_on`.
         index: of the link.
-        gradients: (k, 3 * SLOPES), written: of the loads that have one, by their parameters and the velocity.
+        gradients: (k, ANSWER, SLOPES), written: of the loads that have one, by their parameters and the motion.
         out: written.
     """
     for row in range(3):
         for column in range(3):
             out[row, column] = 0.0
     for k in range(table.addresses.shape[0]):
-        if table.rows[k, AT_GRADIENT] != 0.0:
-            gradient = gradients[k]
-            gradient_on(links, index, np.uint64(table.rows[k, AT_GRADIENT]), table.rows[k], gradient)
-            for row in range(3):
-                for column in range(3):
-                    out[row, column] += gradient[row * SLOPES + PARAMETERS + column]
+        row = table.rows[k]
+        if row[AT_GRADIENT] != 0.0:
+            if row[AT_STATEFUL] == 0.0 or (row[AT_STATEFUL] == 1.0 and not velocity_only):
+                gradient_on(links, index, np.uint64(row[AT_GRADIENT]), row, buffers.state, gradients[k])
+                for i in range(3):
+                    for column in range(3):
+                        out[i, column] += gradients[k, i, PARAMETERS + column]
         else:
             one = LoadTable(table.addresses[k : k + 1], table.rows[k : k + 1])
             _add_velocity_differences(links, index, one, velocity_only, buffers, out)
@@ -139,15 +132,19 @@ def _add_velocity_differences(
 
 @part
 def stateful_derivatives(links: Any, index: int, table: LoadTable, buffers: LoadBuffers, out: FloatArray) -> None:
-    """Write into `out` the derivatives of a stateful load on a link.
+    """Write into `out` the derivatives of a stateful load on a link by motion and hidden states.
+
+    By its gradient, which writes those by the parameters, too, or else by differences.
 
     Args:
         links, buffers: as in `mjfish.hydro.load.loads_on`; hidden states are moved and put back.
         index: of the link.
         table: of this load alone.
-        out: (ANSWER, PLACES + MEMORY), written: rows fx, fy, mz and the rates of the hidden states, columns u, v, w, x,
-            y, heading, bend and the hidden states.
+        out: (ANSWER, SLOPES), written: rows fx, fy, mz, rates of the hidden states; see `mjfish.hydro.load.load`.
     """
+    if table.rows[0, AT_GRADIENT] != 0.0:
+        gradient_on(links, index, np.uint64(table.rows[0, AT_GRADIENT]), table.rows[0], buffers.state, out)
+        return
     link = links[index]
     state = buffers.state
     memory = int(table.rows[0, AT_MEMORY])
@@ -163,8 +160,9 @@ def stateful_derivatives(links: Any, index: int, table: LoadTable, buffers: Load
             else:
                 state[first + column - PLACES] = memory_state + by
             loads_on(links, index, index, table, False, buffers)
+            at = PARAMETERS + column
             for k in range(3 + memory):
-                out[k, column] = buffers.output[k] if side == 0 else (buffers.output[k] - out[k, column]) / (2.0 * h)
+                out[k, at] = buffers.output[k] if side == 0 else (buffers.output[k] - out[k, at]) / (2.0 * h)
             link.u, link.v, link.w, link.x, link.y, link.heading, link.bend = u, v, w, x, y, heading, bend
             if column >= PLACES:
                 state[first + column - PLACES] = memory_state

@@ -21,7 +21,7 @@ from mjfish.fish import Cpg, Fish, Link
 from mjfish.hydro.link import Same
 from mjfish.hydro.load import Load
 from mjfish.hydro.outline import outlines
-from mjfish.model.sensing import Camera, moments
+from mjfish.model.sensing import Camera, distinct, moments
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
 from mjfish.parameter import Parameter
 from mjfish.sized_cache import sized_cache
@@ -148,11 +148,9 @@ class Model:
         if message and run.active:
             message += f" (with {', '.join(f'{e.name}.{k} = {v:g}' for e, own in run.active for k, v in own.items())})"
         late, camera = sensor_offsets or {}, Camera(trial, run.active)
-        when = (camera.clocked(sensor, sensor.time + late.get(sensor.name, 0.0)) for sensor in trial.sensors)
-        sensors = tuple(
-            camera.read(sensor, moments(run.fish, rollout, run.motion, time))
-            for sensor, time in zip(trial.sensors, when, strict=True)
-        )
+        clocks, which = distinct([camera.clocked(s, s.time + late.get(s.name, 0.0)) for s in trial.sensors])
+        here = [moments(run.fish, rollout, run.motion, clock) for clock in clocks]
+        sensors = tuple(camera.read(sensor, here[k]) for sensor, k in zip(trial.sensors, which, strict=True))
         return Prediction(state[:, :3], rollout.status, message, rollout, state[:, 3:6], sensors)
 
     def prepare(
@@ -176,9 +174,7 @@ class Model:
             fish = effect.body(fish, own)
         servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.domain == "drive")
         step = _refined(self.step, fish, asked_motion(self.fish.cpg, trial, self.step), values)
-        time, begun = trial.time + offset, np.zeros(3) if velocity is None else velocity
-        for effect, own in active:
-            time, begun = effect.clock(time, own), effect.start(begun, own, trial)
+        time, begun = beginning(active, trial, velocity, offset)
         return Prepared(
             active=active,
             fish=fish,
@@ -207,6 +203,16 @@ def active_effects(model: Model, values: Mapping[str, float], keep: Sequence[str
     """Return the effects off their null values, and those to keep, with their parameters by short names."""
     own = [(effect, effect.own_values(values)) for effect in model.effects]
     return tuple((effect, numbers) for effect, numbers in own if effect.name in keep or not effect.is_null(numbers))
+
+
+def beginning(
+    active: ActiveEffects, trial: Trial, velocity: FloatArray | None, offset: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return when the samples were really taken (n,) [s], and the velocity (3,) at the start, at rest if None."""
+    time, begun = trial.time + offset, np.zeros(3) if velocity is None else velocity
+    for effect, own in active:
+        time, begun = effect.clock(time, own), effect.start(begun, own, trial)
+    return time, begun
 
 
 def loads_of(active: ActiveEffects, trial: Trial) -> LoadsOfRun:
@@ -295,11 +301,14 @@ def joint_motion(asked: JointMotion, trial: Trial, servos: Servos) -> JointMotio
     return asked if trial.joints_measured or not servos else _driven(asked, servos)
 
 
-@cached(0.1e9)
-def _driven(motion: JointMotion, servos: Servos) -> JointMotion:
+def driven(motion: JointMotion, servos: Servos) -> JointMotion:
+    """Return a joint motion through effects, one behind the other."""
     for effect, values in servos:
         motion = effect.drive(motion, dict(values))
     return motion
+
+
+_driven = cached(0.1e9)(driven)
 
 
 def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, float]) -> float:

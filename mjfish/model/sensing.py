@@ -69,6 +69,17 @@ def moments(fish: Fish, rollout: Rollout, motion: JointMotion, time: FloatArray)
     return Moments(at, rollout.at(at), rollout.rate_at(at), motion.angle_at(at), length)
 
 
+def distinct(clocks: Sequence[FloatArray]) -> tuple[list[FloatArray], list[int]]:
+    """Return the clocks that differ, and which of these each one is: place and heading are mostly seen at once."""
+    found: list[FloatArray] = []
+    which = []
+    for clock in clocks:
+        same = [k for k, other in enumerate(found) if np.array_equal(clock, other)]
+        which.append(same[0] if same else len(found))
+        found += [] if same else [clock]
+    return found, which
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
     """What films a trial: the effects that act on it, with their values by short names."""

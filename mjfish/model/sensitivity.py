@@ -23,7 +23,8 @@ from mjfish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
 from mjfish.model import Model, Prepared, asked_motion, headed, numbered, pose_of
-from mjfish.model.sensing import Camera, Moments, moments
+from mjfish.model.model import beginning, driven
+from mjfish.model.sensing import Camera, Moments, distinct, moments
 from mjfish.ode.equation import STATES, TAIL, tail_of
 from mjfish.ode.rollout import Conditions, Rollout
 from mjfish.ode.tangents import Direction, simulate_tangents
@@ -97,7 +98,7 @@ def with_sensors(
     directions = [_direction(at, name) for name in names]
     late, camera = sensor_offsets or {}, Camera(trial, run.active)
     labels = [sensor.time + late.get(sensor.name, 0.0) for sensor in trial.sensors]
-    clocks, which = _distinct([camera.clocked(s, time) for s, time in zip(trial.sensors, labels, strict=True)])
+    clocks, which = distinct([camera.clocked(s, time) for s, time in zip(trial.sensors, labels, strict=True)])
     compared = trial.measured.any() or not trial.sensors
     clocks = [run.time if compared else run.time[:0], *clocks]
     times = np.minimum(np.concatenate(clocks), run.motion.time[-1])
@@ -115,8 +116,11 @@ def with_sensors(
         with_rates=not all(map(camera.pointwise, trial.sensors)),
     )  # fmt: skip
     along, *beside = np.split(every, np.cumsum([len(clock) for clock in clocks])[:-1])
+    ways = [direction for direction, _ in directions]
+    here = [moments(run.fish, rollout, run.motion, clock) for clock in clocks[1:]]
+    there = [_along(one, block, ways, run.motion) for one, block in zip(here, beside, strict=True)]
     seen = [
-        _sensed(at, sensor, rollout, label, beside[k], [direction for direction, _ in directions], names)
+        _sensed(at, sensor, rollout, label, here[k], there[k], ways, names)
         for sensor, label, k in zip(trial.sensors, labels, which, strict=True)
     ]
     if not compared:
@@ -132,52 +136,44 @@ def with_sensors(
     return _read(at, lambda: headed(rollout.at(times), trial), along, names), tuple(seen)
 
 
-def _distinct(clocks: Sequence[FloatArray]) -> tuple[list[FloatArray], list[int]]:
-    """Return the clocks that differ, and which of these each one is: place and heading are mostly seen at once."""
-    found: list[FloatArray] = []
-    which = []
-    for clock in clocks:
-        same = [k for k, other in enumerate(found) if np.array_equal(clock, other)]
-        which.append(same[0] if same else len(found))
-        found += [] if same else [clock]
-    return found, which
-
-
 def _sensed(
     at: _At,
     sensor: Sensor,
     rollout: Rollout,
     label: FloatArray,
-    along: FloatArray,
+    here: Moments,
+    every: Moments,
     directions: Sequence[Direction | None],
     names: Sequence[str],
 ) -> FloatArray:
     """Return the derivatives (m, c, k) of what a sensor reads at the times (m,) that its samples have.
 
-    `along` (m, 16, k) has those of the state and of its rates; for a camera (m, 8, k), it sees no rates.
+    Args:
+        at, rollout, directions, names: as in `with_sensors`.
+        sensor, label: and the times that its samples have.
+        here, every: the run at its samples, and its rates along all directions.
     """
     fish, motion, camera = at.run.fish, at.run.motion, Camera(at.trial, at.run.active)
 
     def seen(time: FloatArray) -> Moments:
         return moments(fish, rollout, motion, time)
 
-    clock = camera.clocked(sensor, label)
-    here, time = seen(clock), np.minimum(clock, motion.time[-1])
-    every = _along(here, time, along, directions, motion)
-    found = np.zeros((len(time), len(sensor.channels), len(names)))
+    found = np.zeros((len(label), len(sensor.channels), len(names)))
     if camera.pointwise(sensor):
-        for first in range(0, len(time), _STRETCH):
+        for first in range(0, len(label), _STRETCH):
             part = slice(first, first + _STRETCH)
             found[part] = camera.read_rates(sensor, here.part(part), every.part(part))
     else:
         for k, direction in enumerate(directions):
             if direction is not None:
-                moved = Moments(time, *(part[..., k] for part in (every.state, every.rate, every.angle, every.length)))
+                moved = Moments(
+                    here.time, *(part[..., k] for part in (every.state, every.rate, every.angle, every.length))
+                )
                 found[:, :, k] = difference(functools.partial(_read_moved, camera, sensor, here, moved), _UNIT, 0.0)
     for k, name in enumerate(names):
         p, owner = _declared(at.model, name), _owner(at.model, name)
         if name == sensor.clock:
-            found[:, :, k] = difference(lambda by: camera.read(sensor, seen(clock + by)), p, 0.0)
+            found[:, :, k] = difference(lambda by: camera.read(sensor, seen(here.time + by)), p, 0.0)
         if owner is not None and camera.sees(sensor) and any(map(owner.overrides, _FILMED)):
 
             def turned(value: float, owner: Effect = owner, name: str = name) -> FloatArray:
@@ -189,18 +185,19 @@ def _sensed(
     return found
 
 
-def _along(
-    here: Moments, time: FloatArray, along: FloatArray, directions: Sequence[Direction | None], motion: JointMotion
-) -> Moments:
-    """Return the rates of a run at the samples of a sensor along all directions, the last axis."""
+def _along(here: Moments, along: FloatArray, directions: Sequence[Direction | None], motion: JointMotion) -> Moments:
+    """Return the rates of a run at some moments along all directions, the last axis.
+
+    `along` (m, 16, k) has those of the state and of its rates; for cameras (m, 8, k), they see no rates.
+    """
     angle = np.zeros((*here.angle.shape, len(directions)))
     length = np.zeros((len(here.length), len(directions)))
     for k, direction in enumerate(directions):
         if direction is not None and direction.motion is not None:
-            angle[:, :, k] = JointMotion(motion.time, *direction.motion).angle_at(time)
+            angle[:, :, k] = JointMotion(motion.time, *direction.motion).angle_at(here.time)
         if direction is not None and direction.links is not None:
             length[:, k] = direction.links[:, column("length")]
-    return Moments(time, along[:, :STATES], along[:, STATES:], angle, length)
+    return Moments(here.time, along[:, :STATES], along[:, STATES:], angle, length)
 
 
 def _read_moved(camera: Camera, sensor: Sensor, here: Moments, along: Moments, by: float) -> FloatArray:
@@ -270,8 +267,13 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
     loads: FloatArray | None = None
     begun: FloatArray | None = None
     when: FloatArray | None = None
+
+    def beginning_at(value: float) -> tuple[FloatArray, FloatArray]:
+        kept = tuple((each, dict(own)) for each, own in at.kept(effect, (name, value)))
+        return beginning(kept, at.trial, at.velocity, at.offset)
+
     if effect.overrides("start"):
-        begun = difference(lambda value: _begun(at, at.kept(effect, (name, value))), p, at.values[name])
+        begun = difference(lambda value: beginning_at(value)[1], p, at.values[name])
     if effect.overrides("body"):
         hooked = tuple(active for active in at.kept(effect) if active[0].overrides("body"))
         rows = _of_body(Same(numbered(at.model.fish, at.values)), hooked, p, at.values[name])
@@ -283,7 +285,7 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         loads = np.zeros((len(at.loaded), PARAMETERS))
         loads[at.loaded.index(effect.name), [own.short for own in effect.parameters].index(short)] = 1.0
     if effect.overrides("clock"):
-        when = difference(lambda value: _clock(at, at.kept(effect, (name, value))), p, at.values[name])
+        when = difference(lambda value: beginning_at(value)[0], p, at.values[name])
     if all(part is None for part in (links, tail, motion, loads, begun)):
         return None, when
     return Direction(links=links, tail=tail, motion=motion, loads=loads, velocity=begun), when
@@ -340,14 +342,11 @@ def _rows_of_number(
 @sized_cache(lambda rates: rates.nbytes, 0.05e9)
 def _of_drive(asked: JointMotion, servos: Active, p: Parameter, value: float) -> FloatArray:
     """Return rates of angle, rate and acceleration (3, n, 3, joints)."""
+    return readonly(difference(lambda at_value: _stacked(driven(asked, _replaced(servos, p, at_value))), p, value))
 
-    def moves(at_value: float) -> FloatArray:
-        motion = asked
-        for effect, own in _replaced(servos, p, at_value):
-            motion = effect.drive(motion, dict(own))
-        return np.stack([motion.angle, motion.rate, motion.acceleration])
 
-    return readonly(difference(moves, p, value))
+def _stacked(motion: JointMotion) -> FloatArray:
+    return np.stack([motion.angle, motion.rate, motion.acceleration])
 
 
 @sized_cache(lambda rates: rates.nbytes, 0.05e9)
@@ -356,26 +355,9 @@ def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Active, short: str, st
 
     def moves(by: float) -> FloatArray:
         moved = {"frequency": (by, 0.0, 1.0), "phase": (0.0, by, 1.0), "scale": (0.0, 0.0, 1.0 + by)}[short]
-        motion = asked_motion(cpg.thing, trial.waved(*moved), step)
-        for effect, own in servos:
-            motion = effect.drive(motion, dict(own))
-        return np.stack([motion.angle, motion.rate, motion.acceleration])
+        return _stacked(driven(asked_motion(cpg.thing, trial.waved(*moved), step), servos))
 
     return readonly(difference(moves, Parameter(f"wave.{short}", "-", 0.0, -1.0, 1.0, 0.0, _WAVE_SCALE), 0.0))
-
-
-def _begun(at: _At, kept: Active) -> FloatArray:
-    velocity = np.zeros(len(CHANNELS)) if at.velocity is None else at.velocity
-    for effect, own in kept:
-        velocity = effect.start(velocity, dict(own), at.trial)
-    return velocity
-
-
-def _clock(at: _At, kept: Active) -> FloatArray:
-    time = at.trial.time + at.offset
-    for effect, own in kept:
-        time = effect.clock(time, dict(own))
-    return time
 
 
 def _read(at: _At, states: Callable[[], FloatArray], along: FloatArray, names: Sequence[str]) -> FloatArray:

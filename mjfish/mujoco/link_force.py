@@ -17,7 +17,7 @@ from numba import carray
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled, merged
 from mjfish.hydro.blunt_force import blunt_drag, blunt_momentum
-from mjfish.hydro.load import ANSWER, LoadBuffers, apply_loads, loads_on
+from mjfish.hydro.load import ANSWER, LoadBuffers, loads_on
 from mjfish.hydro.spatial_force import added_momentum, spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.mujoco.layout import floats, integers
 
@@ -218,11 +218,7 @@ def add_loads(
         if index == 0:
             head[0], head[1] = frame[0], frame[1]
         seen.bend = np.arctan2(head[0] * frame[1] - head[1] * frame[0], head[0] * frame[0] + head[1] * frame[1])
-    if water.states > 0:
-        fx, fy, mz = loads_on(scratch.seen, 0, index, water.loads, False, scratch.buffers)
-    else:
-        output = scratch.buffers.output
-        fx, fy, mz = apply_loads(scratch.seen, 0, water.loads.addresses, water.loads.rows, output)
+    fx, fy, mz = loads_on(scratch.seen, 0, index, water.loads, False, scratch.buffers)
     wrench[0] += fx
     wrench[1] += fy
     wrench[5] += mz

@@ -51,7 +51,7 @@ class Linearisation(NamedTuple):
             front of it.
         by_state: (STATE, ROWS) responses to u, v, w, the deflection and its rate.
         solver: (SOLVER,), see `solve`.
-        load_gradients: (n, loads, 3 * SLOPES) of the loads that have one, see `velocity_derivatives`.
+        load_gradients: (n, loads, ANSWER, SLOPES) of the loads, as far as they are known, see `mjfish.hydro.load.load`.
         output, load_rates, load_matrix: (ANSWER,), (STATES + memory,), (3, 3) scratch for loads.
     """
 
@@ -67,7 +67,7 @@ class Linearisation(NamedTuple):
     @classmethod
     def empty(cls, joints: int, states: int, loads: int) -> Linearisation:
         """Return room for a fish of so many joints, with so many states and loads."""
-        gradients = (joints + 1, loads, 3 * SLOPES)
+        gradients = (joints + 1, loads, ANSWER, SLOPES)
         shapes = ((joints, 4, ROWS), (STATE, ROWS), SOLVER, gradients, ANSWER, states, (3, 3))
         return cls(np.zeros(joints + 1, dtype=LINK_MOTION), *(np.zeros(shape) for shape in shapes))
 

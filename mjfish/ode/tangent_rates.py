@@ -14,13 +14,14 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import merged, part
 from mjfish.hydro.force import crossflow_tangent
-from mjfish.hydro.link import MEMORY
 from mjfish.hydro.load import (
     ANSWER,
     AT_FIRST,
     AT_MEMORY,
     AT_STATEFUL,
     AT_STRIDE,
+    PARAMETERS,
+    PLACES,
     SLOPES,
     LoadBuffers,
     LoadTable,
@@ -30,7 +31,6 @@ from mjfish.hydro.load_derivatives import (
     AT_DIRECTION,
     AT_PARAMETER,
     AT_STEP,
-    PLACES,
     LoadChanges,
     parameter_derivative,
     record_derivative,
@@ -90,15 +90,13 @@ class TangentScratch(NamedTuple):
     Attributes:
         linear: of the equation of motion.
         left_rates: (STATES + memory,) of the hidden states of loads.
-        load_jacobian: (ANSWER, PLACES + MEMORY) of a stateful load.
         link_tangents: (links, PLACES, k) of u, v, w, x, y, heading, bend of the links; k = 0 where no load is stateful.
         wrench: (4, k) at the nose, and torque of the tail.
-        gradients: (links, 3 * SLOPES) of one load that does not act yet, by its parameters and the velocity.
+        gradients: (links, ANSWER, SLOPES) of one load that does not act yet.
     """
 
     linear: Linearisation
     left_rates: FloatArray
-    load_jacobian: FloatArray
     link_tangents: FloatArray
     wrench: FloatArray
     gradients: FloatArray
@@ -108,7 +106,7 @@ class TangentScratch(NamedTuple):
         """Return scratch for a fish of so many joints, states and loads; `stateful`: whether any load is."""
         links = joints + 1
         moving = (links, PLACES, directions if stateful else 0)
-        shapes = (states, (ANSWER, PLACES + MEMORY), moving, (4, directions), (links, 3 * SLOPES))
+        shapes = (states, moving, (4, directions), (links, ANSWER, SLOPES))
         return cls(Linearisation.empty(joints, states, loads), *(np.zeros(shape) for shape in shapes))
 
 
@@ -142,11 +140,11 @@ def tangent_rates(
     right = LoadBuffers(linear.output, state, linear.load_rates)
     left = LoadBuffers(linear.output, state, scratch.left_rates)
     _by_links(system, directions.links, linear, right, left, out)
-    for change in range(directions.loads.addresses.shape[0]):
-        _by_load(system, directions.loads, change, scratch, right, left, out)
     if system.loads.addresses.shape[0] > 0 and scratch.link_tangents.shape[2] > 0:
         _write_link_tangents(system, state, tangents, directions, scratch)
-        _by_stateful_loads(system, state, tangents, scratch, out)
+        _by_stateful_loads(system, state, tangents, scratch, out)  # writes gradients that are needed below
+    for change in range(directions.loads.addresses.shape[0]):
+        _by_load(system, directions.loads, change, scratch, right, left, out)
 
 
 @merged
@@ -264,13 +262,15 @@ def _by_load(
     column = int(row[AT_PARAMETER])
     if gradient != 0 and acting < 0 and (change == 0 or loads.gradients[change - 1] != gradient):
         for i in range(system.links.shape[0]):
-            gradient_on(system.links, i, gradient, row, scratch.gradients[i])
+            gradient_on(system.links, i, gradient, row, right.state, scratch.gradients[i])
     direction = int(row[AT_DIRECTION])
     gx, gy, gz, torque = 0.0, 0.0, 0.0, 0.0
     for i in range(system.links.shape[0]):
         if gradient != 0:
             by = scratch.gradients[i] if acting < 0 else linear.load_gradients[i, acting]
-            fx, fy, mz = by[column], by[SLOPES + column], by[2 * SLOPES + column]
+            fx, fy, mz = by[0, column], by[1, column], by[2, column]
+            for m in range(int(row[AT_MEMORY])):
+                out[int(row[AT_FIRST]) + i * int(row[AT_STRIDE]) + m, direction] += by[3 + m, column]
         else:
             fx, fy, mz = parameter_derivative(system.links, i, loads, change, right, left)
         if row[AT_STEP] > 0.0 and gradient == 0:
@@ -349,7 +349,7 @@ def _by_stateful_loads(
     system: System, state: FloatArray, tangents: FloatArray, scratch: TangentScratch, out: FloatArray
 ) -> None:
     """Add what stateful loads do in every direction: they depend on velocity, pose and hidden states of the links."""
-    rows, jacobian, wrench, linear = system.loads.rows, scratch.load_jacobian, scratch.wrench, scratch.linear
+    rows, wrench, linear = system.loads.rows, scratch.wrench, scratch.linear
     buffers = LoadBuffers(linear.output, state, linear.load_rates)
     n = system.links.shape[0]
     width = tangents.shape[1]
@@ -363,7 +363,8 @@ def _by_stateful_loads(
         table = LoadTable(system.loads.addresses[q : q + 1], rows[q : q + 1])
         for i in range(n):
             first = int(rows[q, AT_FIRST]) + i * int(rows[q, AT_STRIDE])
-            stateful_derivatives(system.links, i, table, buffers, jacobian)
+            stateful_derivatives(system.links, i, table, buffers, linear.load_gradients[i, q])
+            jacobian = linear.load_gradients[i, q, :, PARAMETERS:]
             link = linear.links[i]
             c, s, x, y = link.cos, link.sin, link.x, link.y
             for k in range(width):

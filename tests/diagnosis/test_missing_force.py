@@ -12,7 +12,7 @@ from mjfish.diagnosis.missing_force import missing_force, stretched, with_veloci
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
-from mjfish.ode.jacobians import state_jacobian
+from mjfish.ode.jacobians import jacobians
 from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.006, 0.006, 0.04])
@@ -46,7 +46,7 @@ def test_a_steady_push_across_comes_back_with_its_size_inside_its_band(pike: Fis
     for trial in dataset.trials:
         run = problem.model.prepare(trial, one.values)
         rollout = problem.prediction(trial, one.values).rollout
-        a = state_jacobian(run.fish, rollout, values=run.coefficients)
+        a, _ = jacobians(run.fish, rollout, values=run.coefficients)
         deviation = np.zeros((len(a) + 1, 3))
         for k, step in enumerate(np.diff(rollout.time)):
             push = np.array([0.0, 0.2, 0.0]) * (3.0 <= rollout.time[k] < 5.0)

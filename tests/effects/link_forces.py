@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from mjfish.arrays import FloatArray
 from mjfish.effects import Effect
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import apply_loads, load_table
+from mjfish.hydro.load import ANSWER, Load, LoadBuffers, load_rows, loads_on
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 LINKS = range(5)
@@ -44,5 +44,10 @@ def numbers(effect: Effect, values: Mapping[str, float]) -> list[float]:
 def force(effect: Effect, values: Mapping[str, float], records: Any, link: int) -> FloatArray:
     """Return fx, fy, mz."""
     assert effect.load is not None
-    addresses, rows = load_table([(effect.load, numbers(effect, values))])
-    return np.array(apply_loads(records, link, addresses, rows, np.zeros(3)))
+    return pushed(effect.load, numbers(effect, values), records, link)
+
+
+def pushed(one: Load, own: Sequence[float], records: Any, link: int) -> FloatArray:
+    """Return fx, fy, mz of a load without memory."""
+    buffers = LoadBuffers(np.zeros(ANSWER), np.zeros(0), np.zeros(0))
+    return np.array(loads_on(records, link, link, load_rows([(one, own)]), False, buffers))

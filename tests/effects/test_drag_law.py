@@ -118,15 +118,16 @@ def test_its_derivatives_are_those_of_the_force(pike: Fish, law: Effect) -> None
         values = {p.short: 0.5 * rng.normal() if not p.shape else rng.uniform(0.1, 0.9) for p in law.parameters}
         records, row = moving(pike, state), load_rows([(law.load, numbers(law, values))]).rows[0]
         for link in LINKS:
-            found = np.full(3 * SLOPES, np.nan)
-            gradient_on(records, link, np.uint64(law.load.gradient), row, found)
-            found = found.reshape(3, SLOPES)
+            found = np.full((3, SLOPES), np.nan)
+            gradient_on(records, link, np.uint64(law.load.gradient), row, np.zeros(0), found)
             expected = np.stack([_slope(law, values, p.short, records, link) for p in law.parameters], axis=1)
             scale = np.abs(expected).max(axis=1, keepdims=True) + 1e-12
             assert np.max(np.abs(found[:, :count] - expected) / scale) < 1e-7
             assert not found[:, count:PARAMETERS].any()
             moved = np.stack([_by_velocity(law, values, pike, state, k, link) for k in range(3)], axis=1)
-            np.testing.assert_allclose(found[:, PARAMETERS:], moved, rtol=1e-6, atol=1e-6 * np.abs(moved).max())
+            np.testing.assert_allclose(
+                found[:, PARAMETERS : PARAMETERS + 3], moved, rtol=1e-6, atol=1e-6 * np.abs(moved).max()
+            )
 
 
 def _by_velocity(

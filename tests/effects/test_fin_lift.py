@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from link_forces import pushed
 
 from mjfish.arrays import FloatArray
 from mjfish.effects.fin_lift import FinLift
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import apply_loads, load_table
 from mjfish.hydro.outline import outlines
 
 
@@ -23,8 +23,7 @@ def _records(fish: Fish, u: float, v: float, w: float) -> Any:
 
 def _force(records: Any, link: int, slope: float = 1.0) -> FloatArray:
     assert FinLift.load is not None
-    addresses, parameters = load_table([(FinLift.load, [slope])])
-    return np.array(apply_loads(records, link, addresses, parameters, np.zeros(3)))
+    return pushed(FinLift.load, [slope], records, link)
 
 
 def test_at_a_small_angle_it_is_thin_foil_theory(pike: Fish) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from link_forces import pushed
 
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
@@ -13,7 +14,6 @@ from mjfish.effects.linear_drag import LinearDrag
 from mjfish.fish import Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import apply_loads, load_table
 from mjfish.hydro.outline import outlines
 from mjfish.ode import simulate
 
@@ -26,8 +26,7 @@ def _records(fish: Fish, u: float, v: float, w: float) -> Any:
 
 def _force(records: Any, link: int, along: float, across: float) -> FloatArray:
     assert LinearDrag.load is not None
-    addresses, parameters = load_table([(LinearDrag.load, [along, across])])
-    return np.array(apply_loads(records, link, addresses, parameters, np.zeros(3)))
+    return pushed(LinearDrag.load, [along, across], records, link)
 
 
 @pytest.mark.parametrize("link", range(5))

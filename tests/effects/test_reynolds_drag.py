@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from link_forces import pushed
 from scipy import integrate
 
 from mjfish.arrays import FloatArray
@@ -14,7 +15,6 @@ from mjfish.effects.reynolds_drag import REFERENCE_SPEED, ReynoldsDrag
 from mjfish.fish import Fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.link import link_records
-from mjfish.hydro.load import apply_loads, load_table
 from mjfish.hydro.outline import section_at
 from mjfish.model import Model
 
@@ -27,8 +27,7 @@ def _records(fish: Fish, u: float, v: float, w: float) -> Any:
 
 def _excess(records: Any, link: int, friction: float, pressure: float) -> FloatArray:
     assert ReynoldsDrag.load is not None
-    addresses, parameters = load_table([(ReynoldsDrag.load, [friction, pressure])])
-    return np.array(apply_loads(records, link, addresses, parameters, np.zeros(3)))
+    return pushed(ReynoldsDrag.load, [friction, pressure], records, link)
 
 
 @pytest.mark.parametrize("link", range(5))

@@ -18,7 +18,7 @@ from mjfish.effects import Effect, find
 from mjfish.effects.sheared_current import ShearedCurrent
 from mjfish.fish import Fish
 from mjfish.hydro.force import drag
-from mjfish.hydro.load import ANSWER, LoadBuffers, load_rows, loads_on
+from mjfish.hydro.load import ANSWER, PARAMETERS, PLACES, SLOPES, LoadBuffers, gradient_on, load_rows, loads_on
 from mjfish.model import Model, Prediction
 
 SHEARED, UNIFORM = find("sheared_current"), find("ambient_current")
@@ -137,6 +137,34 @@ def test_the_force_is_that_of_the_velocity_through_the_water(pike: Fish, clock: 
             np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-7 * scale)
             assert rates[0] == (1.0 if index == 4 else 0.0)
     assert largest > 0.1
+
+
+@pytest.mark.parametrize("numbers", [(*C, 0.4, G_X, G_Y, *PLACE[:2]), (*C, 0.4, 0.0, 0.0, *PLACE[:2])])
+def test_its_derivatives_are_those_of_the_force(pike: Fish, numbers: tuple[float, ...]) -> None:
+    """By velocity, place, heading, clock and parameters, on every link, against central differences."""
+    sheared, h = ShearedCurrent.load, 1e-6
+    assert sheared is not None
+    columns = [*range(PARAMETERS, PARAMETERS + 6), PARAMETERS + PLACES, *range(5)]
+    for k, state in enumerate(STATES[1:]):
+        here = np.array([*state, 0.9 - 0.1 * k, 0.3 * k - 0.8, 0.4 + 1.1 * k, 1.3, *numbers])
+        for index in LINKS:
+
+            def at(place: int, by: float) -> FloatArray:
+                moved = here.copy()  # noqa: B023
+                moved[place] += by
+                one, pose, own = (tuple(moved[part].tolist()) for part in (slice(3), slice(3, 6), slice(7, None)))
+                force, rates = _call(pike, one, pose, float(moved[6]), index, own)  # noqa: B023
+                return np.array([*force, *rates])
+
+            records = moving(pike, state)
+            records["munk"] = 0.6
+            records["x"], records["y"], records["heading"] = here[3:6]
+            found = np.full((4, SLOPES), np.nan)
+            row = load_rows([(sheared, numbers)], 5).rows[0]
+            gradient_on(records, index, np.uint64(sheared.gradient), row, here[6:7], found)
+            expected = np.stack([(at(place, h) - at(place, -h)) / (2.0 * h) for place in range(12)], axis=1)
+            np.testing.assert_allclose(found[:, columns], expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
+            assert np.count_nonzero(np.delete(found, columns, axis=1)) == 0
 
 
 def test_at_its_null_there_is_no_force(pike: Fish) -> None:

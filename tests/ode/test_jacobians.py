@@ -11,7 +11,7 @@ from pike_coefficients import COEFFICIENTS
 
 from mjfish import ode
 from mjfish.fish import Fish
-from mjfish.ode.jacobians import input_jacobian, linear_response, state_jacobian
+from mjfish.ode.jacobians import jacobians, linear_response
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 
@@ -21,7 +21,7 @@ def test_state_jacobian_is_the_derivative_of_the_acceleration(pike: Fish, compli
     """A derivative in the wrong frame, transposed, or at the wrong end of the step."""
     fish = pike.model_copy(update={"munk_moment": 0.7, "tail_compliance": compliance})
     motion, start = waving(0.2, 50), np.array([0.3, 0.02, -0.4])
-    found = state_jacobian(fish, ode.simulate(fish, motion, values=VALUES, velocity=start), values=VALUES)
+    found, _ = jacobians(fish, ode.simulate(fish, motion, values=VALUES, velocity=start), values=VALUES)
     h = 1e-5
     for column in range(3):
         step = h * np.eye(3)[column]
@@ -39,12 +39,12 @@ def test_wrong_joint_motion_moves_the_fish_as_the_linear_response_says(pike: Fis
     steps = len(rollout.state)
     grid = stages(motion.time)
     push, moved = np.zeros((steps, 3, 2)), []
-    jacobian = input_jacobian(pike, rollout, values=VALUES)
+    by_state, by_joints = jacobians(pike, rollout, values=VALUES)
     for k, (joint, omega) in enumerate([(0, 9.0), (3, 14.0)]):
         error = 1e-5 * np.array(
             [np.sin(omega * grid), omega * np.cos(omega * grid), -(omega**2) * np.sin(omega * grid)]
         )
-        push[:, :, k] = np.einsum("nio,on->ni", jacobian[..., joint], error[:, :, 0])
+        push[:, :, k] = np.einsum("nio,on->ni", by_joints[..., joint], error[:, :, 0])
         pair = []
         for sign in (1.0, -1.0):
             there = [getattr(motion, name).copy() for name in ("angle", "rate", "acceleration")]
@@ -53,6 +53,6 @@ def test_wrong_joint_motion_moves_the_fish_as_the_linear_response_says(pike: Fis
             wrong = replace(motion, angle=there[0], rate=there[1], acceleration=there[2])
             pair.append(ode.simulate(pike, wrong, values=VALUES, velocity=start).state[:, 0, :3])
         moved.append(0.5 * (pair[0] - pair[1]))
-    found = linear_response(state_jacobian(pike, rollout, values=VALUES), push, motion.time[:steps])
+    found = linear_response(by_state, push, motion.time[:steps])
     for k, expected in enumerate(moved):
         np.testing.assert_allclose(found[:, :, k], expected, atol=2e-3 * np.abs(expected).max())

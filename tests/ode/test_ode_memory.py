@@ -12,10 +12,10 @@ from pike_coefficients import COEFFICIENTS
 from mjfish import ode
 from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
-from mjfish.errors import InputError, ParameterError
+from mjfish.errors import ParameterError
 from mjfish.fish import Fish
 from mjfish.hydro.link import NUMBERS, column, numbers_of
-from mjfish.hydro.load import PARAMETERS, Load, load, load_table
+from mjfish.hydro.load import PARAMETERS, load
 from mjfish.ode.forces import link_forces
 from mjfish.ode.rollout import Conditions
 from mjfish.ode.tangents import Direction, simulate_tangents
@@ -177,7 +177,3 @@ def test_an_inactive_load_has_hidden_states(pike: Fish) -> None:
 def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(ParameterError, match="memory = 9"):
         load(memory=9)(nothing)
-    for one in (where, rising):
-        assert isinstance(one, Load)
-        with pytest.raises(InputError, match="expected none such; use load_rows"):
-            load_table([(one, [])])
