@@ -89,7 +89,7 @@ def _solver(monkeypatch: pytest.MonkeyPatch, name: str | None, ends: Callable[..
     honest = optimize.least_squares
 
     def solve(residual: Any, start: Any, **options: Any) -> Any:
-        if name is None or _of(residual.__self__.problem, name):
+        if name is None or _of(residual.__self__.turned.problem, name):
             return ends(lambda **other: honest(residual, start, **{**options, **other}), options["max_nfev"])
         return honest(residual, start, **options)
 
