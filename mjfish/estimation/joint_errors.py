@@ -11,7 +11,7 @@ from mjfish.arrays import BoolArray, FloatArray, blocks_of
 from mjfish.block_angular import IntArray
 from mjfish.data import Sensor, Trial
 from mjfish.model.model import Prepared, recorded_joints
-from mjfish.model.sensing import Camera, Moments, moments
+from mjfish.model.sensing import Camera, Moments
 from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
 from mjfish.noise.kalman import Gains, filtered_states, whitened
 from mjfish.ode.jacobians import jacobians
@@ -90,7 +90,7 @@ def whitening(
         rollout.state[:, 0, :HEAD].copy(),
         lambda steps: jacobians(run.fish, rollout, values=run.coefficients, loads=run.loads, steps=steps),
     )
-    errors = JointErrors.of(trial, recorded_joints(trial), along)
+    camera, errors = Camera(trial), JointErrors.of(trial, recorded_joints(trial), along)
     places = [np.searchsorted(errors.time, np.maximum(s.time, trial.time[0]) - 1e-9) for s in trial.sensors]
     channels = blocks_of([len(sensor.channels) for sensor in trial.sensors])
     series = _side_by_side(len(errors.time), places, channels, left)
@@ -105,7 +105,7 @@ def whitening(
         reading = here.stacked(
             places,
             [
-                _reading(trial, sensor, moments(run.fish, rollout, run.motion, sensor.time), turned[at])
+                _reading(camera, sensor, camera.moments(run.fish, rollout, run.motion, sensor.time), turned[at])
                 for sensor, at in zip(trial.sensors, places, strict=True)
             ],
         )
@@ -128,13 +128,13 @@ def _side_by_side(
     return every
 
 
-def _reading(trial: Trial, sensor: Sensor, here: Moments, turned: FloatArray) -> FloatArray:
+def _reading(camera: Camera, sensor: Sensor, here: Moments, turned: FloatArray) -> FloatArray:
     """Return the derivatives (m, c, d) of what a sensor reads, by the state of the head and of every joint.
 
     They are those of a fish that is turned on by angles (m,).
     """
     here = replace(here, state=here.state + turned[:, None] * np.eye(here.state.shape[1])[_YAW])
-    joints, samples, camera = here.angle.shape[1], len(here.angle), Camera(trial)
+    joints, samples = here.angle.shape[1], len(here.angle)
     found = np.zeros((samples, len(sensor.channels), HEAD + JOINT * joints))
     for column in range(HEAD + joints):
         one = np.eye(HEAD + joints)[column]

@@ -21,7 +21,7 @@ from mjfish.fish import Cpg, Fish, Link
 from mjfish.hydro.link import Same
 from mjfish.hydro.load import Load
 from mjfish.hydro.outline import outlines
-from mjfish.model.sensing import Camera, distinct, moments
+from mjfish.model.sensing import Camera, distinct
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
 from mjfish.parameter import Parameter
 from mjfish.sized_cache import sized_cache
@@ -149,7 +149,7 @@ class Model:
             message += f" (with {', '.join(f'{e.name}.{k} = {v:g}' for e, own in run.active for k, v in own.items())})"
         late, camera = sensor_offsets or {}, Camera(trial, run.active)
         clocks, which = distinct([camera.clocked(s, s.time + late.get(s.name, 0.0)) for s in trial.sensors])
-        here = [moments(run.fish, rollout, run.motion, clock) for clock in clocks]
+        here = [camera.moments(run.fish, rollout, run.motion, clock) for clock in clocks]
         sensors = tuple(camera.read(sensor, here[k]) for sensor, k in zip(trial.sensors, which, strict=True))
         return Prediction(state[:, :3], rollout.status, message, rollout, state[:, 3:6], sensors)
 

@@ -22,6 +22,7 @@ from mjfish.data import Sensor, Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Values
 from mjfish.fish import Fish
+from mjfish.ode.equation import STATES
 from mjfish.ode.rollout import Rollout
 
 #: Steps of the differences of what a camera makes of places [m] and headings [rad]: it is smooth.
@@ -62,22 +63,11 @@ class Moments:
         return Moments(time, state, rate, angle, self.length)
 
 
-def moments(fish: Fish, rollout: Rollout, motion: JointMotion, time: FloatArray) -> Moments:
-    """Return a run at some times (m,) [s]; what is after its end is read there."""
-    at = np.minimum(time, motion.time[-1])
-    length = np.array([link.length for link in fish.links])
-    return Moments(at, rollout.at(at), rollout.rate_at(at), motion.angle_at(at), length)
-
-
 def distinct(clocks: Sequence[FloatArray]) -> tuple[list[FloatArray], list[int]]:
     """Return the clocks that differ, and which of these each one is: place and heading are mostly seen at once."""
-    found: list[FloatArray] = []
-    which = []
-    for clock in clocks:
-        same = [k for k, other in enumerate(found) if np.array_equal(clock, other)]
-        which.append(same[0] if same else len(found))
-        found += [] if same else [clock]
-    return found, which
+    keys = [clock.tobytes() for clock in clocks]
+    found = dict(zip(keys, clocks, strict=True))
+    return [*found.values()], [[*found].index(key) for key in keys]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +84,13 @@ class Camera:
     def pointwise(self, sensor: Sensor) -> bool:
         """Return whether what it reads of a sample depends on place and heading at that sample alone."""
         return self.sees(sensor) and not any(effect.overrides("displacement") for effect, _ in self.effects)
+
+    def moments(self, fish: Fish, rollout: Rollout, motion: JointMotion, time: FloatArray) -> Moments:
+        """Return a run at some times (m,) [s]; after its end, as there. A camera sees no rates of the state: zero."""
+        at = np.minimum(time, motion.time[-1])
+        rate = np.zeros((len(at), STATES)) if all(map(self.sees, self.trial.sensors)) else rollout.rate_at(at)
+        length = np.array([link.length for link in fish.links])
+        return Moments(at, rollout.at(at), rate, motion.angle_at(at), length)
 
     def clocked(self, sensor: Sensor, time: FloatArray) -> FloatArray:
         """Return when what a sensor has at `time` (m,) was seen [s]; a free clock of its own says so itself."""

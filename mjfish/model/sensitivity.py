@@ -24,7 +24,7 @@ from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
 from mjfish.model import Model, Prepared, asked_motion, headed, numbered, pose_of
 from mjfish.model.model import beginning, driven
-from mjfish.model.sensing import Camera, Moments, distinct, moments
+from mjfish.model.sensing import Camera, Moments, distinct
 from mjfish.ode.equation import STATES, TAIL, tail_of
 from mjfish.ode.rollout import Conditions, Rollout
 from mjfish.ode.tangents import Direction, simulate_tangents
@@ -117,7 +117,7 @@ def with_sensors(
     )  # fmt: skip
     along, *beside = np.split(every, np.cumsum([len(clock) for clock in clocks])[:-1])
     ways = [direction for direction, _ in directions]
-    here = [moments(run.fish, rollout, run.motion, clock) for clock in clocks[1:]]
+    here = [camera.moments(run.fish, rollout, run.motion, clock) for clock in clocks[1:]]
     there = [_along(one, block, ways, run.motion) for one, block in zip(here, beside, strict=True)]
     seen = [
         _sensed(at, sensor, rollout, label, here[k], there[k], ways, names)
@@ -156,7 +156,7 @@ def _sensed(
     fish, motion, camera = at.run.fish, at.run.motion, Camera(at.trial, at.run.active)
 
     def seen(time: FloatArray) -> Moments:
-        return moments(fish, rollout, motion, time)
+        return camera.moments(fish, rollout, motion, time)
 
     found = np.zeros((len(label), len(sensor.channels), len(names)))
     if camera.pointwise(sensor):
