@@ -7,6 +7,7 @@ clusters serve whole fits: what they work on is sent to them by cloudpickle, whi
 from __future__ import annotations
 
 import contextlib
+import contextvars
 import logging
 import multiprocessing
 import os
@@ -30,7 +31,7 @@ R = TypeVar("R")
 
 #: The address that stands for a cluster of one's own on this machine.
 LOCAL = "local"
-#: Threads that work on a task.
+#: Idents of the threads of this process that work on a task, of any call; who waits for tasks of its own counts, too.
 _AT_WORK: set[int] = set()
 #: Within which a scheduler must answer [s].
 _PATIENCE = 10
@@ -70,7 +71,7 @@ def completed(
     Args:
         function: its result must not depend on where it runs.
         tasks: one argument each.
-        jobs: threads, where there is no executor; a task's own tasks get those that have nothing else to do.
+        jobs: threads, where there is no executor; of a task's own tasks, about those that are idle when it asks.
         executor: its workers get function and task by cloudpickle, and work with one thread.
 
     Getting it raises `WorkerError` where a worker ended without an answer, and an error of `function` as it is.
@@ -83,13 +84,15 @@ def completed(
         yield from ((place, partial(function, task)) for place, task in enumerate(tasks))
     else:
         with ThreadPoolExecutor(threads) as pool:
-            yield from ((place, future.result) for place, future in fan_out(partial(_at_work, function), tasks, pool))
+            work = partial(_at_work, contextvars.copy_context(), function)
+            yield from ((place, future.result) for place, future in fan_out(work, tasks, pool))
 
 
-def _at_work(function: Callable[[T], R], task: T) -> R:
+def _at_work(context: contextvars.Context, function: Callable[[T], R], task: T) -> R:
+    """Return what a function returns of a task in the context of who asked, whose time limit holds here, too."""
     _AT_WORK.add(threading.get_ident())
     try:
-        return function(task)
+        return context.copy().run(function, task)
     finally:
         _AT_WORK.discard(threading.get_ident())
 

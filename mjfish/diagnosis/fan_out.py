@@ -54,7 +54,7 @@ def _extend(make: Callable[..., Refit], evidence: Evidence, task: tuple[Any, ...
 
 def _follow(make: Callable[..., Refit], first: Refit, task: tuple[Any, ...]) -> Refit:
     (refit,) = task
-    own = first.problem  # has the threads of a worker
+    own = first.problem  # as a worker has it: no executor, no folder
     return make(replace(refit, problem=replace(refit.problem, jobs=own.jobs, executor=own.executor, kept=own.kept)))
 
 

@@ -26,10 +26,10 @@ _SEEDS = tuple(map(tuple, np.eye(len(_COLUMNS)).tolist()))
 def _around(
     x: float, y: float, heading: float, clock: float, parameters: Any
 ) -> tuple[float, float, float, float, float, float]:
-    """Return of the frame its velocity, of the water around a link its velocity, both in the world, strain and turn.
+    """Return the velocity of the frame (x, y), that of the water at a link in this frame (x, y), strain and turn.
 
-    All in the frame that moves with the current at the start of the run: there the water moves with c' = G xi at the
-    distance xi from that place, and the place itself with the clock.
+    Axes are those of the world. The frame moves with the current at the start of the run. In it the water moves with
+    c' = G xi at the distance xi from that place, and the place moves on with the clock.
     """
     shear_x, shear_y = parameters[3], parameters[4]
     start_x, start_y = parameters[5], parameters[6]
@@ -44,7 +44,7 @@ def _around(
 
 
 def _slopes(link: Any, parameters: Any, out: Any) -> None:
-    """Write the derivatives of the force: of every line of `_sheared`, along one number after the other."""
+    """Write the derivatives of the force: `_sheared` differentiated line by line, once for each column."""
     shear_x, shear_y, clock = parameters[3], parameters[4], link.memory[0]
     frame_x, frame_y, water_x, water_y, strain, turn = _around(link.x, link.y, link.heading, link.memory[0], parameters)
     cos, sin = np.cos(link.heading), np.sin(link.heading)

@@ -389,45 +389,43 @@ class _Turned(_Rows):
     The residual has p + 1 numbers: Q'e, and the length of what is left of e. The derivative is -R, with a row of zeros.
     Both are computed at once. A point that is not below the least sum of squares gets no derivative: the optimiser
     never goes on from there, for the sum of squares of what it sees is that of e to the last digits. The last point
-    that got one is kept: the optimiser asks for its derivative, and the fit ends there.
+    that got one is kept: the optimiser asks for its derivative, and the fit mostly ends there.
     """
 
     def __init__(self, problem: Problem, scale: FloatArray, large: bool) -> None:
         super().__init__(problem, scale)
         self._large, self._least = large, np.inf
-        self._kept: Any = None  # the point, both turned, and both as they are
+        self._kept: dict[bytes, tuple[FloatArray, BlockAngular, FloatArray, BlockAngular]] = {}
 
     def residual(self, y: FloatArray) -> FloatArray:
         """Return the residual at y (p,)."""
-        if self._kept is not None and np.array_equal(self._kept[0], y):
-            return np.asarray(self._kept[1])
+        if known := self._kept.get(y.tobytes()):
+            return known[0]
         whole, turned = super().residual(y), np.zeros(len(y) + 1)
         square = float(whole @ whole)
         if square >= self._least * (1.0 + _ABOVE):
             turned[-1] = np.sqrt(square * (1.0 + _BEYOND_DOUBT))
             return turned
-        self._kept = None  # the derivative of an hour of samples is large: not two at once
+        self._kept = {}  # the derivative of an hour of samples is large: not two at once
         jacobian = self.problem.jacobian(y * self.scale)
         factors = jacobian.above(self.prior).factorised()
         inside = factors.basis.coordinates(whole)
         turned[: len(inside)], turned[-1] = inside, np.sqrt(max(square - float(inside @ inside), 0.0))
         self._least, triangle = min(square, self._least), factors.triangle.scaled(columns=-self.scale)
-        self._kept = y.copy(), turned, triangle, whole[: len(whole) - len(self.mean)], jacobian
+        self._kept[y.tobytes()] = turned, triangle, whole[: len(whole) - len(self.mean)], jacobian
         return turned
 
     def jacobian(self, y: FloatArray) -> FloatArray | sparse.csr_array:
         """Return its derivative at y (p,), the last point that got one; without its zeros if large."""
-        rows: BlockAngular = self._kept[2]
+        _, rows, _, _ = self._kept[y.tobytes()]
         if self._large:
             return rows.sparse(len(y) + 1)
         return np.pad(rows.dense(), ((0, len(y) + 1 - len(rows.shared)), (0, 0)))
 
     def at(self, y: FloatArray) -> tuple[FloatArray, BlockAngular]:
         """Return the residual and the derivative of the prediction, by x and without priors, at a point y (p,)."""
-        if self._kept is None or not np.array_equal(self._kept[0], y):
-            return super().at(y)
-        _, _, _, residual, jacobian = self._kept
-        return residual, jacobian
+        known = self._kept.get(y.tobytes())
+        return super().at(y) if known is None else known[2:]
 
 
 #: A column shorter than this share of the longest does nothing.

@@ -122,7 +122,7 @@ def state_jacobians(problem: Problem, values: Mapping[str, float]) -> dict[str, 
     for i, trial in enumerate(problem.trials):
         run = problem.model.prepare(trial, values)
         rollout = problem.prediction(trial, values).rollout
-        a, _ = jacobians(run.fish, rollout, values=run.coefficients, loads=run.loads)
+        a, _ = jacobians(run.fish, rollout, values=run.coefficients, loads=run.loads, joints=False)
         times = float(trial.time[0]) + trial.step * np.arange(len(grid(trial.time, problem.mask(i))))
         result[trial.name] = readonly(a[np.clip(np.searchsorted(rollout.time, times), 0, len(a) - 1)])
     return result

@@ -560,7 +560,7 @@ class Problem:
                 parts.append(np.full(len(CHANNELS) * int(np.count_nonzero(keep)), LOST))
             else:
                 parts.append(self.whitened(i, left(trial, own.velocity)[keep]).ravel())
-        return np.concatenate([*parts, *self._sensors_left(predicted)])
+        return np.concatenate([*parts, *(self._sensors_left(predicted) if self.sensors else ())])
 
     def _sensors_left(self, predicted: list[_Predicted]) -> list[FloatArray]:
         """Return whitened residuals (m,) of each sensor."""

@@ -162,9 +162,9 @@ def load(
         function: the load; with a memory it returns the rates of its hidden states behind (fx, fy, mz).
         memory: hidden states on each link, at most MEMORY, zero at the start; read in ``link.memory``.
         shared: the fish has them once, and every link returns what it adds to their rates.
-        gradient: ``gradient(link, parameters, out)`` writes into out (3 + memory, SLOPES), which is zero, the
-            derivatives of what the load returns: by its parameters, from column PARAMETERS on by u, v, w, x, y,
-            heading, bend, and behind them by its hidden states, where that is cheaper than a difference for each.
+        gradient: ``gradient(link, parameters, out)`` writes the derivatives of what the load returns into out
+            (3 + memory, SLOPES), which is full of zeros before. Columns: the parameters; from PARAMETERS on u, v, w, x,
+            y, heading, bend; then the hidden states. What is not written counts as zero, and nothing checks it.
 
     Raises:
         ParameterError: more memory than there is.

@@ -36,7 +36,8 @@ class Moments:
     Attributes:
         time: (m,) [s].
         state: (m, 8) of the rollout.
-        rate: (m, 8) its derivative by time.
+        rate: (m, 8) its derivative by time; zeros where no sensor of the trial is inertial. Of rates along directions
+            (m, 0, k) where all sensors are pointwise.
         angle: (m, joints) [rad].
         length: (links,) [m].
     """
@@ -86,7 +87,7 @@ class Camera:
         return self.sees(sensor) and not any(effect.overrides("displacement") for effect, _ in self.effects)
 
     def moments(self, fish: Fish, rollout: Rollout, motion: JointMotion, time: FloatArray) -> Moments:
-        """Return a run at some times (m,) [s]; after its end, as there. A camera sees no rates of the state: zero."""
+        """Return a run at some times (m,) [s]; what is after its end is read there."""
         at = np.minimum(time, motion.time[-1])
         rate = np.zeros((len(at), STATES)) if all(map(self.sees, self.trial.sensors)) else rollout.rate_at(at)
         length = np.array([link.length for link in fish.links])

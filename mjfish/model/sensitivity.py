@@ -158,6 +158,7 @@ def _sensed(
     def seen(time: FloatArray) -> Moments:
         return camera.moments(fish, rollout, motion, time)
 
+    clock = camera.clocked(sensor, label)
     found = np.zeros((len(label), len(sensor.channels), len(names)))
     if camera.pointwise(sensor):
         for first in range(0, len(label), _STRETCH):
@@ -173,7 +174,7 @@ def _sensed(
     for k, name in enumerate(names):
         p, owner = _declared(at.model, name), _owner(at.model, name)
         if name == sensor.clock:
-            found[:, :, k] = difference(lambda by: camera.read(sensor, seen(here.time + by)), p, 0.0)
+            found[:, :, k] = difference(lambda by: camera.read(sensor, seen(clock + by)), p, 0.0)
         if owner is not None and camera.sees(sensor) and any(map(owner.overrides, _FILMED)):
 
             def turned(value: float, owner: Effect = owner, name: str = name) -> FloatArray:
@@ -188,7 +189,7 @@ def _sensed(
 def _along(here: Moments, along: FloatArray, directions: Sequence[Direction | None], motion: JointMotion) -> Moments:
     """Return the rates of a run at some moments along all directions, the last axis.
 
-    `along` (m, 16, k) has those of the state and of its rates; for cameras (m, 8, k), they see no rates.
+    `along` (m, 16, k) has those of the state and of its rates; (m, 8, k) where all sensors are pointwise.
     """
     angle = np.zeros((*here.angle.shape, len(directions)))
     length = np.zeros((len(here.length), len(directions)))

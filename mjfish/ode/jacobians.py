@@ -2,8 +2,8 @@
 
     dv' = A(t) dv + B(t) (dq, dq', dq''),   A = d(u', v', w') / d(u, v, w),   B = d(u', v', w') / d(q, q', q'')
 
-Both are exact (`mjfish.ode.linearisation`). Pose, tail deflection and the hidden states of loads are held; so are the
-places of the links, which some loads depend on.
+Both are exact (`mjfish.ode.linearisation`), but for loads that read place, heading or bend of a link: these are held,
+like pose, tail deflection and the hidden states of loads.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ def jacobians(
     values: Mapping[str, float] | None = None,
     loads: Sequence[tuple[Load, Sequence[float]]] = (),
     steps: slice = _ALL,
+    joints: bool = True,
 ) -> tuple[FloatArray, FloatArray]:
     """Return A (n, 3, 3) [1/s; yaw in rad] and B (n, 3, 3, joints) at the start of every step, in the forward frame.
 
@@ -43,9 +44,10 @@ def jacobians(
         values: coefficients by name that replace the fish's.
         loads: extra forces on every link, with their parameters.
         steps: which ones.
+        joints: whether B is asked for; else there are no joints in it.
     """
     motion, states = rollout.motion, _states(rollout, steps)
-    by_state, by_joints = np.zeros((len(states), 3, 3)), np.zeros((len(states), 3, 3, motion.joints))
+    by_state, by_joints = np.zeros((len(states), 3, 3)), np.zeros((len(states), 3, 3, motion.joints * joints))
     cos, sin = motion.trigonometry
     starts = (
         part[: len(rollout.state), 0][steps].copy()
@@ -93,7 +95,7 @@ def _write_jacobians(
     for k in range(states.shape[0]):
         at = Joints(joints.cos[k], joints.sin[k], joints.rate[k], joints.acceleration[k], joints.angle_last[k])
         derivative(system, at, states[k], linear.output, rates)
-        linearise(system, at, states[k], rates, True, False, linear)
+        linearise(system, at, states[k], rates, by_joints.shape[3] > 0, False, linear)
         for i in range(3):
             for j in range(3):
                 by_state[k, i, j] = linear.by_state[j, i]

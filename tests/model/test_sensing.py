@@ -15,6 +15,7 @@ from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS, to_world
 from mjfish.model import Model, with_sensors
+from mjfish.model.model import LEAD
 
 POSE = np.array([0.3, -0.2, 0.7])
 LATE = {"imu": 0.0013, "tag": -0.002}
@@ -95,6 +96,19 @@ WITH_EFFECTS = (
 def test_derivatives_of_every_sensor_by_coefficients_starts_and_clocks(pike: Fish, name: str) -> None:
     model = Model(pike)
     _check(model, _five(pike), model.values(), name)
+
+
+def test_behind_the_end_of_a_run_nothing_moves_with_the_clock(pike: Fish) -> None:
+    """Its last state is read there."""
+    trial = _five(pike)
+    late = {sensor.name: 0.5 for sensor in trial.sensors}
+    names = [sensor.clock for sensor in trial.sensors]
+    _, found = with_sensors(Model(pike), trial, Model(pike).values(), names, sensor_offsets=late)
+    for k, (sensor, block) in enumerate(zip(trial.sensors, found, strict=True)):
+        behind = sensor.time + 0.5 > trial.time[-1] + LEAD + 0.01
+        assert behind.any()
+        assert not block[behind, :, k].any(), sensor.name
+        assert np.abs(block[~behind, :, k]).max() > 1e-3
 
 
 @pytest.mark.parametrize(("effect", "short", "value"), WITH_EFFECTS)
