@@ -11,7 +11,9 @@ from mjfish.fish_of_measurements import new_fish
 from mjfish.simulation import generate
 
 
-@pytest.mark.parametrize("joints", [1, 2, 5, 9])
+@pytest.mark.parametrize(
+    "joints", [pytest.param(1, marks=pytest.mark.slow), 2, 5, pytest.param(9, marks=pytest.mark.slow)]
+)
 def test_every_joint_has_a_zero_whose_visible_size_shrinks(joints: int) -> None:
     fish = new_fish("any", length=0.4, mass=0.5, joints=joints, height=0.08)
     dataset = generate(fish, ["v1", "v3"], noise=(0.01, 0.01, 0.05), duration=3.0, seed=3)

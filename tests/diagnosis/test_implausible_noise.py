@@ -133,6 +133,7 @@ def _swum(pike: Fish, size: float) -> Dataset:
     return replace(dataset, trials=tuple(trials))
 
 
+@pytest.mark.slow
 def test_a_diagnosis_states_the_times_of_bursts(pike: Fish) -> None:
     """Catches: jerks that pass for noise of another colour, and nothing wrong found."""
     few = {name: find(name) for name in ("servo_lag", "munk_moment", "velocity_scale")}

@@ -55,7 +55,7 @@ def test_nothing_is_wrong_with_a_smoothed_motion_beside_a_run_shorter_than_the_f
 
 @pytest.mark.parametrize(
     ("motion", "lag"),
-    [(True, 0.01), (False, 0.0), pytest.param(False, 0.01, marks=pytest.mark.slow)],
+    [pytest.param(True, 0.01, marks=pytest.mark.slow), (False, 0.0), pytest.param(False, 0.01, marks=pytest.mark.slow)],
     ids=["motion and noise, lag", "noise alone", "noise alone, lag"],
 )
 def test_only_a_motion_that_was_smoothed_is_smoothed(lag: float, motion: bool) -> None:

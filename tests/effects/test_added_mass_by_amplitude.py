@@ -144,11 +144,11 @@ def test_it_is_integrated_stably_at_its_bounds(
     assert np.all(off < 0.02 * np.ptp(fine.velocity, axis=0))
 
 
-def test_half_of_the_loss_is_there_at_its_number(pike: Fish) -> None:
+def test_half_of_the_loss_is_there_at_its_number(pike: Fish, turning: Trial) -> None:
     """A curve is read off a link that is swung: c_m (1 - a / 2) at KC = K, and nearly all of c_m at rest."""
     model = Model(pike, (FORMULA,))
     values = VALUES | {"added_mass_amplitude.loss": 0.5, "added_mass_amplitude.half": 4.0}
-    fish = curves._Fish.of(model, values, None)  # type: ignore[arg-type]
+    fish = curves._Fish.of(model, values, turning)
     numbers_seen = np.array([0.4, 1.0, 4.0, 12.0])
     for index, link in enumerate(pike.links):
         found = curves._inertia(index, pike)(fish, numbers_seen) / VALUES[f"c_m.{link.group}"]
@@ -158,13 +158,15 @@ def test_half_of_the_loss_is_there_at_its_number(pike: Fish) -> None:
 
 
 @pytest.mark.parametrize("values", [{"loss": 0.5, "half": 3.0}, {"loss": -0.7, "half": 6.0}])
-def test_the_learned_form_begins_like_the_formula(pike: Fish, values: dict[str, float]) -> None:
+def test_the_learned_form_begins_like_the_formula(pike: Fish, turning: Trial, values: dict[str, float]) -> None:
     """Within 6 % of c_m over the octaves that it has."""
     learned = LAW.like("added_mass_amplitude", values)
     at = np.geomspace(0.7, 14.0, 9)
     found, expected = (
         curves._inertia(2, pike)(
-            curves._Fish.of(Model(pike, (effect,)), VALUES | {f"{effect.name}.{k}": v for k, v in own.items()}, None),  # type: ignore[arg-type]
+            curves._Fish.of(
+                Model(pike, (effect,)), VALUES | {f"{effect.name}.{k}": v for k, v in own.items()}, turning
+            ),
             at,
         )
         for effect, own in ((LAW, learned), (FORMULA, values))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -12,6 +14,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis import curves
 from mjfish.effects import find
 from mjfish.fish import Fish
+from mjfish.hydro.load import load_rows
 from mjfish.model import Model
 
 LAW = find("tail_law")
@@ -49,7 +52,7 @@ def test_the_moment_rises_with_the_deflection_whatever_its_numbers(pike: Fish) -
         moment = deflection * (1.0 + fish.tail_quadratic * deflection + fish.tail_hardening * deflection**2)
         assert np.all(np.diff(moment) > -1e-12 * moment.max())
         Fish.model_validate({**fish.model_dump(by_alias=True)})
-        shown = curves._moment(curves._Fish(fish, np.zeros(5), (), (None, np.zeros((1, 1))), ()), deflection)
+        shown = curves._moment(curves._Fish(SimpleNamespace(fish=fish), np.zeros(5), load_rows([])), deflection)
         np.testing.assert_allclose(shown, moment / values["compliance"], rtol=1e-12)
 
 

@@ -40,10 +40,10 @@ def test_a_time_beyond_both_lags_is_the_nearest_one_and_another_formula_is_unkno
     assert KERNEL.like("another", {}) == {}
 
 
-def test_after_a_sudden_start_drag_and_momentum_come_by_the_kernel(pike: Fish) -> None:
+def test_after_a_sudden_start_drag_and_momentum_come_by_the_kernel(pike: Fish, turning: Trial) -> None:
     """As it is read off a link that is set in motion: c_d (1 - sum psi exp(-t / tau)), c_m (1 + sum chi (1 - ...))."""
     model = Model(pike, (KERNEL,))
-    fish = curves._Fish.of(model, _full("wake_kernel", NUMBERS), None)  # type: ignore[arg-type]
+    fish = curves._Fish.of(model, _full("wake_kernel", NUMBERS), turning)
     time = np.array([0.01, 0.05, 0.1, 0.3, 0.9])
     early, late = np.exp(-time / NUMBERS["time"]), np.exp(-time / NUMBERS["late_time"])
     for index, link in enumerate(pike.links):

@@ -52,7 +52,7 @@ def alike(pike: Fish) -> Draws:
     return draws(pike, MODES * 2, duration=4.0)
 
 
-@pytest.mark.parametrize("phi", [0.0, 0.8])
+@pytest.mark.parametrize("phi", [pytest.param(0.0, marks=pytest.mark.slow), 0.8])
 def test_runs_of_one_fish_are_not_scattered_in_most_draws(alike: Draws, phi: float) -> None:
     """Of 40 draws of noise, white or coloured: 0 in most, and else hardly above the error of one run."""
     tau = np.array([[*scatter(alike.problem, one).values()] for one in alike.fits(phi, 40, 4)])
