@@ -30,7 +30,7 @@ from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, LoadBuffers, LoadTable, load_rows, loads_on
 from mjfish.hydro.outline import outlines
 from mjfish.model import Model
-from mjfish.model.model import Prepared, asked_motion
+from mjfish.model.model import Prepared, asked_motion, driven
 from mjfish.ode.kinematics import link_velocities
 
 #: Shares of the information between which a variable counts as visited.
@@ -431,9 +431,8 @@ def _reached(fish: _Fish, command: FloatArray) -> FloatArray:
     angle = np.broadcast_to(command[:, None, None], (len(command), 3, 1))
     still = np.zeros_like(angle)
     motion = JointMotion(np.arange(len(command) + 1.0), angle, still, still)
-    for effect, own in fish.run.active:
-        motion = effect.drive(motion, own)
-    return motion.angle[:, 0, 0].copy()
+    servos = tuple((effect, tuple(own.items())) for effect, own in fish.run.active)
+    return driven(motion, servos).angle[:, 0, 0].copy()
 
 
 #: By mechanism; others have forms that are numbers.
