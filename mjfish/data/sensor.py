@@ -145,7 +145,8 @@ def cleaned(sensor: Sensor, source: Path) -> Sensor:
     fresh[1:] = np.diff(sensor.time) > 0.0
     sensor = sensor.kept(fresh, "their time repeats the one before")
     same = np.all(np.diff(sensor.values, axis=0) == 0.0, axis=1)
-    if np.count_nonzero(same) > _OFTENER * len(same) * np.prod([_rounding(own) for own in sensor.values.T]):
+    often = np.count_nonzero(same)
+    if often and often > _OFTENER * len(same) * np.prod([_rounding(own) for own in sensor.values.T]):
         remark = "they repeat the values before, as a slower sensor does that is logged faster"
         sensor = sensor.kept(np.append(True, ~same), remark)
     check_enough(sensor, source)

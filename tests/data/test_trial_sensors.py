@@ -183,10 +183,12 @@ def test_times_that_run_backwards_are_refused(tmp_path: Path) -> None:
         _read(tmp_path, tag=_table("time [s],x [m],y [m]", *_track(time)))
 
 
-def test_hardly_any_sample_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("there", [5, 0])
+def test_hardly_any_sample_is_refused(tmp_path: Path, there: int) -> None:
     time, x, y = _track(np.arange(60) / 30.0)
-    x[5:] = np.nan
-    with pytest.raises(InputError, match=r"5 samples of 'position' can be used, expected 8 .*55 of 60 .* missing"):
+    x[there:] = np.nan
+    said = rf"{there} samples of 'position' can be used, expected 8 .*{60 - there} of 60 .* missing"
+    with pytest.raises(InputError, match=said):
         _read(tmp_path, tag=_table("time [s],x [m],y [m]", time, x, y))
 
 
