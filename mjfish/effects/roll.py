@@ -28,17 +28,19 @@ class Roll(Effect):
         sway_recorded = sway - z phi'
 
     phi is positive with port up (about x forward). Where it was measured, phi' is the slope of its smoothing spline and
-    the shapes play no part. Elsewhere the fish is a pendulum, its centre of mass below the axis, that the side force
-    drives: in a frame that accelerates sideways by a = sway' + yaw_rate surge, the apparent weight leans by -a / g,
+    the shapes play no part. Elsewhere the fish is a pendulum, its centre of mass by l below the axis, that the side
+    force drives. A submerged body that leans by phi is righted by m g l sin phi, and in a frame that accelerates
+    sideways by a = sway' + yaw_rate surge the side force turns it by -m a l:
 
-        phi'' + 2 zeta omega phi' + omega^2 phi = -(omega^2 / g) (sway' + yaw_rate surge).
+        phi'' + 2 zeta omega phi' + omega^2 sin phi = -(omega^2 / g) (sway' + yaw_rate surge).
 
     With q = phi' + (omega^2 / g) sway no sway' is needed; q and phi are integrated from rest at the first sample on,
     by Runge-Kutta steps of 5 ms at most, with cubics between the samples of the velocity. What the side force acts on
     besides the weight, added mass above all, is in `height`: without a measured roll it is an effective one.
 
-    The loss of normal force by leaning, cos^2 phi, is of second order and left out, as is the surge z phi yaw_rate of
-    the marker in a turn: the zero of a measured roll is not known well enough for it.
+    The loss of normal force by leaning, cos^2 phi, is of second order and left out, as is that of the lever of the side
+    force, and the surge z phi yaw_rate of the marker in a turn: the zero of a measured roll is not known well enough
+    for it.
     """
 
     name: ClassVar[str] = "roll"
@@ -91,7 +93,7 @@ def _measured(trial: Trial) -> BSpline | None:
 def _rolled(time: FloatArray, velocity: FloatArray, slope: FloatArray, frequency: float, damping: float) -> FloatArray:
     """Return phi and phi' (n, 2).
 
-    phi' = q - k sway and q' = -2 zeta omega phi' - omega^2 phi - k yaw_rate surge, with k = omega^2 / g.
+    phi' = q - k sway and q' = -2 zeta omega phi' - omega^2 sin phi - k yaw_rate surge, with k = omega^2 / g.
 
     Args:
         time: (n,) of the samples [s].
@@ -123,7 +125,7 @@ def _rolled(time: FloatArray, velocity: FloatArray, slope: FloatArray, frequency
                     now[c] += s * s * (3.0 - 2.0 * s) * velocity[i + 1, c] + s * s * (s - 1.0) * width * slope[i + 1, c]
                 here = phi + ahead * k_phi
                 k_phi = q + ahead * k_q - coupling * now[1]
-                k_q = -2.0 * damping * frequency * k_phi - frequency**2 * here - coupling * now[2] * now[0]
+                k_q = -2.0 * damping * frequency * k_phi - frequency**2 * np.sin(here) - coupling * now[2] * now[0]
                 weight = 1.0 if stage == 0 or stage == 3 else 2.0
                 total_phi += weight * k_phi
                 total_q += weight * k_q
