@@ -145,8 +145,7 @@ def cleaned(sensor: Sensor, source: Path) -> Sensor:
     fresh[1:] = np.diff(sensor.time) > 0.0
     sensor = sensor.kept(fresh, "their time repeats the one before")
     same = np.all(np.diff(sensor.values, axis=0) == 0.0, axis=1)
-    often = np.count_nonzero(same)
-    if often and often > _OFTENER * len(same) * np.prod([_rounding(own) for own in sensor.values.T]):
+    if np.count_nonzero(same) > _OFTENER * len(same) * np.prod([_rounding(own) for own in sensor.values.T]):
         remark = "they repeat the values before, as a slower sensor does that is logged faster"
         sensor = sensor.kept(np.append(True, ~same), remark)
     check_enough(sensor, source)
@@ -156,7 +155,7 @@ def cleaned(sensor: Sensor, source: Path) -> Sensor:
 def _rounding(values: FloatArray) -> float:
     """Return the last digit of values (m,) over the usual step between them: how often they repeat by chance."""
     digit, steps = (np.abs(np.diff(found)) for found in (np.unique(values), values))
-    least = 1e-9 * float(np.ptp(values))
+    least = 1e-9 * float(digit.sum())
     return float(digit[digit > least].min() / np.median(steps[steps > least])) if least else 1.0
 
 
