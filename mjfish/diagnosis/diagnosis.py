@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.data.validation import check_comparable
@@ -63,7 +62,7 @@ from mjfish.estimation.fit import Z95
 from mjfish.estimation.identification import check_enough, first_sigma, identified_fish
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.posterior import posterior
-from mjfish.estimation.residual import ChannelError, Score, SensorResidual, channel_errors, of_sensors
+from mjfish.estimation.residual import Score, SensorResidual, channel_errors, of_sensors
 from mjfish.estimation.scatter import scatter
 from mjfish.estimation.time_limit import PastLimitError
 from mjfish.inspection import Finding, Inspection, inspect, inspect_fit
@@ -257,7 +256,8 @@ def _diagnosed(begun: Begun, left_out: Mapping[str, str], seed: int, progress: P
     if decision.verdict == "named" and best is not None:
         own = (refit for refit in learned.values() if refit.mechanisms == best.mechanisms)
         form = next(own, None) if len(best.effects) == 1 else None
-        retained = staying([refit for refit in _retained(decision, single, combined) if not refit.learned], form)
+        every = {**single.refits, **({} if combined is None else combined.refits)}
+        retained = staying([every[s] for s in decision.sets if s in every and not every[s].learned], form)
         if not retained:
             retained = (best if form is None else form,)
         best = retained[0]
@@ -272,9 +272,8 @@ def _diagnosed(begun: Begun, left_out: Mapping[str, str], seed: int, progress: P
         domain = parts.run("the domain", lambda: explaining_domain(evidence, learnable), None)
     progress("looking at what is wrong", 0.96)
     unexplained = decision.verdict == "unexplained"
-    if unexplained and best is not None and held and _misleads(best, held_out, held):
-        message = decision.message + _kept(best, held_out, held)
-        best, decision = None, replace(decision, message=message)
+    if unexplained and best is not None and held and (why := _misleading(best, held_out)):
+        best, decision = None, replace(decision, message=decision.message + why)
     scores = (held_out.score(None), held_out.score(best)) if held else None
     final = evidence.fit if best is None else best.fit
     extended = evidence.problem if best is None else best.problem
@@ -433,28 +432,20 @@ def _best(decision: Decision, single: Comparison, combined: Comparison | None) -
     return single.refits.get(single.closest())
 
 
-def _misleads(closest: Refit, held_out: HeldOut, held: Sequence[Trial]) -> bool:
-    """Return whether the closest model errs more on the held-out runs than the nominal one."""
-    nominal, extended = (pooled_error(held_out.score(model).channels) for model in (None, closest))
-    return not extended <= nominal
+def _misleading(closest: Refit, held_out: HeldOut) -> str:
+    """Say why the nominal model is shown, where the closest errs more on the held-out runs; else nothing.
 
-
-def _kept(closest: Refit, held_out: HeldOut, held: Sequence[Trial]) -> str:
-    """Say why the nominal model is shown, by both measures of the table, which may disagree where noise is slow."""
+    By both measures of the table, which may disagree where noise is slow.
+    """
     scores = [held_out.score(model) for model in (None, closest)]
     nominal, extended = (pooled_error(score.channels) for score in scores)
     before, after = (float(np.sum(np.concatenate(score.whitened) ** 2)) for score in scores)
     although = f", although its log-likelihood is {0.5 * (before - after):.3g} lower" if after < before else ""
-    return (
+    said = (
         f" The nominal model is kept: its nRMSE on the held-out trials is smaller, {100.0 * nominal:.3g} % against "
         f"{100.0 * extended:.3g} %{although}."
     )
-
-
-def _retained(decision: Decision, single: Comparison, combined: Comparison | None) -> list[Refit]:
-    """Return the refits of the sets of a decision."""
-    found = {**single.refits, **({} if combined is None else combined.refits)}
-    return [found[names] for names in decision.sets if names in found]
+    return "" if extended <= nominal else said
 
 
 def _domain(decision: Decision, known: Mapping[str, Effect]) -> Domain | None:
@@ -536,7 +527,9 @@ def _candidates(
                 scored,
                 statistic=max(refit.gain, 0.0),  # a formula may not have the nominal model in it
                 degrees_of_freedom=refit.degrees_of_freedom,
-                error=pooled_error(_left(refit.problem, refit.fit.x)),
+                error=pooled_error(
+                    [channel_errors(refit.problem, refit.fit.x, index) for index in range(len(refit.problem.trials))]
+                ),
                 held_out_error=held_out_errors.get(name),
                 parameters=_parameters(refit, effect),
                 remark=_remark_of(refit.fit),
@@ -548,11 +541,6 @@ def _candidates(
             scored = replace(scored, held_out_gain=confirmation.gained)
         result.append(replace(scored, p_value=p_value_of(scored.statistic, scored.degrees_of_freedom)))
     return tuple(sorted(result, key=lambda candidate: -candidate.statistic))
-
-
-def _left(problem: Problem, x: FloatArray) -> list[tuple[ChannelError, ...]]:
-    """Return what a model leaves of the channels of the fitted trials."""
-    return [channel_errors(problem, x, index) for index in range(len(problem.trials))]
 
 
 def _remark_of(found: Fit) -> str:
@@ -605,7 +593,10 @@ def _overlays(
 ) -> tuple[Overlay, ...]:
     """Return every trial as both models predict it; `scores` of the nominal and of the extended model."""
     nominal, after = evidence.problem.predictions(evidence.fit.x), extended.predictions(final.x)
-    read = [_both(evidence.problem, evidence.fit.x, extended, final.x, i) for i in range(len(nominal))]
+    read = [
+        _paired(of_sensors(evidence.problem, evidence.fit.x, i), of_sensors(extended, final.x, i))
+        for i in range(len(nominal))
+    ]
     rows = zip(evidence.problem.trials, nominal, after, read, strict=True)
     shown = [Overlay(for_looking(trial), False, a, b, own) for trial, a, b, own in rows]
     if scores is not None:
@@ -613,10 +604,6 @@ def _overlays(
         pairs = zip(held, scores[0].predictions, scores[1].predictions, read, strict=True)
         shown += [Overlay(for_looking(trial), True, a, b, own) for trial, a, b, own in pairs]
     return tuple(shown)
-
-
-def _both(nominal: Problem, x: FloatArray, extended: Problem, y: FloatArray, index: int) -> tuple[SensorOverlay, ...]:
-    return _paired(of_sensors(nominal, x, index), of_sensors(extended, y, index))
 
 
 def _paired(nominal: Sequence[SensorResidual], extended: Sequence[SensorResidual]) -> tuple[SensorOverlay, ...]:

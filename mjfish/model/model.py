@@ -288,8 +288,8 @@ def recorded_joints(trial: Trial) -> tuple[measured.Smoothed, ...]:
     angle = np.zeros((0, 0)) if trial.joint_angle is None else trial.joint_angle
     if trial.commanded:
         return tuple(measured.exact(trial.time, column) for column in angle.T)
-    share = 1.0 if trial.measured.any() else measured.ALLOWED
-    found = (measured.smoothing(trial.time, column, share) for column in angle.T)
+    smooth = measured.smoothing if trial.measured.any() else measured.allowed
+    found = (smooth(trial.time, column) for column in angle.T)
     return tuple(measured.Smoothed(joint.spline, joint.sigma, joint.intensity) for joint in found)
 
 

@@ -116,7 +116,7 @@ def test_the_closest_model_is_not_shown_where_it_misleads(
 ) -> None:
     """A scale errs more on the held-out run than the nominal model does; errors by run are there all the same."""
     if shown:
-        monkeypatch.setattr(diagnosis_module, "_misleads", lambda *_: False)
+        monkeypatch.setattr(diagnosis_module, "_misleading", lambda *_: "")
     result = diagnose(_fading(pike), effects={"velocity_scale": find("velocity_scale")}, jobs=1)
     assert result.verdict == "unexplained"
     assert result.gain is not None

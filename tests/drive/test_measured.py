@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline, make_interp_spline, make_smoothing_spline
 from scipy.linalg import eigh
 
 from mjfish.arrays import FloatArray
-from mjfish.drive.measured import exact, joint_motion, smoothing_spline
+from mjfish.drive.measured import ALLOWED, allowed, exact, joint_motion, smoothing, smoothing_spline
 
 PULSE = 2.0 * np.pi * 1.0
 AMPLITUDE = 0.4
@@ -205,3 +205,16 @@ def test_a_command_that_begins_at_once_is_followed() -> None:
 def test_so_few_samples_are_interpolated_too() -> None:
     time = 0.1 * np.arange(7)
     assert np.all(np.isfinite(exact(time, time**2).intensity))
+
+
+def test_a_change_at_once_is_allowed_for_where_it_is() -> None:
+    """A bias that a joint reaches within 20 ms, at 100 samples a second; one penalty does not expect it."""
+    time = np.arange(0.0, 6.0, 0.01)
+    beat = _signal(time) + NOISE * np.random.default_rng(0).standard_normal(len(time))
+    turned = beat + 0.5 / (1.0 + np.exp((3.004 - time) / 0.005))
+    plain, found = smoothing(time, turned, ALLOWED), allowed(time, turned)
+    assert found.sigma == pytest.approx(NOISE, rel=0.1)
+    eased = np.flatnonzero(found.intensity > 10.0 * found.intensity.min())
+    assert np.abs(time[eased] - 3.0).max() < 0.06
+    assert found.intensity.max() > 1e3 * plain.intensity.max()
+    assert np.array_equal(allowed(time, beat).spline.c, smoothing(time, beat, ALLOWED).spline.c)
