@@ -256,8 +256,8 @@ def _diagnosed(begun: Begun, left_out: Mapping[str, str], seed: int, progress: P
     if decision.verdict == "named" and best is not None:
         own = (refit for refit in learned.values() if refit.mechanisms == best.mechanisms)
         form = next(own, None) if len(best.effects) == 1 else None
-        every = {**single.refits, **({} if combined is None else combined.refits)}
-        retained = staying([every[s] for s in decision.sets if s in every and not every[s].learned], form)
+        sets = {**single.refits, **({} if combined is None else combined.refits)}
+        retained = staying([sets[s] for s in decision.sets if s in sets and not sets[s].learned], form)
         if not retained:
             retained = (best if form is None else form,)
         best = retained[0]
