@@ -439,13 +439,14 @@ def _misleading(closest: Refit, held_out: HeldOut) -> str:
     """
     scores = [held_out.score(model) for model in (None, closest)]
     nominal, extended = (pooled_error(score.channels) for score in scores)
+    if extended <= nominal:
+        return ""
     before, after = (float(np.sum(np.concatenate(score.whitened) ** 2)) for score in scores)
     although = f", although its log-likelihood is {0.5 * (before - after):.3g} lower" if after < before else ""
-    said = (
+    return (
         f" The nominal model is kept: its nRMSE on the held-out trials is smaller, {100.0 * nominal:.3g} % against "
         f"{100.0 * extended:.3g} %{although}."
     )
-    return "" if extended <= nominal else said
 
 
 def _domain(decision: Decision, known: Mapping[str, Effect]) -> Domain | None:

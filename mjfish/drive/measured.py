@@ -14,7 +14,7 @@ the penalty is a share of it then.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,7 +44,8 @@ _MIDDLE = 0.02603
 #: `exact`). With 8, all of 53 films with nothing hidden and commanded joints pass, and the least p is 0.011; with 5.5,
 #: two of the first ten have p = 0.005 in one of the tests.
 _ALIKE, _LOST = 8.0, 0.5
-#: Times sigma by which a sample stands out against a spline of its neighbours, of which noise explains 1.4.
+#: A joint changes abruptly where a spline of every second sample misses a sample by this many sigma; noise alone misses
+#: it by 1.4, rms. Of film 996 it finds 4 to 20 samples in records with an abrupt change, none in the others.
 _STANDS_OUT = 6.0
 #: Steps of the first and the second derivative with respect to log10 of the penalty.
 _DIFFERENCE, _SECOND = 5e-3, 0.05
@@ -125,8 +126,7 @@ def smoothing(time: FloatArray, signal: FloatArray, share: float = 1.0, ease: Fl
     """
     knots = make_interp_spline(time, np.zeros_like(time), k=_DEGREE).t
     design = BSpline.design_matrix(time, knots, _DEGREE)
-    eases = np.broadcast_to(ease, len(time) - 1)
-    roughness = _roughness(knots, lambda t: eases[np.clip(np.searchsorted(time, t) - 1, 0, len(eases) - 1)])
+    roughness = _roughness(knots, BSpline(time, np.broadcast_to(ease, len(time) - 1), 0))
     normal = (design.T @ design).tocsr()
     scale = normal.diagonal().sum() / roughness.diagonal().sum()
     right = np.asarray(design.T @ signal)
@@ -162,15 +162,19 @@ def smoothing(time: FloatArray, signal: FloatArray, share: float = 1.0, ease: Fl
     bend = (left(penalty + _SECOND) - left(penalty - _SECOND)) / (2.0 * _SECOND * np.log(10.0))
     free = left(penalty)
     sigma = float(np.sqrt(squares / max(free - bend, 1e-9 * n)))
-    intensity = sigma**2 / (10.0**penalty * scale) * eases
+    intensity = np.full(n - 1, sigma**2 / (10.0**penalty * scale)) * ease
     return Smoothing(BSpline(knots, coefficients, _DEGREE), sigma, intensity, design, bands(penalty), n - free)
 
 
 def allowed(time: FloatArray, signal: FloatArray) -> Smoothing:
-    """Smooth a signal whose errors are allowed for: less where it changes at once.
+    """Smooth a signal whose errors are allowed for (`ALLOWED`), less so where it changes abruptly.
 
-    Where a spline of every second sample misses a sample by far more than noise explains, the third derivative is as
-    large as that says; elsewhere it is that of a smooth beat. Arguments as of `smoothing`.
+    A spline of every second sample misses an abrupt change by far more than noise explains. There, the intensity of the
+    third derivative is the one under which such a miss is one standard deviation. Elsewhere it is one number.
+
+    Args:
+        time: (n,) increasing, n > 6 [s].
+        signal: (n,).
     """
     first, missed = smoothing(time, signal, ALLOWED), _missed(time, signal, 2)
     beyond = np.where(missed > _STANDS_OUT * first.sigma, missed, 0.0)
@@ -218,7 +222,7 @@ def _natural(time: FloatArray, signal: FloatArray) -> BSpline:
     return make_interp_spline(time, signal, k=_DEGREE, bc_type=(ends, ends))
 
 
-def _roughness(knots: FloatArray, ease: Callable[[FloatArray], FloatArray]) -> sparse.csr_array:
+def _roughness(knots: FloatArray, ease: BSpline) -> sparse.csr_array:
     """Return INT B_i''' B_j''' / ease dt: piecewise quartic, so three Gauss points a knot interval are exact."""
     ends = np.unique(knots)
     points, weights = np.polynomial.legendre.leggauss(3)

@@ -38,9 +38,9 @@ class Roll(Effect):
     by Runge-Kutta steps of 5 ms at most, with cubics between the samples of the velocity. What the side force acts on
     besides the weight, added mass above all, is in `height`: without a measured roll it is an effective one.
 
-    The loss of normal force by leaning, cos^2 phi, is of second order and left out, as is that of the lever of the side
-    force, and the surge z phi yaw_rate of the marker in a turn: the zero of a measured roll is not known well enough
-    for it.
+    Left out are terms of second order: leaning takes cos^2 phi off the normal force, and cos phi off the lever of the
+    side force. The surge z phi yaw_rate of the marker in a turn is left out, too: the zero of a measured roll is not
+    known well enough for it.
     """
 
     name: ClassVar[str] = "roll"

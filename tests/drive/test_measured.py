@@ -207,7 +207,7 @@ def test_so_few_samples_are_interpolated_too() -> None:
     assert np.all(np.isfinite(exact(time, time**2).intensity))
 
 
-def test_a_change_at_once_is_allowed_for_where_it_is() -> None:
+def test_an_abrupt_change_is_allowed_for_where_it_is() -> None:
     """A bias that a joint reaches within 20 ms, at 100 samples a second; one penalty is too little for all else."""
     time = np.arange(0.0, 6.0, 0.01)
     beat = _signal(time) + NOISE * np.random.default_rng(0).standard_normal(len(time))
