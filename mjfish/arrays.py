@@ -96,5 +96,4 @@ def principal_axes(gram: FloatArray) -> FloatArray:
 
 def blocks_of(sizes: Sequence[int]) -> list[slice]:
     """Return the slices of consecutive blocks of columns."""
-    ends = np.cumsum([0, *sizes])
-    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+    return [slice(int(a), int(b)) for a, b in pairwise(np.cumsum([0, *sizes]))]

@@ -469,8 +469,7 @@ def span(columns: BlockAngular) -> Basis:
     these leave of the shared ones.
     """
     left = columns.shared * _scale(columns)[columns.places]
-    owns = tuple(_own_bases(columns, left))
-    return Basis(owns, _leading(left, least=1.0))
+    return Basis(tuple(_own_bases(columns, left)), _leading(left, least=1.0))
 
 
 def explained(columns: BlockAngular, y: FloatArray) -> tuple[float, int]:

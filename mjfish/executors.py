@@ -141,8 +141,7 @@ def _answer(sent: tuple[bytes, bytes]) -> bytes:
 @contextmanager
 def processes(jobs: int) -> Iterator[Executor]:
     """Yield an executor of so many new processes, which end with this one, however it ends."""
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent)
+    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent)
     try:
         with _killed_on_error():
             yield pool

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.fish import ByGroup, Coefficient, Coefficients, Cpg, Fish, Link, Section, Servo
 from mjfish.hydro.outline import LinkOutline, outline
@@ -72,9 +71,8 @@ def new_fish(
     width = _WIDTH * height if width is None else width
     _check(length, mass, joints, height, width)
     sections = _sections(length, height, width)
-    ends = [0.0, *(round(float(s), 6) for s in length * _joints_at(joints)), length]
-    names = ["head", *(f"body_{k}" for k in range(1, joints)), "tail"]
-    links = _links(names, ends, sections, mass)
+    ends = [0.0, *(round(float(s), 6) for s in length * np.linspace(_LAST, _FIRST, joints)[::-1]), length]
+    links = _links(["head", *(f"body_{k}" for k in range(1, joints)), "tail"], ends, sections, mass)
     groups = tuple(dict.fromkeys(link.group for link in links))
     damping = _DAMPED * min(link.inertia + link.mass * link.com**2 for link in links[1:])
     return Fish(
@@ -107,11 +105,6 @@ def _check(length: float, mass: float, joints: int, height: float, width: float)
     for what, value in (("height", height), ("width", width)):
         if value > length:
             raise InputError(f"{what}: found {value:g} m, more than the length of {length:g} m; give both in metres")
-
-
-def _joints_at(joints: int) -> FloatArray:
-    """Return the places of the joints (joints,) as shares of the length."""
-    return np.linspace(_FIRST, _LAST, joints) if joints > 1 else np.array([_LAST])
 
 
 def _sections(length: float, height: float, width: float) -> tuple[Section, ...]:

@@ -41,8 +41,7 @@ class _Item(NamedTuple):
 
     def shortened(self) -> _Item:
         """Return as much of it as one line takes."""
-        width = console.width_beside(self.word)
-        return self._replace(text=textwrap.shorten(self.text, width, placeholder=" ..."))
+        return self._replace(text=textwrap.shorten(self.text, console.width_beside(self.word), placeholder=" ..."))
 
 
 def show(

@@ -78,8 +78,7 @@ def read(path: Path) -> SimulatedRun:
     if len(table["time"]) < 2:
         raise InputError(f"{path}: has 1 row, expected a run over the time of its trial; simulate longer")
     validation.check_increasing(table["time"], path)
-    velocity = np.stack([table[name] for name in channels], axis=1)
-    return SimulatedRun(path, table["time"], velocity, channels)
+    return SimulatedRun(path, table["time"], np.stack([table[name] for name in channels], axis=1), channels)
 
 
 def assign(against: Sequence[Path], trials: Sequence[Trial]) -> tuple[dict[str, Path], tuple[Path, ...]]:

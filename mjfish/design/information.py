@@ -266,8 +266,7 @@ class Separation:
 
     def probability_of(self, truth: str, run: int | None = None) -> float:
         """Return the probability of the right verdict where one of the rivals is the truth."""
-        margin = self.margin if truth == self.rivals[0] else -self.margin
-        return verdict_probability(margin, self.gain(truth, run))
+        return verdict_probability(self.margin if truth == self.rivals[0] else -self.margin, self.gain(truth, run))
 
     def _with(self, run: int | None) -> Information:
         added = None if run is None else self.runs[run]

@@ -98,8 +98,7 @@ class Linearised:
         if i < len(self.refit.problem.trials):
             return True
         explaining = self.slopes.of_rows(rows) if alone is None else alone[rows, None]
-        left = project_out(orthonormal(explaining), self.cleared[rows])
-        return bool(np.mean(left**2) < _PREDICTED)
+        return bool(np.mean(project_out(orthonormal(explaining), self.cleared[rows]) ** 2) < _PREDICTED)
 
 
 def linearised(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Linearised:

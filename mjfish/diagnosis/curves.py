@@ -257,8 +257,7 @@ def _drag(refit: Refit) -> Iterator[_Form]:
             if kind == "c_f":
                 speed = np.abs(u[:, own])
             else:
-                strips = [outlines(fish)[i].coarse_r for i in own]
-                pairs = zip(own, strips, strict=True)
+                pairs = zip(own, [outlines(fish)[i].coarse_r for i in own], strict=True)
                 speed = np.abs(np.concatenate([v[:, i, None] + w[:, i, None] * r for i, r in pairs], axis=1))
             at = np.geomspace(0.02 * top, 1.5 * top, _POINTS)
             yield _Form(
@@ -374,8 +373,7 @@ def _inertia(link: int, nominal: Fish) -> Callable[[_Fish, FloatArray], FloatArr
             speed = rate * height * np.sqrt(max(number**2 - KC_FLOOR**2, 1e-6)) / (2.0 * np.pi)
             force = fish.across(link, speed * np.cos(phase))[last]
             found.append(2.0 * float(np.mean(force * np.sin(phase[::2][last]))) / (rate * speed))
-        added = own["c_m"] * own["added"][0] + np.array(found)
-        return np.asarray(added / outlines(nominal)[link].added[0])
+        return np.asarray((own["c_m"] * own["added"][0] + np.array(found)) / outlines(nominal)[link].added[0])
 
     return value
 

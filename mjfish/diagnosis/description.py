@@ -39,8 +39,7 @@ def _total(link: Any, p: Any) -> Any:
 
 @load
 def _surge_load(link: Any, p: Any) -> tuple[float, float, float]:
-    total = _total(link, p)
-    return total * link.length, 0.0, 0.0
+    return _total(link, p) * link.length, 0.0, 0.0
 
 
 @load
@@ -51,8 +50,7 @@ def _sway_load(link: Any, p: Any) -> tuple[float, float, float]:
 
 @load
 def _yaw_load(link: Any, p: Any) -> tuple[float, float, float]:
-    total = _total(link, p)
-    return 0.0, 0.0, total * link.length
+    return 0.0, 0.0, _total(link, p) * link.length
 
 
 class _Term(Effect):

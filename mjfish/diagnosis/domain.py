@@ -50,8 +50,7 @@ def explaining_domain(evidence: Evidence, learned: Sequence[Effect]) -> Domain |
 
 def _excess(every: Basis, basis: Basis, cleared: FloatArray) -> float:
     """Return what the span of all columns explains beyond chance of a residual, behind a basis in it."""
-    explained = every.explained(cleared) - basis.explained(cleared)
-    return explained - float(every.rank - basis.rank)
+    return every.explained(cleared) - basis.explained(cleared) - float(every.rank - basis.rank)
 
 
 def sole_domain(shares: dict[Domain, float]) -> Domain | None:

@@ -176,8 +176,7 @@ class Evidence:
         """Return the one-step estimate of a candidate's amplitudes by name."""
         block = self.blocks[name]
         psi = amplitudes(self.score[block], self.information[block, block], self.positive(name))
-        own = self.amplitudes_of(name)
-        return {p.name: p.default + float(v) * p.scale for p, v in zip(own, psi, strict=True)}
+        return {p.name: p.default + float(v) * p.scale for p, v in zip(self.amplitudes_of(name), psi, strict=True)}
 
     def confounded(self, name: str) -> float:
         """Return the confounded share: the part of a candidate's signature energy that a refit of the model absorbs."""
@@ -453,8 +452,7 @@ def whitened_omnibus(problem: Problem) -> BlockAngular:
         read = [by_channel(functions(cpg, trial, s.time), range(at.start, at.stop), count) for s, at in pairs]
         white += problem.white_sensors(index, read)
         blocks.append(np.concatenate([own.reshape(-1, own.shape[2]) for own in white]))
-    shared = np.zeros((problem.measured + len(problem.known), 0))
-    return block_angular(shared, problem.trial_rows, blocks)
+    return block_angular(np.zeros((problem.measured + len(problem.known), 0)), problem.trial_rows, blocks)
 
 
 def tail(statistic: float, rank: int) -> float:

@@ -68,13 +68,11 @@ def fingerprint(problem: Problem, causes: Sequence[Effect], values: Mapping[str,
     velocities over f L are the same at all frequencies f. A discrepancy ~ f^q shows as the slope q of
     log |r| / f over log f.
     """
-    off = {p.name: p.default for effect in causes for p in effect.amplitudes()}
-    x = problem.start({**values, **off})
+    x = problem.start({**values, **{p.name: p.default for effect in causes for p in effect.amplitudes()}})
     stretches = [s for i, raw in enumerate(problem.raw(x)) for s in _stretches(problem, i, raw)]
     exponent, low, high = _exponent(stretches)
     odd, odd_p = _parity(stretches)
-    predicted = causes[0].fingerprint if len(causes) == 1 else Fingerprint()
-    return Measured(exponent, low, high, odd, odd_p, predicted)
+    return Measured(exponent, low, high, odd, odd_p, causes[0].fingerprint if len(causes) == 1 else Fingerprint())
 
 
 def _stretches(problem: Problem, index: int, raw: FloatArray) -> list[_Stretch]:

@@ -91,9 +91,7 @@ def refit_learned_forms(
     best = max((refit.gain for refit in [*refits.values(), *coarse]), default=0.0)
     least_share = [_RIVAL if known and refit.mechanisms[0] not in known else _RUNNING for refit in coarse]
     running = [refit for refit, share in zip(coarse, least_share, strict=True) if refit.gain >= share * best]
-    least = evidence.fit.sse - best
-    results = followed(partial(made_smooth, best=least), running)
-    return {refit.names[0]: refit for refit in results}
+    return {refit.names[0]: refit for refit in followed(partial(made_smooth, best=evidence.fit.sse - best), running)}
 
 
 def _begun(evidence: Evidence, effect: Effect, formulas: Sequence[Refit]) -> Refit:
@@ -141,8 +139,7 @@ def left_by_others(formula: Refit, learned: Refit) -> float:
     places = {p.name: i for i, p in enumerate(learned.problem.parameters)}
     at, scales = [places[p.name] for p in own], np.array([p.scale for p in own])
     precision = prior_precision(learned.effects[-1:], own)
-    unknown = ~np.any(precision, axis=0)
-    values, axes = np.linalg.eigh(precision + np.diag(unknown.astype(float)))
+    values, axes = np.linalg.eigh(precision + np.diag((~np.any(precision, axis=0)).astype(float)))
     draws = np.random.default_rng(0).standard_normal((len(own), _OTHERS))
     forms = axes @ (draws / np.sqrt(np.maximum(values, 1e-6))[:, None])
     slopes = learned.fit.jacobian.of_columns(at) * scales

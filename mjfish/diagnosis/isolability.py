@@ -42,10 +42,10 @@ class Isolability:
             diagonal: from nothing but the coefficients. Infinite where no size tells them apart.
     """
 
-    mechanisms: tuple[str, ...]
-    amplitudes: tuple[str, ...]
-    units: tuple[str, ...]
-    sizes: tuple[tuple[float, ...], ...]
+    mechanisms: tuple[str, ...] = ()
+    amplitudes: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    sizes: tuple[tuple[float, ...], ...] = ()
 
     @property
     def ratios(self) -> FloatArray:

@@ -106,8 +106,7 @@ def _of_trial(
     mean, covariance = _smoothed(noise, noise.jacobians[trial.name], step, seen, residual)
     variance = np.einsum("ij,njk,ik->ni", inertia, covariance, inertia)
     band = np.sqrt(np.maximum(variance, 0.0))  # next to nothing is left below 0 by rounding
-    rollout = problem.prediction(trial, values).rollout
-    swum = rollout.rate_at(trial.time[mask])[:, :3] @ inertia.T
+    swum = problem.prediction(trial, values).rollout.rate_at(trial.time[mask])[:, :3] @ inertia.T
     return MissingForce(
         trial=trial.name,
         time=readonly(trial.time[0] + step * np.arange(len(seen))),

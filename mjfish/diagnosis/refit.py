@@ -164,8 +164,7 @@ def tried_afresh(found: Mapping[str, Refit]) -> dict[str, Refit]:
         return replace(refit, fit=best, gain=refit.gain + refit.fit.sse - best.sse)
 
     formulas = {name: refit for name, refit in found.items() if not refit.learned}
-    results = followed(tried, [*formulas.values()])
-    return {**found, **dict(zip(formulas, results, strict=True))}
+    return {**found, **dict(zip(formulas, followed(tried, [*formulas.values()]), strict=True))}
 
 
 def _floor(found: Mapping[str, Refit]) -> float:
@@ -189,8 +188,7 @@ def refit_nonsmooth(evidence: Evidence, effects: Sequence[Effect]) -> tuple[floa
     [Davies1977] R. Davies, Biometrika 64.
     """
     tried = [effect for effect in effects if not effect.smooth]
-    results = extended(refit_with, tried, evidence)
-    found = dict(zip((effect.name for effect in tried), results, strict=True))
+    found = dict(zip((effect.name for effect in tried), extended(refit_with, tried, evidence), strict=True))
     chances = [p_value_of(refit.gain, refit.degrees_of_freedom + 1) for refit in found.values()]
     return min([1.0, *(len(found) * p for p in chances)]), found
 

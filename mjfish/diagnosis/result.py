@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from mjfish.arrays import FloatArray
@@ -18,7 +19,8 @@ from mjfish.diagnosis.missing_force import MissingForce
 from mjfish.diagnosis.where import Where
 from mjfish.effects import Effect
 from mjfish.effects.mechanism import Domain
-from mjfish.estimation import Problem
+from mjfish.estimation import Fit, Problem
+from mjfish.estimation.fit import Z95
 from mjfish.inspection import Inspection
 from mjfish.model import Model
 from mjfish.model.extended import Extended
@@ -74,6 +76,23 @@ class KnownNumber:
         return None if p.sd is None else cls(p.expected, p.sd, float(p.deviation(value)))
 
 
+def estimates(found: Fit, model: Model) -> dict[str, Estimate]:
+    """Return the model's estimates by name, without parameters of single trials.
+
+    A refit keeps an amplitude that cannot be negative slightly above zero; an interval that reaches this bound reaches
+    zero. A shape parameter to which these data are insensitive has its default.
+    """
+    result = {}
+    declared = {p.name: p for p in model.parameters}
+    for p, at_bound, length in zip(found.parameters, found.at_bound, found.lengths, strict=True):
+        if ":" not in p.name:
+            low, high = found.interval(p.name, Z95)
+            low = declared.get(p.name, p).low if low <= p.low else low
+            value = p.default if p.shape and length == 0.0 else found.values[p.name]
+            result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound), KnownNumber.of(p, value))
+    return result
+
+
 @dataclass(frozen=True)
 class Cause:
     """A named cause: its effect's name and the estimates of its parameters by short name."""
@@ -81,6 +100,12 @@ class Cause:
     name: str
     summary: str
     parameters: Mapping[str, Estimate]
+
+    @classmethod
+    def of(cls, effect: Effect, fit: Fit, model: Model) -> Cause:
+        """Return a cause with its estimates in a fitted model."""
+        found = estimates(fit, model)
+        return cls(effect.name, effect.summary, {p.short: found[p.name] for p in effect.parameters})
 
 
 @dataclass(frozen=True)
@@ -147,6 +172,12 @@ class FittedModel:
     step: float
     converged: bool
 
+    @classmethod
+    def of(cls, causes: tuple[str, ...], problem: Problem, fit: Fit) -> FittedModel:
+        """Return a model at its fit."""
+        at_bound = tuple(p.name for p, held in zip(fit.parameters, fit.at_bound, strict=True) if held)
+        return cls(causes, fit.values, at_bound, fit.sse, problem.model.step, fit.status == "converged")
+
 
 @dataclass(frozen=True, eq=False)
 class SensorOverlay:
@@ -186,16 +217,25 @@ class Diagnosis(Result):
         message: the verdict in one sentence.
         status: ``ok``, or what went wrong on the way (``fit_not_converged``, or ``failed``: see `failures`).
         remarks: what a reader should know: noise, bounds, what was left out.
+        candidates: every cause scored, best first.
+        failures: parts of the diagnosis that failed, candidates among them by name, and why; with any, the verdict is
+            neither ``named`` nor ``nothing_wrong``.
+        nominal: coefficients of the nominal model by name.
+        extended: coefficients and effect parameters of the extended model by full name.
+        nominal_model, extended_model: ready to predict.
+        overlays: every trial, measured and predicted.
+        problem: of the nominal model on the fit trials, with the noise that the fits were made under.
+        fits: the nominal model, then every candidate that was fitted together with the coefficients.
+        effects: candidates by name.
+        provenance: versions, seed, hashes of the inputs.
         checks: what is to be known of the data before physics is blamed.
+        p_wrong: p value of the nominal model.
         causes: named ones, together.
         mechanisms: of the named causes: what acts, as deep as the data say it, with its curves.
         domain: where it acts, where rivals of one domain stay and no more than that is sure; else None.
         rivals: groups of names that the data cannot tell apart.
         alternatives: every set of causes that stays: the named one, or those that the data cannot tell apart.
         certain: the causes that all of these have: the named ones, or what several sets share.
-        candidates: every cause scored, best first.
-        failures: parts of the diagnosis that failed, candidates among them by name, and why; with any, the verdict is
-            neither ``named`` nor ``nothing_wrong``.
         undetectable: causes that these data cannot show, with the reason.
         isolability: sizes from which each mechanism is told from every other one on these runs.
         best: names of the causes that the extended model has: the named ones, else the best candidate; empty where
@@ -206,18 +246,9 @@ class Diagnosis(Result):
         force: the missing generalised force of every fitted trial, with its band; empty where nothing is wrong.
         fingerprint: how the discrepancy of the best scales and which symmetry it breaks; None where nothing is wrong.
         description: forces that describe what no cause explains; only where it is ``unexplained``.
-        p_wrong: p value of the nominal model.
         gain: on held-out trials; None where there are none or nothing is wrong.
-        nominal: coefficients of the nominal model by name.
-        extended: coefficients and effect parameters of the extended model by full name.
-        nominal_model, extended_model: ready to predict.
         posterior: what the fit of the extended model says of its parameters, for draws (`mjfish.sample`); None where
             it diverged or failed.
-        overlays: every trial, measured and predicted.
-        problem: of the nominal model on the fit trials, with the noise that the fits were made under.
-        fits: the nominal model, then every candidate that was fitted together with the coefficients.
-        effects: candidates by name.
-        provenance: versions, seed, hashes of the inputs.
     """
 
     dataset: Dataset
@@ -225,35 +256,35 @@ class Diagnosis(Result):
     message: str
     status: str
     remarks: tuple[str, ...]
-    checks: Inspection
-    causes: tuple[Cause, ...]
-    mechanisms: tuple[NamedMechanism, ...]
-    domain: Domain | None
-    rivals: tuple[tuple[str, ...], ...]
-    alternatives: tuple[tuple[str, ...], ...]
-    certain: tuple[str, ...]
     candidates: tuple[Candidate, ...]
     failures: Mapping[str, str]
-    undetectable: Mapping[str, str]
-    isolability: Isolability
-    best: tuple[str, ...]
-    closest: str
-    where: Where | None
-    force: tuple[MissingForce, ...]
-    fingerprint: Measured | None
-    description: Description | None
-    p_wrong: float
-    gain: Gain | None
     nominal: Mapping[str, Estimate]
     extended: Mapping[str, Estimate]
     nominal_model: Model
     extended_model: Model
-    posterior: Posterior | None
     overlays: tuple[Overlay, ...]
     problem: Problem
     fits: tuple[FittedModel, ...]
     effects: Mapping[str, Effect]
     provenance: Mapping[str, Any]
+    checks: Inspection = field(default_factory=Inspection)
+    p_wrong: float = math.nan
+    causes: tuple[Cause, ...] = ()
+    mechanisms: tuple[NamedMechanism, ...] = ()
+    domain: Domain | None = None
+    rivals: tuple[tuple[str, ...], ...] = ()
+    alternatives: tuple[tuple[str, ...], ...] = ()
+    certain: tuple[str, ...] = ()
+    undetectable: Mapping[str, str] = field(default_factory=dict)
+    isolability: Isolability = field(default_factory=Isolability)
+    best: tuple[str, ...] = ()
+    closest: str = ""
+    where: Where | None = None
+    force: tuple[MissingForce, ...] = ()
+    fingerprint: Measured | None = None
+    description: Description | None = None
+    gain: Gain | None = None
+    posterior: Posterior | None = None
 
     @property
     def fish(self) -> Extended:

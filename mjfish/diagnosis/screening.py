@@ -29,7 +29,6 @@ from mjfish.diagnosis.refit import (
     tried_afresh,
 )
 from mjfish.diagnosis.refit_result import Refit
-from mjfish.diagnosis.verdict import ALARM
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.fit import fit_or_raise, hypercube, scouted
@@ -39,6 +38,8 @@ from mjfish.estimation.sensor_noise import having_noise_of, with_sensor_noise
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
 from mjfish.sized_cache import Remade
 
+#: Something is wrong where the nominal model's p value is below this: 1.2 false alarms in a hundred.
+ALARM = 0.012
 #: A relative change of sigma below this leaves the weights as they are; other parameters of a noise may change by four
 #: times as much.
 _SAME = 0.05
@@ -67,12 +68,14 @@ class Screening:
         refits: every candidate fitted together with the coefficients, by name; none where nothing is wrong.
         p_wrong: p value of the nominal model.
         directed: whether the candidates' own signatures show in the residual, and not the omnibus basis alone.
+        remark: on the noise of velocities.
     """
 
     evidence: Evidence
     refits: Mapping[str, Refit]
     p_wrong: float
     directed: bool
+    remark: str = ""
 
 
 def screen(
@@ -81,7 +84,7 @@ def screen(
     stated: FloatArray | None,
     rng: np.random.Generator,
     progress: Progress,
-) -> tuple[Screening, str]:
+) -> Screening:
     """Fit the nominal model, estimate the noise, test the residual, and refit with every candidate.
 
     The noise is estimated again with the best cause in the model; where it differs, test and refits are repeated. Where
@@ -93,9 +96,6 @@ def screen(
         stated: (3,) standard deviations of the noise that the dataset states; None: it states none.
         rng: of the simulated null distributions.
         progress: called with what is being done.
-
-    Returns:
-        The screening, and a remark on the noise.
     """
     progress("fitting the nominal model", 0.02)
     problem, start = resolved(problem)
@@ -106,22 +106,22 @@ def screen(
     baseline = nominal_fit(problem, start)
     slopes = _signatures(problem, baseline.values, candidates)
     if not problem.samples:
-        return _screened_sensors(problem, baseline, slopes, candidates, rng, progress), ""
-    results: dict[Filter | None, tuple[Screening, str]] = {}
+        return _screened_sensors(problem, baseline, slopes, candidates, rng, progress)
+    results: dict[Filter | None, Screening] = {}
     smoothing, known = problem.smoothing, problem.smoothing is not None
     while smoothing not in results:
         if smoothing != problem.smoothing:
             problem = replace(problem, smoothing=smoothing)
             baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
             slopes = _signatures(problem, baseline.values, candidates)
-        found, noise_remark, smoothing = _screened(problem, baseline, slopes, candidates, stated, rng, progress)
-        results[problem.smoothing] = found, noise_remark
+        results[problem.smoothing], smoothing = _screened(problem, baseline, slopes, candidates, stated, rng, progress)
         if known:  # the dataset says through which filter its velocities went
             smoothing = problem.smoothing
-    screening, remark = results[smoothing]
+    screening = results[smoothing]
     if smoothing is not None and not known:
-        remark += f"; the motion was smoothed with it, and predictions are, too: {smoothing.words}"
-    return screening, remark
+        remark = f"{screening.remark}; the motion was smoothed with it, and predictions are, too: {smoothing.words}"
+        return replace(screening, remark=remark)
+    return screening
 
 
 def _screened_sensors(
@@ -174,8 +174,8 @@ def _screened(
     stated: FloatArray | None,
     rng: np.random.Generator,
     progress: Progress,
-) -> tuple[Screening, str, Filter | None]:
-    """Screen with the smoothing of the problem; return it, a remark on the noise, and the suggested smoothing."""
+) -> tuple[Screening, Filter | None]:
+    """Screen with the smoothing of the problem; return the screening, and the suggested smoothing."""
     refitted: dict[str, Refit] = {}
     if stated is not None:
         refitted = _under_the_known_noise(problem, baseline, slopes, candidates, part(progress, 0.05, 0.1))
@@ -207,7 +207,7 @@ def _screened(
             refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted)
     if refitted:
         refitted = settled(refitted, part(progress, 0.6, 0.1))
-    return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM), remark, smoothing
+    return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM, remark), smoothing
 
 
 def _under_the_known_noise(
@@ -320,8 +320,7 @@ def _same(new: Noise, old: Noise) -> bool:
         return bool(np.allclose(new.numbers(), old.numbers(), rtol=4.0 * _SAME))
     if isinstance(new, _OTHER) or isinstance(old, _OTHER):
         return False
-    ratio = np.log(_spectrum(new) / _spectrum(old))
-    return bool(np.max(np.abs(ratio)) < 2.0 * _SAME)
+    return bool(np.max(np.abs(np.log(_spectrum(new) / _spectrum(old)))) < 2.0 * _SAME)
 
 
 def _spectrum(noise: Noise) -> FloatArray:

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from mjfish.diagnosis.combinations import leaves_little
+from mjfish.diagnosis.combinations import Names
+from mjfish.diagnosis.comparison import Comparison
 from mjfish.diagnosis.evidence import p_value_of
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Verdict
-from mjfish.diagnosis.select import LEFT, RESEMBLES, Standing
+from mjfish.diagnosis.screening import ALARM
+from mjfish.diagnosis.select import LEFT, RESEMBLES
 from mjfish.effects.mechanism import MECHANISMS
 from mjfish.inspection import Finding
 
-#: Something is wrong where the nominal model's p value is below this: 1.2 false alarms in a hundred.
-ALARM = 0.012
 #: What is named must explain more than chance would, with this p value; that something is wrong may rest on all else.
 _OWN = 0.05
 #: A cause that leaves something is like rivals that leave ten times its share, or this share; at most LEFT.
@@ -26,8 +26,6 @@ _FEW = 3
 _TOLD = 3
 
 _OTHERWISE = "its form differs from the model's, or a further cause is at work, or an unknown cause resembles it"
-
-Names = tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -66,78 +64,6 @@ class Decision:
 def shared(sets: Sequence[Names]) -> Names:
     """Return the members that all sets have, in the order of the first."""
     return tuple(name for name in sets[0] if all(name in names for names in sets)) if sets else ()
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """Combinations of causes of one size, and what speaks for them.
-
-    Attributes:
-        refits: of the sets.
-        standings: of the sets.
-        held_out: on held-out trials, against the best set with one member less; None where there are none.
-    """
-
-    refits: Mapping[Names, Refit]
-    standings: Mapping[Names, Standing]
-    held_out: Mapping[Names, Confirmation | None]
-
-    def retained(self, *, clean: bool) -> tuple[Names, ...]:
-        """Return the sets in the confidence set that fit and do not fail on held-out trials, best first."""
-        kept = [
-            names
-            for names, standing in self.standings.items()
-            if standing.in_set
-            and (standing.clean if clean else standing.fits)
-            and not _failed(self.held_out.get(names))
-        ]
-        return tuple(sorted(kept, key=lambda names: (self.refits[names].learned, self.standings[names].behind)))
-
-    def cleanly(self) -> list[Names]:
-        """Return the names, in the order of the causes, of the sets that leave nothing systematic."""
-        return [self.refits[names].names for names, standing in self.standings.items() if standing.clean]
-
-    def closest(self) -> Names:
-        """Return the set that explains most of all trials, also of the held-out ones; none where there is none."""
-        return min(self.standings, key=lambda names: self.standings[names].behind, default=())
-
-    def exhausted(self) -> bool:
-        """Return whether a set that stays leaves so little that no larger one can earn its members beside it."""
-        return any(leaves_little(self.refits[names], self.standings[names]) for names in self.retained(clean=False))
-
-    def one_mechanism(self, sets: Sequence[Names]) -> bool:
-        """Return whether all sets are forms of the same mechanisms."""
-        return len({self.refits[names].mechanisms for names in sets}) == 1
-
-    def similar(self, names: Names, share: float) -> tuple[Names, ...]:
-        """Return a set that leaves a misfit, followed by the rivals that leave at most this share of all.
-
-        The misfit shows that the form of the set is not that of the truth. Rivals are granted the same tolerance.
-        """
-        refit, excess = self.refits[names], self.standings[names].excess
-        most = share * (refit.gain + excess) - excess
-        near = [n for n in self.refits if n != names and refit.adjusted - self.refits[n].adjusted < most]
-        near = [n for n in near if not _failed(self.held_out.get(n))]
-        return (names, *sorted(near, key=lambda n: -self.refits[n].adjusted))
-
-    def joined(self, others: Comparison | None) -> Comparison:
-        """Return this comparison with the standings of others for the sets that are in their confidence set."""
-        if others is None:
-            return self
-        retained = {names: standing for names, standing in others.standings.items() if standing.in_set}
-        return Comparison(self.refits, {**self.standings, **retained}, {**self.held_out, **others.held_out})
-
-    def falsified(self) -> bool:
-        """Return whether every set in the confidence set fails on the held-out trials."""
-        return all(_failed(self.held_out.get(n)) for n, standing in self.standings.items() if standing.in_set)
-
-    def failed(self) -> tuple[Names, ...]:
-        """Return the sets in the confidence set that leave nothing, yet fail on the held-out trials."""
-        return tuple(
-            n
-            for n, standing in self.standings.items()
-            if standing.in_set and standing.clean and _failed(self.held_out.get(n))
-        )
 
 
 def decide(
@@ -193,13 +119,12 @@ def decide(
     if best and (nearly := _nearly(best, single)) is not None:
         return nearly
     closest = f"; the closest, {best[0]}, {_why(best, single)}" if best else ""
-    message = f"Something is wrong that no known cause explains{closest}."
-    return Decision("unexplained", (), message, closest=best)
+    return Decision("unexplained", (), f"Something is wrong that no known cause explains{closest}.", closest=best)
 
 
 def _nearly(best: Names, comparison: Comparison) -> Decision | None:
     """Rule where no single cause leaves little: if the best explains most, and few come near; None else."""
-    if not comparison.standings[best].resembles or _failed(comparison.held_out.get(best)):
+    if not comparison.standings[best].resembles or comparison.fails(best):
         return None
     similar = comparison.similar(best, RESEMBLES)
     if len(similar) > _FEW:
@@ -257,10 +182,6 @@ def message_of(refits: Sequence[Refit], *, claimed: bool) -> str:
         return f"The cause is {refit.names[0]}: {refit.effects[0].summary}."
     listed = " and ".join(f"{effect.name} ({effect.summary})" for effect in refit.effects)
     return f"{len(refit.effects)} causes together: {listed}."
-
-
-def _failed(confirmation: Confirmation | None) -> bool:
-    return confirmation is not None and confirmation.failed
 
 
 def _why(best: Names, comparison: Comparison) -> str:

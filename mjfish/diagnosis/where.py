@@ -118,8 +118,7 @@ def _seen(problem: Problem, x: FloatArray) -> Iterator[_Seen]:
 
 def fifths(values: FloatArray) -> Labels:
     """Return, per sample, in which fifth of all samples its value lies."""
-    edges = np.quantile(values, [0.2, 0.4, 0.6, 0.8])
-    return np.array(FIFTHS)[np.searchsorted(edges, values, side="right")]
+    return np.array(FIFTHS)[np.searchsorted(np.quantile(values, [0.2, 0.4, 0.6, 0.8]), values, side="right")]
 
 
 def _shares(labels: Labels, energy: FloatArray) -> dict[str, float]:
@@ -135,8 +134,7 @@ def _densest(labels: Labels, energy: FloatArray) -> str:
 def _labels(cpg: Any, trial: Trial) -> tuple[Labels, Labels]:
     """Return, per sample, the part of the run and the eighth of the beat."""
     phase = beat_phase(cpg, trial)
-    beats = abs(phase[-1] - phase[0]) / (2.0 * np.pi)
-    lasting = _BEATS * float(trial.time[-1] - trial.time[0]) / max(beats, 1.0)
+    lasting = _BEATS * float(trial.time[-1] - trial.time[0]) / max(abs(phase[-1] - phase[0]) / (2.0 * np.pi), 1.0)
     part = np.full(len(trial.time), "steady", dtype=object)
     if trial.starts_at_rest:
         part[trial.time < lasting] = "start-up"

@@ -86,8 +86,7 @@ class JointMotion:
 
     def half_steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return half-step nodes (2n + 1,) and angle, rate at both ends of each half step (2n, 2, joints)."""
-        middle = 0.5 * (self.time[:-1] + self.time[1:])
-        nodes = np.sort(np.concatenate([self.time, middle]))
+        nodes = np.sort(np.concatenate([self.time, 0.5 * (self.time[:-1] + self.time[1:])]))
         pairs = [(0, 1), (1, 2)]
         angle = np.stack([self.angle[:, pair] for pair in pairs], axis=1).reshape(-1, 2, self.joints)
         rate = np.stack([self.rate[:, pair] for pair in pairs], axis=1).reshape(-1, 2, self.joints)

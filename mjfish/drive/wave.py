@@ -108,5 +108,4 @@ def _ramp(time: FloatArray, length: float) -> tuple[FloatArray, FloatArray, Floa
     s = np.clip(time / length, 0.0, 1.0)
     value = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     rate = 30.0 * s**2 * (1.0 - s) ** 2 / length
-    second = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / length**2
-    return value, rate, second
+    return value, rate, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / length**2

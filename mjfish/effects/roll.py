@@ -79,8 +79,7 @@ def _roll(time: FloatArray, state: FloatArray, values: Values, trial: Trial) -> 
     if measured is not None:
         return np.column_stack([measured(time), measured(time, nu=1)])
     velocity = state[:, :3].copy()
-    slope = np.gradient(velocity, time, axis=0)
-    return _rolled(time, velocity, slope, values["frequency"], values["damping"])
+    return _rolled(time, velocity, np.gradient(velocity, time, axis=0), values["frequency"], values["damping"])
 
 
 @functools.lru_cache(maxsize=256)

@@ -187,8 +187,7 @@ class ShearedCurrent(AmbientCurrent):
         cos, sin = np.cos(yaw), np.sin(yaw)
         strain = (values["shear_x"] + values["shear_y"]) * sin * cos
         turn = values["shear_y"] * cos**2 - values["shear_x"] * sin**2
-        adrift = np.array([-0.5 * self.length * strain, 0.0, turn])
-        return np.asarray(begun + (1.0 - values["held"]) * adrift)
+        return np.asarray(begun + (1.0 - values["held"]) * np.array([-0.5 * self.length * strain, 0.0, turn]))
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Add the current of the frame, that at the start, to velocity and place."""

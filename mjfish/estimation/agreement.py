@@ -109,8 +109,7 @@ def agreement(
     for residual in residuals:
         own, step = noise, residual.trial.step
         if own is None and horizons and not residual.diverged and residual.trial.measured.all():
-            same = (known for known in by_step if abs(known / step - 1.0) < 1e-9)
-            step = next(same, step)
+            step = next((known for known in by_step if abs(known / step - 1.0) < 1e-9), step)
             if step not in by_step:
                 by_step[step] = noise_at(residuals, step)
             own = by_step[step]

@@ -190,8 +190,7 @@ def _loadings(problem: Problem, trial: Trial, values: dict[str, float]) -> Float
         sigma = float(np.median([joint.sigma for joint in joints]))
         modes = [_white_errors(joint, sigma) for joint in joints]
         push = np.concatenate([_accelerations(b[..., j], time, mode) for j, mode in enumerate(modes)], axis=2)
-    moved = make_interp_spline(time, linear_response(a, push, time), k=3)
-    return np.asarray(read - moved(trial.time))
+    return np.asarray(read - make_interp_spline(time, linear_response(a, push, time), k=3)(trial.time))
 
 
 def _accelerations(b: FloatArray, time: FloatArray, modes: BSpline) -> FloatArray:
@@ -237,11 +236,9 @@ def smoothing_of(
     alone = np.sum(left**2, axis=0)
     beside = np.sum(project_out(orthonormal(signs), left) ** 2, axis=0)
     best = 1 + int(np.argmin(beside[1:]))
-    sizes = [len(effect.amplitudes()) for effect in others]
-    bases = [orthonormal(signs[:, block]) for block in blocks_of(sizes)]
+    bases = [orthonormal(signs[:, block]) for block in blocks_of([len(effect.amplitudes()) for effect in others])]
     rival = max((float(np.sum((basis.T @ left[:, 0]) ** 2)) for basis in bases), default=0.0)
-    clear = beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival
-    return tried[best - 1] if clear else None
+    return tried[best - 1] if beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival else None
 
 
 def _filters(noise: Noise) -> list[Differentiator]:

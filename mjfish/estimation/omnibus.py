@@ -32,8 +32,7 @@ def beat_phase(cpg: Cpg | None, trial: Trial) -> FloatArray:
     time = np.arange(0.0, motion.time[-1], 0.01)
     angle = motion.angle_at(time)[:, -1]
     slow = signal.sosfiltfilt(signal.butter(2, 0.5, fs=100.0, output="sos"), angle)  # a turn's bias comes as a step
-    phase = np.unwrap(np.angle(signal.hilbert(angle - slow)))
-    return np.asarray(np.interp(trial.time, time, phase))
+    return np.asarray(np.interp(trial.time, time, np.unwrap(np.angle(signal.hilbert(angle - slow)))))
 
 
 def hats(time: FloatArray, first: float, last: float, count: int = HATS) -> FloatArray:

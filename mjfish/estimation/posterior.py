@@ -73,7 +73,6 @@ def _stood_in_for(problem: Problem, fit: Fit) -> BoolArray:
         if problem.priors and p.name in problem.model.fish.coefficient_names:
             others = ~held
             others[k] = False
-            alone = fit.jacobian.of_columns([k])[:, 0]
-            own = span(fit.jacobian.chosen(others)).off(alone)
+            own = span(fit.jacobian.chosen(others)).off(fit.jacobian.of_columns([k])[:, 0])
             held[k] = float(own @ own) * fit.x[k] ** 2 < 1.0
     return held

@@ -234,8 +234,7 @@ def _background(
     """Estimate the noise beside the lines of the inputs, one model for all trials of a sampling rate."""
     grids, bases = [], []
     for r, residual in enumerate(residuals):
-        main = [designs[name][r].basis[:, : designs[name][r].main] for name in INPUTS]
-        joined = np.concatenate(main, axis=1)
+        joined = np.concatenate([designs[name][r].basis[:, : designs[name][r].main] for name in INPUTS], axis=1)
         bases.append(np.nan_to_num(residual.on_grid(linalg.orth(joined) if joined.shape[1] else joined)))
         grids.append(residual.on_grid(residual.values))
     lost = 0.0 if absorbed is None else absorbed.count / (len(CHANNELS) * len(residuals))
@@ -542,8 +541,7 @@ def absorbed(problem: Problem, fit: Fit) -> Absorbed:
         shaped = [[block.reshape(len(block) // 3, 3, block.shape[1]) for block in pair] for pair in pairs]
         return tuple((v, _whitening_transposed(problem, i, u)) for i, (v, u) in enumerate(shaped))
 
-    masks = tuple(problem.mask(i) for i in range(len(problem.trials)))
-    return Absorbed(masks, weighed(own), weighed(parts))
+    return Absorbed(tuple(problem.mask(i) for i in range(len(problem.trials))), weighed(own), weighed(parts))
 
 
 def _orthonormal(columns: FloatArray, alike: FloatArray, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:

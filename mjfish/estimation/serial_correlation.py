@@ -133,8 +133,7 @@ class Serial:
             columns: A_r (n, 3, k) of every block.
             total: of the sum of the diagonal, (1,).
         """
-        moments = [self.moments(r, a, total=total) for r, a in enumerate(columns)]
-        return satterthwaite(*np.sum(moments, axis=0))
+        return satterthwaite(*np.sum([self.moments(r, a, total=total) for r, a in enumerate(columns)], axis=0))
 
     def moments(self, r: int, columns: FloatArray, *, total: bool = False) -> FloatArray:
         """Return what one block adds to mean and variance (2, k) of the diagonal of `quadratic`.

@@ -91,5 +91,4 @@ def effective_degrees_of_freedom(problem: Problem, found: Fit, names: Sequence[s
     known = np.any(problem.prior_root[:, free[own]], axis=1)
     prior = problem.prior_root[known][:, free] / lengths
     taken = float(np.sum((prior @ right[kept].T / singular[kept]) ** 2))
-    lost = int(np.count_nonzero(~kept))
-    return max(float(np.count_nonzero(own)) - lost - taken, 0.0)
+    return max(float(np.count_nonzero(own)) - int(np.count_nonzero(~kept)) - taken, 0.0)

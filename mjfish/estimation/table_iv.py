@@ -63,8 +63,7 @@ class Row:
         """Return it as plain data, flat, the unit part of the name."""
         flat: dict[str, Any] = {key: getattr(self, key) for key in ("name", "mode", "group", "role", "trials")}
         for kind in ("rmse", "nrmse", "paper_rmse", "paper_nrmse"):
-            values = getattr(self, kind) or (None, None, None)
-            for channel, value in zip(CHANNELS, values, strict=True):
+            for channel, value in zip(CHANNELS, getattr(self, kind) or (None, None, None), strict=True):
                 flat[f"{kind}_{channel} [{'-' if 'nrmse' in kind else UNITS[channel]}]"] = value
         return flat
 

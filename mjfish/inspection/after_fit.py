@@ -59,8 +59,7 @@ def inspect_fit(problem: Problem, fit: Fit, effects: Mapping[str, Effect], held:
         return Inspection()
     values = {**problem.fixed, **fit.values}
     shared = {p.name: values[p.name] for p in problem.model.parameters}
-    residuals = problem.raw(fit.x)
-    sigma = np.median([robust_sigma(r) for r in residuals], axis=0) + 1e-12
+    sigma = np.median([robust_sigma(r) for r in problem.raw(fit.x)], axis=0) + 1e-12
     trials = [trial for trial in (*problem.trials, *held) if trial.drive and sampled_enough(trial)]
     found: list[Finding] = []
     found += _labels(problem, trials, shared, sigma)
@@ -85,8 +84,7 @@ def _labels(problem: Problem, trials: Sequence[Trial], values: dict[str, float],
 
 def _shifted(problem: Problem, trial: Trial, values: dict[str, float], offset: float) -> FloatArray:
     """Return the prediction (shifts, n, 3) at the times of a trial, shifted by whole samples."""
-    predicted = problem.model.predict(trial, values, offset=offset)
-    rollout = predicted.rollout
+    rollout = problem.model.predict(trial, values, offset=offset).rollout
     if rollout.status != "ok":
         return np.full((len(SHIFTS), len(trial.time), 3), np.nan)
     step = trial.step
@@ -155,8 +153,7 @@ def _drift(misfit: FloatArray) -> tuple[float, tuple[int, int]]:
         for b in range(shifts):
             if abs(a - b) < 2:
                 continue
-            at = np.rint(a + (b - a) * share).astype(np.intp)
-            here = float(misfit[at, np.arange(n)].sum())
+            here = float(misfit[np.rint(a + (b - a) * share).astype(np.intp), np.arange(n)].sum())
             if here < best:
                 best, ends = here, (a, b)
     return best, ends

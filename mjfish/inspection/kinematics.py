@@ -296,8 +296,7 @@ def _derived(trial: Trial) -> bool:
         return False
     lagged = np.lib.stride_tricks.sliding_window_view(yaw - yaw.mean(), taps)
     target = rate[taps // 2 : taps // 2 + len(lagged)]
-    left = target - lagged @ np.linalg.lstsq(lagged, target)[0]
-    return bool(np.std(left) < 1e-6 * np.std(target) + 1e-12)
+    return bool(np.std(target - lagged @ np.linalg.lstsq(lagged, target)[0]) < 1e-6 * np.std(target) + 1e-12)
 
 
 def disagreements(found: Compatibility) -> Iterator[Finding]:

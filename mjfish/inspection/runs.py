@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -64,7 +64,7 @@ def missing_runs(dataset: Dataset, effects: Mapping[str, Effect]) -> Iterator[Fi
             "a start or a step of the drive",
             "record a start: steady swimming hides inertia, added mass and memory",
         )
-    short = [trial.name for trial in dataset.trials if _beat_count(trial, beats(trial)) < _SHORT]
+    short = [trial.name for trial in dataset.trials if np.ptp(trial.time) * min(beats(trial), default=np.inf) < _SHORT]
     if short:
         yield Finding(
             "design-short",
@@ -106,11 +106,6 @@ def beats(trial: Trial) -> list[float]:
         return []
     count = validation.count_beats(trial.time, trial.joint_angle)
     return [] if count is None else [count / float(np.ptp(trial.time))]
-
-
-def _beat_count(trial: Trial, frequencies: Sequence[float]) -> float:
-    """Return the number of beats of a trial; infinite where it has no frequency."""
-    return float(np.ptp(trial.time)) * min(frequencies, default=np.inf)
 
 
 def _turns(trial: Trial) -> bool:

@@ -247,8 +247,7 @@ def copies(
     """
     if not trials:
         return
-    ranges = np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0)
-    silent = bool(np.all(sigma < _SILENT * ranges))
+    silent = bool(np.all(sigma < _SILENT * np.ptp(np.concatenate([trial.velocity for trial in trials]), axis=0)))
     sharing = _shared_blocks(trials)
     near = set() if silent else _recurring(trials, lines)
     for i, j in sorted(near | sharing.keys()):
@@ -352,8 +351,7 @@ def _nearest(first: FloatArray, second: FloatArray) -> tuple[int, int]:
     squares, others = (np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))]) for x in (first, second))
     power = squares[stop] - squares[start] + others[stop - lags] - others[start - lags]
     overlap = stop - start
-    wide = overlap >= _OVERLAP * min(n, m)
-    best = int(np.argmin(np.where(wide, (power - 2.0 * correlation) / overlap, np.inf)))
+    best = int(np.argmin(np.where(overlap >= _OVERLAP * min(n, m), (power - 2.0 * correlation) / overlap, np.inf)))
     return int(lags[best]), int(overlap[best])
 
 

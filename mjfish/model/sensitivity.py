@@ -178,8 +178,7 @@ def _sensed(
         if owner is not None and camera.sees(sensor) and any(map(owner.overrides, _FILMED)):
 
             def turned(value: float, owner: Effect = owner, name: str = name) -> FloatArray:
-                kept = at.kept(owner, (name, value))
-                other = Camera(at.trial, [(effect, dict(own)) for effect, own in kept])
+                other = Camera(at.trial, [(effect, dict(own)) for effect, own in at.kept(owner, (name, value))])
                 return other.read(sensor, seen(other.clocked(sensor, label)) if owner.overrides("clock") else here)
 
             found[:, :, k] += difference(turned, p, at.values[name])

@@ -181,8 +181,7 @@ def _add_deflection(fish: Fish, specification: mujoco.MjSpec) -> None:
     stiffness by x^2 pulls to one side; x |x| is made of two tendons instead, springs that are slack on one side each.
     """
     last = fish.links[-1]
-    driven = specification.joint(f"joint_{fish.joints}")
-    driven.armature += last.inertia + last.mass * last.com**2
+    specification.joint(f"joint_{fish.joints}").armature += last.inertia + last.mass * last.com**2
     bent = specification.body(last.name).add_joint(name=DEFLECTION, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 0, 1))
     specification.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     bent.stiffness[0], bent.damping[0] = 1.0 / fish.tail_compliance, fish.tail_damping
@@ -322,6 +321,5 @@ def default_servo(fish: Fish) -> Servo:
         mujoco.mj_forward(bare, data)
     inertia = np.zeros((bare.nv, bare.nv))
     mujoco.mj_fullM(bare, data, inertia)
-    fastest = np.linalg.eigvalsh(np.linalg.inv(inertia)[ROOT:, ROOT:]).max()
-    kv = _SERVO_DECAY / fastest
+    kv = _SERVO_DECAY / np.linalg.eigvalsh(np.linalg.inv(inertia)[ROOT:, ROOT:]).max()
     return Servo(kp=_SERVO_RATIO * kv, kv=kv)

@@ -19,8 +19,7 @@ from mjfish.mujoco.block import loads_in, numbers_of, unpack, view
 def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Write each link's wrench into ``xfrc_applied``; the commands in ``ctrl`` are the caller's."""
     water = unpack(numbers_of(model))
-    wet = np.unique(water["body"]).astype(int)
-    data.xfrc_applied[wet] = 0.0
+    data.xfrc_applied[np.unique(water["body"]).astype(int)] = 0.0
     acceleration = solve(model, data)
     for index, link in enumerate(water):
         J, b, A = jacobian_of(model, data, link), bias_of(model, data, link), inertia_of(link)

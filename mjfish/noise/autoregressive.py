@@ -76,8 +76,7 @@ class Noise:
         """
         seen = grid(trial.time, mask)
         filters = self.filters(trial, seen)
-        flat = block.reshape(len(block), 3, -1)
-        parts = np.split(flat, len(filters), axis=1)
+        parts = np.split(block.reshape(len(block), 3, -1), len(filters), axis=1)
         white = [whitened(filter_, seen, part) for filter_, part in zip(filters, parts, strict=True)]
         return np.concatenate(white, axis=1).reshape(block.shape)
 
@@ -148,8 +147,7 @@ class Autoregressive(Noise):
             raise InputError(f"a forecast {min(horizons)} samples ahead, expected 1 or more; correct the horizon")
         ahead = {steps: np.zeros_like(residual) for steps in horizons}
         for c, series in enumerate(residual.T if self.order else ()):
-            seen = np.isfinite(series)
-            filter_ = _filter(self.phi[c].tobytes(), float(self.sigma[c]), seen.tobytes())
+            filter_ = _filter(self.phi[c].tobytes(), float(self.sigma[c]), np.isfinite(series).tobytes())
             states = filtered_states(filter_, np.nan_to_num(series)[:, None])
             for steps, forecast in ahead.items():
                 row = np.linalg.matrix_power(filter_.transition.at(0), steps)[0]

@@ -148,8 +148,7 @@ class NoiseSample:
         no evidence against it.
         """
         z, taken = self._whitened(noise)
-        pairs = zip(self.trials, self.masks, strict=True)
-        total = sum(noise.log_determinant(trial, mask) for trial, mask in pairs)
+        total = sum(noise.log_determinant(trial, mask) for trial, mask in zip(self.trials, self.masks, strict=True))
         return float(-0.5 * (total + np.sum(z**2)) - np.sum(np.log(taken)))
 
     def whitened_sigma(self, noise: Noise) -> FloatArray:
@@ -179,8 +178,7 @@ class NoiseSample:
             longest = max(longest, float(np.linalg.norm(joint[:, 1:], axis=0).max(initial=0.0)))
         q, sizes, _ = tall_svd(both[:, 1:])
         solid = sizes > _DUST * longest
-        z = project_out(q[:, solid], both[:, :1])
-        return z.reshape(-1, 3), np.concatenate([*lengths, sizes[solid]])
+        return project_out(q[:, solid], both[:, :1]).reshape(-1, 3), np.concatenate([*lengths, sizes[solid]])
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,8 +77,7 @@ def link_forces(
     """
     if len(state) > len(motion.time):
         raise InputError(f"the state has {len(state)} samples, the motion {len(motion.time)} boundaries of steps")
-    memory_states = memory_of(loads, len(fish.links))
-    full = np.zeros((len(state), max(STATES + memory_states, state.shape[1])))
+    full = np.zeros((len(state), max(STATES + memory_of(loads, len(fish.links)), state.shape[1])))
     full[:, : state.shape[1]] = state
     full[:, :3], full[:, 3:6] = frames.flip(full[:, :3]), frames.flip(full[:, 3:6])
     angle, rate, acceleration = (

@@ -105,8 +105,7 @@ def generate(
         if given not in names:
             raise UnknownNameError("trial", given, names)
     trials = []
-    starts = _starts(names, tank, places)
-    for trial_name, mode, start in zip(names, modes, starts, strict=True):
+    for trial_name, mode, start in zip(names, modes, _starts(names, tank, places), strict=True):
         role: Role | None = ("held_out" if trial_name in held_out else "fit") if held_out else None
         begin = None if start is None else readonly(np.broadcast_to(start, (len(time), 3)))
         still = readonly(np.zeros((len(time), 3)))

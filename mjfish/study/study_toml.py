@@ -94,8 +94,7 @@ def read_study(path: Path) -> Study:
             raise InputError("seeds: one is given twice; give each once")
         for generated in study.generate:
             with located(f"generate {generated.name}"):
-                fish = fish_of(generated, path.parent)
-                acting(generated, fish)
+                acting(generated, fish_of(generated, path.parent))
         for folder in study.folder:
             if not exists(path.parent / folder.path / FILE):
                 raise InputError(f"folder {folder.name}: {path.parent / folder.path} holds no {FILE}; correct the path")

@@ -17,9 +17,8 @@ from pike_coefficients import COEFFICIENTS
 from mjfish import sample
 from mjfish.arrays import readonly
 from mjfish.data import load_dataset, save
-from mjfish.diagnosis import Diagnosis, diagnose
-from mjfish.diagnosis import diagnosis as diagnosis_module
-from mjfish.diagnosis.diagnosis import remarks
+from mjfish.diagnosis import Diagnosis, conclusion, diagnose
+from mjfish.diagnosis.assembly import remarks
 from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.where import FIFTHS, fifths
 from mjfish.drive.motion import JointMotion
@@ -116,7 +115,7 @@ def test_the_closest_model_is_not_shown_where_it_misleads(
 ) -> None:
     """A scale errs more on the held-out run than the nominal model does; errors by run are there all the same."""
     if shown:
-        monkeypatch.setattr(diagnosis_module, "_misleading", lambda *_: "")
+        monkeypatch.setattr(conclusion, "_misleading", lambda *_: "")
     result = diagnose(_fading(pike), effects={"velocity_scale": find("velocity_scale")}, jobs=1)
     assert result.verdict == "unexplained"
     assert result.gain is not None

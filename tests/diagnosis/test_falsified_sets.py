@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mjfish.diagnosis import diagnosis as module
+from mjfish.diagnosis import comparison as module
+from mjfish.diagnosis.comparison import Comparison
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.select import Standing
-from mjfish.diagnosis.verdict import Comparison
 
 STAYS = Standing(1.0, 0.0, 0.5, 0.5, 0.0, 0.0)
 

@@ -9,9 +9,9 @@ import pytest
 
 from mjfish.arrays import readonly
 from mjfish.data import Trial
-from mjfish.diagnosis.diagnosis import estimates
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.refit import refit_with, refits
+from mjfish.diagnosis.result import estimates
 from mjfish.drive import cpg
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit

@@ -12,8 +12,7 @@ from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.data.filters import Differentiator
 from mjfish.diagnosis.progress import silent
-from mjfish.diagnosis.screening import screen
-from mjfish.diagnosis.verdict import ALARM
+from mjfish.diagnosis.screening import ALARM, screen
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem
 from mjfish.fish import load_fish
@@ -45,11 +44,9 @@ def test_nothing_is_wrong_with_a_smoothed_motion_beside_a_run_shorter_than_the_f
     problem = _problem(0.0, motion=True)
     short = problem.trials[0]
     cut = replace(short, name="short", time=readonly(short.time[:15]), velocity=readonly(short.velocity[:15]))
-    findings, told = screen(
-        replace(problem, trials=(*problem.trials, cut)), (LAG,), None, np.random.default_rng(0), silent
-    )
+    findings = screen(replace(problem, trials=(*problem.trials, cut)), (LAG,), None, np.random.default_rng(0), silent)
     assert findings.evidence.problem.smoothing == Differentiator(3, 2)
-    assert "differentiated over 3 samples, degree 2" in told
+    assert "differentiated over 3 samples, degree 2" in findings.remark
     assert findings.p_wrong >= ALARM
 
 
@@ -60,10 +57,10 @@ def test_nothing_is_wrong_with_a_smoothed_motion_beside_a_run_shorter_than_the_f
 )
 def test_only_a_motion_that_was_smoothed_is_smoothed(lag: float, motion: bool) -> None:
     """Central differences at 50 Hz take a tenth of the second harmonic: far more than the noise hides."""
-    findings, told = screen(_problem(lag, motion=motion), (LAG,), None, np.random.default_rng(0), silent)
+    findings = screen(_problem(lag, motion=motion), (LAG,), None, np.random.default_rng(0), silent)
     found = findings.evidence.problem.smoothing
     assert found == (Differentiator(3, 2) if motion else None)
-    assert ("differentiated over 3 samples, degree 2" in told) is motion
+    assert ("differentiated over 3 samples, degree 2" in findings.remark) is motion
     assert (findings.p_wrong < ALARM) is (lag > 0.0)
     if lag:
         assert findings.refits["servo_lag"].fit.values["servo_lag.time_constant"] == pytest.approx(lag, rel=0.03)

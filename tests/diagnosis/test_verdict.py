@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from mjfish.diagnosis.comparison import Comparison
 from mjfish.diagnosis.held_out import Confirmation, confirmation
 from mjfish.diagnosis.select import Standing
-from mjfish.diagnosis.verdict import Comparison, Decision, decide
+from mjfish.diagnosis.verdict import Decision, decide
 from mjfish.estimation.residual import Score
 
 GOOD = Standing(rival_p=1.0, behind=0.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)

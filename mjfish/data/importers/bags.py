@@ -61,8 +61,7 @@ def import_mcap(
         raise InputError(f"{mapping}: kind is {kind!r}, expected 'poses' or 'velocities'; correct it")
     if table.get("time_unit", "s") != "s":
         raise InputError(f"{mapping}: time_unit: the times of a bag are in seconds; remove it")
-    read = partial(read_bag, raw=kind == "poses")
-    return _KINDS[kind](files, held_out, mapping, importer="mcap", read=read)
+    return _KINDS[kind](files, held_out, mapping, importer="mcap", read=partial(read_bag, raw=kind == "poses"))
 
 
 def read_bag(path: Path, time: str, names: Sequence[str], *, raw: bool) -> Columns:

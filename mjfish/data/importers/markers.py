@@ -204,8 +204,7 @@ def fit_track(measured: FloatArray, marked: Marked, rate: float, path: Path) -> 
             break
         dropped.append(worst)
         _enough(dropped, fit, measured, marked, path)
-    astray = _astray(measured, fit, chain)
-    return Track(fit, astray, tuple(dropped), exchanged)
+    return Track(fit, _astray(measured, fit, chain), tuple(dropped), exchanged)
 
 
 def _fit(measured: FloatArray, marked: Marked, rate: float) -> tuple[Fit, Chain]:
@@ -264,8 +263,7 @@ def _enough(dropped: Sequence[int], fit: Fit, measured: FloatArray, marked: Mark
 
 def _astray(measured: FloatArray, fit: Fit, chain: Chain) -> BoolArray:
     """Return where markers (n, markers) are not where they belong, those too that were not used."""
-    value = chain.at(fit.coordinates(), fit.shared).value
-    off = np.hypot(*np.moveaxis(measured - value, -1, 0))
+    off = np.hypot(*np.moveaxis(measured - chain.at(fit.coordinates(), fit.shared).value, -1, 0))
     usual = 4.0 * np.maximum(fit.sigma, np.median(fit.sigma))
     return np.asarray(~(off < usual))
 

@@ -79,8 +79,7 @@ def still(stretch: Stretch, size: Size) -> tuple[FloatArray, NDArray[np.uint8]]:
     figures = [figure.at(times) for figure in _bodies(drawing.figures)]
     azimuth = _azimuth(figures)
     corners = np.concatenate([figure.place.reshape(-1, 3) for figure in figures])
-    tails = np.concatenate([_tails(figure) for figure in figures])
-    every = np.concatenate([corners, tails])
+    every = np.concatenate([corners, np.concatenate([_tails(figure) for figure in figures])])
     right, deep = _axes(azimuth)
     across, up = every @ right, every @ deep
     middle = 0.5 * (across.min() + across.max()) * right + 0.5 * (up.min() + up.max()) * deep
@@ -179,8 +178,7 @@ def _arrows(figure: Figure, k: int, length: float) -> list[Strokes]:
         if np.any(seen):
             shown = vectors[k][seen] * np.minimum(1.0, LONG * length / reach[seen])[:, None]
             start = origins[k][seen] + back[seen, None] * np.array([0.0, 0.0, 1.0])
-            width = _ARROW * length
-            strokes.append(Strokes(start, start + shown, width, FORCES[kind], arrows=True))
+            strokes.append(Strokes(start, start + shown, _ARROW * length, FORCES[kind], arrows=True))
     return strokes
 
 

@@ -61,8 +61,7 @@ def _drawn(quantity: str, curves: list[MeasuredCurve]) -> FormFigure:
     words = QUANTITY_NAMES.get(quantity, quantity)
     been = "; ".join(f"{curve.group} {_been(curve)}" for curve in curves)
     caption = f"{quantity} over the {x.name.replace('_', ' ')}, with its 95 % band. Where the runs have been: {been}."
-    width = min(len(curves) / COLUMNS, 1.0)
-    return FormFigure(f"{words}: {_listed(groups)}", caption, curve_figure(curves), width)
+    return FormFigure(f"{words}: {_listed(groups)}", caption, curve_figure(curves), min(len(curves) / COLUMNS, 1.0))
 
 
 def curve_figure(curves: list[MeasuredCurve]) -> go.Figure:

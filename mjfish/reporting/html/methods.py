@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from mjfish.diagnosis import Diagnosis
+from mjfish.diagnosis.screening import ALARM
 from mjfish.diagnosis.select import GOODNESS, KEEP
-from mjfish.diagnosis.verdict import ALARM
 from mjfish.noise import (
     Autoregressive,
     DifferentiationNoise,
@@ -135,7 +135,6 @@ def _rest(diagnosis: Diagnosis) -> Iterable[str]:
     yield "From which size on mechanisms are told from one another follows from their signatures [Eriksson2013]."
     if diagnosis.force:
         yield "The missing force was estimated by a Kalman smoother [Rauch1965]."
-    versions = diagnosis.provenance.get("versions", {})
-    software = ", ".join(f"{name} {version}" for name, version in versions.items())
+    software = ", ".join(f"{name} {version}" for name, version in diagnosis.provenance.get("versions", {}).items())
     if software:
         yield f"Software: {software}; seed {diagnosis.provenance.get('seed', 0)}."

@@ -96,7 +96,6 @@ def _in_space(
     """Return places and quaternions in the world of those in the frame of the head: yaw, then pitch, then roll."""
     head = Rotation.from_euler("ZYX", np.column_stack([pose[:, 2], attitude[:, 1], attitude[:, 0]]))
     nose = np.column_stack([pose[:, :2], attitude[:, 2]])
-    links = place.shape[1]
-    every = Rotation.from_quat(np.repeat(head.as_quat(), links, axis=0))
+    every = Rotation.from_quat(np.repeat(head.as_quat(), place.shape[1], axis=0))
     turned = (every * Rotation.from_quat(turn.reshape(-1, 4))).as_quat()
     return nose[:, None] + every.apply(place.reshape(-1, 3)).reshape(place.shape), turned.reshape(turn.shape)

@@ -113,8 +113,7 @@ class Figure:
     def onto(self, other: Figure, time: float) -> Figure:
         """Return the figure with the nose and the heading of another at a time [s]."""
         own, there = (figure.at(np.array([time])) for figure in (self, other))
-        turn = float(there.heading()[0] - own.heading()[0])
-        return self.moved(turn, own.path[0], there.path[0])
+        return self.moved(float(there.heading()[0] - own.heading()[0]), own.path[0], there.path[0])
 
     def heading(self) -> FloatArray:
         """Return the heading of the head (n,) [rad], x towards y."""

@@ -90,8 +90,7 @@ def _from_above(root: str, run: Run, drawing: Drawing) -> rrb.Spatial3DView:
 def _far(run: Run, drawing: Drawing) -> float:
     """Return a length of the fish, or more where the fish of a run part from each other [m]."""
     time = run.followed().time
-    apart = reach(drawing.figures, camera_path(drawing.figures, time), time)
-    return max(drawing.length, _IN_VIEW * apart)
+    return max(drawing.length, _IN_VIEW * reach(drawing.figures, camera_path(drawing.figures, time), time))
 
 
 def _view(
@@ -190,7 +189,8 @@ def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: 
     drawings = [drawn(run, scale, name) for run in runs]
     recording.save(path, default_blueprint=blueprint(runs, drawings, mechanisms))
     recording.send_recording_name(name)
-    legend = f"\n\nArrows: 1 N is {scale:g} m." if _has_forces(runs) else ""
+    forces = any(swim.forces is not None for run in runs for swim in run.swims)
+    legend = f"\n\nArrows: 1 N is {scale:g} m." if forces else ""
     recording.log("about", rr.TextDocument(about + legend, media_type=rr.MediaType.MARKDOWN), static=True)
     for run, drawing in zip(runs, drawings, strict=True):
         root = "/" + rr.escape_entity_path_part(run.name)
@@ -245,10 +245,6 @@ def _beats(recording: rr.RecordingStream, root: str, run: Run, drawing: Drawing)
                 beat_paths(figure, measured, starts), colors=[COLOURS[figure.swimmer]], radii=rr.Radius.ui_points(0.6)
             )
             recording.log(f"{root}/{figure.swimmer}/beats", pieces, static=True)
-
-
-def _has_forces(runs: Sequence[Run]) -> bool:
-    return any(swim.forces is not None for run in runs for swim in run.swims)
 
 
 def _about(recording: rr.RecordingStream, root: str, drawing: Drawing) -> None:

@@ -46,8 +46,7 @@ def write_log(result: Any, path: Path) -> None:
 
 @write_log.register
 def _(result: Diagnosis, path: Path) -> None:
-    overlays = sorted(result.overlays, key=lambda overlay: not overlay.held_out)
-    runs = [_run(result, overlay) for overlay in overlays]
+    runs = [_run(result, overlay) for overlay in sorted(result.overlays, key=lambda overlay: not overlay.held_out)]
     lines = [f"**{VERDICTS[result.verdict]}.** {result.message}"]
     if result.gain is not None:
         before, after = (percent(table["pooled"]) for table in (result.gain.nominal, result.gain.extended))
@@ -142,8 +141,7 @@ def simulated(swimmer: Swimmer, model: Model, values: Mapping[str, float], trial
         trial: that it predicted.
         velocity: that it predicted; NaN where it did not get.
     """
-    start = None if trial.starts_at_rest else velocity[0]
-    run = model.prepare(trial, values, velocity=start)
+    run = model.prepare(trial, values, velocity=None if trial.starts_at_rest else velocity[0])
     rollout = ode.simulate(
         run.fish, run.motion, values=run.coefficients, velocity=run.velocity, pose=pose_of(trial),
         coriolis=model.coriolis, loads=run.loads,

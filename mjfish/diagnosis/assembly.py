@@ -1,0 +1,251 @@
+"""A diagnosis put together from its steps, and one that could not be finished, with the reasons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import TypedDict
+
+import numpy as np
+
+from mjfish.arrays import FloatArray
+from mjfish.data import Trial
+from mjfish.data.looking import SMOOTHED, for_looking
+from mjfish.diagnosis.begun import Begun
+from mjfish.diagnosis.candidate_table import candidate_table, failed_candidates, undetectable
+from mjfish.diagnosis.combinations import MEMBER, to_optimum
+from mjfish.diagnosis.comparison import Compared
+from mjfish.diagnosis.conclusion import Conclusion
+from mjfish.diagnosis.description import Description, describe
+from mjfish.diagnosis.evidence import Evidence
+from mjfish.diagnosis.failures import unfinished
+from mjfish.diagnosis.fan_out import followed
+from mjfish.diagnosis.fingerprint import Measured, fingerprint
+from mjfish.diagnosis.held_out import HeldOut, gain
+from mjfish.diagnosis.isolability import Isolability, isolability
+from mjfish.diagnosis.missing_force import MissingForce, missing_force, with_velocities
+from mjfish.diagnosis.provenance import provenance
+from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.result import Cause, Diagnosis, Estimate, FittedModel, Overlay, SensorOverlay, estimates
+from mjfish.diagnosis.screening import ALARM, Screening
+from mjfish.diagnosis.verdict import Decision, withheld
+from mjfish.diagnosis.where import Where, locate
+from mjfish.estimation import Fit, Problem
+from mjfish.estimation.identification import identified_fish
+from mjfish.estimation.posterior import posterior
+from mjfish.estimation.residual import SensorResidual, of_sensors
+from mjfish.estimation.scatter import scatter
+from mjfish.inspection import Inspection
+from mjfish.inspection.known_numbers import contradicted
+from mjfish.model.posterior import Posterior
+
+
+def assemble(
+    begun: Begun,
+    screening: Screening,
+    checks: Inspection,
+    compared: Compared,
+    concluded: Conclusion,
+    held_out: HeldOut,
+) -> Diagnosis:
+    """Return the diagnosis with all that readers look at; a claim is taken back where a part failed."""
+    parts, evidence, best = begun.parts, screening.evidence, concluded.best
+    dataset, shown = begun.dataset, evidence if best is None else best
+    checks = checks.joined(Inspection.of(contradicted(shown.problem, shown.fit), begun.known))
+    parts.failures |= _unfinished({names[0]: refit for names, refit in compared.single.refits.items()}, best)
+    table = candidate_table(begun, evidence, compared, held_out)
+    converged = {"the nominal model": evidence.fit.status, "the extended model": shown.fit.status}
+    views, gained = _views(begun, screening, concluded), None
+    if held_out.trials and (best is not None or concluded.decision.verdict == "unexplained"):
+        scores = held_out.score(None), held_out.score(best)
+        gained = parts.run("the gain", lambda: gain(*scores, held_out.trials, begun.rng), None)
+    drawn = parts.run("the posterior", lambda: _posterior(shown.problem, shown.fit), None)
+    decision = withheld(concluded.decision, parts.failures)
+    named = decision.verdict == "named"
+    return Diagnosis(
+        dataset=dataset,
+        verdict=decision.verdict,
+        message=decision.message + _in_domain(concluded),
+        status="failed" if parts.failures else "ok" if {*converged.values()} == {"converged"} else "fit_not_converged",
+        remarks=(
+            *failed_remarks(parts.failures),
+            *remarks(screening.remark, evidence.fit, converged, held_out.trials),
+            *(f"{trial.name}: {own}" for trial in dataset.trials for sensor in trial.sensors for own in sensor.remarks),
+            *([] if evidence.problem.samples else [SMOOTHED]),
+        ),
+        checks=checks,
+        causes=tuple(Cause.of(effect, shown.fit, shown.problem.model) for effect in best.effects)
+        if best is not None and named
+        else (),
+        mechanisms=concluded.mechanisms if named else (),
+        domain=concluded.domain,
+        rivals=decision.rivals,
+        alternatives=decision.sets,
+        certain=decision.certain,
+        candidates=table,
+        failures=parts.failures,
+        undetectable=undetectable(table, evidence),
+        best=() if best is None else best.names,
+        closest=next(iter(decision.closest), ""),
+        p_wrong=screening.p_wrong,
+        gain=gained,
+        nominal=estimates(evidence.fit, evidence.problem.model),
+        extended=estimates(shown.fit, shown.problem.model),
+        nominal_model=evidence.problem.model,
+        extended_model=shown.problem.model,
+        posterior=drawn,
+        overlays=tuple(_overlays(evidence, best, held_out)),
+        problem=evidence.problem,
+        fits=(
+            FittedModel.of((), evidence.problem, evidence.fit),
+            *(FittedModel.of(refit.names, refit.problem, refit.fit) for refit in compared.single.refits.values()),
+        ),
+        effects={effect.name: effect for effect in begun.candidates},
+        provenance=provenance(dataset, begun.candidates, begun.seed),
+        **views,
+    )
+
+
+class _Views(TypedDict):
+    """Views of what is wrong, as `Diagnosis` has them."""
+
+    isolability: Isolability
+    where: Where | None
+    force: tuple[MissingForce, ...]
+    fingerprint: Measured | None
+    description: Description | None
+
+
+def _views(begun: Begun, screening: Screening, concluded: Conclusion) -> _Views:
+    """Return the views of what is wrong; one that fails is left out."""
+    parts, evidence, best = begun.parts, screening.evidence, concluded.best
+    told = parts.run("what can be told apart", lambda: isolability(evidence, begun.learnable), Isolability())
+    found = _Views(isolability=told, where=None, force=(), fingerprint=None, description=None)
+    if screening.p_wrong < ALARM:
+        found["where"] = parts.run("where it is", lambda: locate(evidence, screening.directed), None)
+        if (looked := with_velocities(evidence.problem, evidence.fit.values)) is not None:
+            found["force"] = parts.run("the missing force", partial(missing_force, looked, evidence.fit.values), ())
+    if best is not None and (looked := with_velocities(best.problem, best.fit.values)) is not None:
+        make = partial(fingerprint, looked, best.effects, best.fit.values)
+        found["fingerprint"] = parts.run("the fingerprint", make, None)
+    if concluded.decision.verdict == "unexplained":
+        make_words = partial(describe, evidence.problem, evidence.fit, begun.rng)
+        found["description"] = parts.run("the description", make_words, None)
+    return found
+
+
+def unfinished_diagnosis(begun: Begun) -> Diagnosis:
+    """Return a diagnosis without a comparison: what failed, and the nominal model as it was declared, not fitted."""
+    problem, dataset, failures = begun.problem, begun.dataset, begun.failures
+    decision = withheld(Decision("cannot_tell", (), "Nothing was compared."), failures)
+    declared = {p.name: Estimate(p.start, p.low, p.high, p.unit) for p in problem.model.parameters}
+    held = dataset.split()[1]
+    return Diagnosis(
+        dataset=dataset,
+        verdict=decision.verdict,
+        message=decision.message,
+        status="failed",
+        remarks=tuple(failed_remarks(failures)),
+        candidates=failed_candidates(begun),
+        failures=dict(failures),
+        nominal=declared,
+        extended=declared,
+        nominal_model=problem.model,
+        extended_model=problem.model,
+        overlays=tuple(_unpredicted(trial, held_out=trial in held) for trial in dataset.trials),
+        problem=problem,
+        fits=(FittedModel((), problem.named(problem.start()), (), math.nan, problem.model.step, converged=False),),
+        effects={effect.name: effect for effect in begun.candidates},
+        provenance=provenance(dataset, begun.candidates, begun.seed),
+    )
+
+
+def _unfinished(refits: Mapping[str, Refit], shown: Refit | None) -> dict[str, str]:
+    """Return the refits that were stopped where they might catch up with the best, and do so or do not end.
+
+    One that ends where it is followed, and is behind the best all the same, was rightly left.
+    """
+    found: dict[str, str] = {}
+    best = max((refit.adjusted for refit in refits.values()), default=0.0)
+    several = {} if shown is None or len(shown.names) == 1 else {" with ".join(shown.names): shown}
+    for name, refit in {**refits, **several}.items():
+        if reason := unfinished(refit.fit, best - refit.adjusted):
+            (there,) = followed(partial(to_optimum, least=refit.fit.sse), [refit])
+            if unfinished(there.fit, best - there.adjusted) or (
+                refit.adjusted < best - MEMBER < there.adjusted  # a rival that was not compared as one
+            ):
+                found[name] = reason
+    return found
+
+
+def failed_remarks(failures: Mapping[str, str]) -> Iterator[str]:
+    """Yield what failed, in words."""
+    yield from (f"failed: {part}: {reason}" for part, reason in failures.items())
+
+
+def remarks(noise: str, nominal: Fit, converged: Mapping[str, str], held: Sequence[Trial]) -> Iterator[str]:
+    """Yield what a reader should know of noise, fits, bounds and held-out trials.
+
+    Args:
+        noise: in words.
+        nominal: the fit of the nominal model.
+        converged: status of a model's fit, by the model in words.
+        held: the held-out trials.
+    """
+    if noise:
+        yield noise
+    for model, status in converged.items():
+        if status != "converged":
+            yield (
+                f"fit-not-converged: the fit of {model} ended as {status}: its estimates are not at the optimum, and "
+                "the verdict depends on them; give [start] values nearer to the truth, or look at the findings"
+            )
+    for p, at_bound in zip(nominal.parameters, nominal.at_bound, strict=True):
+        if at_bound:
+            yield f"{p.name} of the nominal model is at its bound, {nominal.values[p.name]:.4g} {p.unit}".rstrip(" -")
+    if not held:
+        yield "no held-out trial: the gain cannot be measured; record or set aside one more trial"
+
+
+def _in_domain(concluded: Conclusion) -> str:
+    """Return what is known of the domain, in a sentence; nothing where nothing is."""
+    if concluded.domain is None:
+        return ""
+    if concluded.decision.verdict == "unexplained":
+        return f" The causes of the domain '{concluded.domain}' together explain it, those of no other domain do."
+    return f" All of these causes are of the domain '{concluded.domain}'."
+
+
+def _overlays(evidence: Evidence, best: Refit | None, held_out: HeldOut) -> Iterator[Overlay]:
+    """Yield every trial as the nominal model and a refit predict it, None: the nominal model again."""
+    models = [(one.problem, one.fit.x) for one in (evidence, best or evidence)]
+    predictions = zip(*(problem.predictions(x) for problem, x in models), strict=True)
+    for index, (trial, (nominal, extended)) in enumerate(zip(evidence.problem.trials, predictions, strict=True)):
+        read = [of_sensors(problem, x, index) for problem, x in models]
+        yield Overlay(for_looking(trial), False, nominal, extended, _paired(*read))
+    if held_out.trials:
+        scores = [held_out.score(model) for model in (None, best)]
+        predictions = zip(*(score.predictions for score in scores), strict=True)
+        sensors = zip(*(score.sensors for score in scores), strict=True)
+        for trial, (nominal, extended), own in zip(held_out.trials, predictions, sensors, strict=True):
+            yield Overlay(for_looking(trial), True, nominal, extended, _paired(*own))
+
+
+def _unpredicted(trial: Trial, *, held_out: bool) -> Overlay:
+    """Return a trial that no model predicts: predictions end where they begin."""
+    velocity: FloatArray = np.full((len(trial.time), 3), np.nan)
+    velocity[0] = trial.velocity[0]
+    return Overlay(trial, held_out, velocity, velocity)
+
+
+def _paired(nominal: Sequence[SensorResidual], extended: Sequence[SensorResidual]) -> tuple[SensorOverlay, ...]:
+    return tuple(SensorOverlay(a.sensor, a.predicted, b.predicted) for a, b in zip(nominal, extended, strict=True))
+
+
+def _posterior(problem: Problem, found: Fit) -> Posterior | None:
+    """Return the posterior of the extended model; its residuals are white under the noise of the problem."""
+    if found.lost:
+        return None
+    fish = identified_fish(problem.model.fish, found, problem.fixed)
+    return posterior(problem, found, fish, scatter(problem, found), correlated=False)

@@ -1,0 +1,112 @@
+"""The conclusion: the verdict, the model that is shown with it, the forms of what is named, and its domain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mjfish.diagnosis.begun import Begun
+from mjfish.diagnosis.comparison import Compared
+from mjfish.diagnosis.domain import explaining_domain
+from mjfish.diagnosis.forms import NamedMechanism, named_mechanisms, staying
+from mjfish.diagnosis.held_out import HeldOut, pooled_error
+from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.screening import Screening
+from mjfish.diagnosis.verdict import Decision, decide, message_of
+from mjfish.effects import Effect
+from mjfish.effects.mechanism import Domain
+from mjfish.inspection import Finding
+
+
+@dataclass(frozen=True, eq=False)
+class Conclusion:
+    """What follows from the comparison of the candidates.
+
+    Attributes:
+        decision: the verdict with the sets of causes it rests on.
+        best: the refit that is shown; None: the nominal model.
+        mechanisms: of the named causes, as deep as the data say them.
+        domain: of sets that the data cannot tell apart, or of what no cause explains, where it has one.
+    """
+
+    decision: Decision
+    best: Refit | None
+    mechanisms: tuple[NamedMechanism, ...]
+    domain: Domain | None
+
+
+def conclude(
+    begun: Begun, screening: Screening, compared: Compared, held_out: HeldOut, blocks: Sequence[Finding]
+) -> Conclusion:
+    """Decide, and look at what follows for the model, the form of the causes and their domain.
+
+    Args:
+        begun: what the diagnosis started with.
+        screening: of the nominal model.
+        compared: the candidates.
+        held_out: what refits predict of the held-out trials.
+        blocks: findings about the data with which no verdict is worth its words.
+    """
+    parts, refits = begun.parts, compared.refits
+    decision = decide(screening.p_wrong, compared.single, compared.several, blocks, compared.others)
+    best = refits.get((*decision.sets, compared.single.closest())[0])
+    mechanisms: tuple[NamedMechanism, ...] = ()
+    domain = _shared_domain(decision, begun.known)
+    if decision.verdict == "named" and best is not None:
+        decision, best, mechanisms = _with_form(begun, screening, compared, decision, best)
+    if decision.verdict == "unexplained":
+        if compared.odd is not None:
+            run = screening.evidence.problem.trials[compared.odd].name
+            decision = replace(
+                decision,
+                message=f"Something was wrong in run {run} alone, and no known cause explains it; repeat that run.",
+            )
+        domain = parts.run("the domain", lambda: explaining_domain(screening.evidence, begun.learnable), None)
+        if best is not None and held_out.trials and (why := _misleading(best, held_out)):
+            decision, best = replace(decision, message=decision.message + why), None
+    return Conclusion(decision, best, mechanisms, domain)
+
+
+def _with_form(
+    begun: Begun, screening: Screening, compared: Compared, decision: Decision, best: Refit
+) -> tuple[Decision, Refit, tuple[NamedMechanism, ...]]:
+    """Return a decision that names a cause, with the formulas that stay, the best of these, and the mechanisms."""
+    own = (refit for refit in compared.learned.values() if refit.mechanisms == best.mechanisms)
+    form = next(own, None) if len(best.effects) == 1 else None
+    refits = compared.refits
+    formulas = [refits[names] for names in decision.sets if names in refits and not refits[names].learned]
+    retained = staying(formulas, form) or (best if form is None else form,)
+    shown = retained[0]
+    several = compared.single if len(shown.effects) == 1 or compared.several is None else compared.several
+    clean = shown.names in several.cleanly()
+    mechanisms: tuple[NamedMechanism, ...] = begun.parts.run(
+        "the form", lambda: named_mechanisms(shown, retained, form, screening.evidence.fit, clean=clean), ()
+    )
+    message = message_of(retained, claimed=all(one.level == "form" for one in mechanisms)) + decision.left
+    return replace(decision, sets=tuple(refit.names for refit in retained), message=message), shown, mechanisms
+
+
+def _misleading(closest: Refit, held_out: HeldOut) -> str:
+    """Say why the nominal model is shown, where the closest errs more on the held-out runs; else nothing.
+
+    By both measures of the table, which may disagree where noise is slow.
+    """
+    scores = [held_out.score(model) for model in (None, closest)]
+    nominal, extended = (pooled_error(score.channels) for score in scores)
+    if extended <= nominal:
+        return ""
+    before, after = (float(np.sum(np.concatenate(score.whitened) ** 2)) for score in scores)
+    although = f", although its log-likelihood is {0.5 * (before - after):.3g} lower" if after < before else ""
+    return (
+        f" The nominal model is kept: its nRMSE on the held-out trials is smaller, {100.0 * nominal:.3g} % against "
+        f"{100.0 * extended:.3g} %{although}."
+    )
+
+
+def _shared_domain(decision: Decision, known: Mapping[str, Effect]) -> Domain | None:
+    """Return the domain of sets that the data cannot tell apart, where they all have one."""
+    domains = {known[name].domain for names in decision.sets for name in names}
+    alike = decision.verdict == "cannot_tell" and len(decision.sets) > 1 and len(domains) == 1
+    return domains.pop() if alike else None
