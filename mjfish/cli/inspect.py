@@ -72,8 +72,7 @@ def show(report: DataReport) -> None:
     for reason, names in reasons.items():
         console.item("cannot show", f"{', '.join(names)}: {reason}")
     for code, unclear in report.unclear.items():
-        whole = len(unclear) + len(report.undetectable) == len(report.causes)
-        told = "any cause" if whole else ", ".join(unclear)
+        told = "any cause" if len(unclear) + len(report.undetectable) == len(report.causes) else ", ".join(unclear)
         console.item("cannot tell", f"{told}: {code}, see below")
     for finding in report.inspection.findings:
         console.item(finding.severity, f"{finding.code}: {finding.message}", _COLOURS[finding.severity])

@@ -80,8 +80,7 @@ def from_columns(numbers: Mapping[str, FloatArray], trial: Trial, source: Path) 
             f"{source}: expected the modes 1, 2, ... one after another, each with the {len(trial.time)} times of "
             f"trial '{trial.name}'; write them so, or remove 'errors' from its entry"
         )
-    values = np.stack([numbers[name] for name in names[2:]], axis=1)
-    return readonly(values.reshape(count, len(trial.time), -1))
+    return readonly(np.stack([numbers[name] for name in names[2:]], axis=1).reshape(count, len(trial.time), -1))
 
 
 def _names(trial: Trial) -> list[str]:

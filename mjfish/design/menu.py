@@ -106,8 +106,7 @@ class Menu:
         low, high = self.omega or (min(OMEGA[0], *known, OMEGA[1]), max(*OMEGA, *known))
         reach = _reach(cpg, dataset.trials)
         for name, about, drive in _drives(cpg, low, high, float(time[-1])):
-            asked = _hardest(cpg, drive, duration)
-            if np.all(asked <= _MARGIN * reach):
+            if np.all(_hardest(cpg, drive, duration) <= _MARGIN * reach):
                 yield Run(name, about, Trial(name, "fit", time, readonly(np.zeros((len(time), 3))), drive))
 
 

@@ -36,6 +36,7 @@ from mjfish.estimation.identification import identified_fish
 from mjfish.estimation.posterior import posterior
 from mjfish.estimation.residual import SensorResidual, of_sensors
 from mjfish.estimation.scatter import scatter
+from mjfish.estimation.sensor_noise import joints_in_words
 from mjfish.inspection import Inspection
 from mjfish.inspection.known_numbers import contradicted
 from mjfish.model.posterior import Posterior
@@ -71,6 +72,7 @@ def assemble(
         remarks=(
             *failed_remarks(parts.failures),
             *remarks(screening.remark, evidence.fit, converged, held_out.trials),
+            *joints_in_words(evidence.problem),
             *(f"{trial.name}: {own}" for trial in dataset.trials for sensor in trial.sensors for own in sensor.remarks),
             *([] if evidence.problem.samples else [SMOOTHED]),
         ),
@@ -202,7 +204,7 @@ def remarks(noise: str, nominal: Fit, converged: Mapping[str, str], held: Sequen
                 "the verdict depends on them; give [start] values nearer to the truth, or look at the findings"
             )
     for p, at_bound in zip(nominal.parameters, nominal.at_bound, strict=True):
-        if at_bound:
+        if at_bound and ":start." not in p.name:  # a finding
             yield f"{p.name} of the nominal model is at its bound, {nominal.values[p.name]:.4g} {p.unit}".rstrip(" -")
     if not held:
         yield "no held-out trial: the gain cannot be measured; record or set aside one more trial"

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from mjfish.diagnosis.begun import Begun
-from mjfish.diagnosis.comparison import Compared, Comparison
+from mjfish.diagnosis.comparison import Compared
 from mjfish.diagnosis.evidence import Evidence, p_value_of
 from mjfish.diagnosis.held_out import HeldOut, pooled_error
 from mjfish.diagnosis.result import Candidate, Cause
+from mjfish.diagnosis.select import Comparison
 from mjfish.effects import Effect
 from mjfish.estimation.residual import channel_errors
 

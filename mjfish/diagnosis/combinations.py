@@ -10,7 +10,7 @@ the data cannot tell apart are all kept (the lower boundary of [Ferrari2015]).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from operator import methodcaller
 
@@ -23,7 +23,7 @@ from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import made_smooth, refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
-from mjfish.diagnosis.select import GOODNESS, Goodness, Standing, standings
+from mjfish.diagnosis.select import GOODNESS, Comparison, Goodness, Names, leaves_little, share_of, standings
 from mjfish.effects.effect import Effect
 
 #: Most causes that are claimed together.
@@ -34,39 +34,11 @@ _BASES, _ADDED = 2, 3
 _FAR = 0.6
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
-#: and the set must explain this much beyond every smaller one, also as a share of what it explains.
-MEMBER, SHARE = 20.0, 0.01
-#: and this share where one of both has a learned form: its basis has its limits, and it may mend much.
-LEARNED_SHARE = 0.03
+#: and the set must explain this much beyond every smaller one (and a share, see `select.share_of`).
+MEMBER = 20.0
 #: Where less than that share is left: an addition must take so much, and this share of all that other mechanisms
 #: explain there, beyond chance, measured at its refit. It is refitted where its score is this share of that.
 MENDED, _MOST_OF_IT, _HALF_OF_IT = 200.0, 0.7, 0.5
-
-Names = tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Combinations:
-    """Combinations of causes of one size.
-
-    Attributes:
-        refits: of the sets, by sorted names.
-        standings: of those.
-        parts: best refit with one member less, by names of the set; None of a single cause.
-    """
-
-    refits: Mapping[Names, Refit]
-    standings: Mapping[Names, Standing]
-    parts: Mapping[Names, Refit | None]
-
-    def exhausted(self) -> bool:
-        """Return whether one of them leaves so little that no larger set can earn its members."""
-        return any(s.in_set and leaves_little(self.refits[names], s) for names, s in self.standings.items())
-
-    @property
-    def sufficient(self) -> list[Names]:
-        """Combinations that the data cannot tell from the best, and that leave nothing systematic."""
-        return [names for names, standing in self.standings.items() if standing.in_set and standing.clean]
 
 
 def find_combinations(
@@ -75,7 +47,7 @@ def find_combinations(
     held_out: HeldOut,
     rng: np.random.Generator,
     progress: Progress,
-) -> Combinations | None:
+) -> Comparison | None:
     """Return the smallest combinations of two or three causes that explain the misfit better than all smaller ones.
 
     Args:
@@ -90,7 +62,7 @@ def find_combinations(
     """
     known: dict[Names, Refit] = {(name,): refit for name, refit in singles.items()}
     bases = _best(known.values())
-    best: Combinations | None = None
+    best: Comparison | None = None
     goodness = _goodness(candidates, held_out)
     for size in range(2, LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
@@ -100,11 +72,13 @@ def find_combinations(
             earned.update({names: refit for names, refit in found.items() if beats_smaller_sets(refit, known)})
             if earned:
                 best = _standing(earned, goodness, known, held_out, rng)
-                if not best.sufficient and best.exhausted():
+                inside = {names: one for names, one in best.standings.items() if one.in_set}
+                sufficient = [names for names, one in inside.items() if one.clean]
+                if not sufficient and any(leaves_little(best.refits[names], one) for names, one in inside.items()):
                     return best
-                if best.sufficient:
-                    known.update(parts := _parts(best, known))
-                    if all(beats_smaller_sets(earned[names], known) for names in best.sufficient):
+                if sufficient:
+                    known.update(parts := _parts([best.refits[names] for names in sufficient], known))
+                    if all(beats_smaller_sets(earned[names], known) for names in sufficient):
                         return best
                     return _standing({**_of_size(size - 1, known), **parts}, goodness, known, held_out, rng)
         if not earned or goodness.left(max(earned.values(), key=lambda refit: refit.gain)) > _FAR:
@@ -115,7 +89,7 @@ def find_combinations(
 
 def find_small_addition(
     singles: Mapping[str, Refit], candidates: Sequence[Effect], held_out: HeldOut, rng: np.random.Generator
-) -> Combinations | None:
+) -> Comparison | None:
     """Return pairs of which the second cause is small beside the first, and takes nearly all that the first leaves.
 
     Whatever form the first has, its error might be mended by a second cause that is not there; hardly all of it. A pair
@@ -159,16 +133,6 @@ def find_small_addition(
         if standing.in_set and (standing.clean or (names in borne_out and standing.fits))
     }
     return replace(pairs, standings=kept) if kept else None
-
-
-def share_of(refit: Refit) -> float:
-    """Return the share of its gain by which a refit and a set of another size must differ."""
-    return LEARNED_SHARE if refit.learned else SHARE
-
-
-def leaves_little(refit: Refit, standing: Standing) -> bool:
-    """Return whether a refit leaves less than what a larger set would have to explain beyond it."""
-    return standing.excess < share_of(refit) * refit.gain
 
 
 def _best(refits: Iterable[Refit]) -> list[Refit]:
@@ -260,13 +224,13 @@ def _less(refit: Refit, out: str) -> Names:
     return tuple(sorted(name for name in refit.names if name != out))
 
 
-def _parts(sets: Combinations, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
+def _parts(sufficient: Sequence[Refit], known: Mapping[Names, Refit]) -> dict[Names, Refit]:
     """Refit the sufficient combinations less one member each, where that set was not refitted yet.
 
     A member may have stood in for another that was added after it, and be superfluous now.
     """
     found: dict[Names, Refit] = {}
-    for refit in (sets.refits[names] for names in sets.sufficient):
+    for refit in sufficient:
         for out in refit.effects:
             names = _less(refit, out.name)
             if names not in known and names not in found:
@@ -307,8 +271,14 @@ def _standing(
     known: Mapping[Names, Refit],
     held_out: HeldOut,
     rng: np.random.Generator,
-) -> Combinations:
-    parts = {
-        names: max(_without(refit, known), key=lambda part: part.gain, default=None) for names, refit in sets.items()
+) -> Comparison:
+    """Compare sets; on the held-out trials against the best refit with one member less."""
+    found = standings(sets, goodness, held_out, rng)
+    confirmed = {
+        names: held_out.confirmed(
+            sets[names], max(_without(sets[names], known), key=lambda part: part.gain, default=None)
+        )
+        for names, standing in found.items()
+        if standing.in_set
     }
-    return Combinations(sets, standings(sets, goodness, held_out, rng), parts)
+    return Comparison(sets, found, confirmed)

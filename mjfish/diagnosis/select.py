@@ -28,13 +28,14 @@ from mjfish.diagnosis.by_run import Drawn
 from mjfish.diagnosis.constancy import linearised
 from mjfish.diagnosis.evidence import gather, tail
 from mjfish.diagnosis.failures import blamed, finite
-from mjfish.diagnosis.held_out import HeldOut
+from mjfish.diagnosis.held_out import Confirmation, HeldOut
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.sign_flips import flipped_p
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import without_form
 
 Key = TypeVar("Key", bound=Hashable)
+Names = tuple[str, ...]
 #: A cause is kept in the confidence set above this p value.
 KEEP = 0.05
 #: Or within this fall of the sum of squares, 2 ln 10, of the best.
@@ -52,6 +53,9 @@ _EXACT = 0.03
 _SLIGHT = 0.01
 #: And up to this share, it is like the truth, if nothing else is.
 RESEMBLES = 1.0 / 3.0
+#: A set must explain this share more than every smaller one, also where one of both has a learned form: its basis has
+#: its limits, and it may mend much.
+SHARE, LEARNED_SHARE = 0.01, 0.03
 DRAWS = 4000
 #: Rows of residuals that are compared at a time.
 _ROWS = 2**16
@@ -228,3 +232,85 @@ def standings(
         name: goodness.of(refits[name], standing) if standing.in_set else standing
         for name, standing in _rivalry(refits, held_out, rng).items()
     }
+
+
+def share_of(refit: Refit) -> float:
+    """Return the share of its gain by which a refit and a set of another size must differ."""
+    return LEARNED_SHARE if refit.learned else SHARE
+
+
+def leaves_little(refit: Refit, standing: Standing) -> bool:
+    """Return whether a refit leaves less than what a larger set would have to explain beyond it."""
+    return standing.excess < share_of(refit) * refit.gain
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Combinations of causes of one size, and what speaks for them.
+
+    Attributes:
+        refits: of the sets.
+        standings: of the sets.
+        held_out: on held-out trials, against the best set with one member less; None where there are none.
+    """
+
+    refits: Mapping[Names, Refit]
+    standings: Mapping[Names, Standing]
+    held_out: Mapping[Names, Confirmation | None]
+
+    def fails(self, names: Names) -> bool:
+        """Return whether a set is known to fail on the held-out trials."""
+        return (confirmation := self.held_out.get(names)) is not None and confirmation.failed
+
+    def retained(self, *, clean: bool) -> tuple[Names, ...]:
+        """Return the sets in the confidence set that fit and do not fail on held-out trials, best first."""
+        kept = [
+            names
+            for names, standing in self.standings.items()
+            if standing.in_set and (standing.clean if clean else standing.fits) and not self.fails(names)
+        ]
+        return tuple(sorted(kept, key=lambda names: (self.refits[names].learned, self.standings[names].behind)))
+
+    def cleanly(self) -> list[Names]:
+        """Return the names, in the order of the causes, of the sets that leave nothing systematic."""
+        return [self.refits[names].names for names, standing in self.standings.items() if standing.clean]
+
+    def closest(self) -> Names:
+        """Return the set that explains most of all trials, also of the held-out ones; none where there is none."""
+        return min(self.standings, key=lambda names: self.standings[names].behind, default=())
+
+    def exhausted(self) -> bool:
+        """Return whether a set that stays leaves so little that no larger one can earn its members beside it."""
+        return any(leaves_little(self.refits[names], self.standings[names]) for names in self.retained(clean=False))
+
+    def one_mechanism(self, sets: Sequence[Names]) -> bool:
+        """Return whether all sets are forms of the same mechanisms."""
+        return len({self.refits[names].mechanisms for names in sets}) == 1
+
+    def similar(self, names: Names, share: float) -> tuple[Names, ...]:
+        """Return a set that leaves a misfit, followed by the rivals that leave at most this share of all.
+
+        The misfit shows that the form of the set is not that of the truth. Rivals are granted the same tolerance.
+        """
+        refit, excess = self.refits[names], self.standings[names].excess
+        most = share * (refit.gain + excess) - excess
+        near = [n for n in self.refits if n != names and refit.adjusted - self.refits[n].adjusted < most]
+        near = [n for n in near if not self.fails(n)]
+        return (names, *sorted(near, key=lambda n: -self.refits[n].adjusted))
+
+    def joined(self, others: Comparison | None) -> Comparison:
+        """Return this comparison with the standings of others for the sets that are in their confidence set."""
+        if others is None:
+            return self
+        retained = {names: standing for names, standing in others.standings.items() if standing.in_set}
+        return Comparison(self.refits, {**self.standings, **retained}, {**self.held_out, **others.held_out})
+
+    def falsified(self) -> bool:
+        """Return whether every set in the confidence set fails on the held-out trials."""
+        return all(self.fails(n) for n, standing in self.standings.items() if standing.in_set)
+
+    def failed(self) -> tuple[Names, ...]:
+        """Return the sets in the confidence set that leave nothing, yet fail on the held-out trials."""
+        return tuple(
+            n for n, standing in self.standings.items() if standing.in_set and standing.clean and self.fails(n)
+        )

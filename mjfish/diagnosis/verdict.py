@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from mjfish.diagnosis.combinations import Names
-from mjfish.diagnosis.comparison import Comparison
 from mjfish.diagnosis.evidence import p_value_of
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Verdict
 from mjfish.diagnosis.screening import ALARM
-from mjfish.diagnosis.select import LEFT, RESEMBLES
+from mjfish.diagnosis.select import LEFT, RESEMBLES, Comparison, Names
 from mjfish.effects.mechanism import MECHANISMS
 from mjfish.inspection import Finding
 

@@ -108,8 +108,7 @@ class Ridge:
         """Return the weights with a^2 such that the sizes explain a sum of squares on average."""
         order = np.argsort(values)
         d, b = values[order], coupling[order]
-        total = float(d.sum() - np.sum(b**2))
-        return cls(d, b, order, explained / max(total, 1e-300), max(_greatest(d, b), 0.0))
+        return cls(d, b, order, explained / max(float(d.sum() - np.sum(b**2)), 1e-300), max(_greatest(d, b), 0.0))
 
     @property
     def count(self) -> int:

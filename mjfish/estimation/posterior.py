@@ -42,8 +42,7 @@ def posterior(problem: Problem, fit: Fit, fish: Fish, scatter: Mapping[str, floa
         correlated: whether the whitened residuals may be correlated in time.
     """
     low, high = bounds(fit.parameters)
-    prior = np.concatenate([problem.prior_root, np.diag(1.0 / (high - low))])
-    factors = fit.jacobian.above(prior).factors
+    factors = fit.jacobian.above(np.concatenate([problem.prior_root, np.diag(1.0 / (high - low))])).factors
     errors = covariance(factors.triangle, _stood_in_for(problem, fit))
     if correlated:
         blocks = serial_blocks(problem, fit.residual)

@@ -417,12 +417,22 @@ class Problem:
         Those before the window of a trial are given: errors of its joints are known by them.
         """
         sensors = self.trials[index].sensors
-        sigma, (begin, end) = [self.sigma_of(s) for s in sensors], self._window(index)
-        seen = [self._between(index, s, -np.inf, end) for s in sensors]
-        errors = self.joint_errors(self.trials[index], sigma, seen) if self.joint_errors is not None else None
+        sigma, begin = [self.sigma_of(s) for s in sensors], self._window(index)[0]
+        errors, seen = self.errors_of_joints(index)
         white = [block[mask] for block, mask in zip(blocks, seen, strict=True)]
         white = errors(white) if errors else [block / own[:, None] for block, own in zip(white, sigma, strict=True)]
         return [b[s.time[mask] >= begin] for b, s, mask in zip(white, sensors, seen, strict=True)]
+
+    def errors_of_joints(self, index: int) -> tuple[Whitening | None, list[BoolArray]]:
+        """Return what whitens the sensors of a trial for errors of its joints, and the samples (m,) it was made of.
+
+        None where these errors do not matter: the joints are exact.
+        """
+        trial = self.trials[index]
+        seen = [self._between(index, sensor, -np.inf, self._window(index)[1]) for sensor in trial.sensors]
+        if self.joint_errors is None:
+            return None, seen
+        return self.joint_errors(trial, [self.sigma_of(sensor) for sensor in trial.sensors], seen), seen
 
     def explained(self, index: int, left: Sequence[FloatArray]) -> list[FloatArray]:
         """Return by how much errors of its joints move the sensors of a trial (m, c), as far as they are known.
@@ -644,8 +654,7 @@ def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:
 def _of_sensors(trial: Trial) -> Iterator[Parameter]:
     """Yield the pose at the start, as far as sensors see it, and the offsets of their clocks."""
     seen = {name for sensor in trial.sensors for name in _SEES_POSE.get(sensor.kind, ())}
-    guess = _first_pose(trial)
-    for name, centre, scale, reach in zip(POSE, guess, _POSE_SCALE, _POSE_RANGE, strict=True):
+    for name, centre, scale, reach in zip(POSE, _first_pose(trial), _POSE_SCALE, _POSE_RANGE, strict=True):
         if name in seen:
             low, high = centre - reach, centre + reach
             unit = columns.UNITS[name]

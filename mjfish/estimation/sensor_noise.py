@@ -8,7 +8,7 @@ goes on from sample to sample hardly shows in them: no model can buy itself a no
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Sensor, Trial
 from mjfish.data.sensor import smallest_sigma, third_differences
-from mjfish.estimation.joint_errors import Whitening, whitening
+from mjfish.estimation.joint_errors import MATTERS, Whitening, whitening
 from mjfish.estimation.problem import Problem
 
 #: Smallest sigma that is believed, as a share of the range of a channel: samples are rounded.
@@ -95,6 +95,17 @@ def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:
     problem = replace(problem, sensor_sigma={**problem.sensor_sigma, **sigma}, joint_errors=None)
     exact = all(trial.joint_angle is None for trial in problem.trials)
     return problem if exact else replace(problem, joint_errors=AlongFit(problem, problem.named(x)))
+
+
+def joints_in_words(problem: Problem) -> Iterator[str]:
+    """Yield in which trials errors of recorded joint angles do not matter, and in which they are allowed for."""
+    exact: dict[bool, list[str]] = {}
+    for index, trial in enumerate(problem.trials):
+        if trial.joint_angle is not None and trial.sensors and problem.joint_errors is not None:
+            exact.setdefault(problem.errors_of_joints(index)[0] is None, []).append(trial.name)
+    for small, names in exact.items():
+        told = f"by less than {MATTERS:g} of its noise, they are exact" if small else "and are part of its noise"
+        yield f"joint angles of {', '.join(names)}: their errors move what is seen {told}"
 
 
 def having_noise_of(problem: Problem, other: Problem) -> Problem:

@@ -53,16 +53,22 @@ def inspect_fit(problem: Problem, fit: Fit, effects: Mapping[str, Effect], held:
         held: trials that were held out: they are looked at for their labels and clocks.
 
     Returns:
-        Findings; none where the fit diverged, for then nothing can be taken away, or where no velocity was measured.
+        Findings; none where the fit diverged, for then nothing can be taken away. Where no velocity was measured, only
+        those about starts.
     """
-    if fit.lost or not problem.samples:
+    if fit.lost:
         return Inspection()
+    found = [*starts_on_bounds(fit), *(_of_velocities(problem, fit, held) if problem.samples else ())]
+    return Inspection.of(found, effects)
+
+
+def _of_velocities(problem: Problem, fit: Fit, held: Sequence[Trial]) -> list[Finding]:
+    """Return the findings about labels, clocks, runs and noise of measured velocities."""
     values = {**problem.fixed, **fit.values}
     shared = {p.name: values[p.name] for p in problem.model.parameters}
     sigma = np.median([robust_sigma(r) for r in problem.raw(fit.x)], axis=0) + 1e-12
     trials = [trial for trial in (*problem.trials, *held) if trial.drive and sampled_enough(trial)]
-    found: list[Finding] = []
-    found += _labels(problem, trials, shared, sigma)
+    found = _labels(problem, trials, shared, sigma)
     wrong = {name for finding in found for name in finding.trials}
     for trial in trials:
         if trial.name not in wrong:
@@ -72,7 +78,23 @@ def inspect_fit(problem: Problem, fit: Fit, effects: Mapping[str, Effect], held:
     found += [finding for finding in outlying_run(problem, fit) if not wrong & set(finding.trials)]
     if not wrong:
         found += differentiated(problem.noise)
-    return Inspection.of(found, effects)
+    return found
+
+
+def starts_on_bounds(fit: Fit) -> Iterator[Finding]:
+    """Yield a finding for every number of a start that rests on its bound: bounds are wider than any start."""
+    for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True):
+        trial, _, own = p.name.partition(":")
+        if at_bound and own.startswith("start."):
+            yield Finding(
+                "start-on-bound",
+                "suspect",
+                f"trial '{trial}', {own}",
+                f"the fit rests on the bound of {fit.values[p.name]:.4g} {p.unit}",
+                f"a start between {p.low:.4g} and {p.high:.4g}",
+                "look at the first samples of this run: their unit and their columns, and whether they belong to it",
+                trials=(trial,),
+            )
 
 
 def _labels(problem: Problem, trials: Sequence[Trial], values: dict[str, float], sigma: FloatArray) -> list[Finding]:

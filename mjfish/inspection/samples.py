@@ -130,8 +130,7 @@ def stuck(trial: Trial) -> Iterator[Finding]:
         if np.ptp(trial.velocity[:, channel]) == 0.0:
             yield _silent(trial, channel)
             continue
-        alone = same[:, channel] & ~frozen & moving
-        found = _clipped(trial, channel) or _held(trial, channel, alone)
+        found = _clipped(trial, channel) or _held(trial, channel, same[:, channel] & ~frozen & moving)
         if found:
             yield found
 

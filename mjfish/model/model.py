@@ -268,8 +268,7 @@ def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
         return wave.joint_motion(trial.wave, 0.0 if trial.starts_at_rest else float(trial.time[0]), end, step)
     if cpg is None:
         raise InputError(f"trial '{trial.name}' is driven by a CPG, but the fish has none; add [cpg] to the fish")
-    duration = float(trial.time[-1]) + LEAD
-    return hopf.joint_motion(cpg, trial.drive, duration, step)
+    return hopf.joint_motion(cpg, trial.drive, float(trial.time[-1]) + LEAD, step)
 
 
 @cached(0.5e9)

@@ -73,8 +73,7 @@ class Gains:
 
     def scaled(self, sigma: float) -> Gains:
         """Return the filter of the noise times sigma; the filter is one of a single channel."""
-        samples = np.count_nonzero(self.root)
-        determinant = self.log_determinant + samples * float(np.log(sigma**2))
+        determinant = self.log_determinant + np.count_nonzero(self.root) * float(np.log(sigma**2))
         return replace(self, root=self.root / sigma, log_determinant=determinant)
 
 

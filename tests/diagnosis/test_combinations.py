@@ -94,7 +94,7 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
     singles: Any = {name: _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
     found = find_combinations(singles, (), HeldOut(None, ()), np.random.default_rng(0), silent)  # type: ignore[arg-type]
     assert found is not None
-    assert found.sufficient == [named]
+    assert found.retained(clean=True) == (named,)
 
 
 def test_no_third_cause_is_looked_for_where_the_best_pair_leaves_most(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from mjfish.diagnosis import comparison as module
-from mjfish.diagnosis.comparison import Comparison
 from mjfish.diagnosis.held_out import Confirmation
-from mjfish.diagnosis.select import Standing
+from mjfish.diagnosis.select import Comparison, Standing
 
 STAYS = Standing(1.0, 0.0, 0.5, 0.5, 0.0, 0.0)
 
@@ -23,9 +22,9 @@ def test_a_cause_that_makes_the_held_out_error_larger_fails_whatever_its_likelih
     assert Confirmation(50.0, 0.5, 1.2).failed
 
 
-def _found(names: tuple[str, ...], *, learned: bool) -> Any:
-    refit = SimpleNamespace(names=names, learned=learned)
-    return SimpleNamespace(refits={names: refit}, standings={names: STAYS}, parts={names: None})
+def _found(names: tuple[str, ...], ratio: float) -> Comparison:
+    refit: Any = SimpleNamespace(names=names, learned="lift" in names)
+    return Comparison({names: refit}, {names: STAYS}, {names: Confirmation(10.0, 0.5, ratio)})
 
 
 @pytest.mark.parametrize(("ratio", "expected"), [(3.0, ("roll", "current")), (0.8, ("roll", "lift"))])
@@ -34,19 +33,16 @@ def test_formulas_are_compared_where_all_learned_sets_fail(
 ) -> None:
     """A set with a learned member that predicts badly makes room for one of formulas; one that holds stays."""
 
-    def find(refits: Any, candidates: Any, *_: Any) -> Any:
+    def find(refits: Any, candidates: Any, *_: Any) -> Comparison:
         learned = any(refit.learned for refit in refits.values())
         assert learned == any(effect.learned for effect in candidates)
-        return _found(("roll", "lift") if learned else ("roll", "current"), learned=learned)
-
-    def confirmed(refit: Any, _against: Any) -> Confirmation:
-        return Confirmation(10.0, 0.5, ratio if refit.learned else 0.9)
+        return _found(("roll", "lift"), ratio) if learned else _found(("roll", "current"), 0.9)
 
     monkeypatch.setattr(module, "find_combinations", find)
     refits: Any = {name: SimpleNamespace(learned=name == "lift") for name in ("roll", "lift")}
     candidates: Any = [SimpleNamespace(learned=learned) for learned in (False, True)]
-    held_out: Any = SimpleNamespace(confirmed=confirmed)
     single: Any = SimpleNamespace(exhausted=lambda: False)
+    held_out: Any = None
     found = module._combined(single, refits, candidates, held_out, np.random.default_rng(0), lambda *_: None)
-    assert isinstance(found, Comparison)
+    assert found is not None
     assert found.retained(clean=False) == (expected,)

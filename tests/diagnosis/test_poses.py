@@ -42,6 +42,11 @@ def test_the_noise_of_the_camera_is_read_from_the_residual(quiet: Diagnosis) -> 
         np.testing.assert_allclose(quiet.problem.sensor_sigma[sensor], sigma, rtol=0.1)
 
 
+def test_the_report_says_that_errors_of_the_joints_are_allowed_for(quiet: Diagnosis) -> None:
+    told = "joint angles of v1, v3-t1, v1-t2: their errors move what is seen and are part of its noise"
+    assert told in quiet.remarks
+
+
 def test_a_current_is_named_with_its_speed_and_lowers_the_error_of_the_path() -> None:
     found = mjfish.diagnose(_pool("commanded", CURRENT, seed=5))
     assert [cause.name for cause in found.causes] == ["ambient_current"], found.message

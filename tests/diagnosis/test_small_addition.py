@@ -41,7 +41,7 @@ def test_only_what_mends_everything_is_added(kappa: float, scale: float, found: 
     pairs = find_small_addition({"time_offset": alone}, CANDIDATES, HeldOut(nominal, ()), np.random.default_rng(0))
     assert (pairs is not None) is found
     if pairs is not None:
-        assert pairs.sufficient == [("munk_moment", "time_offset")]
+        assert pairs.retained(clean=True) == (("munk_moment", "time_offset"),)
         assert pairs.refits["munk_moment", "time_offset"].gain - alone.gain > MENDED
 
 
@@ -74,7 +74,7 @@ def test_beside_a_learned_form_something_may_be_left_if_held_out_trials_agree(
     assert (pairs is not None) is found
     if pairs is not None:
         assert [*pairs.standings] == [("munk_moment", "time_offset")]
-        assert pairs.sufficient == []
+        assert pairs.retained(clean=True) == ()
 
 
 def test_a_signature_of_rounding_has_no_score() -> None:

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mjfish.diagnosis.comparison import Comparison
 from mjfish.diagnosis.held_out import Confirmation, confirmation
-from mjfish.diagnosis.select import Standing
+from mjfish.diagnosis.select import Comparison, Standing
 from mjfish.diagnosis.verdict import Decision, decide
 from mjfish.estimation.residual import Score
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_swimming import problem
+from synthetic_swimming import problem, swimming
 
 import mjfish
 from mjfish.arrays import FloatArray
-from mjfish.estimation import Score, predict_held_out
-from mjfish.estimation.sensor_noise import with_sensor_noise
+from mjfish.estimation import Score, joint_errors, predict_held_out
+from mjfish.estimation.sensor_noise import joints_in_words, with_sensor_noise
 
 
 def test_runs_that_begin_with_a_wrong_heading_are_whitened_as_the_true_ones() -> None:
@@ -51,3 +51,19 @@ def test_a_held_out_run_is_predicted_from_what_its_first_quarter_tells_of_its_jo
 
     assert np.all(np.sqrt(squares(told) / squares(alone)) < 0.8)
     assert all(0.6 < float(np.mean(white**2)) < 1.1 for white in told.whitened)
+
+
+@pytest.mark.parametrize(("matters", "told"), [(100.0, "they are exact"), (0.1, "are part of its noise")])
+def test_it_is_said_whether_errors_of_measured_joints_matter(
+    monkeypatch: pytest.MonkeyPatch, matters: float, told: str
+) -> None:
+    monkeypatch.setattr(joint_errors, "MATTERS", matters)
+    noise = (0.003, 0.003, 0.02)
+    pool = mjfish.generate(
+        "pike", ["v1"], observe="pose", joints="measured", joint_noise=0.002, noise=noise, duration=3
+    )
+    posed = problem(pool)
+    (said,) = joints_in_words(with_sensor_noise(posed, posed.start(posed.model.values())))
+    assert told in said
+    assert said.startswith("joint angles of v1: ")
+    assert [*joints_in_words(problem(swimming(pool.fish)))] == []

@@ -13,9 +13,11 @@ from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.effects import catalogue
 from mjfish.estimation import Noise, Problem, fit
+from mjfish.estimation.nominal import nominal_problem
 from mjfish.inspection import Inspection, inspect_fit
 from mjfish.model import Model
 from mjfish.noise import DifferentiationNoise
+from mjfish.simulation.synthetic import generate
 
 
 def _after(dataset: Dataset) -> Inspection:
@@ -93,3 +95,16 @@ def test_differentiated_data_are_said_so() -> None:
     said = remarked(inspect_fit(replace(posed, noise=rough), found, catalogue(), held), "velocity-differentiated")
     assert [("9 samples" in one.found, "time_offset" in one.cannot_tell) for one in said] == [(True, True)]
     assert remarked(inspect_fit(posed, found, catalogue(), held), "velocity-differentiated") == []
+
+
+def test_a_start_that_rests_on_its_bound_is_found() -> None:
+    """The first place of a run is 8 m off; a start is looked for within 5 m of it."""
+    posed = generate("pike", ["v1", "v3"], observe="pose", duration=1.5, noise=(1e-3, 1e-3, 0.01), seed=1)
+    place, *others = posed.trials[1].sensors
+    values = place.values.copy()
+    values[0, 0] += 8.0
+    astray = replace(posed.trials[1], sensors=(replace(place, values=values), *others))
+    for trials, expected in ((posed.trials, []), ((posed.trials[0], astray), [("v3",)])):
+        posing = nominal_problem(replace(posed, trials=trials), trials, Noise.white(np.full(3, np.nan)), jobs=1)
+        found = inspect_fit(posing, fit(posing, posing.start(TRUTH)), catalogue())
+        assert [finding.trials for finding in found.findings if finding.code == "start-on-bound"] == expected

@@ -117,8 +117,7 @@ class Basis:
 @functools.lru_cache(maxsize=8)
 def _evaluated(time: bytes, knots: bytes, order: int) -> FloatArray:
     t = np.frombuffer(knots)
-    spline = BSpline(t, np.eye(len(t) - _DEGREE - 1), _DEGREE)
-    return readonly(spline(np.frombuffer(time), nu=order))
+    return readonly(BSpline(t, np.eye(len(t) - _DEGREE - 1), _DEGREE)(np.frombuffer(time), nu=order))
 
 
 IntArray = NDArray[np.int64]

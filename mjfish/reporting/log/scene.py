@@ -132,8 +132,7 @@ def placed(forces: LinkForces, time: FloatArray, origin: FloatArray, at: FloatAr
     share = np.clip((at - time[index]) / (time[index + 1] - time[index]), 0.0, 1.0)[:, None, None]
 
     def turned(samples: FloatArray) -> FloatArray:
-        planar = frames.to_body(samples[..., :2], origin[:, None, 2])
-        samples = np.concatenate([planar, samples[..., 2:]], axis=2)
+        samples = np.concatenate([frames.to_body(samples[..., :2], origin[:, None, 2]), samples[..., 2:]], axis=2)
         between = (1.0 - share) * samples[index] + share * samples[index + 1]
         return np.concatenate([frames.to_world(between[..., :2], pose[:, None, 2]), between[..., 2:]], axis=2)
 
