@@ -25,7 +25,7 @@ from mjfish.estimation.posterior import posterior
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual, fitted, held_out
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests
-from mjfish.estimation.sensor_noise import with_sensor_noise
+from mjfish.estimation.sensor_noise import joints_in_words, with_sensor_noise
 from mjfish.estimation.settings import Loss, Settings
 from mjfish.estimation.stability import Stability, stability
 from mjfish.estimation.table_iv import Row, table_iv
@@ -336,7 +336,8 @@ def identify(
     except NUMERIC as error:
         remarks += (f"held-out trials are not scored: {reason_of(error)}",)
     found = Identification(
-        dataset, solution, _measured_sigma(problem), tuple(_score(residual) for residual in residuals), remarks,
+        dataset, solution, _measured_sigma(problem), tuple(_score(residual) for residual in residuals),
+        (*remarks, *joints_in_words(problem)),
         settings.starts, many.reached, problem, None,
         tuple(score for residual in residuals for score in _sensor_scores(residual)),
     )  # fmt: skip
