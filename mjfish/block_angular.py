@@ -283,9 +283,7 @@ def block_angular(shared: FloatArray, rows: Sequence[IntArray], blocks: Sequence
 
 def _slice_of(rows: IntArray) -> slice | IntArray:
     """Return rows as a slice where they follow each other: it copies nothing."""
-    if len(rows) and np.all(np.diff(rows) == 1):
-        return slice(int(rows[0]), int(rows[-1]) + 1)
-    return rows
+    return slice(int(rows[0]), int(rows[-1]) + 1) if len(rows) and np.all(np.diff(rows) == 1) else rows
 
 
 def _owners(rows: Sequence[IntArray], count: int) -> IntArray:

@@ -71,7 +71,11 @@ def new_fish(
     width = _WIDTH * height if width is None else width
     _check(length, mass, joints, height, width)
     sections = _sections(length, height, width)
-    ends = [0.0, *(round(float(s), 6) for s in length * np.linspace(_LAST, _FIRST, joints)[::-1]), length]
+    ends = [
+        0.0,
+        *(round(float(s), 6) for s in length * np.linspace(_FIRST if joints > 1 else _LAST, _LAST, joints)),
+        length,
+    ]
     links = _links(["head", *(f"body_{k}" for k in range(1, joints)), "tail"], ends, sections, mass)
     groups = tuple(dict.fromkeys(link.group for link in links))
     damping = _DAMPED * min(link.inertia + link.mass * link.com**2 for link in links[1:])

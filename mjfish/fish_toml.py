@@ -27,7 +27,11 @@ def text(
     table = fish.model_dump(by_alias=True)
     if tomlfile.parse(table, Fish, f"fish '{fish.name}'") != fish:
         raise InputError(f"fish '{fish.name}' holds values of types that TOML does not keep; build it by Fish(...)")
-    lines = [f"# {line}".rstrip() for comment in comments for line in _printable(comment).splitlines()]
+    lines = [
+        f"# {line}".rstrip()
+        for comment in comments  # TOML forbids control characters in them
+        for line in "".join(c if c.isprintable() or c == "\n" else " " for c in comment).splitlines()
+    ]
     return "\n".join([*lines, tomlfile.text({**table, "effects": effects} if effects else table)])
 
 
@@ -52,8 +56,3 @@ def write(
     if path.suffix != ".toml":
         raise InputError(f"{path}: the name ends in '{path.suffix}', expected .toml; rename it")
     files.write_text(path, text(fish, comments, effects))
-
-
-def _printable(comment: str) -> str:
-    """Leave out control characters but line ends: TOML forbids them in comments."""
-    return "".join(character if character.isprintable() or character == "\n" else " " for character in comment)

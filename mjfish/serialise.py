@@ -41,9 +41,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     if is_dataclass(value) and not isinstance(value, type):
-        if hasattr(value, "to_dict"):
-            return plain(value.to_dict())
-        return fields_of(value)
+        return plain(value.to_dict()) if hasattr(value, "to_dict") else fields_of(value)
     raise TypeError(f"{type(value).__name__} has no plain form")
 
 

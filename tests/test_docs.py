@@ -111,7 +111,7 @@ def test_a_newcomer_comes_from_own_csv_files_to_a_verdict(tmp_path: Path) -> Non
     np.testing.assert_allclose(*(np.array(line.split(","), dtype=float) for line in (first[1], row)), atol=0.05)
     made, inspected, diagnosed = (run_command(line, tmp_path) for line in others)
     assert "x         Head_X [mm] in mm, as given" in made
-    assert "joint angles as commanded, in a smooth motion" in made
+    assert "joint angles as commanded, moving smoothly" in made
     assert "nothing blocks a diagnosis" in inspected
     assert "run1" in (tmp_path / "pictures" / "inspection.html").read_text(encoding="utf-8")
     assert "servo_lag" in diagnosed

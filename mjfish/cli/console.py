@@ -107,8 +107,7 @@ def stoppable() -> Iterator[list[Path]]:
     try:
         yield written
     except KeyboardInterrupt:
-        kept = f"kept: {listed(written)}" if written else "nothing was written"
-        complain("stopped", kept)
+        complain("stopped", f"kept: {listed(written)}" if written else "nothing was written")
         raise typer.Exit(STOPPED) from None
 
 

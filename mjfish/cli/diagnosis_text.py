@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -79,7 +80,8 @@ def show(
         return
     room = LINES - 1 - sum(item.lines() for item in (*first, *gain, *last))
     kept = _fitting(sizes, max(room, 1))
-    shown = [item.shortened() for item in remarks][: max(room - sum(item.lines() for item in kept), 0)]
+    room = max(room - sum(item.lines() for item in kept), 0)
+    shown = remarks if _fitting(remarks, room) == remarks else [item.shortened() for item in remarks][:room]
     counts = (("size", len(sizes) - len(kept)), ("remark", len(remarks) - len(shown)))
     left = [f"{count} more {what}{'s' if count > 1 else ''}" for what, count in counts if count]
     more = _Item(_word("more"), f"{', '.join([*left, 'candidates and tables'])}: --verbose", "dim")
@@ -113,6 +115,11 @@ def _sizes(result: Diagnosis) -> Iterator[_Item]:
     for mechanism in result.mechanisms:
         yield _Item(_word("mechanism"), named_as(mechanism))
         yield from (_Item(_word("  curve"), curve.summary()) for curve in mechanism.curves)
+    if result.verdict == "nothing_wrong":
+        apart = result.isolability
+        rows = enumerate(zip(apart.amplitudes, apart.sizes, apart.units, strict=True))
+        seen = [f"{name} {number(row[k])} {unit(own)}".rstrip() for k, (name, row, own) in rows if row[k] < math.inf]
+        yield _Item(_word("seen from"), ", ".join(seen))
     knots = knots_of(result.effects.values())
     own = {name: value for name, value in result.extended.items() if name.partition(".")[0] in result.best}
     word = "size" if result.verdict == "named" else "rival" if result.rivals else "closest"
@@ -153,11 +160,11 @@ def _next(result: Diagnosis, dataset: str) -> str:
         return f"mend what failed, {part} first ({reason}), or leave it out, and diagnose again"
     if result.checks.blocks and result.verdict == "cannot_tell":
         return result.checks.blocks[0].remedy
-    if result.rivals:
+    if result.rivals and result.plannable:
         return f"{program} plan {dataset} ranks runs by how far they set the rivals apart"
     if result.verdict == "named":
         return f"confirm it: {result.effects[result.causes[0].name].confirm}"
-    if result.verdict == "nothing_wrong":
+    if result.verdict == "nothing_wrong" and result.plannable:
         return f"{program} plan {dataset} has runs that would show more"
     if result.where is not None:
         return _unexplained(result)
@@ -256,7 +263,7 @@ def _candidates(result: Diagnosis) -> Table:
 
 def _experiments(result: Diagnosis) -> None:
     names = [cause.name for cause in result.causes] or [name for group in result.rivals for name in group]
-    if result.rivals:
+    if result.rivals and result.plannable:
         apart = " from ".join(names)
         console.say(f"To tell {apart}: `mjfish plan` on this dataset ranks runs by how far they set them apart.")
     console.say(*(f"To confirm {name}: {result.effects[name].confirm}." for name in names))

@@ -65,6 +65,11 @@ def show(report: DataReport) -> None:
         table.add_row(
             run["name"], role, f"{run['duration']:.4g}", f"{run['rate']:.4g}", *map(number, sizes), run["driven_by"]
         )
+    table.caption = (
+        None
+        if all(trial.measured.any() for trial in report.dataset.trials)
+        else "velocities are those of the smoothed path, for looking"
+    )
     console.show(table)
     reasons: dict[str, list[str]] = {}
     for name, reason in report.undetectable.items():

@@ -45,7 +45,7 @@ def read_table(path: str | Path, *, missing: Collection[str] = ()) -> dict[str, 
     path = Path(path)
     check_suffix(path)
     try:
-        table = (_read_csv if path.suffix.lower() == ".csv" else _read_parquet)(path, missing)
+        table = _read_csv(path, missing) if path.suffix.lower() == ".csv" else _read_parquet(path, missing)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; correct its name or put it there") from None
     except InputError:

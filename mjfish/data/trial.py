@@ -149,6 +149,11 @@ class Trial:
         """Step between samples [s]: the median, for gaps may be among them."""
         return float(np.median(np.diff(self.time)))
 
+    @property
+    def rate(self) -> float:
+        """Samples a second [Hz], by the whole run: single times may be rounded."""
+        return float(self.rows[-1] / (self.time[-1] - self.time[0]))
+
     @cached_property
     def rows(self) -> NDArray[np.intp]:
         """Row (n,) of every sample on a grid of equal steps, see `rows_of`."""
@@ -172,8 +177,7 @@ class Trial:
         """
         if self.wave is None:
             return self
-        middle = 0.5 * float(self.time[0] + self.time[-1])
-        phase -= 2.0 * math.pi * frequency * middle
+        phase -= 2.0 * math.pi * frequency * (0.5 * float(self.time[0] + self.time[-1]))
         return replace(self, wave=self.wave.moved(frequency=frequency, phase=phase, scale=scale))
 
 

@@ -44,8 +44,7 @@ def count_beats(time: FloatArray, angle: FloatArray) -> float | None:
     rest = _residual(drift, angle)
     if np.ptp(rest, axis=0).max() < _STILL:
         return None
-    lines = np.square(np.abs(np.fft.rfft(rest, axis=0))).sum(axis=1)
-    strongest = int(np.argmax(lines))
+    strongest = int(np.argmax(np.square(np.abs(np.fft.rfft(rest, axis=0))).sum(axis=1)))
     if strongest >= _RESOLVED:
         return float(strongest)
     beats = np.arange(2 * _STEP, _RESOLVED + 1, _STEP)

@@ -15,7 +15,6 @@ from mjfish import bounded
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.data.filters import restored_filter
-from mjfish.data.validation import check_velocities
 from mjfish.diagnosis import Diagnosis, FittedModel
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.progress import Progress
@@ -76,7 +75,6 @@ class FittedModels:
     @classmethod
     def undiagnosed(cls, dataset: Dataset, effects: Mapping[str, Effect], jobs: int | None) -> FittedModels:
         """Return a dataset of which nothing is known but its noise, as stated, else from third differences."""
-        check_velocities(dataset, "a plan")
         dataset = aligned(dataset)
         sigma = first_sigma(dataset.trials) if dataset.noise is None else np.asarray(dataset.noise)
         return cls(dataset, effects, nominal_problem(dataset, dataset.trials, Noise.white(sigma), jobs=jobs))

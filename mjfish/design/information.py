@@ -147,8 +147,7 @@ def jacobians(problem: Problem, x: FloatArray, names: Collection[str]) -> tuple[
     sensors = [(own_names[i], rows * scales[i]) for (i, _), rows in zip(problem.sensors, slopes.sensors, strict=True)]
     known = [problem.parameters[i] for i in problem.known if problem.parameters[i].name in names]
     rates = problem.known_rates(x)
-    beside = [((p.name,), np.array([[rates[p.name] * p.scale]])) for p in known]
-    return velocities, [*sensors, *beside]
+    return velocities, [*sensors, *[((p.name,), np.array([[rates[p.name] * p.scale]])) for p in known]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mjfish.data import Dataset
+from mjfish.data.validation import check_velocities
 from mjfish.design.fitted_models import FittedModels, ModelEstimate, Question
 from mjfish.design.information import Detection, Separation, detection, separations
 from mjfish.design.menu import Menu, Run
@@ -211,6 +212,7 @@ def plan(
     """
     if rivals and causes:
         raise InputError("rivals: found with causes, expected one of them; drop the other")
+    check_velocities(diagnosis if isinstance(diagnosis, Dataset) else diagnosis.dataset, "a plan")
     if isinstance(diagnosis, Dataset) and not rivals and not causes:
         diagnosis = diagnose(diagnosis, effects=effects, jobs=jobs, progress=part(progress, 0.0, 0.5))
         progress = part(progress, 0.5, 0.5)
@@ -265,7 +267,8 @@ def _known(
 def _causes(known: FittedModels, question: Question) -> tuple[Effect, ...]:
     effects = of_fish(known.effects, known.dataset.fish)
     if not question.names:
-        return tuple(effect for effect in effects.values() if not effect.not_applicable(known.dataset))
+        left = (effect for name, effect in effects.items() if name not in known.problem.nominal)
+        return tuple(effect for effect in left if not effect.not_applicable(known.dataset))
     found = tuple(find(name, effects) for name in question.names)
     for effect in found:
         if reason := effect.not_applicable(known.dataset):

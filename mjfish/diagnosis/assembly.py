@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +15,13 @@ from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.candidate_table import candidate_table, failed_candidates, undetectable
 from mjfish.diagnosis.combinations import MEMBER, to_optimum
-from mjfish.diagnosis.comparison import Compared
+from mjfish.diagnosis.compared import Compared
 from mjfish.diagnosis.conclusion import Conclusion
-from mjfish.diagnosis.description import Description, describe
+from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.failures import unfinished
 from mjfish.diagnosis.fan_out import followed
-from mjfish.diagnosis.fingerprint import Measured, fingerprint
+from mjfish.diagnosis.fingerprint import fingerprint
 from mjfish.diagnosis.held_out import HeldOut, gain
 from mjfish.diagnosis.isolability import Isolability, isolability
 from mjfish.diagnosis.missing_force import MissingForce, missing_force, with_velocities
@@ -30,7 +30,7 @@ from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Cause, Diagnosis, Estimate, FittedModel, Overlay, SensorOverlay, estimates
 from mjfish.diagnosis.screening import ALARM, Screening
 from mjfish.diagnosis.verdict import Decision, withheld
-from mjfish.diagnosis.where import Where, locate
+from mjfish.diagnosis.where import locate
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.identification import identified_fish
 from mjfish.estimation.posterior import posterior
@@ -52,15 +52,16 @@ def assemble(
 ) -> Diagnosis:
     """Return the diagnosis with all that readers look at; a claim is taken back where a part failed."""
     parts, evidence, best = begun.parts, screening.evidence, concluded.best
-    dataset, shown = begun.dataset, evidence if best is None else best
+    dataset, shown = begun.dataset, best or evidence
     checks = checks.joined(Inspection.of(contradicted(shown.problem, shown.fit), begun.known))
     parts.failures |= _unfinished({names[0]: refit for names, refit in compared.single.refits.items()}, best)
     table = candidate_table(begun, evidence, compared, held_out)
     converged = {"the nominal model": evidence.fit.status, "the extended model": shown.fit.status}
     views, gained = _views(begun, screening, concluded), None
-    if held_out.trials and (best is not None or concluded.decision.verdict == "unexplained"):
+    if held_out.trials:
         scores = held_out.score(None), held_out.score(best)
         gained = parts.run("the gain", lambda: gain(*scores, held_out.trials, begun.rng), None)
+    joints: tuple[str, ...] = parts.run("errors of joints", lambda: (*joints_in_words(evidence.problem),), ())
     drawn = parts.run("the posterior", lambda: _posterior(shown.problem, shown.fit), None)
     decision = withheld(concluded.decision, parts.failures)
     named = decision.verdict == "named"
@@ -72,7 +73,7 @@ def assemble(
         remarks=(
             *failed_remarks(parts.failures),
             *remarks(screening.remark, evidence.fit, converged, held_out.trials),
-            *joints_in_words(evidence.problem),
+            *joints,
             *(f"{trial.name}: {own}" for trial in dataset.trials for sensor in trial.sensors for own in sensor.remarks),
             *([] if evidence.problem.samples else [SMOOTHED]),
         ),
@@ -109,31 +110,25 @@ def assemble(
     )
 
 
-class _Views(TypedDict):
-    """Views of what is wrong, as `Diagnosis` has them."""
-
-    isolability: Isolability
-    where: Where | None
-    force: tuple[MissingForce, ...]
-    fingerprint: Measured | None
-    description: Description | None
-
-
-def _views(begun: Begun, screening: Screening, concluded: Conclusion) -> _Views:
-    """Return the views of what is wrong; one that fails is left out."""
+def _views(begun: Begun, screening: Screening, concluded: Conclusion) -> dict[str, Any]:
+    """Return the views of what is wrong, by field of `Diagnosis`; one that fails is left out."""
     parts, evidence, best = begun.parts, screening.evidence, concluded.best
     told = parts.run("what can be told apart", lambda: isolability(evidence, begun.learnable), Isolability())
-    found = _Views(isolability=told, where=None, force=(), fingerprint=None, description=None)
+    found: dict[str, Any] = {"isolability": told}
     if screening.p_wrong < ALARM:
         found["where"] = parts.run("where it is", lambda: locate(evidence, screening.directed), None)
         if (looked := with_velocities(evidence.problem, evidence.fit.values)) is not None:
-            found["force"] = parts.run("the missing force", partial(missing_force, looked, evidence.fit.values), ())
+            found["force"] = parts.run(
+                "the missing force", partial(missing_force, looked, evidence.fit.values), tuple[MissingForce, ...]()
+            )
     if best is not None and (looked := with_velocities(best.problem, best.fit.values)) is not None:
-        make = partial(fingerprint, looked, best.effects, best.fit.values)
-        found["fingerprint"] = parts.run("the fingerprint", make, None)
+        found["fingerprint"] = parts.run(
+            "the fingerprint", partial(fingerprint, looked, best.effects, best.fit.values), None
+        )
     if concluded.decision.verdict == "unexplained":
-        make_words = partial(describe, evidence.problem, evidence.fit, begun.rng)
-        found["description"] = parts.run("the description", make_words, None)
+        found["description"] = parts.run(
+            "the description", partial(describe, evidence.problem, evidence.fit, begun.rng), None
+        )
     return found
 
 
@@ -204,7 +199,7 @@ def remarks(noise: str, nominal: Fit, converged: Mapping[str, str], held: Sequen
                 "the verdict depends on them; give [start] values nearer to the truth, or look at the findings"
             )
     for p, at_bound in zip(nominal.parameters, nominal.at_bound, strict=True):
-        if at_bound and ":start." not in p.name:  # a finding
+        if at_bound and ":start." not in p.name:  # those of starts are findings
             yield f"{p.name} of the nominal model is at its bound, {nominal.values[p.name]:.4g} {p.unit}".rstrip(" -")
     if not held:
         yield "no held-out trial: the gain cannot be measured; record or set aside one more trial"

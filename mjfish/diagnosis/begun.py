@@ -69,11 +69,15 @@ class Begun:
         """The learned forms that the dataset can show."""
         return tuple(e for e in self.known.values() if e.learned and not self.reasons[e.name])
 
+    @property
+    def posed(self) -> Problem:
+        """The problem; refits that were kept beside what failed are not taken."""
+        kept = self.problem.kept
+        return self.problem if kept is None else replace(self.problem, kept=kept.without(sorted(self.failures)))
+
     def without(self, failed: Mapping[str, str]) -> Begun:
-        """Return a new beginning: without what failed, and without refits that were kept beside it."""
-        failures, kept = {**self.failures, **failed}, self.problem.kept
-        kept = None if kept is None else kept.without(sorted(failures))
-        return replace(self, failures=failures, problem=replace(self.problem, kept=kept))
+        """Return a new beginning, without what failed."""
+        return replace(self, failures={**self.failures, **failed})
 
 
 def culprits(error: Exception, begun: Begun) -> dict[str, str]:
@@ -81,7 +85,7 @@ def culprits(error: Exception, begun: Begun) -> dict[str, str]:
 
     Where the error does not say, each is tried alone: at its null, and one scale off it.
     """
-    left = [*begun.applicable, *begun.learnable]
+    left = [effect for effect in begun.known.values() if not begun.reasons[effect.name]]
     told = error.reasons if isinstance(error, CandidatesFailedError) else {raised_in(error): reason_of(error)}
     if found := {effect.name: told[effect.name] for effect in left if effect.name in told}:
         return found

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from mjfish.diagnosis.begun import Begun
-from mjfish.diagnosis.comparison import Compared
+from mjfish.diagnosis.compared import Compared
 from mjfish.diagnosis.evidence import Evidence, p_value_of
 from mjfish.diagnosis.held_out import HeldOut, pooled_error
 from mjfish.diagnosis.result import Candidate, Cause

@@ -34,10 +34,11 @@ _BASES, _ADDED = 2, 3
 _FAR = 0.6
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
-#: and the set must explain this much beyond every smaller one (and a share, see `select.share_of`).
+#: and the set must explain this much beyond every smaller one, and `select.share_of` what it explains.
 MEMBER = 20.0
-#: Where less than that share is left: an addition must take so much, and this share of all that other mechanisms
-#: explain there, beyond chance, measured at its refit. It is refitted where its score is this share of that.
+#: Where less than the share of `select.share_of` is left: an addition must take so much, and this share of all that
+#: other mechanisms explain there, beyond chance, measured at its refit. It is refitted where its score is this share of
+#: that.
 MENDED, _MOST_OF_IT, _HALF_OF_IT = 200.0, 0.7, 0.5
 
 
@@ -61,6 +62,18 @@ def find_combinations(
         The sets with their standings; None where no second cause is to be seen, or no set has earned all its members.
     """
     known: dict[Names, Refit] = {(name,): refit for name, refit in singles.items()}
+    found = _searched(known, candidates, held_out, rng, progress)
+    return None if found is None else _confirmed(found, known, held_out)
+
+
+def _searched(
+    known: dict[Names, Refit],
+    candidates: Sequence[Effect],
+    held_out: HeldOut,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> Comparison | None:
+    """Return the sets, not yet looked at on the held-out trials; what was refitted is added to `known`."""
     bases = _best(known.values())
     best: Comparison | None = None
     goodness = _goodness(candidates, held_out)
@@ -71,16 +84,18 @@ def find_combinations(
             known.update(found := grown(bases, candidates, known, rng))
             earned.update({names: refit for names, refit in found.items() if beats_smaller_sets(refit, known)})
             if earned:
-                best = _standing(earned, goodness, known, held_out, rng)
-                inside = {names: one for names, one in best.standings.items() if one.in_set}
-                sufficient = [names for names, one in inside.items() if one.clean]
-                if not sufficient and any(leaves_little(best.refits[names], one) for names, one in inside.items()):
+                best = Comparison(earned, standings(earned, goodness, held_out, rng))
+                inside = {names: standing for names, standing in best.standings.items() if standing.in_set}
+                sufficient = [names for names, standing in inside.items() if standing.clean]
+                # whether they fit, or hold on the held-out trials, is not asked, as `Comparison.exhausted` does
+                if not sufficient and any(leaves_little(earned[names], inside[names]) for names in inside):
                     return best
                 if sufficient:
-                    known.update(parts := _parts([best.refits[names] for names in sufficient], known))
+                    known.update(parts := _parts([earned[names] for names in sufficient], known))
                     if all(beats_smaller_sets(earned[names], known) for names in sufficient):
                         return best
-                    return _standing({**_of_size(size - 1, known), **parts}, goodness, known, held_out, rng)
+                    smaller = {**_of_size(size - 1, known), **parts}
+                    return Comparison(smaller, standings(smaller, goodness, held_out, rng))
         if not earned or goodness.left(max(earned.values(), key=lambda refit: refit.gain)) > _FAR:
             return best
         bases = _best(earned.values())
@@ -126,13 +141,12 @@ def find_small_addition(
                 borne_out |= {names} if confirmation is not None and confirmation.borne_out else set()
     if not found:
         return None
-    pairs = _standing(found, _goodness(candidates, held_out), known, held_out, rng)
     kept = {
         names: standing
-        for names, standing in pairs.standings.items()
+        for names, standing in standings(found, _goodness(candidates, held_out), held_out, rng).items()
         if standing.in_set and (standing.clean or (names in borne_out and standing.fits))
     }
-    return replace(pairs, standings=kept) if kept else None
+    return _confirmed(Comparison(found, kept), known, held_out) if kept else None
 
 
 def _best(refits: Iterable[Refit]) -> list[Refit]:
@@ -265,20 +279,10 @@ def _goodness(candidates: Sequence[Effect], held_out: HeldOut) -> Goodness:
     return Goodness([effect for effect in candidates if not effect.learned], held_out.trials)
 
 
-def _standing(
-    sets: Mapping[Names, Refit],
-    goodness: Goodness,
-    known: Mapping[Names, Refit],
-    held_out: HeldOut,
-    rng: np.random.Generator,
-) -> Comparison:
-    """Compare sets; on the held-out trials against the best refit with one member less."""
-    found = standings(sets, goodness, held_out, rng)
-    confirmed = {
-        names: held_out.confirmed(
-            sets[names], max(_without(sets[names], known), key=lambda part: part.gain, default=None)
-        )
-        for names, standing in found.items()
-        if standing.in_set
-    }
-    return Comparison(sets, found, confirmed)
+def _confirmed(found: Comparison, known: Mapping[Names, Refit], held_out: HeldOut) -> Comparison:
+    """Look at sets on the held-out trials, against the best refit with one member less."""
+    confirmed = {}
+    for names in (names for names, standing in found.standings.items() if standing.in_set):
+        part = max(_without(found.refits[names], known), key=lambda part: part.gain, default=None)
+        confirmed[names] = held_out.confirmed(found.refits[names], part)
+    return replace(found, held_out=confirmed)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mjfish.diagnosis.begun import Begun
-from mjfish.diagnosis.comparison import Compared
+from mjfish.diagnosis.compared import Compared
 from mjfish.diagnosis.domain import explaining_domain
 from mjfish.diagnosis.forms import NamedMechanism, named_mechanisms, staying
 from mjfish.diagnosis.held_out import HeldOut, pooled_error
@@ -51,7 +51,7 @@ def conclude(
     """
     parts, refits = begun.parts, compared.refits
     decision = decide(screening.p_wrong, compared.single, compared.several, blocks, compared.others)
-    best = refits.get((*decision.sets, compared.single.closest())[0])
+    best = refits.get(decision.sets[0] if decision.sets else compared.single.closest())
     mechanisms: tuple[NamedMechanism, ...] = ()
     domain = _shared_domain(decision, begun.known)
     if decision.verdict == "named" and best is not None:
@@ -79,8 +79,8 @@ def _with_form(
     formulas = [refits[names] for names in decision.sets if names in refits and not refits[names].learned]
     retained = staying(formulas, form) or (best if form is None else form,)
     shown = retained[0]
-    several = compared.single if len(shown.effects) == 1 or compared.several is None else compared.several
-    clean = shown.names in several.cleanly()
+    among = compared.single if len(shown.effects) == 1 or compared.several is None else compared.several
+    clean = shown.names in among.cleanly()
     mechanisms: tuple[NamedMechanism, ...] = begun.parts.run(
         "the form", lambda: named_mechanisms(shown, retained, form, screening.evidence.fit, clean=clean), ()
     )

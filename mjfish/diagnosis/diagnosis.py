@@ -14,7 +14,7 @@ from mjfish.data import Dataset, load_dataset
 from mjfish.data.validation import check_comparable
 from mjfish.diagnosis.assembly import assemble, unfinished_diagnosis
 from mjfish.diagnosis.begun import Begun, culprits
-from mjfish.diagnosis.comparison import compare
+from mjfish.diagnosis.compared import compare
 from mjfish.diagnosis.conclusion import conclude
 from mjfish.diagnosis.failures import NOMINAL, CandidatesFailedError, PartFailedError, blamed, candidates_limited
 from mjfish.diagnosis.held_out import HeldOut
@@ -34,7 +34,7 @@ from mjfish.inspection import Finding, Inspection, inspect, inspect_fit
 from mjfish.kept import Kept
 
 #: Said of a cause that is a part of the nominal model.
-_PART = "It is a part of the nominal model: the dataset says what is known of it."
+_PART = "It is a part of the nominal model, and fitted with it."
 #: How often a diagnosis begins: each time fewer candidates are left.
 _MOST_ATTEMPTS = 5
 #: The part that fails where no other one is to blame.
@@ -152,7 +152,7 @@ def _diagnosed(begun: Begun) -> Diagnosis:
         raise PartFailedError(_WHOLE, "no candidate is left that could be tried")
     begun.progress("testing the data", 0.0)
     checks = begun.parts.run("the tests of the data", lambda: inspect(begun.measured, begun.known), Inspection())
-    screening = screen(begun.problem, begun.applicable, begun.stated, begun.rng, begun.progress)
+    screening = screen(begun.posed, begun.applicable, begun.stated, begun.rng, begun.progress)
     checks = checks.joined(_checks_of_fit(begun, screening, checks))
     begun.progress("comparing the candidates", 0.75)
     held_out = HeldOut(screening.evidence, begun.dataset.split()[1])
@@ -165,7 +165,7 @@ def _diagnosed(begun: Begun) -> Diagnosis:
 
 
 def _checks_of_fit(begun: Begun, screening: Screening, before: Inspection) -> Inspection:
-    """Return what the fit of the nominal model says of the data, and whether its noise can be noise."""
+    """Return what the nominal fit says of the data and their noise; that it was stopped is noted as a failure."""
     evidence, parts, known = screening.evidence, begun.parts, begun.known
     problem, nominal = evidence.problem, evidence.fit
     if nominal.status == "stopped":

@@ -139,7 +139,8 @@ def left_by_others(formula: Refit, learned: Refit) -> float:
     places = {p.name: i for i, p in enumerate(learned.problem.parameters)}
     at, scales = [places[p.name] for p in own], np.array([p.scale for p in own])
     precision = prior_precision(learned.effects[-1:], own)
-    values, axes = np.linalg.eigh(precision + np.diag((~np.any(precision, axis=0)).astype(float)))
+    unknown = ~np.any(precision, axis=0)
+    values, axes = np.linalg.eigh(precision + np.diag(unknown.astype(float)))
     draws = np.random.default_rng(0).standard_normal((len(own), _OTHERS))
     forms = axes @ (draws / np.sqrt(np.maximum(values, 1e-6))[:, None])
     slopes = learned.fit.jacobian.of_columns(at) * scales

@@ -34,8 +34,9 @@ Verdict = Literal["named", "nothing_wrong", "cannot_tell", "unexplained"]
 SCHEMA = 2
 _NEXT = {
     "named": "confirm the cause on the bench, and simulate with the extended model.",
-    "nothing_wrong": "read what could not have been seen (`undetectable`), or `mjfish.plan` runs that would show more.",
-    "cannot_tell": "mend what the findings name; `mjfish.plan` has the runs that tell rivals apart.",
+    "nothing_wrong": "read from which sizes on causes would have been seen (`isolability`, `undetectable`).",
+    "cannot_tell": "mend what the findings name; where velocities were measured, `mjfish.plan` has the runs that tell "
+    "rivals apart.",
     "unexplained": "test the cause that comes closest (`closest`); then look at the missing force (`force`, "
     "`description`) for a cause that is not in the catalogue.",
 }
@@ -246,7 +247,7 @@ class Diagnosis(Result):
         force: the missing generalised force of every fitted trial, with its band; empty where nothing is wrong.
         fingerprint: how the discrepancy of the best scales and which symmetry it breaks; None where nothing is wrong.
         description: forces that describe what no cause explains; only where it is ``unexplained``.
-        gain: on held-out trials; None where there are none or nothing is wrong.
+        gain: on held-out trials; None where there are none. Where nothing is wrong both models are the nominal one.
         posterior: what the fit of the extended model says of its parameters, for draws (`mjfish.sample`); None where
             it diverged or failed.
     """
@@ -287,6 +288,11 @@ class Diagnosis(Result):
     posterior: Posterior | None = None
 
     @property
+    def plannable(self) -> bool:
+        """Whether `mjfish.plan` has runs for it: in every trial all velocities were measured."""
+        return all(trial.measured.all() for trial in self.dataset.trials)
+
+    @property
     def fish(self) -> Extended:
         """The fish with the causes that explain most, at the estimates: `mjfish.simulate` takes it."""
         return Extended(self.extended_model, {name: value.estimate for name, value in self.extended.items()})
@@ -307,11 +313,12 @@ class Diagnosis(Result):
         if self.verdict == "cannot_tell" and self.rivals:
             lines.append(f"  rivals: {'; '.join(', '.join(group) for group in self.rivals)}")
         if self.gain is not None:
-            before, after = self.gain.nominal["pooled"], self.gain.extended["pooled"]
-            lines.append(
-                f"  held-out error: {before:.3f} -> {after:.3f} of the range, {self.gain.relative_reduction:.0%} less "
+            after = (
+                f" -> {self.gain.extended['pooled']:.3f} of the range, {self.gain.relative_reduction:.0%} less "
                 f"({self.gain.low:.0%} to {self.gain.high:.0%})"
             )
+            told = after if self.best else " of the range"
+            lines.append(f"  held-out error: {self.gain.nominal['pooled']:.3f}{told}")
         lines += [f"  {finding.severity}: {finding.message}" for finding in self.checks.blocks]
         lines.append(f"Next: {_MEND if self.failures else _NEXT[self.verdict]}")
         lines[sized:sized] = self._curves(room=10 - len(lines))

@@ -17,7 +17,7 @@ that they have, given the fitted ones (docs/notes/018): often they were swum oth
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -53,8 +53,8 @@ _EXACT = 0.03
 _SLIGHT = 0.01
 #: And up to this share, it is like the truth, if nothing else is.
 RESEMBLES = 1.0 / 3.0
-#: A set must explain this share more than every smaller one, also where one of both has a learned form: its basis has
-#: its limits, and it may mend much.
+#: A set must explain this share more than every smaller one; the second where one of both has a learned form: its basis
+#: has its limits, and it may mend much.
 SHARE, LEARNED_SHARE = 0.01, 0.03
 DRAWS = 4000
 #: Rows of residuals that are compared at a time.
@@ -251,12 +251,13 @@ class Comparison:
     Attributes:
         refits: of the sets.
         standings: of the sets.
-        held_out: on held-out trials, against the best set with one member less; None where there are none.
+        held_out: what sets in the confidence set gain on held-out trials, against the best refit with one member less,
+            single causes against the nominal model; None where there are no such trials.
     """
 
     refits: Mapping[Names, Refit]
     standings: Mapping[Names, Standing]
-    held_out: Mapping[Names, Confirmation | None]
+    held_out: Mapping[Names, Confirmation | None] = field(default_factory=dict)
 
     def fails(self, names: Names) -> bool:
         """Return whether a set is known to fail on the held-out trials."""

@@ -83,8 +83,7 @@ def joint_motion(wave: Wave, start: float, end: float, step: float) -> JointMoti
             f"a wave has {len(wave.amplitude)} amplitudes, {len(wave.phase)} phases and {len(wave.bias)} biases, "
             "expected one of each a joint"
         )
-    breaks = [start, *([wave.ramp] if start < wave.ramp < end else []), end]
-    boundaries = grid(np.array(breaks), step)
+    boundaries = grid(np.array([start, *([wave.ramp] if start < wave.ramp < end else []), end]), step)
     stages = np.stack([boundaries[:-1], 0.5 * (boundaries[:-1] + boundaries[1:]), boundaries[1:]], axis=1)
     omega = 2.0 * np.pi * wave.frequency
     phase = omega * stages[..., None] + np.array(wave.phase)

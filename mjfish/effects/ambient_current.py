@@ -53,8 +53,7 @@ class AmbientCurrent(Effect):
         """Begin a trial from rest against the water, as far as the fish was held; else the start is free anyhow."""
         if not trial.starts_at_rest:
             return velocity
-        yaw = float(begun_at(trial)[2])
-        against = frames.to_body(np.array([[values["x"], values["y"]]]), np.array([yaw]))[0]
+        against = frames.to_body(np.array([[values["x"], values["y"]]]), np.array([float(begun_at(trial)[2])]))[0]
         return np.asarray(velocity - values["held"] * np.array([*against, 0.0]))
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:

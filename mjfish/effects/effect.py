@@ -267,7 +267,7 @@ def variant(cause: type[Effect], **attributes: Hashable) -> Effect:
 
     So that what was computed with it is found again.
     """
-    made: Effect = type(cause.__name__, (cause,), attributes)()
+    made: Effect = type(cause.__name__, (cause,), {"__module__": cause.__module__, **attributes})()
     return made
 
 

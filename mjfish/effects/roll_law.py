@@ -51,9 +51,7 @@ class RollLaw(RollLoss):
         """Return this roll at the numbers of a formula."""
         if formula == "roll_loss":
             return {**values, "nose": 0.0, "height": 0.0}
-        if formula == "roll":
-            return {**values, "square": 0.0, "nose": 0.0}
-        return {}
+        return {**values, "square": 0.0, "nose": 0.0} if formula == "roll" else {}
 
     def priors(self) -> tuple[Prior, ...]:
         """Say of which order the numbers of the roll are."""

@@ -337,12 +337,13 @@ def identify(
         remarks += (f"held-out trials are not scored: {reason_of(error)}",)
     found = Identification(
         dataset, solution, _measured_sigma(problem), tuple(_score(residual) for residual in residuals),
-        (*remarks, *joints_in_words(problem)),
+        remarks,
         settings.starts, many.reached, problem, None,
         tuple(score for residual in residuals for score in _sensor_scores(residual)),
     )  # fmt: skip
     try:
-        assessed = replace(found, assessment=assess(problem, solution, residuals))
+        told = (*remarks, *joints_in_words(problem))
+        assessed = replace(found, remarks=told, assessment=assess(problem, solution, residuals))
         _ = assessed.posterior  # computed now, where its failure can still be said
     except MjfishError:
         raise

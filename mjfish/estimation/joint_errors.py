@@ -22,7 +22,7 @@ _STEP = 1e-6
 #: Place of the heading in the state of the head.
 _YAW = 5
 #: Errors of joint angles that move what a sensor reads by a smaller share of its sigma are left out.
-MATTERS = 0.1
+_MATTERS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def whitening(
 ) -> Whitening | None:
     """Return what whitens the sensors of a trial whose joints were measured, linearised where the fish was.
 
-    None where the errors of the joints move no reading by `MATTERS` of its sigma, rms.
+    None where the errors of the joints move no reading by `_MATTERS` of its sigma, rms.
 
     An error of a joint turns the fish, and then moves it across its heading. A rollout may have another heading; a
     filter linearised along it leads the next fit further away. So the heading is estimated by that filter first, and
@@ -114,7 +114,7 @@ def whitening(
     headed = filtered_states(filtered(np.zeros(len(errors.time)))[0], series)[:, _YAW].copy()  # not two filters at once
     gains, variances = filtered(headed)
     means = (np.mean(variances[at, own], axis=0) for at, own in zip(places, channels, strict=True))
-    matter = np.concatenate([*means]) >= (MATTERS * np.concatenate(sigma)) ** 2
+    matter = np.concatenate([*means]) >= (_MATTERS * np.concatenate(sigma)) ** 2
     return Whitening(places, masks, channels, gains) if matter.any() else None
 
 

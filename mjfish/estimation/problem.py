@@ -426,7 +426,7 @@ class Problem:
     def errors_of_joints(self, index: int) -> tuple[Whitening | None, list[BoolArray]]:
         """Return what whitens the sensors of a trial for errors of its joints, and the samples (m,) it was made of.
 
-        None where these errors do not matter: the joints are exact.
+        None where these errors do not matter, or velocities allow for them, or the run diverged.
         """
         trial = self.trials[index]
         seen = [self._between(index, sensor, -np.inf, self._window(index)[1]) for sensor in trial.sensors]

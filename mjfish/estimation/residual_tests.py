@@ -215,17 +215,14 @@ def independence(
     """
     designs = {name: [lagged(cpg, residual, name) for residual in residuals] for name in INPUTS}
     noises = _background(residuals, designs, absorbed)
-    left = [_complete(residual) for residual in residuals]
+    left = [  # zero where any channel is missing or the sample does not count
+        np.where(np.all(np.isfinite(residual.values), axis=1)[:, None], residual.values, 0.0) for residual in residuals
+    ]
     found = []
     for channel in range(len(CHANNELS)):
         for name in INPUTS:
             found += _of(channel, name, residuals, left, designs[name], noises, absorbed)
     return tuple(found)
-
-
-def _complete(residual: Residual) -> FloatArray:
-    """Return residuals (n, 3), zero where any channel is missing or the sample does not count."""
-    return np.where(np.all(np.isfinite(residual.values), axis=1)[:, None], residual.values, 0.0)
 
 
 def _background(

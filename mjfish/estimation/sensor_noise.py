@@ -17,7 +17,7 @@ import numpy as np
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Sensor, Trial
 from mjfish.data.sensor import smallest_sigma, third_differences
-from mjfish.estimation.joint_errors import MATTERS, Whitening, whitening
+from mjfish.estimation.joint_errors import Whitening, whitening
 from mjfish.estimation.problem import Problem
 
 #: Smallest sigma that is believed, as a share of the range of a channel: samples are rounded.
@@ -98,14 +98,15 @@ def with_sensor_noise(problem: Problem, x: FloatArray) -> Problem:
 
 
 def joints_in_words(problem: Problem) -> Iterator[str]:
-    """Yield in which trials errors of recorded joint angles do not matter, and in which they are allowed for."""
-    exact: dict[bool, list[str]] = {}
+    """Yield in which trials errors of recorded joint angles matter, and in which they do not."""
+    told: dict[bool, list[str]] = {}
     for index, trial in enumerate(problem.trials):
-        if trial.joint_angle is not None and trial.sensors and problem.joint_errors is not None:
-            exact.setdefault(problem.errors_of_joints(index)[0] is None, []).append(trial.name)
-    for small, names in exact.items():
-        told = f"by less than {MATTERS:g} of its noise, they are exact" if small else "and are part of its noise"
-        yield f"joint angles of {', '.join(names)}: their errors move what is seen {told}"
+        allowed = trial.joint_angle is not None and trial.sensors and not trial.measured.any()
+        if allowed and problem.joint_errors is not None:
+            told.setdefault(problem.errors_of_joints(index)[0] is not None, []).append(trial.name)
+    for matter, names in told.items():
+        what = "matter: they are counted as noise" if matter else "do not matter: the angles are taken as exact"
+        yield f"errors of the recorded joint angles in {', '.join(names)} {what}"
 
 
 def having_noise_of(problem: Problem, other: Problem) -> Problem:

@@ -83,8 +83,7 @@ def section_at(sections: Sequence[Section], station: FloatArray) -> tuple[FloatA
 def _evaluate(section: Section, station: FloatArray) -> tuple[FloatArray, FloatArray]:
     s = np.clip((station - section.start) / (section.end - section.start), 0.0, 1.0)
     shape = np.sqrt(1.0 - (1.0 - s) ** 2) if section.profile == "elliptic" else s
-    ends = (section.height, section.width)
-    height, width = (a + (b - a) * shape for a, b in ends)
+    height, width = (a + (b - a) * shape for a, b in (section.height, section.width))
     return height, width
 
 

@@ -84,7 +84,7 @@ def _of_velocities(problem: Problem, fit: Fit, held: Sequence[Trial]) -> list[Fi
 def starts_on_bounds(fit: Fit) -> Iterator[Finding]:
     """Yield a finding for every number of a start that rests on its bound: bounds are wider than any start."""
     for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True):
-        trial, _, own = p.name.partition(":")
+        trial, _, own = p.name.rpartition(":")
         if at_bound and own.startswith("start."):
             yield Finding(
                 "start-on-bound",
@@ -175,7 +175,8 @@ def _drift(misfit: FloatArray) -> tuple[float, tuple[int, int]]:
         for b in range(shifts):
             if abs(a - b) < 2:
                 continue
-            here = float(misfit[np.rint(a + (b - a) * share).astype(np.intp), np.arange(n)].sum())
+            at = np.rint(a + (b - a) * share).astype(np.intp)
+            here = float(misfit[at, np.arange(n)].sum())
             if here < best:
                 best, ends = here, (a, b)
     return best, ends

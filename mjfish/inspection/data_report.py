@@ -116,7 +116,7 @@ def _of_trial(trial: Trial, *, held_out: bool) -> dict[str, Any]:
         "held_out": held_out,
         "samples": len(trial.time),
         "duration": float(trial.time[-1] - trial.time[0]),
-        "rate": 1.0 / trial.step,
+        "rate": trial.rate,
         "driven_by": trial.driven_by,
         "pose": trial.pose is not None,
         "sensors": [sensor.name for sensor in trial.sensors],

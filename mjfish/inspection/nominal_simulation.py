@@ -434,8 +434,7 @@ def start_findings(trial: Trial, guess: FloatArray | None, noise: FloatArray) ->
             )
     if guess is None or not trial.starts_at_rest or trial.time[0] > 0.05:
         return
-    step = trial.step
-    few = slice(0, max(int(0.1 / step), 2))
+    few = slice(0, max(int(0.1 / trial.step), 2))
     usual = float(np.median(trial.velocity[len(trial.time) // 2 :, 0]))
     excess = float(np.median(trial.velocity[few, 0] - guess[few, 0]))
     if usual > 0.0 and excess > _MOVING * usual and excess > 6.0 * float(noise[0]):

@@ -333,4 +333,5 @@ def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, f
 def _tail_speed(links: tuple[Link, ...], motion: JointMotion) -> float:
     """Return the largest sideways speed [m/s] of the middle of the last link, for a head held and a body straight."""
     lengths = np.array([link.length for link in links])
-    return float(np.abs(motion.rate[:, 0] @ (np.cumsum(lengths[:0:-1])[::-1] - 0.5 * lengths[-1])).max())
+    reach = np.cumsum(lengths[:0:-1])[::-1] - 0.5 * lengths[-1]
+    return float(np.abs(motion.rate[:, 0] @ reach).max())

@@ -25,8 +25,6 @@ from mjfish.noise.autoregressive import Autoregressive, Noise, estimate, grid
 _DRAWS, _LEAST = 16, 0.02
 #: Highest frequency of a spectrum, as a share of the sampling rate, and bands in which periodograms are averaged.
 _HIGHEST, _BANDS = 0.45, 40
-#: Longest end of a run that is tested for larger noise, samples.
-_LONGEST_END = 20
 #: What the columns of single trials leave of whitened columns of all, below this share of the longest, is rounding.
 _DUST = 1e-8
 #: P values at which the outermost two samples of either end are too large, and the others for the end to reach there.

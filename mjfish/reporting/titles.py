@@ -24,9 +24,7 @@ def cause_title(name: str, effects: Mapping[str, Effect]) -> str:
 
 def mechanism_title(name: str, effects: Mapping[str, Effect]) -> str:
     """Return what acts; a cause that is a mechanism by itself says it for both."""
-    if name in MECHANISMS:
-        return _capital(MECHANISMS[name].summary)
-    return cause_title(name, effects)
+    return _capital(MECHANISMS[name].summary) if name in MECHANISMS else cause_title(name, effects)
 
 
 def headline(diagnosis: Diagnosis) -> str:

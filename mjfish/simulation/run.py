@@ -165,7 +165,7 @@ def simulate(
         raise InputError("free: the ODE is planar; choose the engine mujoco")
     extended_fish = extended.load(fish, effects, values)
     run, trial = prepared(extended_fish, mode, drive=drive, duration=duration)
-    simulated = (_in_mujoco if engine == "mujoco" else _in_ode)(run, free)
+    simulated = _in_mujoco(run, free) if engine == "mujoco" else _in_ode(run, free)
     state = simulated.state
     for effect, own in run.active:
         state = effect.reading(state, own, trial)

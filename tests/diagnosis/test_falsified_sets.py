@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mjfish.diagnosis import comparison as module
+from mjfish.diagnosis import compared as module
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.select import Comparison, Standing
 

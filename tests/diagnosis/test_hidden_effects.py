@@ -119,7 +119,8 @@ def test_nothing_wrong_is_found_where_nothing_is_hidden() -> None:
     result = diagnose(draw(None, "strong").dataset, jobs=1)
     assert result.verdict == "nothing_wrong", (result.message, result.p_wrong)
     assert result.causes == ()
-    assert result.gain is None
+    assert result.gain is not None
+    assert result.gain.extended == result.gain.nominal
     assert "coefficients hide" in result.undetectable["mass_error"]
 
 

@@ -43,7 +43,7 @@ def test_the_noise_of_the_camera_is_read_from_the_residual(quiet: Diagnosis) -> 
 
 
 def test_the_report_says_that_errors_of_the_joints_are_allowed_for(quiet: Diagnosis) -> None:
-    told = "joint angles of v1, v3-t1, v1-t2: their errors move what is seen and are part of its noise"
+    told = "errors of the recorded joint angles in v1, v3-t1, v1-t2 matter: they are counted as noise"
     assert told in quiet.remarks
 
 

@@ -53,11 +53,11 @@ def test_a_held_out_run_is_predicted_from_what_its_first_quarter_tells_of_its_jo
     assert all(0.6 < float(np.mean(white**2)) < 1.1 for white in told.whitened)
 
 
-@pytest.mark.parametrize(("matters", "told"), [(100.0, "they are exact"), (0.1, "are part of its noise")])
+@pytest.mark.parametrize(("matters", "told"), [(100.0, "do not matter"), (0.1, "matter: they are counted as noise")])
 def test_it_is_said_whether_errors_of_measured_joints_matter(
     monkeypatch: pytest.MonkeyPatch, matters: float, told: str
 ) -> None:
-    monkeypatch.setattr(joint_errors, "MATTERS", matters)
+    monkeypatch.setattr(joint_errors, "_MATTERS", matters)
     noise = (0.003, 0.003, 0.02)
     pool = mjfish.generate(
         "pike", ["v1"], observe="pose", joints="measured", joint_noise=0.002, noise=noise, duration=3
@@ -65,5 +65,5 @@ def test_it_is_said_whether_errors_of_measured_joints_matter(
     posed = problem(pool)
     (said,) = joints_in_words(with_sensor_noise(posed, posed.start(posed.model.values())))
     assert told in said
-    assert said.startswith("joint angles of v1: ")
+    assert said.startswith("errors of the recorded joint angles in v1 ")
     assert [*joints_in_words(problem(swimming(pool.fish)))] == []

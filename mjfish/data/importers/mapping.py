@@ -222,10 +222,10 @@ def told(table: Driven, trial: Trial) -> tuple[str, ...]:
         return ()
     if not trial.commanded:
         return ("joint angles as measured",)
-    late = f"half a sample, {500.0 * trial.step:.3g} ms, later"
+    late = f"half a sample, {500.0 / trial.rate:.3g} ms, later"
     if trial.hold == "zero":
         return (f"joint angles as commanded, held until the next (hold zero), {late} than in a smooth motion (linear)",)
-    return (f"joint angles as commanded, in a smooth motion (hold linear): held until then (zero) they are {late}",)
+    return (f"joint angles as commanded, moving smoothly in between (hold linear); held until the next (zero): {late}",)
 
 
 def measured_angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish, mapping: Path) -> FloatArray | None:

@@ -101,7 +101,8 @@ def import_files(
         raise InputError(f"no files to import, expected one or more; name the files of {importer}")
     seen: dict[Path, Path] = {}
     for path in paths:
-        if seen.setdefault(path.resolve(), path) is not path:
+        first = seen.setdefault(path.resolve(), path)
+        if first is not path:
             raise InputError(f"{path}: given twice, expected every file once; remove one")
     for path in paths if function in _MAPPED else ():
         if (found := foreign(path)) is not None:

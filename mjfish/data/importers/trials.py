@@ -255,7 +255,7 @@ def _every(apart: int, joints: int, beat: float | None, step: float) -> int:
     """Return how many frames a sample takes: errors independent, but joint angles dense enough for a spline."""
     if not joints:
         return max(apart, 1)
-    return max(min(apart, int(1.0 / (_SAMPLES * beat * step) if beat is not None else 1.0)), 1)
+    return max(min(apart, 1 if beat is None else int(1.0 / (_SAMPLES * beat * step))), 1)
 
 
 def _reason(reasons: dict[int, str], start: int, end: int, frames: int, keep: BoolArray) -> str:

@@ -79,7 +79,7 @@ def still(stretch: Stretch, size: Size) -> tuple[FloatArray, NDArray[np.uint8]]:
     figures = [figure.at(times) for figure in _bodies(drawing.figures)]
     azimuth = _azimuth(figures)
     corners = np.concatenate([figure.place.reshape(-1, 3) for figure in figures])
-    every = np.concatenate([corners, np.concatenate([_tails(figure) for figure in figures])])
+    every = np.concatenate([corners, *(_tails(figure) for figure in figures)])
     right, deep = _axes(azimuth)
     across, up = every @ right, every @ deep
     middle = 0.5 * (across.min() + across.max()) * right + 0.5 * (up.min() + up.max()) * deep

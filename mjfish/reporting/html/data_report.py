@@ -46,7 +46,7 @@ def write_data_report(report: DataReport, findings: go.Figure, path: Path) -> No
 
 def _remark(trial: Trial, *, held_out: bool) -> str:
     role = "held out" if held_out else "fitted"
-    return f"{role}, {len(trial.time)} samples at {1.0 / trial.step:.4g} Hz, driven by {trial.driven_by}"
+    return f"{role}, {len(trial.time)} samples at {trial.rate:.4g} Hz, driven by {trial.driven_by}"
 
 
 def _channels(trial: Trial) -> go.Figure:

@@ -114,12 +114,13 @@ def render_diagnosis(diagnosis: Diagnosis, splits: Splits | None = None) -> str:
 def parts(diagnosis: Diagnosis, splits: Splits | None) -> list[Part]:
     """Return the sections that the page of a diagnosis has, in order."""
     experiment = "What would tell them apart" if diagnosis.verdict == "cannot_tell" else "What would confirm it"
+    held_out = "What the extended model gains" if diagnosis.best else "Error on held-out trials"
     found = (
-        (Part("notices", "Errors and warnings", "notices.html.j2"), True),
+        (Part("notices", "Findings and remarks", "notices.html.j2"), True),
         (Part("rivals", "Rivals side by side", "rivals.html.j2"), rivals(diagnosis)),
         (Part("experiments", experiment, "experiments.html.j2"), experiments(diagnosis)),
         (Part("form", "Form", "form.html.j2"), any(mechanism.curves for mechanism in diagnosis.mechanisms)),
-        (Part("gain", "What the extended model gains", "gain.html.j2"), diagnosis.best or diagnosis.gain),
+        (Part("gain", held_out, "gain.html.j2"), diagnosis.best or diagnosis.gain),
         (Part("splits", "How firmly the verdict is held", "splits.html.j2"), splits is not None),
         (Part("trials", "Measured against simulated", "trials.html.j2"), True),
         (Part("residuals", "What is left over beat and speed", "residuals.html.j2"), diagnosis.problem.samples),

@@ -66,7 +66,8 @@ def _tab(run: Run, drawing: Drawing) -> rrb.Horizontal:
     said = [rrb.TextDocumentView(origin="/about", name="About")]
     if run.events:
         said.append(rrb.TextLogView(origin=f"{root}/events", name="Events"))
-    swimming = rrb.Tabs(_swimming(root, run, drawing), _from_above(root, run, drawing), active_tab=0)
+    above = _view(root, "From above", (0.0, 0.0, 1.9 * _far(run, drawing)), (0.0, 1.0, 0.0))  # x to the right
+    swimming = rrb.Tabs(_swimming(root, run, drawing), above, active_tab=0)
     return rrb.Horizontal(
         rrb.Vertical(swimming, rrb.Tabs(*said, active_tab=0), row_shares=[4, 1]),
         _curves(f"{root}/velocity", ""),
@@ -80,11 +81,6 @@ def _swimming(root: str, run: Run, drawing: Drawing) -> rrb.Spatial3DView:
     """Look from aside and above at the camera's point, from so far that every fish is in view at all times."""
     far = _far(run, drawing)
     return _view(root, "Swimming", (-0.35 * far, -1.15 * far, 1.15 * far), (0.0, 0.0, 1.0))
-
-
-def _from_above(root: str, run: Run, drawing: Drawing) -> rrb.Spatial3DView:
-    """Look straight down at the camera's point, x to the right."""
-    return _view(root, "From above", (0.0, 0.0, 1.9 * _far(run, drawing)), (0.0, 1.0, 0.0))
 
 
 def _far(run: Run, drawing: Drawing) -> float:
@@ -189,8 +185,8 @@ def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: 
     drawings = [drawn(run, scale, name) for run in runs]
     recording.save(path, default_blueprint=blueprint(runs, drawings, mechanisms))
     recording.send_recording_name(name)
-    forces = any(swim.forces is not None for run in runs for swim in run.swims)
-    legend = f"\n\nArrows: 1 N is {scale:g} m." if forces else ""
+    has_forces = any(swim.forces is not None for run in runs for swim in run.swims)
+    legend = f"\n\nArrows: 1 N is {scale:g} m." if has_forces else ""
     recording.log("about", rr.TextDocument(about + legend, media_type=rr.MediaType.MARKDOWN), static=True)
     for run, drawing in zip(runs, drawings, strict=True):
         root = "/" + rr.escape_entity_path_part(run.name)

@@ -50,7 +50,7 @@ def _(result: Diagnosis, path: Path) -> None:
     lines = [f"**{VERDICTS[result.verdict]}.** {result.message}"]
     if result.gain is not None:
         before, after = (percent(table["pooled"]) for table in (result.gain.nominal, result.gain.extended))
-        lines.append(f"Error on held-out trials: {before} of range before, {after} after.")
+        lines.append(f"Error on held-out trials: {before} of range{f' before, {after} after' if result.best else ''}.")
     lines.append(
         "Measured grey, nominal model orange, extended model teal. "
         "Forces of the water: drag red, added mass blue, what an effect adds yellow."
