@@ -116,10 +116,12 @@ def _sizes(result: Diagnosis) -> Iterator[_Item]:
         yield _Item(_word("mechanism"), named_as(mechanism))
         yield from (_Item(_word("  curve"), curve.summary()) for curve in mechanism.curves)
     if result.verdict == "nothing_wrong":
-        apart = result.isolability
-        rows = enumerate(zip(apart.amplitudes, apart.sizes, apart.units, strict=True))
+        rows = enumerate(
+            zip(*(getattr(result.isolability, part) for part in ("amplitudes", "sizes", "units")), strict=True)
+        )
         seen = [f"{name} {number(row[k])} {unit(own)}".rstrip() for k, (name, row, own) in rows if row[k] < math.inf]
-        yield _Item(_word("seen from"), ", ".join(seen))
+        room = 3 * console.width_beside(_word("seen from"))
+        yield _Item(_word("seen from"), textwrap.shorten(", ".join(seen), room, placeholder=" ..."))
     knots = knots_of(result.effects.values())
     own = {name: value for name, value in result.extended.items() if name.partition(".")[0] in result.best}
     word = "size" if result.verdict == "named" else "rival" if result.rivals else "closest"
