@@ -119,7 +119,11 @@ def diagnosis(
         if verdict == "unexplained"
         else None,
         p_wrong=1e-9 if wrong else 0.63,
-        gain=_GAIN if wrong and held_out else None,
+        gain=None
+        if not held_out
+        else _GAIN
+        if wrong
+        else replace(_GAIN, extended=_GAIN.nominal, relative_reduction=0.0),
         nominal=nominal,
         extended={**nominal, **of_cause} if wrong else nominal,
         nominal_model=Model(fish),

@@ -11,12 +11,14 @@ import pytest
 from synthetic_trials import DURATION, swum, synthetic
 
 from mjfish.data import Dataset, load_dataset, read_table, save, write_table
-from mjfish.design import FittedModels, Menu, Plan, plan, write_next_run
+from mjfish.design import FittedModels, Menu, Plan, plan, planning, write_next_run
+from mjfish.design.fitted_models import Question
 from mjfish.design.information import Detection, Information
 from mjfish.diagnosis.evidence import gather
 from mjfish.effects import find
 from mjfish.errors import InputError
 from mjfish.estimation import fit
+from mjfish.simulation import generate
 
 TRUTH = {"ambient_current.y": 0.004}
 NAMES = ("ambient_current", "frame_misalignment", "time_offset")
@@ -161,3 +163,17 @@ def test_a_cause_that_the_data_cannot_show_is_refused(dataset: Dataset) -> None:
         plan(free, rivals=("time_offset", "servo_lag"), jobs=1)
     with pytest.raises(InputError, match="pause"):
         plan(dataset, rivals=("time_offset", "servo_lag"), menu=Menu(pause=-1.0), jobs=1)
+
+
+def test_a_plan_of_places_is_refused_before_anything_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planning, "diagnose", None)
+    posed = generate("pike", ["v1"], observe="pose", duration=1.0)
+    with pytest.raises(InputError, match=r"trial 'v1' has no surge .* a plan rests on surge, sway and yaw rate"):
+        plan(posed)
+
+
+def test_a_cause_of_the_nominal_model_is_not_asked_for(dataset: Dataset) -> None:
+    known = FittedModels.undiagnosed(dataset, {name: find(name) for name in NAMES}, 1)
+    for nominal, expected in (((), NAMES), (NAMES[:1], NAMES[1:])):
+        here = replace(known, problem=replace(known.problem, nominal=nominal))
+        assert tuple(effect.name for effect in planning._causes(here, Question("see", ()))) == expected

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from mjfish.effects import Effect, catalogue, find
+from mjfish.effects import Effect, catalogue, find, of_fish
 from mjfish.errors import InputError, MjfishError, ParameterError, UnknownNameError
+from mjfish.fish_of_measurements import new_fish
 from mjfish.hydro.load import PARAMETERS
 
 VALID = (Path(__file__).parent / "own_effects.py").read_text(encoding="utf-8").partition("\n@load")[0]
@@ -135,3 +136,10 @@ def test_a_load_with_too_many_parameters_is_refused(tmp_path: Path) -> None:
     text = text.replace("    def reading", "    load = Load(lambda link, p: (0.0, 0.0, 0.0))\n\n    def reading")
     with pytest.raises(ParameterError, match=f"effect CameraScale: a load may have {PARAMETERS} parameters at most"):
         catalogue([_file(tmp_path, text)])
+
+
+def test_a_cause_of_a_fish_is_of_the_module_of_its_class() -> None:
+    """By its module a diagnosis finds the files that it depends on."""
+    fish = new_fish("trout", length=0.4, mass=0.6, joints=3, height=0.07)
+    for effect in of_fish(catalogue(), fish).values():
+        assert type(effect).__module__.startswith("mjfish.effects.")

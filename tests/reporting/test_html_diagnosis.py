@@ -119,6 +119,7 @@ def test_when_nothing_is_wrong_only_the_nominal_model_is_shown() -> None:
     for figure in page.figures().values():
         assert {trace.get("name") for trace in figure["data"]} <= {"measured", "nominal", None}
     assert "extended model" not in page.text
+    assert "Error on held-out trials channel nominal surge 3.10 % sway" in page.text.replace("\N{NO-BREAK SPACE}", " ")
     assert "the minimum detectable effect is time_constant 5.8 × 10⁻⁵ s." in page.text
 
 

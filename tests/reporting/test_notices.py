@@ -74,7 +74,7 @@ def test_page_json_and_terminal_say_the_same(tmp_path: Path, capsys: pytest.Capt
 def test_the_first_screen_counts_them_and_leads_to_them() -> None:
     (count,) = tree(render_diagnosis(_warned())).every("p", "count")
     (link,) = count.every("a")
-    assert (link.text, link.attributes["href"]) == ("Errors and warnings: 5", "#notices")
+    assert (link.text, link.attributes["href"]) == ("Findings and remarks: 5", "#notices")
     silent = tree(render_diagnosis(replace(diagnosis(), remarks=())))
     assert not list(silent.every("p", "count"))
     (section,) = (part for part in silent.every("section") if part.attributes["id"] == "notices")

@@ -122,7 +122,7 @@ def _causes(diagnosis: Diagnosis) -> Iterable[str]:
 
 
 def _held_out(diagnosis: Diagnosis) -> Iterable[str]:
-    if (gain := diagnosis.gain) is not None:
+    if (gain := diagnosis.gain) is not None and diagnosis.best:
         yield (
             f"On the held-out trials the root-mean-square error, in shares of the range of each channel, is "
             f"{percent(gain.nominal['pooled'])} of the nominal and {percent(gain.extended['pooled'])} of the extended "
