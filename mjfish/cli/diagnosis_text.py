@@ -116,9 +116,8 @@ def _sizes(result: Diagnosis) -> Iterator[_Item]:
         yield _Item(_word("mechanism"), named_as(mechanism))
         yield from (_Item(_word("  curve"), curve.summary()) for curve in mechanism.curves)
     if result.verdict == "nothing_wrong":
-        rows = enumerate(
-            zip(*(getattr(result.isolability, part) for part in ("amplitudes", "sizes", "units")), strict=True)
-        )
+        apart = result.isolability
+        rows = enumerate(zip(apart.amplitudes, apart.sizes, apart.units, strict=True))
         seen = [f"{name} {number(row[k])} {unit(own)}".rstrip() for k, (name, row, own) in rows if row[k] < math.inf]
         room = 3 * console.width_beside(_word("seen from"))
         yield _Item(_word("seen from"), textwrap.shorten(", ".join(seen), room, placeholder=" ..."))

@@ -87,7 +87,7 @@ def _searched(
                 best = Comparison(earned, standings(earned, goodness, held_out, rng))
                 inside = {names: standing for names, standing in best.standings.items() if standing.in_set}
                 sufficient = [names for names, standing in inside.items() if standing.clean]
-                # whether they fit, or hold on the held-out trials, is not asked, as `Comparison.exhausted` does
+                # unlike `Comparison.exhausted`, this asks neither whether they fit nor what held-out trials say
                 if not sufficient and any(leaves_little(earned[names], inside[names]) for names in inside):
                     return best
                 if sufficient:

@@ -99,9 +99,8 @@ def _combined(
     )
     if found is None:
         return None
-    staying_sets = [names for names, standing in found.standings.items() if standing.in_set]
     formulas = {name: refit for name, refit in refits.items() if not refit.learned}
-    flexible = all(found.refits[names].learned for names in staying_sets)
+    flexible = all(found.refits[names].learned for names, standing in found.standings.items() if standing.in_set)
     if flexible and found.falsified() and len(formulas) < len(refits):
         plain = [effect for effect in candidates if not effect.learned]
         return _combined(single, formulas, plain, held_out, rng, progress) or found
