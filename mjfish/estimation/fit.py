@@ -1,4 +1,4 @@
-"""Bounded trust-region least squares ([Yu2016] eq. (21)) and what it says about its estimates.
+"""Least squares within bounds ([Yu2016] eq. (21)) and what it says about its estimates.
 
 Fits from many starts: is the optimum that was found the only one, and the best?
 """
@@ -11,13 +11,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from scipy import optimize, sparse, special
+from scipy import special
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.block_angular import BlockAngular, IntArray
+from mjfish.block_angular import BlockAngular
 from mjfish.errors import NUMERIC, MjfishError, reason_of
+from mjfish.estimation.levenberg_marquardt import minimise, slope
 from mjfish.estimation.problem import LOST, Problem
 from mjfish.estimation.settings import Loss
 from mjfish.parameter import Parameter, bounds
@@ -30,10 +31,8 @@ _AT_BOUND = 1e-4
 _MAX_EVALUATIONS = 100
 #: Variance of the estimates of a fit that failed.
 _UNKNOWN = 1e200
-#: Parameters up to which the step is by a singular value decomposition; by LSMR, whose time is linear in them, beyond.
-_EXACT = 400
-#: LSMR to the last digits: steps, and so their number, are then those of the exact solver.
-_EXACTLY = {"atol": 1e-12, "btol": 1e-12, "regularize": False}
+#: A fit keeps this share of the range off its bounds: some causes do nothing on theirs, and have no derivative there.
+_INSIDE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +66,7 @@ class Fit:
         linearised: returns `jacobian` and `covariance`.
         reach: (p,) standard errors were no parameter held by its bound: how far one that is might lie from it.
         at_bound: (p,) whether the estimate rests on a bound.
-        status: ``converged`` or ``stopped`` (too many evaluations), ``diverged``, or ``failed``: the optimiser raised
-            an error, or ended before it had converged or used up its evaluations.
+        status: ``converged`` or ``stopped`` (too many evaluations), ``diverged``, or ``failed``: an error was raised.
         message: of the optimiser; which trial diverged, when and with which parameters, where one did; the error.
         evaluations: of the residual.
         cost: what was minimised: `sse`, or its robust form.
@@ -168,11 +166,7 @@ def fit(
     loss: Loss = "linear",
     loss_scale: float = 1.0,
 ) -> Fit:
-    """Minimise the sum of squared whitened residuals within the bounds, by `scipy.optimize.least_squares` (trf).
-
-    What scipy sees is the residual and its derivative turned by the Q of their factorisation
-    (`mjfish.block_angular`), as many rows as parameters and one for what is left: the same steps, at a cost that is
-    linear in runs. A robust loss is one of single residuals, which cannot be turned.
+    """Minimise the sum of squared whitened residuals within the bounds (`mjfish.estimation.levenberg_marquardt`).
 
     Args:
         problem: the residuals.
@@ -183,10 +177,15 @@ def fit(
             `jacobian`, covariances) is then weighted as the loss weighs it at the optimum.
     """
     low, high = bounds(problem.parameters)
-    inside = 1e-6 * (high - low)
-    x0 = np.clip(problem.start() if start is None else start, low + inside, high - inside)
+    inside = _INSIDE * (high - low)
+    within = low + inside, high - inside
+    x0 = np.clip(problem.start() if start is None else start, *within)
     try:
-        return _minimised(problem, x0, tolerance, evaluations, loss, loss_scale)
+        with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
+            found = minimise(problem, x0, within, tolerance, evaluations, loss, loss_scale)
+        x, at_bound = _settle(found.x, low, high, found.gradient)
+        end = End(x, found.x, at_bound, found.status, found.message, found.evaluations, found.cost)
+        return _fit_at(_Ended(problem, end, loss, loss_scale), found.residual, found.jacobian)
     except MjfishError:
         raise
     except NUMERIC as error:
@@ -209,47 +208,6 @@ def fit_or_raise(problem: Problem, start: FloatArray, *, tolerance: float, evalu
     return found
 
 
-def _minimised(
-    problem: Problem, x0: FloatArray, tolerance: float, evaluations: int, loss: Loss, loss_scale: float
-) -> Fit:
-    scale = np.array([p.scale for p in problem.parameters])
-    low, high = bounds(problem.parameters)
-    large = loss == "linear" and len(scale) > _EXACT
-    turned = _Turned(problem, scale, large) if loss == "linear" else _Rows(problem, scale)
-    with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
-        some = _Some.of(turned, x0 / scale)
-        moving = some.moving
-        solution = optimize.least_squares(
-            some.residual,
-            some.start[moving],
-            jac=some.jacobian,
-            bounds=((low / scale)[moving], (high / scale)[moving]),
-            method="trf",
-            x_scale="jac",
-            tr_solver="lsmr" if large else "exact",
-            tr_options={**_EXACTLY, "maxiter": 10 * len(scale)} if large else {},
-            ftol=tolerance,
-            xtol=1e-8,
-            gtol=1e-10,
-            max_nfev=evaluations,
-            loss=loss,
-            f_scale=loss_scale,
-        )
-    ended, gradient = some.whole(solution.x), np.zeros(len(scale))
-    gradient[moving] = solution.grad
-    x, at_bound = _settle(ended * scale, low, high, gradient)
-    end = End(
-        x,
-        ended,
-        at_bound,
-        "converged" if solution.status > 0 else "failed" if solution.nfev < evaluations else "stopped",
-        str(solution.message),
-        int(solution.nfev),
-        2.0 * float(solution.cost),
-    )
-    return _fit_at(turned, _Ended(problem, end, loss, loss_scale))
-
-
 @dataclass(frozen=True, eq=False)
 class End:
     """Where an optimiser ended; the rest of a `Fit`, whose attributes these are, follows from the problem."""
@@ -257,7 +215,7 @@ class End:
     x: FloatArray
     ended: FloatArray
     at_bound: BoolArray
-    status: Literal["converged", "stopped", "failed"]
+    status: Literal["converged", "stopped"]
     message: str
     evaluations: int
     cost: float
@@ -265,7 +223,8 @@ class End:
 
 def fit_at(problem: Problem, end: End) -> Fit:
     """Return the `fit` of a problem by squares that is known to have ended there, to the last bit."""
-    return _fit_at(_Rows(problem, np.array([p.scale for p in problem.parameters])), _Ended(problem, end, "linear", 1.0))
+    ended = _Ended(problem, end, "linear", 1.0)
+    return _fit_at(ended, problem.residual(end.ended), problem.jacobian(end.ended))
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,13 +236,9 @@ class _Ended:
     loss: Loss
     loss_scale: float
 
-    @property
-    def _derived_at(self) -> FloatArray:
-        return np.asarray(self.end.ended * [p.scale for p in self.problem.parameters])
-
     def plain(self) -> FloatArray:
         """Return the residual; putting an estimate onto its bound is a move too small for a derivative."""
-        return self.problem.residual(self.end.x if self.end.at_bound.any() else self._derived_at)
+        return self.problem.residual(self.end.x if self.end.at_bound.any() else self.end.ended)
 
     def weighted(self, plain: FloatArray) -> FloatArray:
         """Return the residual as the loss weighs it."""
@@ -295,7 +250,7 @@ class _Ended:
 
     def linearised(self) -> Linearised:
         """Return derivatives and covariance of the fit."""
-        return self.seen(self.problem.jacobian(self._derived_at), self.plain)[0]
+        return self.seen(self.problem.jacobian(self.end.ended), self.plain)[0]
 
     def seen(self, jacobian: BlockAngular, plain: Callable[[], FloatArray]) -> tuple[Linearised, FloatArray]:
         """Return the same of derivatives and of a residual, which a robust loss asks for; and the reach of the fit."""
@@ -311,9 +266,8 @@ class _Ended:
         return np.asarray(np.sqrt(slope(self.loss, (plain / self.loss_scale) ** 2)))
 
 
-def _fit_at(turned: _Rows, ended: _Ended) -> Fit:
+def _fit_at(ended: _Ended, plain: FloatArray, jacobian: BlockAngular) -> Fit:
     problem, end = ended.problem, ended.end
-    plain, jacobian = turned.at(end.ended)
     if end.at_bound.any():
         plain = ended.plain()
     divergence = problem.divergence(end.x) if np.abs(plain).max(initial=0.0) >= LOST else ""
@@ -330,7 +284,7 @@ def _fit_at(turned: _Rows, ended: _Ended) -> Fit:
         message=divergence or end.message,
         evaluations=end.evaluations,
         cost=end.cost,
-        penalty=float(np.sum((turned.prior @ end.x - turned.mean) ** 2)),
+        penalty=float(np.sum((problem.prior_root @ end.x - problem.prior_mean) ** 2)),
         ended=end.ended,
     )
 
@@ -355,140 +309,8 @@ def _failed(problem: Problem, x: FloatArray, reason: str) -> Fit:
     )
 
 
-class _Rows:
-    """Residual and its derivative by scaled parameters y = x / scale as they are, rows of priors below."""
-
-    def __init__(self, problem: Problem, scale: FloatArray) -> None:
-        self.problem, self.scale = problem, scale
-        self.prior, self.mean = problem.prior_root, problem.prior_mean
-
-    def residual(self, y: FloatArray) -> FloatArray:
-        """Return the residual at y (p,); refuse one that is not finite, as no rollout gives it."""
-        x = y * self.scale
-        whole = np.concatenate([self.problem.residual(x), self.mean - self.prior @ x])
-        if not np.isfinite(whole).all():
-            raise FloatingPointError("the residual is not finite")
-        return whole
-
-    def jacobian(self, y: FloatArray) -> FloatArray | sparse.csr_array:
-        """Return its derivative at y (p,)."""
-        return -self.problem.jacobian(y * self.scale).above(self.prior).dense() * self.scale
-
-    def at(self, y: FloatArray) -> tuple[FloatArray, BlockAngular]:
-        """Return the residual and the derivative of the prediction, by x and without priors, at a point y (p,)."""
-        return self.problem.residual(y * self.scale), self.problem.jacobian(y * self.scale)
-
-
-#: A sum of squares above the least by this share cannot be below it but for rounding; and what is then added to it.
-_ABOVE, _BEYOND_DOUBT = 1e-12, 1e-9
-
-
-class _Turned(_Rows):
-    """Residual e and derivative turned by Q', with J = Q R at the point.
-
-    The residual has p + 1 numbers: Q'e, and the length of what is left of e. The derivative is -R, with a row of zeros.
-    Both are computed at once. A point that is not below the least sum of squares gets no derivative: the optimiser
-    never goes on from there, for the sum of squares of what it sees is that of e to the last digits. The last point
-    that got one is kept: the optimiser asks for its derivative, and the fit mostly ends there.
-    """
-
-    def __init__(self, problem: Problem, scale: FloatArray, large: bool) -> None:
-        super().__init__(problem, scale)
-        self._large, self._least = large, np.inf
-        self._kept: dict[bytes, tuple[FloatArray, BlockAngular, FloatArray, BlockAngular]] = {}
-
-    def residual(self, y: FloatArray) -> FloatArray:
-        """Return the residual at y (p,)."""
-        if known := self._kept.get(y.tobytes()):
-            return known[0]
-        whole, turned = super().residual(y), np.zeros(len(y) + 1)
-        square = float(whole @ whole)
-        if square >= self._least * (1.0 + _ABOVE):
-            turned[-1] = np.sqrt(square * (1.0 + _BEYOND_DOUBT))
-            return turned
-        self._kept = {}  # the derivative of an hour of samples is large: not two at once
-        jacobian = self.problem.jacobian(y * self.scale)
-        factors = jacobian.above(self.prior).factorised()
-        inside = factors.basis.coordinates(whole)
-        turned[: len(inside)], turned[-1] = inside, np.sqrt(max(square - float(inside @ inside), 0.0))
-        self._least, triangle = min(square, self._least), factors.triangle.scaled(columns=-self.scale)
-        self._kept[y.tobytes()] = turned, triangle, whole[: len(whole) - len(self.mean)], jacobian
-        return turned
-
-    def jacobian(self, y: FloatArray) -> FloatArray | sparse.csr_array:
-        """Return its derivative at y (p,), the last point that got one; without its zeros if large."""
-        _, rows, _, _ = self._kept[y.tobytes()]
-        if self._large:
-            return rows.sparse(len(y) + 1)
-        return np.pad(rows.dense(), ((0, len(y) + 1 - len(rows.shared)), (0, 0)))
-
-    def at(self, y: FloatArray) -> tuple[FloatArray, BlockAngular]:
-        """Return the residual and the derivative of the prediction, by x and without priors, at a point y (p,)."""
-        known = self._kept.get(y.tobytes())
-        return super().at(y) if known is None else known[2:]
-
-
-#: A column shorter than this share of the longest does nothing.
-_IDLE = 1e-12
-
-
-@dataclass(frozen=True, eq=False)
-class _Some:
-    """Residual and derivative by the parameters that move: all but shapes that do nothing where a fit begins.
-
-    The optimiser would take those from bound to bound, and cut every step of the others short. Those of a cause that
-    does nothing yet may do something later.
-
-    Attributes:
-        turned: of all parameters.
-        start: (p,) y where the fit begins.
-        moving: places of those that move.
-    """
-
-    turned: _Rows
-    start: FloatArray
-    moving: IntArray
-
-    @classmethod
-    def of(cls, turned: _Rows, start: FloatArray) -> _Some:
-        """Return them for a fit that begins at y (p,)."""
-        pairs = [*zip(turned.problem.parameters, start * turned.scale, strict=True)]
-        acting = {p.group for p, value in pairs if not p.shape and value != p.default}
-        shapes = np.array([p.shape and p.group in acting for p, _ in pairs], dtype=np.bool_)
-        if not shapes.any():
-            return cls(turned, start, np.arange(len(shapes)))
-        turned.residual(start)
-        lengths = np.sqrt(np.asarray(sparse.csr_array(turned.jacobian(start)).power(2).sum(axis=0)).ravel())
-        return cls(turned, start, np.flatnonzero(~(shapes & (lengths <= _IDLE * lengths.max(initial=0.0)))))
-
-    def whole(self, moved: FloatArray) -> FloatArray:
-        """Return all parameters y (p,)."""
-        y = self.start.copy()
-        y[self.moving] = moved
-        return y
-
-    def residual(self, moved: FloatArray) -> FloatArray:
-        """Return the residual."""
-        return self.turned.residual(self.whole(moved))
-
-    def jacobian(self, moved: FloatArray) -> Any:
-        """Return its derivative."""
-        return self.turned.jacobian(self.whole(moved))[:, self.moving]
-
-
-def slope(loss: Loss, z: FloatArray) -> FloatArray:
-    """Return rho'(z) of a loss rho of z = (r / scale)^2, as `scipy.optimize.least_squares` has them."""
-    if loss == "soft_l1":
-        return np.asarray(1.0 / np.sqrt(1.0 + z))
-    if loss == "huber":
-        return np.asarray(np.where(z > 1.0, 1.0 / np.sqrt(np.maximum(z, 1.0)), 1.0))
-    if loss == "cauchy":
-        return np.asarray(1.0 / (1.0 + z))
-    return np.asarray(1.0 / (1.0 + z**2) if loss == "arctan" else np.ones_like(z))
-
-
 def _settle(x: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Put estimates that the fit pushes against a bound onto it (trf itself stays strictly inside)."""
+    """Put estimates that the fit pushes against a bound onto it (the fit itself stays strictly inside)."""
     near = _AT_BOUND * (high - low)
     at_low = (x - low < near) & (gradient > 0.0)
     at_high = (high - x < near) & (gradient < 0.0)

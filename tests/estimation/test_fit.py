@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +11,8 @@ from scipy import stats
 from synthetic_swimming import SIGMA, TRUTH, off_truth, problem, swimming
 
 from mjfish.arrays import readonly
-from mjfish.block_angular import block_angular
 from mjfish.data import Dataset
 from mjfish.estimation import Fit, Noise, Problem, fit
-from mjfish.estimation.fit import _Turned
 from mjfish.estimation.settings import Loss
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
@@ -178,28 +174,3 @@ def test_the_number_of_threads_does_not_change_a_bit_of_the_answer(posed: Proble
     assert threaded.x.tobytes() == fitted.x.tobytes()
     assert threaded.covariance.tobytes() == fitted.covariance.tobytes()
     assert threaded.evaluations == fitted.evaluations
-
-
-def test_the_optimiser_never_goes_on_from_a_point_without_a_derivative() -> None:
-    """A shared column that is nearly a run's own costs digits: what the optimiser sees must still be in order."""
-    rng = np.random.default_rng(0)
-    own = rng.normal(size=(40, 2))
-    shared = np.vstack([own[:, :1] + 1e-11 * rng.normal(size=(40, 1)), 1e-11 * rng.normal(size=(40, 1))])
-    matrix = block_angular(shared, [np.arange(40)], [own])
-    measured = matrix.dense() @ np.ones(3) + rng.normal(size=80)
-    posed: Any = SimpleNamespace(
-        residual=lambda x: measured - matrix @ x,
-        jacobian=lambda _: matrix,
-        prior_root=np.zeros((0, 3)),
-        prior_mean=np.zeros(0),
-    )
-    off = 1.0 + np.linalg.lstsq(matrix.dense(), measured)[0]
-    for seed in range(200):
-        turned, draw = _Turned(posed, np.ones(3), large=False), np.random.default_rng(seed)
-        here = turned.residual(off + 1e-8 * draw.normal(size=3))
-        for _ in range(5):
-            there = off + 1e-8 * draw.normal(size=3)
-            seen = turned.residual(there)
-            if seen @ seen < here @ here:
-                assert turned.jacobian(there).shape == (4, 3)
-                here = seen

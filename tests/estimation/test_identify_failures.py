@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import json
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +12,6 @@ import numpy as np
 import pytest
 from forced import CALLS, names, spoil
 from schema_check import complaints
-from scipy import optimize
 
 from mjfish.data import Dataset
 from mjfish.estimation import Identification, Settings, identify
@@ -49,35 +47,27 @@ def _assert_told(result: Identification, status: str, reason: str) -> None:
     assert complaints("identification-2", json.loads(json.dumps(result.to_dict()))) == []
 
 
-def _raises(_solve: Any, *_given: Any, **_options: Any) -> Any:
+def _raises(*_given: Any, **_options: Any) -> Any:
     raise np.linalg.LinAlgError("SVD did not converge")
 
 
-def _early(solve: Callable[..., Any], *given: Any, **options: Any) -> Any:
-    found = solve(*given, **{**options, "max_nfev": 1})
-    return optimize.OptimizeResult({**found, "status": 0, "message": "gave up"})
-
-
 @pytest.mark.parametrize("starts", [1, 3])
-@pytest.mark.parametrize(("solve", "reason"), [(_raises, "SVD did not converge"), (_early, "gave up")])
-def test_a_fit_that_raises_or_ends_early_has_failed(
-    monkeypatch: pytest.MonkeyPatch, solve: Callable[..., Any], reason: str, starts: int
-) -> None:
-    monkeypatch.setattr(FIT.optimize, "least_squares", functools.partial(solve, optimize.least_squares))
+def test_a_fit_whose_steps_cannot_be_solved_has_failed(monkeypatch: pytest.MonkeyPatch, starts: int) -> None:
+    spoil(monkeypatch, ("mjfish.estimation.levenberg_marquardt", "scipy.optimize", "lsq_linear"), "raises")
     result = _identified(starts)
-    _assert_told(result, "failed", reason)
+    _assert_told(result, "failed", "forced")
     assert result.assessment is None
     assert result.reached == 0.0
 
 
 def test_one_start_that_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    honest, calls = optimize.least_squares, list[int]()
+    honest, calls = FIT.minimise, list[int]()
 
-    def solve(*given: Any, **options: Any) -> Any:
+    def minimise(*given: Any) -> Any:
         calls.append(1)
-        return _raises(honest) if len(calls) == 1 else honest(*given, **options)
+        return _raises() if len(calls) == 1 else honest(*given)
 
-    monkeypatch.setattr(FIT.optimize, "least_squares", solve)
+    monkeypatch.setattr(FIT, "minimise", minimise)
     result = _identified(starts=3)
     assert result.fit.status == "converged"
     assert 0.0 < result.reached < 1.0
@@ -116,9 +106,8 @@ def test_a_prediction_without_numbers_and_without_a_word_is_told_as_one(monkeypa
 
 
 #: Those that every identification has, for the fast tests.
-FEW = [
-    call for call in CALLS if call[0] in ("mjfish.estimation.fit", "mjfish.block_angular", "mjfish.estimation.scatter")
-]
+_MODULES = ("mjfish.estimation.levenberg_marquardt", "mjfish.block_angular", "mjfish.estimation.scatter")
+FEW = [call for call in CALLS if call[0] in _MODULES]
 
 
 def _assert_no_claim(patch: pytest.MonkeyPatch, call: tuple[str, str, str], how: str) -> list[int]:

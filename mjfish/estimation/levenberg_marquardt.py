@@ -1,0 +1,162 @@
+"""Least squares within bounds: the steps of Levenberg and Marquardt, each the exact minimum of its model there.
+
+At x, with the residual e and the derivative J of the prediction, the step s minimises
+
+    |e - J s|^2 + mu |D s|^2,  low <= x + s <= high,
+
+with the lengths of the columns of J in D [Marquardt1963]. The damping mu follows from how well the model of the last
+step predicted its gain [Nielsen1999]. `scipy.optimize.lsq_linear` solves it. `scipy.optimize.least_squares` (trf) bends
+its steps away from bounds, however far they are [ColemanLi1996]: along what the data hardly say, such as the shares of
+head, body and tail in the friction, it then goes in ten to forty small steps where these go in three.
+
+[Marquardt1963] D. W. Marquardt, SIAM Journal 11. [Nielsen1999] H. B. Nielsen, IMM-REP-1999-05, DTU.
+[ColemanLi1996] T. Coleman and Y. Li, SIAM Journal on Optimization 6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import optimize, sparse
+
+from mjfish.arrays import FloatArray
+from mjfish.block_angular import BlockAngular
+from mjfish.estimation.problem import Problem
+from mjfish.estimation.settings import Loss
+
+#: Damping of the first step, and most by which it falls after a step that gained what was predicted.
+_FIRST, _FALL = 1e-8, 1.0 / 3.0
+#: A column shorter than this share of the longest counts as that long: what does nothing stays.
+_IDLE = 1e-12
+#: A step that gains a smaller share than this of what was predicted is no sign of convergence.
+_TRUSTED = 0.25
+#: A step below this, relative to x, both in units of the columns, ends the fit.
+_SHORT = 1e-8
+#: Parameters up to which a step is solved with dense matrices; by LSMR, whose time is linear in them, beyond.
+_DENSE = 400
+#: Tolerance of LSMR: to the last digits, steps, and so their number, are then those of dense matrices.
+_EXACTLY = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Where the minimisation ended.
+
+    Attributes:
+        x: (p,) the point.
+        residual: (n,) there, of the data.
+        jacobian: (n, p) derivative of the prediction there.
+        gradient: (p,) of half the cost there.
+        cost: what is minimised there: the sum of squares, or its robust form, priors among them.
+        evaluations: of the residual.
+        status: ``converged``, or ``stopped`` after the most evaluations.
+        message: why it ended, in words.
+    """
+
+    x: FloatArray
+    residual: FloatArray
+    jacobian: BlockAngular
+    gradient: FloatArray
+    cost: float
+    evaluations: int
+    status: Literal["converged", "stopped"]
+    message: str
+
+
+def minimise(
+    problem: Problem,
+    x: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    tolerance: float,
+    evaluations: int,
+    loss: Loss,
+    loss_scale: float,
+) -> Minimum:
+    """Minimise from a point (p,) within bounds, until a step lowers the cost by a share of less than `tolerance`.
+
+    A robust loss weighs the rows of each step by its slope at the last point.
+    """
+    prior, mean = problem.prior_root, problem.prior_mean
+
+    def left(at: FloatArray) -> tuple[FloatArray, float]:
+        whole = np.concatenate([problem.residual(at), mean - prior @ at])
+        if not np.isfinite(whole).all():
+            raise FloatingPointError("the residual is not finite")
+        return whole, float(loss_scale**2 * np.sum(loss_of(loss, (whole / loss_scale) ** 2)))
+
+    here, cost = left(x)
+    done, damping, rise, message = 1, _FIRST, 2.0, ""
+    while True:
+        jacobian = problem.jacobian(x)
+        weights = np.sqrt(slope(loss, (here / loss_scale) ** 2))
+        factors = jacobian.above(prior).scaled(rows=weights).factorised()
+        triangle, turned = factors.triangle, factors.basis.coordinates(weights * here)
+        del factors  # of an hour of samples it is large
+        lengths = np.maximum(triangle.lengths, _IDLE * triangle.lengths.max(initial=1e-100))
+        ahead = False
+        while not (ahead or message or done >= evaluations):
+            step = _step(triangle, turned, lengths, damping, bounds[0] - x, bounds[1] - x)
+            if not np.isfinite(step).all():
+                raise FloatingPointError("a step of the fit is not finite")
+            predicted = float(turned @ turned - np.sum((turned - triangle @ step) ** 2))
+            if predicted < tolerance * cost:
+                message = f"a step would lower the cost by less than {tolerance:g} of it"
+                break
+            moved = np.clip(x + step, *bounds)
+            there, new = left(moved)
+            done, ahead, ratio = done + 1, new < cost, (cost - new) / predicted
+            if abs(cost - new) < tolerance * cost and ratio > _TRUSTED:
+                message = f"a step changed the cost by less than {tolerance:g} of it"
+            elif np.linalg.norm(lengths * step) < _SHORT * np.linalg.norm(lengths * x):
+                message = f"a step was shorter than {_SHORT:g}"
+            damping *= max(_FALL, 1.0 - (2.0 * ratio - 1.0) ** 3) if ahead else rise
+            rise = 2.0 if ahead else 2.0 * rise
+        if not ahead:
+            break
+        x, here, cost = moved, there, new
+        del jacobian  # not two at once
+    data, gradient = here[: len(here) - len(mean)], -triangle.transposed_times(turned)
+    if message:
+        return Minimum(x, data, jacobian, gradient, cost, done, "converged", message)
+    message = f"the most evaluations were used, {evaluations}"
+    return Minimum(x, data, jacobian, gradient, cost, done, "stopped", message)
+
+
+def _step(
+    triangle: BlockAngular, turned: FloatArray, lengths: FloatArray, damping: float, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Return the step (p,) that minimises |Q'e - R s|^2 + mu |D s|^2 within bounds."""
+    scaled, count = triangle.scaled(columns=1.0 / lengths), len(lengths)
+    right = np.concatenate([turned, np.zeros(count)])
+    within = low * lengths, high * lengths
+    if count <= _DENSE:
+        rows = np.concatenate([scaled.dense(), np.sqrt(damping) * np.eye(count)])
+        solved = optimize.lsq_linear(rows, right, bounds=within, method="bvls")
+    else:
+        rows = sparse.vstack([scaled.sparse(len(turned)), np.sqrt(damping) * sparse.eye_array(count)], format="csr")
+        solved = optimize.lsq_linear(rows, right, bounds=within, lsmr_tol=_EXACTLY, lsmr_maxiter=10 * count)
+    return np.asarray(solved.x / lengths)
+
+
+def loss_of(loss: Loss, z: FloatArray) -> FloatArray:
+    """Return a loss rho(z) of z = (r / scale)^2, as `scipy.optimize.least_squares` has them."""
+    if loss == "soft_l1":
+        return np.asarray(2.0 * (np.sqrt(1.0 + z) - 1.0))
+    if loss == "huber":
+        return np.asarray(np.where(z > 1.0, 2.0 * np.sqrt(z) - 1.0, z))
+    if loss == "cauchy":
+        return np.log1p(z)
+    return np.arctan(z) if loss == "arctan" else z
+
+
+def slope(loss: Loss, z: FloatArray) -> FloatArray:
+    """Return the slope rho'(z) of a loss."""
+    if loss == "soft_l1":
+        return np.asarray(1.0 / np.sqrt(1.0 + z))
+    if loss == "huber":
+        return np.asarray(np.where(z > 1.0, 1.0 / np.sqrt(np.maximum(z, 1.0)), 1.0))
+    if loss == "cauchy":
+        return np.asarray(1.0 / (1.0 + z))
+    return np.asarray(1.0 / (1.0 + z**2) if loss == "arctan" else np.ones_like(z))
