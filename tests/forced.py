@@ -17,7 +17,7 @@ CALLS: Sequence[tuple[str, str, str]] = [
     for module, library, functions in (
         ("block_angular", "numpy.linalg", "qr svd"),
         ("arrays", "numpy.linalg", "svd eigh"),
-        ("estimation.levenberg_marquardt", "scipy.optimize", "lsq_linear"),
+        ("estimation.gauss_newton", "scipy.optimize", "lsq_linear"),
         ("estimation.residual", "numpy.linalg", "eigh"),
         ("estimation.residual_tests", "numpy.linalg", "svd qr eigh"),
         ("estimation.residual_tests", "scipy.linalg", "orth eigh"),

@@ -31,7 +31,6 @@ from mjfish.diagnosis.refit import (
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
-from mjfish.estimation.fit import fit_or_raise, hypercube, scouted
 from mjfish.estimation.noise_of_fit import noise_of, smoothing_of
 from mjfish.estimation.problem import Slopes
 from mjfish.estimation.sensor_noise import having_noise_of, with_sensor_noise
@@ -48,10 +47,6 @@ _SAME = 0.05
 _DIRECTED, _OMNIBUS, _NONSMOOTH = 0.625, 0.125, 0.25
 #: P value below which uncertainty of the noise is no explanation.
 _BEYOND = 1e-12
-#: Starts of the nominal fit, and evaluations of each trial start; the mean square of the whitened residual below which
-#: the first start suffices; the cost, relative to that of the first, below which the best trial start is followed.
-_STARTS, _SCOUT = 4, 8
-_EXPLAINED, _PROMISING = 2.0, 1.05
 #: Rounds of estimating the noise of sensors before the nominal fit, and most evaluations of their fits.
 _ROUNDS, _ROUGH = 2, 15
 #: Mean square under the stated noise below which a refit tells the noise, where the nominal model is far off.
@@ -103,7 +98,7 @@ def screen(
         problem = with_sensor_noise(problem, start)
         start = sound(NOMINAL, fit(problem, start, tolerance=1e-3, evaluations=_ROUGH)).x
     problem = with_sensor_noise(problem, start)
-    baseline = nominal_fit(problem, start)
+    baseline = sound(NOMINAL, fit(problem, start, tolerance=1e-6))
     slopes = _signatures(problem, baseline.values, candidates)
     if not problem.samples:
         return _screened_sensors(problem, baseline, slopes, candidates, rng, progress)
@@ -147,23 +142,6 @@ def _screened_sensors(
         seen = _NominalTest(candidates, slopes, rng, progress).run(problem, baseline, problem.noise)
         refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted, seen.refits)
     return Screening(seen.evidence, settled(refitted, part(progress, 0.6, 0.1)), seen.p_wrong, seen.directed < ALARM)
-
-
-def nominal_fit(problem: Problem, start: FloatArray) -> Fit:
-    """Fit from the declared start, and from others where that fit does not explain the data.
-
-    A fit at the level of the noise cannot be improved. One that leaves more may be a local minimum: then fits start
-    from a few points of a Latin hypercube over the bounds, and the best of them is followed to its optimum.
-    """
-    first = sound(NOMINAL, fit(problem, start, tolerance=1e-6))
-    if first.status == "converged" and first.cost < _EXPLAINED * first.count:
-        return first
-    points = [*hypercube(problem, _STARTS - 1, seed=0)]
-    best = min(problem.mapped(scouted, points, tolerance=1e-3, evaluations=_SCOUT), key=lambda scout: scout.cost)
-    if not best.cost <= _PROMISING * first.cost:
-        return first
-    other = fit_or_raise(problem, best.x, tolerance=1e-6)
-    return other if not other.lost and other.cost < first.cost else first
 
 
 def _screened(

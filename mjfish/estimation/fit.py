@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.block_angular import BlockAngular
 from mjfish.errors import NUMERIC, MjfishError, reason_of
-from mjfish.estimation.levenberg_marquardt import minimise, slope
+from mjfish.estimation.gauss_newton import minimise, slope
 from mjfish.estimation.problem import LOST, Problem
 from mjfish.estimation.settings import Loss
 from mjfish.parameter import Parameter, bounds
@@ -28,7 +28,7 @@ from mjfish.sized_cache import Remade, always
 Z95 = 1.959963984540054
 #: An estimate this close to a bound, as a share of the range, rests on it.
 _AT_BOUND = 1e-4
-_MAX_EVALUATIONS = 100
+_MAX_EVALUATIONS = 200
 #: Variance of the estimates of a fit that failed.
 _UNKNOWN = 1e200
 #: A fit keeps this share of the range off its bounds: some causes do nothing on theirs, and have no derivative there.
@@ -166,7 +166,7 @@ def fit(
     loss: Loss = "linear",
     loss_scale: float = 1.0,
 ) -> Fit:
-    """Minimise the sum of squared whitened residuals within the bounds (`mjfish.estimation.levenberg_marquardt`).
+    """Minimise the sum of squared whitened residuals within the bounds (`mjfish.estimation.gauss_newton`).
 
     Args:
         problem: the residuals.

@@ -1,4 +1,4 @@
-"""Steps of Levenberg and Marquardt within bounds: the optimum that scipy finds, in few steps, and what ends a fit."""
+"""Gauss-Newton steps within bounds: the optimum that scipy finds, in few steps, and what ends a fit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.optimize import least_squares, lsq_linear
 
 from mjfish.arrays import FloatArray
 from mjfish.block_angular import BlockAngular
-from mjfish.estimation.levenberg_marquardt import Minimum, loss_of, minimise, slope
+from mjfish.estimation.gauss_newton import Minimum, loss_of, minimise, slope
 from mjfish.estimation.settings import Loss
 
 Function = Callable[[FloatArray], FloatArray]

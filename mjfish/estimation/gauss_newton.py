@@ -1,16 +1,17 @@
-"""Least squares within bounds: the steps of Levenberg and Marquardt, each the exact minimum of its model there.
+"""Least squares within bounds: Gauss-Newton steps in a trust region, each the exact minimum of its model there.
 
 At x, with the residual e and the derivative J of the prediction, the step s minimises
 
-    |e - J s|^2 + mu |D s|^2,  low <= x + s <= high,
+    |e - J s|^2,  low <= x + s <= high,  |D s|_max <= radius,
 
-with the lengths of the columns of J in D [Marquardt1963]. The damping mu follows from how well the model of the last
-step predicted its gain [Nielsen1999]. `scipy.optimize.lsq_linear` solves it. `scipy.optimize.least_squares` (trf) bends
-its steps away from bounds, however far they are [ColemanLi1996]: along what the data hardly say, such as the shares of
-head, body and tail in the friction, it then goes in ten to forty small steps where these go in three.
+with the lengths of the columns of J in D. Both constraints are bounds of single parameters, so that one call of
+`scipy.optimize.lsq_linear` solves it. The radius follows from how well the model predicted the gain of the last step
+([ConnGouldToint2000], algorithm 6.1.1). `scipy.optimize.least_squares` (trf) bends its steps away from bounds, however
+far they are [ColemanLi1996]: along what the data hardly say, such as the shares of head, body and tail in the friction,
+it goes in ten to forty small steps where these go in three.
 
-[Marquardt1963] D. W. Marquardt, SIAM Journal 11. [Nielsen1999] H. B. Nielsen, IMM-REP-1999-05, DTU.
-[ColemanLi1996] T. Coleman and Y. Li, SIAM Journal on Optimization 6.
+[ConnGouldToint2000] A. Conn, N. Gould, P. Toint, Trust-Region Methods. [ColemanLi1996] T. Coleman and Y. Li, SIAM
+Journal on Optimization 6.
 """
 
 from __future__ import annotations
@@ -19,19 +20,19 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy import optimize, sparse
+from scipy import optimize
 
 from mjfish.arrays import FloatArray
 from mjfish.block_angular import BlockAngular
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.settings import Loss
 
-#: Damping of the first step, and most by which it falls after a step that gained what was predicted.
-_FIRST, _FALL = 1e-8, 1.0 / 3.0
 #: A column shorter than this share of the longest counts as that long: what does nothing stays.
 _IDLE = 1e-12
-#: A step that gains a smaller share than this of what was predicted is no sign of convergence.
-_TRUSTED = 0.25
+#: Shares of the predicted gain below which the radius shrinks, and above which it grows.
+_POOR, _GOOD = 0.1, 0.5
+#: By how much: it is a quarter of the length of a poor step; and a step of this share of the radius was held by it.
+_SHRINK, _GROW, _HELD = 0.25, 2.0, 0.95
 #: A step below this, relative to x, both in units of the columns, ends the fit.
 _SHORT = 1e-8
 #: Parameters up to which a step is solved with dense matrices; by LSMR, whose time is linear in them, beyond.
@@ -87,7 +88,7 @@ def minimise(
         return whole, float(loss_scale**2 * np.sum(loss_of(loss, (whole / loss_scale) ** 2)))
 
     here, cost = left(x)
-    done, damping, rise, message = 1, _FIRST, 2.0, ""
+    done, radius, message = 1, np.inf, ""
     while True:
         jacobian = problem.jacobian(x)
         weights = np.sqrt(slope(loss, (here / loss_scale) ** 2))
@@ -97,22 +98,25 @@ def minimise(
         lengths = np.maximum(triangle.lengths, _IDLE * triangle.lengths.max(initial=1e-100))
         ahead = False
         while not (ahead or message or done >= evaluations):
-            step = _step(triangle, turned, lengths, damping, bounds[0] - x, bounds[1] - x)
+            step = _step(triangle, turned, lengths, radius, bounds[0] - x, bounds[1] - x)
             if not np.isfinite(step).all():
                 raise FloatingPointError("a step of the fit is not finite")
             predicted = float(turned @ turned - np.sum((turned - triangle @ step) ** 2))
-            if predicted < tolerance * cost:
+            size = float(np.abs(lengths * step).max(initial=0.0))
+            if predicted <= tolerance * cost and size < _HELD * radius:
                 message = f"a step would lower the cost by less than {tolerance:g} of it"
                 break
             moved = np.clip(x + step, *bounds)
             there, new = left(moved)
             done, ahead, ratio = done + 1, new < cost, (cost - new) / predicted
-            if abs(cost - new) < tolerance * cost and ratio > _TRUSTED:
+            if abs(cost - new) < tolerance * cost and ratio > _POOR:
                 message = f"a step changed the cost by less than {tolerance:g} of it"
-            elif np.linalg.norm(lengths * step) < _SHORT * np.linalg.norm(lengths * x):
+            elif size < _SHORT * np.abs(lengths * x).max(initial=0.0):
                 message = f"a step was shorter than {_SHORT:g}"
-            damping *= max(_FALL, 1.0 - (2.0 * ratio - 1.0) ** 3) if ahead else rise
-            rise = 2.0 if ahead else 2.0 * rise
+            if ratio < _POOR:
+                radius = _SHRINK * size
+            elif ratio > _GOOD and size > _HELD * radius:
+                radius *= _GROW
         if not ahead:
             break
         x, here, cost = moved, there, new
@@ -125,18 +129,16 @@ def minimise(
 
 
 def _step(
-    triangle: BlockAngular, turned: FloatArray, lengths: FloatArray, damping: float, low: FloatArray, high: FloatArray
+    triangle: BlockAngular, turned: FloatArray, lengths: FloatArray, radius: float, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """Return the step (p,) that minimises |Q'e - R s|^2 + mu |D s|^2 within bounds."""
-    scaled, count = triangle.scaled(columns=1.0 / lengths), len(lengths)
-    right = np.concatenate([turned, np.zeros(count)])
-    within = low * lengths, high * lengths
-    if count <= _DENSE:
-        rows = np.concatenate([scaled.dense(), np.sqrt(damping) * np.eye(count)])
-        solved = optimize.lsq_linear(rows, right, bounds=within, method="bvls")
+    """Return the step s (p,) that minimises |Q'e - R s|^2 within bounds and the radius."""
+    scaled = triangle.scaled(columns=1.0 / lengths)
+    within = np.maximum(low * lengths, -radius), np.minimum(high * lengths, radius)
+    if len(lengths) <= _DENSE:
+        solved = optimize.lsq_linear(scaled.dense(), turned, bounds=within, method="bvls")
     else:
-        rows = sparse.vstack([scaled.sparse(len(turned)), np.sqrt(damping) * sparse.eye_array(count)], format="csr")
-        solved = optimize.lsq_linear(rows, right, bounds=within, lsmr_tol=_EXACTLY, lsmr_maxiter=10 * count)
+        rows, most = scaled.sparse(len(turned)), 10 * len(lengths)
+        solved = optimize.lsq_linear(rows, turned, bounds=within, lsmr_tol=_EXACTLY, lsmr_maxiter=most)
     return np.asarray(solved.x / lengths)
 
 
