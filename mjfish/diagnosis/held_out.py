@@ -27,9 +27,11 @@ _BLOCK = 0.7
 #: A cause fails on held-out trials where it loses likelihood there, with a probability below this if it were true.
 #: They bear it out where the probability of so small a gain is not below it.
 _FAILED = 0.001
-#: Or where its error there is this much larger than without it, whatever the likelihood allows for.
+#: Or where its error there is this much larger than without it, whatever the likelihood allows for; within noise, that
+#: is chance.
 _WORSE = 1.1
-#: A trial on which every model leaves a mean square above this does not discriminate between them.
+#: A trial is predicted to within noise where a model leaves a mean square below this. One that none predicts does not
+#: discriminate between them.
 _PREDICTED = 1.25
 
 
@@ -41,16 +43,19 @@ class Confirmation:
         gained: log-likelihood gained there.
         probability: to gain so little, or less, were the extended model true.
         error_ratio: of the pooled nRMSE there to that without it.
+        mean_square: of the whitened residual that it leaves there.
     """
 
     gained: float
     probability: float
     error_ratio: float = 1.0
+    mean_square: float = np.inf
 
     @property
     def failed(self) -> bool:
         """Whether the cause predicts these trials worse than they are without it, by more than noise does."""
-        return (self.gained <= 0.0 and self.probability < _FAILED) or self.error_ratio > _WORSE
+        worse = self.error_ratio > _WORSE and self.mean_square > _PREDICTED
+        return worse or (self.gained <= 0.0 and self.probability < _FAILED)
 
     @property
     def borne_out(self) -> bool:
@@ -121,7 +126,8 @@ class HeldOut:
         before, after = (pooled_error(score.channels) for score in scores)
         found = confirmation(*scores, (self.covariance_root(against), self.covariance_root(refit)))
         finite("the held-out trials", found.gained, found.probability, before, after)
-        return replace(found, error_ratio=after / before)
+        left = float(np.mean(np.concatenate(scores[1].whitened) ** 2))
+        return replace(found, error_ratio=after / before, mean_square=left)
 
     def of_rivals(self, refits: Mapping[Key, Refit]) -> dict[Key, FloatArray]:
         """Return the residuals (n,) of rivals on the held-out trials that one of them predicts, to compare them.

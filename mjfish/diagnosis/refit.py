@@ -468,20 +468,22 @@ class _Tried:
 
 
 def other_minima(found: Fit, problem: Problem, *, fits: bool = True) -> list[FloatArray]:
-    """Return, per amplitude that is not smooth at its null, where another explains more than the fit does.
+    """Return where another size of a cause that is not smooth at its null explains more than the fit does.
 
     Along such an amplitude the sum of squares has several minima, of a tail that rings by less than an octave apart:
-    sizes from half to twice are tried, the other free parameters moved along.
+    sizes from half to twice are tried, the other free parameters moved along. A shape that rests on its bound may have
+    been led there: it is looked at from its declared value.
 
     Args:
         found: where a fit has ended.
         problem: its problem.
         fits: False: it leaves something systematic, and the best other minimum is worth a look though it seems higher.
     """
-    rough = [p.name for effect in problem.model.effects if not effect.smooth for p in effect.amplitudes()]
-    better = []
+    rough = {p.name: p.shape for effect in problem.model.effects if not effect.smooth for p in effect.parameters}
+    led = [p.name in rough and p.shape for p in problem.parameters] & found.at_bound
+    better = [np.where(led, [p.start for p in problem.parameters], found.x)] if led.any() else []
     for column, p in enumerate(problem.parameters):
-        if p.name in rough:
+        if rough.get(p.name) is False:
             tried = _Tried(found, problem, p.name)
             for multiple in _OTHER_SIZES:
                 start = found.x.copy()

@@ -26,7 +26,7 @@ _RANK = 1e-12
 #: A relative change of every sd below this one ends a search; how often the model is linearised anew.
 _SAME, _ROUNDS = 0.3, 3
 #: Most evaluations of a fit with new sds, and its tolerance: it starts from the fit with the old ones.
-_MOST, _TOLERANCE = 12, 1e-4
+_MOST, _TOLERANCE = 40, 1e-4
 
 
 def smoothed(problem: Problem, found: Fit) -> tuple[Problem, Fit]:

@@ -22,6 +22,13 @@ def test_a_cause_that_makes_the_held_out_error_larger_fails_whatever_its_likelih
     assert Confirmation(50.0, 0.5, 1.2).failed
 
 
+def test_a_larger_held_out_error_within_noise_is_chance() -> None:
+    """Errors of commanded joints carry a path away, with the right cause as well as without it."""
+    assert not Confirmation(50.0, 0.5, 1.2, 1.1).failed
+    assert Confirmation(50.0, 0.5, 1.2, 1.4).failed
+    assert Confirmation(-5.0, 1e-4, 1.2, 1.1).failed
+
+
 def _found(names: tuple[str, ...], ratio: float) -> Comparison:
     refit: Any = SimpleNamespace(names=names, learned="lift" in names)
     return Comparison({names: refit}, {names: STAYS}, {names: Confirmation(10.0, 0.5, ratio)})
