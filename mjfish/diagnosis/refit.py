@@ -25,8 +25,6 @@ from mjfish.parameter import Parameter, bounds
 
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
 COARSE = (4, 6)
-#: And of one that is continued under another noise, where it is a contender: contenders are followed further anyway.
-_ON = 2
 #: Mean square of the whitened residual above which a refit is repeated from the declared starts.
 _MISFIT = 1.1
 #: Share of the best gain above which a coarse refit is followed to its optimum. Where the best fits to within noise:
@@ -69,8 +67,7 @@ def refits(
         coarse: coarse refits of this evidence that are known already.
     """
     earlier, known = before or {}, coarse or {}
-    floor = _floor(earlier) if earlier else 0.0
-    ahead = {name for name, refit in earlier.items() if refit.gain >= floor}
+    ahead = {name for name, refit in earlier.items() if refit.gain >= _floor(earlier)}
     worth = worth_refitting(evidence, effects)
     worth += [effect for effect in effects if effect.name in ahead and effect not in worth]
     chosen = sorted(worth, key=lambda effect: effect.smooth)  # what takes longest first
@@ -79,10 +76,7 @@ def refits(
     for general in (False, True):
         round_of = [effect for effect in chosen if bool(effect.limits) == general and _may_explain(effect, found)]
         new = [effect for effect in round_of if effect.name in earlier or effect.name not in known]
-        given = [
-            (earlier.get(effect.name), floor, [found[name] for name in effect.limits if name in found])
-            for effect in new
-        ]
+        given = [(earlier.get(effect.name), [found[name] for name in effect.limits if name in found]) for effect in new]
         results = extended(_made_of, new, evidence, given)
         made = {}
         for effect in round_of:
@@ -93,12 +87,12 @@ def refits(
     return found
 
 
-def _made_of(evidence: Evidence, effect: Effect, given: tuple[Refit | None, float, Sequence[Refit]]) -> Refit:
-    """Refit with a cause, from its earlier refit if it has one: longer where that explained more than `floor`."""
-    earlier, floor, formulas = given
+def _made_of(evidence: Evidence, effect: Effect, given: tuple[Refit | None, Sequence[Refit]]) -> Refit:
+    """Refit with a cause, from its earlier refit if it has one."""
+    earlier, formulas = given
     if earlier is None:
         return refit_with(evidence, effect, formulas=formulas)
-    return _taken_on(evidence, earlier, _ON if earlier.gain >= floor else 1)
+    return _taken_on(evidence, earlier, COARSE[not effect.smooth])
 
 
 def other_refits(evidence: Evidence, effects: Sequence[Effect], progress: Progress = silent) -> dict[str, Refit]:
@@ -468,22 +462,20 @@ class _Tried:
 
 
 def other_minima(found: Fit, problem: Problem, *, fits: bool = True) -> list[FloatArray]:
-    """Return where another size of a cause that is not smooth at its null explains more than the fit does.
+    """Return, per amplitude that is not smooth at its null, where another explains more than the fit does.
 
     Along such an amplitude the sum of squares has several minima, of a tail that rings by less than an octave apart:
-    sizes from half to twice are tried, the other free parameters moved along. A shape that rests on its bound may have
-    been led there: it is looked at from its declared value.
+    sizes from half to twice are tried, the other free parameters moved along.
 
     Args:
         found: where a fit has ended.
         problem: its problem.
         fits: False: it leaves something systematic, and the best other minimum is worth a look though it seems higher.
     """
-    rough = {p.name: p.shape for effect in problem.model.effects if not effect.smooth for p in effect.parameters}
-    led = [p.name in rough and p.shape for p in problem.parameters] & found.at_bound
-    better = [np.where(led, [p.start for p in problem.parameters], found.x)] if led.any() else []
+    rough = [p.name for effect in problem.model.effects if not effect.smooth for p in effect.amplitudes()]
+    better = []
     for column, p in enumerate(problem.parameters):
-        if rough.get(p.name) is False:
+        if p.name in rough:
             tried = _Tried(found, problem, p.name)
             for multiple in _OTHER_SIZES:
                 start = found.x.copy()

@@ -29,11 +29,10 @@ from mjfish.estimation.settings import Loss
 
 #: A column shorter than this share of the longest counts as that long: what does nothing stays.
 _IDLE = 1e-12
-#: Shares of the predicted gain below which the radius shrinks, and above which it grows; below the one in the middle, a
-#: small gain is no sign of convergence.
-_POOR, _TRUSTED, _GOOD = 0.1, 0.25, 0.5
-#: The radius becomes half as long as a poor step, or twice as long; a step of this share of it was held by it.
-_SHRINK, _GROW, _HELD = 0.5, 2.0, 0.95
+#: Shares of the predicted gain below which the radius shrinks, and above which it grows.
+_POOR, _GOOD = 0.1, 0.5
+#: By how much: it is a quarter of the length of a poor step; and a step of this share of the radius was held by it.
+_SHRINK, _GROW, _HELD = 0.25, 2.0, 0.95
 #: A step below this, relative to x, both in units of the columns, ends the fit.
 _SHORT = 1e-8
 #: Parameters up to which a step is solved with dense matrices; by LSMR, whose time is linear in them, beyond.
@@ -110,7 +109,7 @@ def minimise(
             moved = np.clip(x + step, *bounds)
             there, new = left(moved)
             done, ahead, ratio = done + 1, new < cost, (cost - new) / predicted
-            if abs(cost - new) < tolerance * cost and ratio > _TRUSTED:
+            if abs(cost - new) < tolerance * cost and ratio > _POOR:
                 message = f"a step changed the cost by less than {tolerance:g} of it"
             elif size < _SHORT * np.abs(lengths * x).max(initial=0.0):
                 message = f"a step was shorter than {_SHORT:g}"
