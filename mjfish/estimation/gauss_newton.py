@@ -29,6 +29,8 @@ from mjfish.estimation.settings import Loss
 
 #: A column shorter than this share of the longest counts as that long: what does nothing stays.
 _IDLE = 1e-12
+#: A step goes over this share of a parameter's range at most: a shape of a cause without a size hardly matters yet.
+_FARTHEST = 0.25
 #: Shares of the predicted gain below which the radius shrinks, and above which it grows.
 _POOR, _GOOD = 0.1, 0.5
 #: By how much: it is a quarter of the length of a poor step; and a step of this share of the radius was held by it.
@@ -88,7 +90,7 @@ def minimise(
         return whole, float(loss_scale**2 * np.sum(loss_of(loss, (whole / loss_scale) ** 2)))
 
     here, cost = left(x)
-    done, radius, message = 1, np.inf, ""
+    done, radius, message, farthest = 1, np.inf, "", _FARTHEST * (bounds[1] - bounds[0])
     while True:
         jacobian = problem.jacobian(x)
         weights = np.sqrt(slope(loss, (here / loss_scale) ** 2))
@@ -98,9 +100,8 @@ def minimise(
         lengths = np.maximum(triangle.lengths, _IDLE * triangle.lengths.max(initial=1e-100))
         ahead = False
         while not (ahead or message or done >= evaluations):
-            step = _step(triangle, turned, lengths, radius, bounds[0] - x, bounds[1] - x)
-            if not np.isfinite(step).all():
-                raise FloatingPointError("a step of the fit is not finite")
+            least, most = np.maximum(bounds[0] - x, -farthest), np.minimum(bounds[1] - x, farthest)
+            step = _step(triangle, turned, lengths, radius, least, most)
             predicted = float(turned @ turned - np.sum((turned - triangle @ step) ** 2))
             size = float(np.abs(lengths * step).max(initial=0.0))
             if predicted <= tolerance * cost and size < _HELD * radius:
@@ -122,10 +123,10 @@ def minimise(
         x, here, cost = moved, there, new
         del jacobian  # not two at once
     data, gradient = here[: len(here) - len(mean)], -triangle.transposed_times(turned)
-    if message:
-        return Minimum(x, data, jacobian, gradient, cost, done, "converged", message)
-    message = f"the most evaluations were used, {evaluations}"
-    return Minimum(x, data, jacobian, gradient, cost, done, "stopped", message)
+    status: Literal["converged", "stopped"] = "converged" if message else "stopped"
+    return Minimum(
+        x, data, jacobian, gradient, cost, done, status, message or f"the most evaluations were used, {evaluations}"
+    )
 
 
 def _step(
@@ -139,6 +140,8 @@ def _step(
     else:
         rows, most = scaled.sparse(len(turned)), 10 * len(lengths)
         solved = optimize.lsq_linear(rows, turned, bounds=within, lsmr_tol=_EXACTLY, lsmr_maxiter=most)
+    if not np.isfinite(solved.x).all():
+        raise FloatingPointError("a step of the fit is not finite")
     return np.asarray(solved.x / lengths)
 
 
