@@ -67,7 +67,8 @@ def refits(
         coarse: coarse refits of this evidence that are known already.
     """
     earlier, known = before or {}, coarse or {}
-    ahead = {name for name, refit in earlier.items() if refit.gain >= _floor(earlier)}
+    floor = _floor(earlier) if earlier else 0.0
+    ahead = {name for name, refit in earlier.items() if refit.gain >= floor}
     worth = worth_refitting(evidence, effects)
     worth += [effect for effect in effects if effect.name in ahead and effect not in worth]
     chosen = sorted(worth, key=lambda effect: effect.smooth)  # what takes longest first
@@ -92,7 +93,7 @@ def _made_of(evidence: Evidence, effect: Effect, given: tuple[Refit | None, Sequ
     earlier, formulas = given
     if earlier is None:
         return refit_with(evidence, effect, formulas=formulas)
-    return _taken_on(evidence, earlier, COARSE[not effect.smooth])
+    return _taken_on(evidence, earlier)
 
 
 def other_refits(evidence: Evidence, effects: Sequence[Effect], progress: Progress = silent) -> dict[str, Refit]:
@@ -263,8 +264,8 @@ def made_smooth(refit: Refit, best: float = np.inf) -> Refit:
     return _resolved(replace(refit, problem=problem, fit=found, gain=refit.gain + refit.fit.sse - found.sse), least)
 
 
-def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
-    """Return a refit under the noise of the evidence, some evaluations later.
+def _taken_on(evidence: Evidence, refit: Refit) -> Refit:
+    """Return a refit under the noise of the evidence, as many evaluations later as a coarse refit has.
 
     From where it ended, or from next to nothing of the cause where that is better under this noise.
     """
@@ -272,6 +273,7 @@ def _taken_on(evidence: Evidence, refit: Refit, evaluations: int) -> Refit:
     idle = {p.name: p.low for p in problem.declared.values()}
     nothing = problem.start({**idle, **evidence.fit.values})
     start = min((refit.fit.x, nothing), key=lambda x: float(np.sum(problem.residual(x) ** 2)))
+    evaluations = COARSE[not refit.effects[-1].smooth]
     here = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=evaluations)
     return replace(refit, problem=problem, fit=here, gain=evidence.fit.sse - here.sse)
 

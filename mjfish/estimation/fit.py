@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.block_angular import BlockAngular
 from mjfish.errors import NUMERIC, MjfishError, reason_of
-from mjfish.estimation.gauss_newton import minimise, slope
+from mjfish.estimation.gauss_newton import minimise, weights_of
 from mjfish.estimation.problem import LOST, Problem
 from mjfish.estimation.settings import Loss
 from mjfish.parameter import Parameter, bounds
@@ -263,7 +263,7 @@ class _Ended:
         return Linearised(jacobian, own), np.sqrt(np.diag(every))
 
     def _weight(self, plain: FloatArray) -> FloatArray:
-        return np.asarray(np.sqrt(slope(self.loss, (plain / self.loss_scale) ** 2)))
+        return weights_of(self.loss, self.loss_scale, plain)
 
 
 def _fit_at(ended: _Ended, plain: FloatArray, jacobian: BlockAngular) -> Fit:

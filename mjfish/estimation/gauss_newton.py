@@ -2,9 +2,9 @@
 
 At x, with the residual e and the derivative J of the prediction, the step s minimises
 
-    |e - J s|^2,  low <= x + s <= high,  |D s|_max <= radius,
+    |e - J s|^2,  low <= x + s <= high,  |s| <= (high - low) / 4,  |D s|_max <= radius,
 
-with the lengths of the columns of J in D. Both constraints are bounds of single parameters, so that one call of
+with the lengths of the columns of J in D. All constraints are bounds of single parameters, so that one call of
 `scipy.optimize.lsq_linear` solves it. The radius follows from how well the model predicted the gain of the last step
 ([ConnGouldToint2000], algorithm 6.1.1). `scipy.optimize.least_squares` (trf) bends its steps away from bounds, however
 far they are [ColemanLi1996]: along what the data hardly say, such as the shares of head, body and tail in the friction,
@@ -16,6 +16,7 @@ Journal on Optimization 6.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -41,6 +42,14 @@ _SHORT = 1e-8
 _DENSE = 400
 #: Tolerance of LSMR: to the last digits, steps, and so their number, are then those of dense matrices.
 _EXACTLY = 1e-12
+#: Losses rho(z) of z = (r / scale)^2, as `scipy.optimize.least_squares` has them, and their slopes rho'(z).
+LOSSES: Mapping[Loss, tuple[Callable[[FloatArray], FloatArray], Callable[[FloatArray], FloatArray]]] = {
+    "linear": (lambda z: z, np.ones_like),
+    "soft_l1": (lambda z: 2.0 * (np.sqrt(1.0 + z) - 1.0), lambda z: 1.0 / np.sqrt(1.0 + z)),
+    "huber": (lambda z: np.where(z > 1.0, 2.0 * np.sqrt(z) - 1.0, z), lambda z: 1.0 / np.sqrt(np.maximum(z, 1.0))),
+    "cauchy": (np.log1p, lambda z: 1.0 / (1.0 + z)),
+    "arctan": (np.arctan, lambda z: 1.0 / (1.0 + z**2)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +86,21 @@ def minimise(
     loss: Loss,
     loss_scale: float,
 ) -> Minimum:
-    """Minimise from a point (p,) within bounds, until a step lowers the cost by a share of less than `tolerance`.
+    """Minimise the sum of squares, or a robust loss, of whitened residuals and rows of priors.
 
-    A robust loss weighs the rows of each step by its slope at the last point.
+    A robust loss weighs the rows of a step by the square root of its slope at the point where the step begins.
+
+    Args:
+        problem: gives residual, derivative and priors.
+        x: (p,) where to start, within the bounds.
+        bounds: low and high (p,).
+        tolerance: share of the cost; a fit has converged where a step lowers the cost by less.
+        evaluations: of the residual, at most.
+        loss: of a row, one of `LOSSES`.
+        loss_scale: of its rows, in sigmas.
+
+    Raises:
+        FloatingPointError: a residual or a step is not finite.
     """
     prior, mean = problem.prior_root, problem.prior_mean
 
@@ -87,20 +108,23 @@ def minimise(
         whole = np.concatenate([problem.residual(at), mean - prior @ at])
         if not np.isfinite(whole).all():
             raise FloatingPointError("the residual is not finite")
-        return whole, float(loss_scale**2 * np.sum(loss_of(loss, (whole / loss_scale) ** 2)))
+        return whole, float(loss_scale**2 * np.sum(LOSSES[loss][0]((whole / loss_scale) ** 2)))
 
     here, cost = left(x)
     done, radius, message, farthest = 1, np.inf, "", _FARTHEST * (bounds[1] - bounds[0])
     while True:
         jacobian = problem.jacobian(x)
-        weights = np.sqrt(slope(loss, (here / loss_scale) ** 2))
-        factors = jacobian.above(prior).scaled(rows=weights).factorised()
-        triangle, turned = factors.triangle, factors.basis.coordinates(weights * here)
-        del factors  # of an hour of samples it is large
+        rows, right = jacobian.above(prior), here
+        if loss != "linear":
+            weights = weights_of(loss, loss_scale, here)
+            rows, right = rows.scaled(rows=weights), weights * here
+        factors = rows.factorised()
+        triangle, turned = factors.triangle, factors.basis.coordinates(right)
+        del rows, factors  # of an hour of samples they are large
         lengths = np.maximum(triangle.lengths, _IDLE * triangle.lengths.max(initial=1e-100))
+        least, most = np.maximum(bounds[0] - x, -farthest), np.minimum(bounds[1] - x, farthest)
         ahead = False
         while not (ahead or message or done >= evaluations):
-            least, most = np.maximum(bounds[0] - x, -farthest), np.minimum(bounds[1] - x, farthest)
             step = _step(triangle, turned, lengths, radius, least, most)
             predicted = float(turned @ turned - np.sum((turned - triangle @ step) ** 2))
             size = float(np.abs(lengths * step).max(initial=0.0))
@@ -145,23 +169,6 @@ def _step(
     return np.asarray(solved.x / lengths)
 
 
-def loss_of(loss: Loss, z: FloatArray) -> FloatArray:
-    """Return a loss rho(z) of z = (r / scale)^2, as `scipy.optimize.least_squares` has them."""
-    if loss == "soft_l1":
-        return np.asarray(2.0 * (np.sqrt(1.0 + z) - 1.0))
-    if loss == "huber":
-        return np.asarray(np.where(z > 1.0, 2.0 * np.sqrt(z) - 1.0, z))
-    if loss == "cauchy":
-        return np.log1p(z)
-    return np.arctan(z) if loss == "arctan" else z
-
-
-def slope(loss: Loss, z: FloatArray) -> FloatArray:
-    """Return the slope rho'(z) of a loss."""
-    if loss == "soft_l1":
-        return np.asarray(1.0 / np.sqrt(1.0 + z))
-    if loss == "huber":
-        return np.asarray(np.where(z > 1.0, 1.0 / np.sqrt(np.maximum(z, 1.0)), 1.0))
-    if loss == "cauchy":
-        return np.asarray(1.0 / (1.0 + z))
-    return np.asarray(1.0 / (1.0 + z**2) if loss == "arctan" else np.ones_like(z))
+def weights_of(loss: Loss, loss_scale: float, residual: FloatArray) -> FloatArray:
+    """Return the weights (n,) of rows with which a loss counts at a residual (n,): rho'(z)^(1/2)."""
+    return np.asarray(np.sqrt(LOSSES[loss][1]((residual / loss_scale) ** 2)))
