@@ -2,13 +2,13 @@
 
 At x, with the residual e and the derivative J of the prediction, the step s minimises
 
-    |e - J s|^2,  low <= x + s <= high,  |s| <= (high - low) / 4,  |D s|_max <= radius,
+    |e - J s|^2,  low <= x + s <= high,  |D s|_max <= radius,
 
-with the lengths of the columns of J in D. All constraints are bounds of single parameters, so that one call of
-`scipy.optimize.lsq_linear` solves it. The radius follows from how well the model predicted the gain of the last step
-([ConnGouldToint2000], algorithm 6.1.1). `scipy.optimize.least_squares` (trf) bends its steps away from bounds, however
-far they are [ColemanLi1996]: along what the data hardly say, such as the shares of head, body and tail in the friction,
-it goes in ten to forty small steps where these go in three.
+with the lengths of the columns of J in D; a shape goes over a quarter of its range at most. All constraints are bounds
+of single parameters, so that one call of `scipy.optimize.lsq_linear` solves it. The radius follows from how well the
+model predicted the gain of the last step ([ConnGouldToint2000], algorithm 6.1.1). `scipy.optimize.least_squares` (trf)
+bends its steps away from bounds, however far they are [ColemanLi1996]: along what the data hardly say, such as the
+shares of head, body and tail in the friction, it goes in ten to forty small steps where these go in three.
 
 [ConnGouldToint2000] A. Conn, N. Gould, P. Toint, Trust-Region Methods. [ColemanLi1996] T. Coleman and Y. Li, SIAM
 Journal on Optimization 6.
@@ -30,7 +30,7 @@ from mjfish.estimation.settings import Loss
 
 #: A column shorter than this share of the longest counts as that long: what does nothing stays.
 _IDLE = 1e-12
-#: A step goes over this share of a parameter's range at most: a shape of a cause without a size hardly matters yet.
+#: Share of its range that a step takes a shape over, at most: where its cause has no size yet, it hardly matters.
 _FARTHEST = 0.25
 #: Shares of the predicted gain below which the radius shrinks, and above which it grows.
 _POOR, _GOOD = 0.1, 0.5
@@ -111,7 +111,8 @@ def minimise(
         return whole, float(loss_scale**2 * np.sum(LOSSES[loss][0]((whole / loss_scale) ** 2)))
 
     here, cost = left(x)
-    done, radius, message, farthest = 1, np.inf, "", _FARTHEST * (bounds[1] - bounds[0])
+    done, radius, message = 1, np.inf, ""
+    farthest = np.where([p.shape for p in problem.parameters], _FARTHEST * (bounds[1] - bounds[0]), np.inf)
     while True:
         jacobian = problem.jacobian(x)
         rows, right = jacobian.above(prior), here
@@ -146,10 +147,15 @@ def minimise(
             break
         x, here, cost = moved, there, new
         del jacobian  # not two at once
-    data, gradient = here[: len(here) - len(mean)], -triangle.transposed_times(turned)
-    status: Literal["converged", "stopped"] = "converged" if message else "stopped"
     return Minimum(
-        x, data, jacobian, gradient, cost, done, status, message or f"the most evaluations were used, {evaluations}"
+        x,
+        here[: len(here) - len(mean)],
+        jacobian,
+        gradient=-triangle.transposed_times(turned),
+        cost=cost,
+        evaluations=done,
+        status="converged" if message else "stopped",
+        message=message or f"the most evaluations were used, {evaluations}",
     )
 
 

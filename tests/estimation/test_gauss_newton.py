@@ -25,6 +25,7 @@ def _posed(residual: Function, derivative: Function, count: int) -> Any:
         jacobian=lambda x: BlockAngular.of(-derivative(x)),
         prior_root=np.zeros((0, count)),
         prior_mean=np.zeros(0),
+        parameters=[SimpleNamespace(shape=False)] * count,
     )
 
 
@@ -47,7 +48,7 @@ def _minimum(
     return minimise(posed, x, (low, high), tolerance, given["evaluations"], given["loss"], given["loss_scale"])
 
 
-def test_a_linear_problem_takes_few_steps_though_bounds_hold_it() -> None:
+def test_a_linear_problem_takes_one_step_though_bounds_hold_it() -> None:
     rng = np.random.default_rng(0)
     matrix, right = rng.normal(size=(30, 5)) * [1.0, 1e3, 1e-3, 1.0, 1.0], rng.normal(size=30)
     low, high = np.full(5, -0.05), np.full(5, 0.02)
@@ -55,7 +56,7 @@ def test_a_linear_problem_takes_few_steps_though_bounds_hold_it() -> None:
     assert (there.active_mask != 0).sum() >= 2
     found = _minimum(_linear(matrix, right), np.zeros(5), low, high)
     np.testing.assert_allclose(found.x, there.x, rtol=1e-6, atol=1e-9)
-    assert found.evaluations <= 5  # a quarter of the range at a time
+    assert found.evaluations <= 3
     assert found.status == "converged"
 
 
@@ -71,7 +72,7 @@ def test_along_what_the_data_hardly_say_it_goes_as_fast() -> None:
     theirs = least_squares(
         lambda x: right - matrix @ x, start, lambda _: -matrix, (low, high), ftol=1e-6, x_scale="jac"
     )
-    assert found.evaluations <= 4
+    assert found.evaluations <= 3
     assert theirs.nfev > 2 * found.evaluations
     np.testing.assert_allclose(found.x, there, atol=1e-3)  # their standard errors are 7e-3
 
