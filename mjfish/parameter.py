@@ -129,11 +129,6 @@ class Parameter:
         """Whether its bounds are positive and far apart, so that its values are compared by ratios."""
         return self.low > 0.0 and self.high > _WIDE * self.low
 
-    @property
-    def middle(self) -> float:
-        """The middle of its bounds, by ratios where they are wide."""
-        return math.sqrt(self.low * self.high) if self.wide else 0.5 * (self.low + self.high)
-
     def check(self, value: float, what: str = "value") -> float:
         """Return `value`, or raise `ParameterError` where it lies outside the bounds."""
         if not (math.isfinite(value) and self.low <= value <= self.high):

@@ -25,7 +25,7 @@ from mjfish.parameter import Parameter, bounds
 
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
 COARSE = (4, 6)
-#: Mean square of the whitened residual above which a refit is repeated from the declared starts.
+#: Mean square of the whitened residual above which a refit leaves more than noise, and is repeated.
 _MISFIT = 1.1
 #: Share of the best gain above which a coarse refit is followed to its optimum. Where the best fits to within noise:
 #: how far it may be behind, as a share of the best gain, and at least.
@@ -38,7 +38,7 @@ _BEHIND = 0.01
 _MOST = 40
 #: Mean square of a residual above which a fit is far off.
 _FAR = 10.0
-#: A fit from other starts is followed beyond so many evaluations where its sum of squares is near to the other's.
+#: A fit from the declared coefficients is followed beyond so many evaluations where its sum of squares is near.
 _TRY, _HOPE = 6, 1.2
 #: Sum of squares that the best start of a cause which is not smooth must take, or its fit is not followed.
 _HOPELESS = 3.0
@@ -122,11 +122,10 @@ def far_off(found: Fit) -> bool:
 
 
 def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
-    """Follow the contenders to their optimum; who contends is seen once coefficients far off had a second start.
+    """Follow the contenders to their optimum.
 
     A formula that is a limit of a contender is followed, too: it is simpler, and may explain as much.
     """
-    found = tried_afresh(found)
     floor = _floor(found)
     limits = {name for refit in found.values() if refit.gain >= floor for name in refit.effects[-1].limits}
     running = {name: refit for name, refit in found.items() if refit.gain >= floor or name in limits}
@@ -140,26 +139,6 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
 
 def _closest(found: Mapping[str, Refit]) -> Fit:
     return min((refit.fit for refit in found.values()), key=lambda fit: fit.sse)
-
-
-def tried_afresh(found: Mapping[str, Refit]) -> dict[str, Refit]:
-    """Return the refits with formulas, each the best of several starts, where even the closest is far off.
-
-    Coefficients that a large effect has biased keep the true cause from showing what it explains: the declared ones are
-    tried, and sizes in another minimum.
-    """
-    if not found or not far_off(_closest(found)):
-        return dict(found)
-
-    def tried(refit: Refit) -> Refit:
-        problem = refit.problem
-        starts = [problem.start(refit.parameter_values()), *other_minima(refit.fit, problem, fits=False)]
-        fits = [fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=_TRY) for start in starts]
-        best = min([refit.fit, *fits], key=lambda each: each.objective)
-        return replace(refit, fit=best, gain=refit.gain + refit.fit.sse - best.sse)
-
-    formulas = {name: refit for name, refit in found.items() if not refit.learned}
-    return {**found, **dict(zip(formulas, followed(tried, [*formulas.values()]), strict=True))}
 
 
 def _floor(found: Mapping[str, Refit]) -> float:
@@ -248,19 +227,12 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
 def made_smooth(refit: Refit, best: float = np.inf) -> Refit:
     """Follow a coarse refit, its last cause of learned form, to its optimum, with the smoothness that the data ask for.
 
-    Where it does not fit, once more from the declared starts of the coefficients and the middle of the shapes.
-
     Args:
         refit: a coarse one.
         best: least sum of squares of all refits; a refit far behind it is followed less accurately.
     """
     problem, least = refit.problem, min(best, refit.fit.sse)
-    found = converge(problem, refit.fit.x, refit.fit.sse, least)
-    if found.sse > _MISFIT * found.count:
-        own = refit.effects[-1].parameters
-        middle = {p.name: p.middle if p.shape else found.values[p.name] for p in own}
-        found = _restarted(problem, found, problem.start(middle), least)
-    problem, found = smoothed(problem, found)
+    problem, found = smoothed(problem, converge(problem, refit.fit.x, refit.fit.sse, least))
     return _resolved(replace(refit, problem=problem, fit=found, gain=refit.gain + refit.fit.sse - found.sse), least)
 
 
@@ -290,11 +262,10 @@ def refined(refit: Refit, best: float) -> Refit:
     """
     there = refit.fit.status == "converged"
     result = refit.fit if there else converge(refit.problem, refit.fit.x, refit.fit.sse, best)
-    fits = min(best, result.sse) <= _MISFIT * result.count
-    if not fits:
-        result = _restarted(refit.problem, result, refit.problem.start(refit.parameter_values()), best)
+    if min(best, result.sse) > _MISFIT * result.count:
+        result = _restarted(refit, result, best)
     for _ in range(_MOST_MINIMA):
-        starts = other_minima(result, refit.problem, fits=fits)
+        starts = other_minima(result, refit.problem)
         others = [converge(refit.problem, start, result.sse, best) for start in starts]
         lower = min([result, *others], key=lambda each: each.objective)
         if lower is result:
@@ -305,11 +276,12 @@ def refined(refit: Refit, best: float) -> Refit:
     return _resolved(refit, best)
 
 
-def _restarted(problem: Problem, found: Fit, start: FloatArray, best: float) -> Fit:
-    """Return the better of a fit and another one from `start`, which is followed where it comes near the first."""
-    tried = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=_TRY)
+def _restarted(refit: Refit, found: Fit, best: float) -> Fit:
+    """Return the better of a fit and another one from the declared coefficients, followed where it comes near."""
+    own = {p.name: refit.fit.values[p.name] for effect in refit.effects for p in effect.parameters}
+    tried = fit_or_raise(refit.problem, refit.problem.start(own), tolerance=TOLERANCE, evaluations=_TRY)
     if tried.objective < _HOPE * found.objective and tried.status != "converged":
-        tried = converge(problem, tried.x, tried.sse, best)
+        tried = converge(refit.problem, tried.x, tried.sse, best)
     return min(found, tried, key=lambda each: each.objective)
 
 
@@ -463,7 +435,7 @@ class _Tried:
         return np.clip(moved, *bounds(self.problem.parameters))
 
 
-def other_minima(found: Fit, problem: Problem, *, fits: bool = True) -> list[FloatArray]:
+def other_minima(found: Fit, problem: Problem) -> list[FloatArray]:
     """Return, per amplitude that is not smooth at its null, where another explains more than the fit does.
 
     Along such an amplitude the sum of squares has several minima, of a tail that rings by less than an octave apart:
@@ -472,7 +444,6 @@ def other_minima(found: Fit, problem: Problem, *, fits: bool = True) -> list[Flo
     Args:
         found: where a fit has ended.
         problem: its problem.
-        fits: False: it leaves something systematic, and the best other minimum is worth a look though it seems higher.
     """
     rough = [p.name for effect in problem.model.effects if not effect.smooth for p in effect.amplitudes()]
     better = []
@@ -486,20 +457,7 @@ def other_minima(found: Fit, problem: Problem, *, fits: bool = True) -> list[Flo
             there, least = tried.best()
             if least < found.sse:
                 better.append(there)
-            elif not fits and (minimum := _other_minimum(tried.promised, found.sse)) is not None:
-                better.append(tried.moved[minimum])
     return better
-
-
-def _other_minimum(promised: Sequence[float], here: float) -> int | None:
-    """Return the index in `_OTHER_SIZES` of the best local minimum other than that of the fit, None: there is none."""
-    below = sum(multiple < 1.0 for multiple in _OTHER_SIZES)
-    sums = [np.inf, *promised[:below], here, *promised[below:], np.inf]
-    floors = [k for k in range(1, len(sums) - 1) if sums[k] < min(sums[k - 1], sums[k + 1]) and k != below + 1]
-    lowest = min(floors, key=lambda k: sums[k], default=None)
-    if lowest is None:
-        return None
-    return lowest - 1 if lowest <= below else lowest - 2
 
 
 def find_threshold(tried: _Tried, column: int) -> None:

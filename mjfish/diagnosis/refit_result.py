@@ -69,7 +69,3 @@ class Refit:
         problem = replace(self.problem, model=replace(self.problem.model, effects=left))
         here = fit_or_raise(problem, problem.start(self.fit.values), tolerance=TOLERANCE)
         return Refit(kept, problem, here, self.gain + self.fit.sse - here.sse)
-
-    def parameter_values(self) -> dict[str, float]:
-        """Return the estimates of the causes' parameters by name."""
-        return {p.name: self.fit.values[p.name] for effect in self.effects for p in effect.parameters}

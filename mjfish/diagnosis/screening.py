@@ -26,7 +26,6 @@ from mjfish.diagnosis.refit import (
     refit_nonsmooth,
     refits,
     settled,
-    tried_afresh,
 )
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects import Effect
@@ -200,7 +199,7 @@ def _under_the_known_noise(
         return {}
     evidence, found = gather(problem, baseline, candidates, slopes), dict[str, Refit]()
     for make in (refits, other_refits):  # where the nominal model is far off, the score of the true cause may be small
-        found |= tried_afresh(make(evidence, [e for e in candidates if e.name not in found], progress))
+        found |= make(evidence, [e for e in candidates if e.name not in found], progress)
         if not found:
             return {}
         best = _led(found)

@@ -57,7 +57,7 @@ def test_a_limit_that_is_hardly_met_is_found_in_its_narrow_minimum(
     evidence, slowness = _limited(pike, share * SIGMA)
     found = refit_with(evidence, LIMIT)
     assert found.gain > 50.0
-    (size,) = found.parameter_values().values()
+    (size,) = (found.fit.values[p.name] for p in found.effects[-1].parameters)
     assert size == pytest.approx(slowness, rel=0.004)
     monkeypatch.setattr(Problem, "rough", property(lambda one: replace(one, model=replace(one.model, step=0.05))))
     rough = found.problem.rough

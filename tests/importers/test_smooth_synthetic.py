@@ -179,3 +179,29 @@ def test_swimming_forward_is_positive_surge_and_turning_counter_clockwise_positi
     np.testing.assert_allclose(trial.pose[0, :2], 0.0, atol=1e-12)
     np.testing.assert_allclose(trial.pose[:, 2], pose[:, 2], atol=0.01)
     np.testing.assert_allclose(trial.pose[-1, :2], pose[-1, :2] - pose[0, :2], atol=3e-3)
+
+
+def test_a_long_film_is_smoothed_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each piece swims as the film does there; one that cannot be used is told, and all go where their run goes."""
+    monkeypatch.setattr(markers, "_LONGEST_SECONDS", 4.0)
+
+    def spoil(pixel: FloatArray) -> None:
+        pixel[450:, [4, 6]] = pixel[450:, [5, 7]] + 1.0
+
+    swim = replace(ABOVE, seconds=11.0)
+    files = [swim.write(tmp_path / "markers_long.csv", spoil), ABOVE.write(tmp_path / "markers_short.csv")]
+    dataset, report = importers.import_files("fishsim", files, held_out=["long"])
+    assert [(trial.name, trial.role) for trial in dataset.trials] == [
+        ("long-a", "held_out"), ("long-b", "held_out"), ("short-a", "fit"), ("short-b", "fit"),
+    ]  # fmt: skip
+    assert [file.path for file in report.files] == [files[0], files[0], files[1], files[1]]
+    assert any("no joint angles to be had" in note for note in report.files[0].notes)
+    second, file = dataset.trials[1], report.files[1]
+    assert file.cuts
+    assert all(220 / 60 - 1e-9 < cut.start < cut.end < 440 / 60 + 1e-9 for cut in file.cuts)
+    began = next((cut.end for cut in file.cuts if cut.start == pytest.approx(220 / 60)), 220 / 60)
+    time, true, _ = swim.truth
+    at = np.column_stack([np.interp(second.time + began, time, column) for column in true.T])
+    off = np.sqrt(np.square((second.velocity - at)[3:-3]).mean(axis=0))
+    assert file.noise is not None
+    assert np.all(off < 2.0 * np.array(file.noise)), off

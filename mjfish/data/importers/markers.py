@@ -7,7 +7,7 @@ markers are put back, and markers that are not where they belong are left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -18,9 +18,16 @@ from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.data.importers.chain import Chain, Marker, Plane
 from mjfish.data.importers.mapping import MarkersMap, fish_of, layout, read_mapping
-from mjfish.data.importers.report import FileReport, ImportReport
+from mjfish.data.importers.report import Cut, FileReport, ImportReport
 from mjfish.data.importers.smoothing import Basis, Fit, beat_frequency, smooth
-from mjfish.data.importers.trials import Recording, assign_roles, check_distinct, record, with_noise
+from mjfish.data.importers.trials import (
+    Recording,
+    assign_roles,
+    check_distinct,
+    record,
+    stretch_names,
+    with_noise,
+)
 from mjfish.data.tables import read_columns
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish
@@ -270,12 +277,14 @@ def _astray(measured: FloatArray, fit: Fit, chain: Chain) -> BoolArray:
 
 #: A second: less cannot hold a beat.
 _LEAST_SECONDS = 1.0
+#: Longest piece of a film that is smoothed at once [s]: time and memory go with the cube of its length.
+_LONGEST_SECONDS = 10.0
 _ABOUT = "give a marker file as the mapping describes it"
 
 
 @dataclass(frozen=True, eq=False)
 class _Imported:
-    """One file: its trials without roles, its report, and whether a marker had to be left out."""
+    """A piece of a file: the file's run, trials without roles, a report, and whether all markers were used."""
 
     name: str
     recording: Recording
@@ -295,7 +304,7 @@ def import_markers(
 
     Velocities are those of the nose in the forward frame; the world of the pose is the camera's (x to the right of the
     image, y up the image), its origin at the nose at the start of each trial. The noise of the dataset is the rms over
-    its fit trials.
+    its fit trials. A file of more than ten seconds becomes several trials, and has as many rows in the report.
 
     Args:
         files: one a run.
@@ -313,8 +322,9 @@ def import_markers(
     assert mapping is not None  # noqa: S101 - read refuses None
     fish = fish_of(table, mapping)
     marked = Marked.of(table, fish, mapping)
-    imported = [_import(path, table, marked, fish, (read or read_points)(path, table)) for path in files]
-    names = [run.name for run in imported]
+    by_file = [_import(path, table, marked, fish, (read or read_points)(path, table)) for path in files]
+    imported = [piece for pieces in by_file for piece in pieces]
+    names = [pieces[0].name for pieces in by_file]
     check_distinct(names, files)
     pairs = [(run.name, trial) for run in imported for trial in run.recording.trials]
     doubtful = [not run.complete for run in imported for _ in run.recording.trials]
@@ -327,12 +337,39 @@ def import_markers(
     return dataset, ImportReport(importer, tuple(run.report for run in imported))
 
 
-def _import(path: Path, table: MarkersMap, marked: Marked, fish: Fish, points: FloatArray) -> _Imported:
+def _import(path: Path, table: MarkersMap, marked: Marked, fish: Fish, points: FloatArray) -> list[_Imported]:
+    """Import a file, a long one in pieces of equal length; pieces that cannot be used are told, if others can."""
     position, scale = metres(path, points, table, marked)
-    track = fit_track(position, marked, table.rate, path)
     name = path.stem.removeprefix(table.prefix)
+    found: list[_Imported] = []
+    lost: list[InputError] = []
+    count = max(int(np.ceil(len(position) / (_LONGEST_SECONDS * table.rate))), 1)
+    starts = [len(position) * k // count for k in range(count + 1)]
+    for label, first, end in zip(stretch_names(name, count), starts, starts[1:], strict=False):
+        try:
+            found.append(_piece(position[first:end], scale, table, marked, fish, path, (name, label, first)))
+        except InputError as error:
+            lost.append(error)
+    if not found:
+        raise lost[0]
+    told = replace(found[0].report, notes=(*found[0].report.notes, *map(str, lost)))
+    return [replace(found[0], report=told), *found[1:]]
+
+
+def _piece(
+    position: FloatArray,
+    scale: float,
+    table: MarkersMap,
+    marked: Marked,
+    fish: Fish,
+    path: Path,
+    place: tuple[str, str, int],
+) -> _Imported:
+    """Import a piece of a film; its place: the run's name, its own, and its first frame."""
+    name, label, first = place
+    track = fit_track(position, marked, table.rate, path)
     seen, reasons = _seen(track, marked)
-    recording = record(track.fit, fish.joints, seen, reasons, name, path, marked.roll(track.fit))
+    recording = record(track.fit, fish.joints, seen, reasons, label, path, marked.roll(track.fit))
     report = FileReport(
         path=path,
         trials=tuple(trial.name for trial in recording.trials),
@@ -344,7 +381,7 @@ def _import(path: Path, table: MarkersMap, marked: Marked, fish: Fish, points: F
         noise=(float(recording.noise[0]), float(recording.noise[1]), float(recording.noise[2])),
         correlation_time=recording.correlation_time,
         joint_noise=recording.joint_noise,
-        cuts=recording.cuts,
+        cuts=tuple(Cut(c.start + first / table.rate, c.end + first / table.rate, c.reason) for c in recording.cuts),
         notes=_notes(track, marked, recording, scale),
     )
     return _Imported(name, recording, report, not track.dropped)
