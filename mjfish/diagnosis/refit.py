@@ -38,7 +38,7 @@ _BEHIND = 0.01
 _MOST = 40
 #: Mean square of a residual above which a fit is far off.
 _FAR = 10.0
-#: A fit from the declared coefficients is followed beyond so many evaluations where its sum of squares is near.
+#: Evaluations of a fit from the declared coefficients; it goes on if its sum is below so many times the first fit's.
 _TRY, _HOPE = 6, 1.2
 #: Sum of squares that the best start of a cause which is not smooth must take, or its fit is not followed.
 _HOPELESS = 3.0
@@ -277,7 +277,10 @@ def refined(refit: Refit, best: float) -> Refit:
 
 
 def _restarted(refit: Refit, found: Fit, best: float) -> Fit:
-    """Return the better of a fit and another one from the declared coefficients, followed where it comes near."""
+    """Return the better of a fit and a second one, which begins at the declared coefficients.
+
+    The second one is followed to its optimum if it comes near the first.
+    """
     own = {p.name: refit.fit.values[p.name] for effect in refit.effects for p in effect.parameters}
     tried = fit_or_raise(refit.problem, refit.problem.start(own), tolerance=TOLERANCE, evaluations=_TRY)
     if tried.objective < _HOPE * found.objective and tried.status != "converged":

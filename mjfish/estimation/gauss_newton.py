@@ -30,7 +30,7 @@ from mjfish.estimation.settings import Loss
 
 #: A column shorter than this share of the longest counts as that long: what does nothing stays.
 _IDLE = 1e-12
-#: Share of its range that a step takes a shape over, at most: where its cause has no size yet, it hardly matters.
+#: A step changes a shape by this share of its range at most: while its cause has no size, the data hardly see it.
 _FARTHEST = 0.25
 #: Shares of the predicted gain below which the radius shrinks, and above which it grows.
 _POOR, _GOOD = 0.1, 0.5

@@ -60,6 +60,15 @@ def test_a_linear_problem_takes_one_step_though_bounds_hold_it() -> None:
     assert found.status == "converged"
 
 
+def test_a_step_takes_a_shape_alone_over_a_quarter_of_its_range() -> None:
+    posed = _linear(np.eye(2), np.array([7.9, 7.9]))
+    posed.parameters = [SimpleNamespace(shape=False), SimpleNamespace(shape=True)]
+    low, high = np.zeros(2), np.full(2, 8.0)
+    once = _minimum(posed, np.zeros(2), low, high, evaluations=2)
+    np.testing.assert_allclose(once.x, [7.9, 2.0])
+    np.testing.assert_allclose(_minimum(posed, np.zeros(2), low, high).x, 7.9)
+
+
 def test_along_what_the_data_hardly_say_it_goes_as_fast() -> None:
     """Two columns are the same to a thousandth, and bounds are on both sides, as those of the friction coefficients."""
     rng = np.random.default_rng(1)

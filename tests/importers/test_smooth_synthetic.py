@@ -195,7 +195,8 @@ def test_a_long_film_is_smoothed_in_pieces(tmp_path: Path, monkeypatch: pytest.M
         ("long-a", "held_out"), ("long-b", "held_out"), ("short-a", "fit"), ("short-b", "fit"),
     ]  # fmt: skip
     assert [file.path for file in report.files] == [files[0], files[0], files[1], files[1]]
-    assert any("no joint angles to be had" in note for note in report.files[0].notes)
+    (lost,) = (cut for cut in report.files[0].cuts if "no joint angles to be had" in cut.reason)
+    assert (lost.start, lost.end) == (pytest.approx(440 / 60), pytest.approx(660 / 60))
     second, file = dataset.trials[1], report.files[1]
     assert file.cuts
     assert all(220 / 60 - 1e-9 < cut.start < cut.end < 440 / 60 + 1e-9 for cut in file.cuts)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -284,9 +284,8 @@ _ABOUT = "give a marker file as the mapping describes it"
 
 @dataclass(frozen=True, eq=False)
 class _Imported:
-    """A piece of a file: the file's run, trials without roles, a report, and whether all markers were used."""
+    """A piece of a file: its trials without roles, its report, and whether all markers were used."""
 
-    name: str
     recording: Recording
     report: FileReport
     complete: bool
@@ -322,54 +321,50 @@ def import_markers(
     assert mapping is not None  # noqa: S101 - read refuses None
     fish = fish_of(table, mapping)
     marked = Marked.of(table, fish, mapping)
-    by_file = [_import(path, table, marked, fish, (read or read_points)(path, table)) for path in files]
-    imported = [piece for pieces in by_file for piece in pieces]
-    names = [pieces[0].name for pieces in by_file]
+    by_file = [_import(path, table, marked, (read or read_points)(path, table)) for path in files]
+    names = [_run_name(path, table) for path in files]
     check_distinct(names, files)
-    pairs = [(run.name, trial) for run in imported for trial in run.recording.trials]
-    doubtful = [not run.complete for run in imported for _ in run.recording.trials]
+    pieces = [(name, piece) for name, found in zip(names, by_file, strict=True) for piece in found]
+    pairs = [(name, trial) for name, piece in pieces for trial in piece.recording.trials]
+    doubtful = [not piece.complete for _, piece in pieces for _ in piece.recording.trials]
     dataset = Dataset(
         name=f"{importer} {', '.join(names)}",
         fish=fish,
         trials=assign_roles(pairs, held_out, doubtful),
     )
-    dataset = with_noise(dataset, [run.recording for run in imported])
-    return dataset, ImportReport(importer, tuple(run.report for run in imported))
+    dataset = with_noise(dataset, [piece.recording for _, piece in pieces])
+    return dataset, ImportReport(importer, tuple(piece.report for _, piece in pieces))
 
 
-def _import(path: Path, table: MarkersMap, marked: Marked, fish: Fish, points: FloatArray) -> list[_Imported]:
-    """Import a file, a long one in pieces of equal length; pieces that cannot be used are told, if others can."""
+def _run_name(path: Path, table: MarkersMap) -> str:
+    return path.stem.removeprefix(table.prefix)
+
+
+def _import(path: Path, table: MarkersMap, marked: Marked, points: FloatArray) -> list[_Imported]:
+    """Import a file, a long one in pieces of equal length; those that cannot be used are cut out, if others can."""
     position, scale = metres(path, points, table, marked)
-    name = path.stem.removeprefix(table.prefix)
     found: list[_Imported] = []
-    lost: list[InputError] = []
-    count = max(int(np.ceil(len(position) / (_LONGEST_SECONDS * table.rate))), 1)
-    starts = [len(position) * k // count for k in range(count + 1)]
-    for label, first, end in zip(stretch_names(name, count), starts, starts[1:], strict=False):
+    cuts: list[Cut] = []
+    count = int(np.ceil(len(position) / (_LONGEST_SECONDS * table.rate)))
+    ends = [len(position) * k // count for k in range(count + 1)]
+    for label, (first, end) in zip(stretch_names(_run_name(path, table), count), pairwise(ends), strict=True):
         try:
-            found.append(_piece(position[first:end], scale, table, marked, fish, path, (name, label, first)))
+            found.append(_piece(position[first:end], scale, table, marked, path, label, first / table.rate))
         except InputError as error:
-            lost.append(error)
-    if not found:
-        raise lost[0]
-    told = replace(found[0].report, notes=(*found[0].report.notes, *map(str, lost)))
-    return [replace(found[0], report=told), *found[1:]]
+            if count == len(cuts) + 1:  # all before it were lost, too
+                raise
+            cuts.append(Cut(first / table.rate, end / table.rate, str(error)))
+    report = replace(found[0].report, cuts=(*found[0].report.cuts, *cuts))
+    return [replace(found[0], report=report), *found[1:]]
 
 
 def _piece(
-    position: FloatArray,
-    scale: float,
-    table: MarkersMap,
-    marked: Marked,
-    fish: Fish,
-    path: Path,
-    place: tuple[str, str, int],
+    position: FloatArray, scale: float, table: MarkersMap, marked: Marked, path: Path, label: str, begin: float
 ) -> _Imported:
-    """Import a piece of a film; its place: the run's name, its own, and its first frame."""
-    name, label, first = place
+    """Import a piece of a film, under a name of its own, that begins at a time of the file [s]."""
     track = fit_track(position, marked, table.rate, path)
     seen, reasons = _seen(track, marked)
-    recording = record(track.fit, fish.joints, seen, reasons, label, path, marked.roll(track.fit))
+    recording = record(track.fit, len(marked.lengths) - 1, seen, reasons, label, path, marked.roll(track.fit))
     report = FileReport(
         path=path,
         trials=tuple(trial.name for trial in recording.trials),
@@ -381,10 +376,10 @@ def _piece(
         noise=(float(recording.noise[0]), float(recording.noise[1]), float(recording.noise[2])),
         correlation_time=recording.correlation_time,
         joint_noise=recording.joint_noise,
-        cuts=tuple(Cut(c.start + first / table.rate, c.end + first / table.rate, c.reason) for c in recording.cuts),
+        cuts=tuple(replace(cut, start=cut.start + begin, end=cut.end + begin) for cut in recording.cuts),
         notes=_notes(track, marked, recording, scale),
     )
-    return _Imported(name, recording, report, not track.dropped)
+    return _Imported(recording, report, not track.dropped)
 
 
 def read_points(path: Path, table: MarkersMap) -> FloatArray:
