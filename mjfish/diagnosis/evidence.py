@@ -370,19 +370,13 @@ def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Callabl
         yield gather(other, seen, evidence.candidates, known_signatures)
 
 
-def signatures(
-    problem: Problem,
-    values: Mapping[str, float],
-    candidates: Sequence[Effect],
-    shapes: Mapping[str, float] | None = None,
-) -> Slopes:
+def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequence[Effect]) -> Slopes:
     """Return the derivatives of the prediction by every candidate's amplitudes, times scale.
 
     Args:
         problem: of the model without the candidates.
         values: of its parameters.
         candidates: causes at their null values.
-        shapes: of the candidates, where they are not the defaults.
 
     Raises:
         CandidatesFailedError: derivatives by amplitudes of some are not finite where the prediction is.
@@ -395,7 +389,12 @@ def signatures(
             block *= scales
         return found, found.lost
 
-    return _derived(slopes, problem, values, candidates, shapes)
+    found, failed = _derived(slopes, problem, values, candidates)
+    if failed and not problem.divergence(problem.start(values)):
+        raise CandidatesFailedError(
+            dict.fromkeys(failed, "the derivative of the prediction by its sizes is not finite")
+        )
+    return found
 
 
 def signature_rows(
@@ -404,8 +403,13 @@ def signature_rows(
     candidates: Sequence[Effect],
     shapes: Mapping[str, float] | None = None,
 ) -> FloatArray:
-    """Return the same as whitened rows (n, d) of the residual; see `signatures`."""
-    return _derived(Problem.rows_by, problem, values, candidates, shapes)
+    """Return the same as whitened rows (n, d) of the residual, at shapes that may be others than the defaults.
+
+    Rows of a candidate whose derivative is not finite here are zero: its score then says nothing.
+    """
+    rows, failed = _derived(Problem.rows_by, problem, values, candidates, shapes)
+    rows[:, np.array([effect.name in failed for effect in candidates for _ in effect.amplitudes()], dtype=bool)] = 0.0
+    return rows
 
 
 def _derived(
@@ -413,13 +417,16 @@ def _derived(
     problem: Problem,
     values: Mapping[str, float],
     candidates: Sequence[Effect],
-    shapes: Mapping[str, float] | None,
-) -> T:
+    shapes: Mapping[str, float] | None = None,
+) -> tuple[T, list[str]]:
     """Return what `derive` finds by the candidates' amplitudes at their null, each in units of its scale.
 
     Args:
         derive: takes the problem with the candidates, x, names and scales; returns also the names of `Slopes.lost`.
-        problem, values, candidates, shapes: as of `signatures`.
+        problem, values, candidates, shapes: as of `signature_rows`.
+
+    Returns:
+        That, and the names of candidates of which a derivative is not finite.
     """
     wide = replace(problem, model=replace(problem.model, effects=(*problem.model.effects, *candidates)))
     null = {p.name: p.default for effect in candidates for p in effect.parameters}
@@ -428,12 +435,7 @@ def _derived(
     with limited(candidate_limit() * max(len(candidates), 1)):
         found, lost = derive(wide, x, [p.name for p in amplitudes], np.array([p.scale for p in amplitudes]))
         check_time()
-    if lost and shapes is None and not problem.divergence(problem.start(values)):
-        failed = [effect.name for effect in candidates if any(p.name in lost for p in effect.amplitudes())]
-        raise CandidatesFailedError(
-            dict.fromkeys(failed, "the derivative of the prediction by its sizes is not finite")
-        )
-    return found
+    return found, [effect.name for effect in candidates if any(p.name in lost for p in effect.amplitudes())]
 
 
 def whitened_omnibus(problem: Problem) -> BlockAngular:

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from hidden_cases import draw
 
+from mjfish.data import Trial
 from mjfish.diagnosis.evidence import gather
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
+from mjfish.estimation.problem import _Predicted
 from mjfish.model import Model
+from mjfish.parameter import Parameter
 from mjfish.sized_cache import always
 
 
@@ -47,3 +50,25 @@ def test_a_cause_is_identifiable_by_whatever_a_refit_leaves_of_it(beyond: float,
     column /= np.linalg.norm(column)
     other = evidence.signatures / np.linalg.norm(evidence.signatures)
     assert replace(evidence, raws=always(column + beyond * other)).unidentifiable("com_offset") is hidden
+
+
+def test_a_derivative_that_is_not_finite_leaves_its_cause_without_a_score(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At a rival's refit a derivative may diverge; the scores of the others stay as they are."""
+    dataset = draw("com_offset", "weak", trials=4).dataset
+    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)), jobs=1)
+    fitted, names = fit(problem, evaluations=1), ["com_offset", "time_offset"]
+    whole = gather(problem, fitted, [find(name) for name in names])
+    honest = Problem._slopes
+
+    def slopes(self: Problem, trial: Trial, here: dict[str, float], asked: list[Parameter]) -> _Predicted:
+        found = honest(self, trial, here, asked)
+        spoilt = np.array([p.name.startswith("com_offset.") for p in asked])
+        found.velocity[-1, :, spoilt] = np.inf
+        return found
+
+    monkeypatch.setattr(Problem, "_slopes", slopes)
+    broken = gather(problem, fitted, [find(name) for name in names])
+    assert whole.scored("com_offset")
+    assert not broken.scored("com_offset")
+    assert np.isfinite(broken.score).all()
+    assert broken.statistic("time_offset") == whole.statistic("time_offset")
