@@ -9,14 +9,19 @@ import numpy as np
 
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.combinations import find_combinations, find_small_addition
+from mjfish.diagnosis.fan_out import followed
 from mjfish.diagnosis.forms import refit_learned_forms
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.lone_run import lone_run
 from mjfish.diagnosis.progress import Progress, part
+from mjfish.diagnosis.refit import lowest
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.screening import Screening
 from mjfish.diagnosis.select import Comparison, Goodness, Names, standings
 from mjfish.effects import Effect
+
+#: Of how many formulas, the best, lower minima are looked for where none leaves nothing.
+_LEADERS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +61,13 @@ def compare(begun: Begun, screening: Screening, held_out: HeldOut) -> Compared:
         single = _singles(refits, goodness, held_out, rng)
     if single.retained(clean=True):
         return Compared(single, learned=learned)
+    leaders = sorted((refit for refit in refits.values() if not refit.learned), key=lambda refit: -refit.adjusted)
+    lower = [refit for refit in followed(lowest, leaders[:_LEADERS]) if refit.gain > refits[refit.names[0]].gain]
+    if lower:
+        refits |= {refit.names[0]: refit for refit in lower}
+        single = _singles(refits, goodness, held_out, rng)
+        if single.retained(clean=True):
+            return Compared(single, learned=learned)
     odd: int | None = begun.parts.run("the search for a single run", lambda: lone_run(evidence), None)
     several = others = None
     if odd is None:
