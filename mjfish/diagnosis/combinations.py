@@ -119,7 +119,7 @@ def find_small_addition(
     found: dict[Names, Refit] = {}
     borne_out: set[Names] = set()
     most = max((refit.gain for refit in known.values()), default=0.0)
-    for base in _best(known.values()):
+    for base in _best(refit for refit in known.values() if refit.gain >= (1.0 - share_of(refit)) * most):
         others = [effect for effect in candidates if effect.mechanism not in base.mechanisms]
         after = gather(base.problem, base.fit, others)
         excess = after.saturated_excess()

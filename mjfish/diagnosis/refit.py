@@ -17,7 +17,7 @@ from mjfish.diagnosis.progress import Progress, silent
 from mjfish.diagnosis.refit_result import TOLERANCE, Refit
 from mjfish.diagnosis.shapes import at_best_shapes
 from mjfish.effects.effect import Effect
-from mjfish.estimation import Fit, Problem
+from mjfish.estimation import Fit, Problem, fit
 from mjfish.estimation.fit import fit_or_raise
 from mjfish.estimation.sensor_noise import having_noise_of
 from mjfish.estimation.smoothness import smoothed
@@ -30,8 +30,6 @@ _MISFIT = 1.1
 #: Share of the best gain above which a coarse refit is followed to its optimum. Where the best fits to within noise:
 #: how far it may be behind, as a share of the best gain, and at least.
 _RUNNING, _DISTANCE, _WEAK = 0.25, 0.3, 100.0
-#: Most times that a better local minimum is searched for, each from the one before.
-_MOST_MINIMA = 3
 #: A fit that is behind the best is followed until a step gains less than this share of its distance.
 _BEHIND = 0.01
 #: Most evaluations of a refit at one tolerance: where the form is wrong, there may be no end to it.
@@ -40,9 +38,8 @@ _MOST = 40
 _FAR = 10.0
 #: Evaluations of a fit from the declared coefficients; it goes on if its sum is below so many times the first fit's.
 _TRY, _HOPE = 6, 1.2
-#: Starts near a fit that leaves something systematic, and how far the logarithms of their coefficients are spread: of 12
-#: such starts near a wrong minimum of a rolling fish five or six reached the right one with 0.3 and 0.5, three with 0.8.
-_HOPS, _SPREAD = 4, 0.4
+#: Shares of every run that a fit goes by, one after the other, to leave a wrong minimum, and the tolerance there.
+_STRETCHES, _ROUGH = (1.0 / 16.0, 1.0 / 8.0, 1.0 / 4.0), 1e-4
 #: Sum of squares that the best start of a cause which is not smooth must take, or its fit is not followed.
 _HOPELESS = 3.0
 #: Score below which shapes are looked for before candidates are chosen.
@@ -256,62 +253,55 @@ def _taken_on(evidence: Evidence, refit: Refit) -> Refit:
 def refined(refit: Refit, best: float) -> Refit:
     """Follow a refit to its optimum. Where none fits, fit once more from the declared starts of the coefficients.
 
-    A large effect biases the coefficients of the nominal model, and from there the optimum may be out of reach. A
-    non-smooth effect may have a better local minimum: sizes from half to twice the fitted one are tried.
+    A large effect biases the coefficients of the nominal model, and from there the optimum may be out of reach.
 
     Args:
         refit: a coarse one.
         best: least sum of squares of all refits; a refit far behind it is followed less accurately.
     """
-    there = refit.fit.status == "converged"
-    result = refit.fit if there else converge(refit.problem, refit.fit.x, refit.fit.sse, best)
+    result = refit.fit
+    if result.status != "converged":
+        result = converge(refit.problem, result.x, result.sse, best)
     if min(best, result.sse) > _MISFIT * result.count:
         result = _restarted(refit, result, best)
-    for _ in range(_MOST_MINIMA):
-        starts = other_minima(result, refit.problem)
-        others = [converge(refit.problem, start, result.sse, best) for start in starts]
-        lower = min([result, *others], key=lambda each: each.objective)
-        if lower is result:
-            break
-        result = lower
-    if result.objective <= refit.fit.objective:
-        refit = replace(refit, fit=result, gain=refit.gain + refit.fit.sse - result.sse)
-    return _resolved(refit, best)
+    return _resolved(replace(refit, fit=result, gain=refit.gain + refit.fit.sse - result.sse), best)
 
 
 def _restarted(refit: Refit, found: Fit, best: float) -> Fit:
     """Return the better of a fit and a second one, which begins at the declared coefficients.
 
-    So does a shape that rests on a bound, at its declared value: the coefficients may have led it there.
+    A shape that rests on a bound begins at its declared value, too: the coefficients may have led it there. The second
+    one is followed to its optimum if it comes near the first.
     """
     names = {p.name for effect in refit.effects for p in effect.parameters}
-    bound = zip(found.parameters, found.at_bound, strict=True)
-    own = {p.name: found.values[p.name] for p, rests in bound if p.name in names and not (p.shape and rests)}
-    return _lower(found, refit.problem, refit.problem.start(own), best)
-
-
-def _lower(found: Fit, problem: Problem, start: FloatArray, best: float) -> Fit:
-    """Return the better of a fit and of another one from `start`, which is followed to its optimum if it comes near."""
-    tried = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=_TRY)
+    own = {
+        p.name: found.values[p.name]
+        for p, rests in zip(found.parameters, found.at_bound, strict=True)
+        if p.name in names and not (p.shape and rests)
+    }
+    tried = fit_or_raise(refit.problem, refit.problem.start(own), tolerance=TOLERANCE, evaluations=_TRY)
     if tried.objective < _HOPE * found.objective and tried.status != "converged":
-        tried = converge(problem, tried.x, tried.sse, best)
+        tried = converge(refit.problem, tried.x, tried.sse, best)
     return min(found, tried, key=lambda each: each.objective)
 
 
 def lowest(refit: Refit) -> Refit:
-    """Look for a lower minimum near a refit: a sum of squares with memory of the water has many.
+    """Look for a lower minimum of a refit, by fits to ever longer stretches from the start of every run.
 
-    Fits begin where the coefficients are those of the lowest one so far times factors, log-normal around one
-    (basin hopping, [WalesDoye1997]; the factors are always the same).
+    The longer a run is simulated, the more minima has its sum of squares ([Ribeiro2020]): a short stretch leads out of
+    a wrong one.
 
-    [WalesDoye1997] D. Wales and J. Doye, Journal of Physical Chemistry A 101.
+    [Ribeiro2020] A. Ribeiro, K. Tiels, J. Umenberger, T. Schoen and L. Aguirre, On the smoothness of nonlinear system
+    identification, Automatica 121.
     """
-    problem, found = refit.problem, refit.fit
-    coefficients = [p.name in problem.model.fish.values for p in found.parameters]
-    for factor in np.exp(_SPREAD * np.random.default_rng(0).standard_normal((_HOPS, len(coefficients)))):
-        start = np.clip(found.x * np.where(coefficients, factor, 1.0), *bounds(problem.parameters))
-        found = _lower(found, problem, start, found.sse)
-    return replace(refit, fit=found, gain=refit.gain + (refit.fit.sse - found.sse))
+    problem, x = refit.problem, refit.fit.x
+    for share in _STRETCHES:
+        windows = tuple((t.time[0], t.time[0] + share * np.ptp(t.time)) for t in problem.trials)
+        x = fit(replace(problem, windows=windows), x, tolerance=_ROUGH, evaluations=_MOST).x
+    found = fit(problem, x, tolerance=TOLERANCE, evaluations=_MOST)
+    if found.lost or found.objective >= refit.fit.objective:
+        return refit
+    return replace(refit, fit=found, gain=refit.gain + refit.fit.sse - found.sse)
 
 
 def _resolved(refit: Refit, best: float) -> Refit:
@@ -352,8 +342,6 @@ _MULTIPLES = (0.3, 1.0, 3.0)
 _GRID = (0.1, 0.2, 0.6, 1.25, 1.5, 1.75, 2.0, 2.5)
 #: Change of the sum of squares from which on a size is felt, and how closely the least such is found.
 _FELT, _HALVINGS = 0.5, 8
-#: Multiples of a fitted amplitude at which another minimum is looked for.
-_OTHER_SIZES = tuple(2.0 ** (k / 4.0) for k in (-4, -3, -2, -1, 1, 2, 3, 4))
 #: How many of the most promising starts are looked at once more, with the coefficients moved.
 _TRIED = 3
 #: How often these move on, as long as this share or less is left each time.
@@ -408,7 +396,7 @@ def _like(effect: Effect, formulas: Iterable[Refit]) -> Iterator[dict[str, float
 
 
 class _Tried:
-    """Starts, the free parameters of a fit but a fixed one moved to where they belong at each.
+    """Starts, the free parameters of a fit moved to where they belong at each.
 
     They move by (J'J)^-1 J' e, and what is left of e beyond the span of J is what a start is judged by: variable
     projection [GolubPereyra1973] with J at that fit.
@@ -416,9 +404,9 @@ class _Tried:
     [GolubPereyra1973] G. Golub and V. Pereyra, SIAM Journal on Numerical Analysis 10.
     """
 
-    def __init__(self, found: Fit, problem: Problem, fixed: str = "") -> None:
+    def __init__(self, found: Fit, problem: Problem) -> None:
         self.problem = problem
-        free = np.array([p.name != fixed for p in found.parameters]) & ~found.at_bound
+        free = ~found.at_bound
         names = [p.name for p in problem.parameters]
         self._columns = np.array([names.index(found.parameters[i].name) for i in np.flatnonzero(free)], dtype=np.int64)
         self._jacobian = found.jacobian.chosen(free)
@@ -462,31 +450,6 @@ class _Tried:
         moved = x.copy()
         moved[self._columns] += step
         return np.clip(moved, *bounds(self.problem.parameters))
-
-
-def other_minima(found: Fit, problem: Problem) -> list[FloatArray]:
-    """Return, per amplitude that is not smooth at its null, where another explains more than the fit does.
-
-    Along such an amplitude the sum of squares has several minima, of a tail that rings by less than an octave apart:
-    sizes from half to twice are tried, the other free parameters moved along.
-
-    Args:
-        found: where a fit has ended.
-        problem: its problem.
-    """
-    rough = [p.name for effect in problem.model.effects if not effect.smooth for p in effect.amplitudes()]
-    better = []
-    for column, p in enumerate(problem.parameters):
-        if p.name in rough:
-            tried = _Tried(found, problem, p.name)
-            for multiple in _OTHER_SIZES:
-                start = found.x.copy()
-                start[column] = np.clip(multiple * found.x[column], p.low, p.high)
-                tried.add(start)
-            there, least = tried.best()
-            if least < found.sse:
-                better.append(there)
-    return better
 
 
 def find_threshold(tried: _Tried, column: int) -> None:

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hidden_cases import draw
 
 from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.refit import refit_with, refits
+from mjfish.diagnosis.refit import lowest, refit_with, refits
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import estimates
 from mjfish.drive import cpg
 from mjfish.effects import find
@@ -64,3 +66,20 @@ def test_a_formula_with_limits_begins_where_its_limit_ended(pike: Fish) -> None:
     found = refits(gather(problem, fit(problem), formulas), formulas)
     assert set(found) == {"sheared_current", "ambient_current", "tail_compliance"}
     assert found["sheared_current"].gain > found["ambient_current"].gain - 1.0
+
+
+def test_a_rolling_fish_leaves_a_wrong_minimum_by_fits_to_ever_longer_stretches() -> None:
+    """From the wrong one, twenty times as high, fits to whole runs do not come away."""
+    case, roll = draw("roll_loss", "middling", 1, trials=3), find("roll_loss")
+    noise = Noise.white(np.asarray(case.dataset.noise))
+    problem = Problem(Model(case.dataset.fish, (roll,)), case.dataset.split()[0], noise, jobs=1)
+    shapes = {"roll_loss.frequency": 14.0, "roll_loss.damping": 0.09, "roll_loss.inertial": 1.0}
+    wrong = fit(problem, problem.start({"roll_loss.square": 0.3, **shapes}), tolerance=1e-5)
+    assert wrong.sse > 20.0 * wrong.count
+    found = lowest(Refit((roll,), problem, wrong, 100.0))
+    assert found.fit.sse < 1.1 * found.fit.count
+    assert found.gain == pytest.approx(100.0 + wrong.sse - found.fit.sse)
+    for name, value in case.truth.items():
+        if name.startswith("roll_loss."):
+            assert found.fit.values[name] == pytest.approx(value, rel=0.05)
+    assert lowest(found).gain == pytest.approx(found.gain)

@@ -12,7 +12,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.progress import silent
-from mjfish.diagnosis.refit import find_threshold, off_null, other_minima, refit_with, refits
+from mjfish.diagnosis.refit import find_threshold, off_null, refit_with, refits
 from mjfish.diagnosis.screening import screen
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -123,20 +123,6 @@ def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None
     problem = replace(_problem(synthetic), trials=tuple(moved))
     findings = screen(problem, (find("inertia_error"),), None, np.random.default_rng(0), silent)
     assert (findings.p_wrong < 1e-6) is (off > 0.0)
-
-
-def test_a_fit_at_half_the_compliance_is_sent_to_the_better_minimum(pike: Fish) -> None:
-    tail = find("tail_compliance")
-    values = {"tail_compliance.compliance": 0.02, "tail_compliance.damping": 0.1}
-    dataset = generate(pike, ["v3", "v5"], values=values, effects=[tail], noise=SIGMA, duration=4.0, seed=3)
-    free = replace(_problem(dataset), model=Model(pike, (tail,)))
-    size = tail.parameters[0]
-    held = replace(free, declared={size.name: size.rebound(low=0.0099, high=0.0101, start=0.01)})
-    half = fit(held, tolerance=1e-5)
-    (better,) = other_minima(half, free)
-    assert better[[p.name for p in free.parameters].index(size.name)] == pytest.approx(0.02, rel=0.02)
-    assert np.sum(free.residual(better) ** 2) < half.sse
-    assert other_minima(fit(free, better, tolerance=1e-5), free) == []
 
 
 @pytest.mark.parametrize(
