@@ -73,17 +73,15 @@ def refits(
     worth += [effect for effect in effects if effect.name in ahead and effect not in worth]
     chosen = sorted(worth, key=lambda effect: effect.smooth)  # what takes longest first
     found: dict[str, Refit] = {}
-    done = 0
     for general in (False, True):
         round_of = [effect for effect in chosen if bool(effect.limits) == general and _may_explain(effect, found)]
         new = [effect for effect in round_of if effect.name in earlier or effect.name not in known]
         given = [(earlier.get(effect.name), [found[name] for name in effect.limits if name in found]) for effect in new]
         results = extended(_made_of, new, evidence, given)
-        made = {}
+        made: dict[str, Refit] = {}
         for effect in round_of:
-            progress(f"refitting with {effect.name}", done / len(chosen))
+            progress(f"refitting with {effect.name}", (len(found) + len(made)) / len(chosen))
             made[effect.name] = next(results) if effect in new else known[effect.name]
-            done += 1
         found.update(made)
     return found
 
@@ -185,20 +183,20 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     ranked = sorted((effect for effect in effects if effect.name in scores), key=lambda effect: -scores[effect.name])
     if not ranked:
         return []
-    close = scores[ranked[0].name] - _NEAR
     return [
         effect
         for place, effect in enumerate(ranked)
         if place < _BEST
         or not effect.smooth
-        or (scores[effect.name] > close and evidence.confounded(effect.name) > _HIDDEN)
+        or (scores[effect.name] > scores[ranked[0].name] - _NEAR and evidence.confounded(effect.name) > _HIDDEN)
     ]
 
 
 def _best_worth(evidence: Evidence, limit: float, problem: Problem, effect: Effect) -> float | Failure:
     """Return what a candidate is worth at the best values of its first shape."""
-    alone = replace(evidence, problem=problem)
-    there = attempted(lambda _: at_best_shapes(alone, effect, first_alone=True)[0], effect, limit)
+    there = attempted(
+        lambda _: at_best_shapes(replace(evidence, problem=problem), effect, first_alone=True)[0], effect, limit
+    )
     return there if isinstance(there, Failure) else there.worth(effect.name)
 
 
@@ -330,8 +328,11 @@ def converge(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
     while True:
         tolerance = _tolerance(sse, best)
         result = fit_or_raise(problem, x, tolerance=tolerance, evaluations=_MOST)
-        behind = _BEHIND * (result.sse - best)
-        if tolerance == TOLERANCE or result.status != "converged" or behind > 0.5 * tolerance * result.sse:
+        if (
+            tolerance == TOLERANCE
+            or result.status != "converged"
+            or (_BEHIND * (result.sse - best) > 0.5 * tolerance * result.sse)
+        ):
             return result
         x, sse = result.x, result.sse
 
@@ -406,10 +407,11 @@ class _Tried:
 
     def __init__(self, found: Fit, problem: Problem) -> None:
         self.problem = problem
-        free = ~found.at_bound
         names = [p.name for p in problem.parameters]
-        self._columns = np.array([names.index(found.parameters[i].name) for i in np.flatnonzero(free)], dtype=np.int64)
-        self._jacobian = found.jacobian.chosen(free)
+        self._columns = np.array(
+            [names.index(found.parameters[i].name) for i in np.flatnonzero(~found.at_bound)], dtype=np.int64
+        )
+        self._jacobian = found.jacobian.chosen(~found.at_bound)
         self.starts: list[FloatArray] = []
         self.moved: list[FloatArray] = []
         self.left: list[float] = []

@@ -97,17 +97,19 @@ def screen(
         problem = with_sensor_noise(problem, start)
         start = sound(NOMINAL, fit(problem, start, tolerance=1e-3, evaluations=_ROUGH)).x
     problem = with_sensor_noise(problem, start)
-    baseline = sound(NOMINAL, fit(problem, start, tolerance=1e-6))
-    slopes = _signatures(problem, baseline.values, candidates)
+    baseline, slopes = _fitted(problem, start, candidates)
     if not problem.samples:
         return _screened_sensors(problem, baseline, slopes, candidates, rng, progress)
+    noise, _ = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
+    if isinstance(noise, DifferentiationNoise):  # at the ends a filter has less to go on, and its errors are larger
+        problem = replace(problem, ends=noise.window // 2)
+        baseline, slopes = _fitted(problem, baseline.x, candidates)
     results: dict[Filter | None, Screening] = {}
     smoothing, known = problem.smoothing, problem.smoothing is not None
     while smoothing not in results:
         if smoothing != problem.smoothing:
             problem = replace(problem, smoothing=smoothing)
-            baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
-            slopes = _signatures(problem, baseline.values, candidates)
+            baseline, slopes = _fitted(problem, baseline.x, candidates)
         results[problem.smoothing], smoothing = _screened(problem, baseline, slopes, candidates, stated, rng, progress)
         if known:  # the dataset says through which filter its velocities went
             smoothing = problem.smoothing
@@ -225,6 +227,12 @@ def _beside(best: Refit, candidates: tuple[Effect, ...]) -> tuple[tuple[Effect, 
     return others, _signatures(best.problem, best.fit.values, others)
 
 
+def _fitted(problem: Problem, start: FloatArray, candidates: tuple[Effect, ...]) -> tuple[Fit, Remade[Slopes]]:
+    """Return the fit of the nominal model, and the signatures of candidates there."""
+    baseline = sound(NOMINAL, fit(problem, start, tolerance=1e-6))
+    return baseline, _signatures(problem, baseline.values, candidates)
+
+
 def _signatures(problem: Problem, values: Mapping[str, float], candidates: tuple[Effect, ...]) -> Remade[Slopes]:
     """Return the signatures of candidates, made: what fails among them fails here."""
     make = partial(signatures, problem, values, candidates)
@@ -256,9 +264,8 @@ class _NominalTest:
         if noise is not problem.noise and not _same(noise, problem.noise):  # of sensors alone it is NaN
             self.progress("fitting the nominal model", 0.08)
             problem = replace(problem, noise=noise)
-            baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
             # taken at another fit, an unidentifiable effect would seem to show
-            slopes = _signatures(problem, baseline.values, self.candidates)
+            baseline, slopes = _fitted(problem, baseline.x, self.candidates)
         evidence = gather(problem, baseline, self.candidates, slopes)
         self.progress("testing the residual", 0.15)
         directed, p_wrong = self._p_values(evidence)

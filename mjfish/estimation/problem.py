@@ -103,6 +103,7 @@ class Problem:
             where it is declared here.
         free_clock: whether each trial has a clock offset of its own.
         windows: per trial, the times [s] between which samples count; None: all of it.
+        ends: how many velocities at either end of every trial do not count.
         slope_step: longest integration step of the derivatives [s]; None: that of the model. A fit goes by them, where
             it ends the residuals say: they may be rougher.
         smoothing: filter that the recorded velocities went through, and predictions do, too; None: none.
@@ -124,6 +125,7 @@ class Problem:
     declared: Mapping[str, Parameter] = field(default_factory=dict)
     free_clock: bool = False
     windows: tuple[tuple[float, float] | None, ...] | None = None
+    ends: int = 0
     slope_step: float | None = None
     smoothing: Filter | None = None
     nominal: tuple[str, ...] = ()
@@ -243,7 +245,7 @@ class Problem:
 
     def to_dict(self) -> dict[str, Any]:
         """Return how data and model are compared as plain data; model and trials are told elsewhere."""
-        fields: dict[str, object] = {"noise": self.noise, "slope_step": self.slope_step, "smoothing": self.smoothing}
+        fields: dict[str, object] = {name: getattr(self, name) for name in ("noise", "ends", "slope_step", "smoothing")}
         if self.sensors:
             fields["sensor_sigma"] = {sensor.name: self.sigma_of(sensor) for _, sensor in self.sensors}
         return {key: plain(value) for key, value in fields.items()}
@@ -495,8 +497,8 @@ class Problem:
 
         Left out are the samples next to a step of the drive, where the velocity jumps and a reading depends on which
         side of the step it fell; where the joints were measured, the ends: a shifted clock would ask for motion
-        that nobody saw; and where velocities were smoothed, what the filter feels of such a step or of an end. None
-        counts of a trial without any velocity.
+        that nobody saw; `ends`; and where velocities were smoothed, what the filter feels of such a step or of an end.
+        None counts of a trial without any velocity.
         """
         trial = self.trials[index]
         if not trial.measured.any():
@@ -511,6 +513,7 @@ class Problem:
             keep &= np.abs(trial.time - segment.start) > beside
         if trial.joint_angle is not None:
             keep &= (trial.time >= trial.time[0] + MARGIN) & (trial.time <= trial.time[-1] - MARGIN)
+        keep[: self.ends] = keep[len(keep) - self.ends :] = False
         window = self.windows[index] if self.windows is not None else None
         if window is not None:
             keep &= (trial.time >= window[0]) & (trial.time <= window[1])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import interpolate
+from scipy import interpolate, signal
 
 from mjfish.arrays import readonly
 from mjfish.data import Trial
@@ -64,3 +64,19 @@ def test_only_a_motion_that_was_smoothed_is_smoothed(lag: float, motion: bool) -
     assert (findings.p_wrong < ALARM) is (lag > 0.0)
     if lag:
         assert findings.refits["servo_lag"].fit.values["servo_lag.time_constant"] == pytest.approx(lag, rel=0.03)
+
+
+def test_half_a_window_is_left_out_where_a_filter_has_less_to_go_on() -> None:
+    """Savitzky and Golay's filter goes on with its last polynomial at the ends; errors are far larger there."""
+    last, middle = (signal.savgol_coeffs(11, 4, deriv=1, pos=place) for place in (0, 5))
+    assert np.linalg.norm(last) > 4.0 * np.linalg.norm(middle)
+    synthetic, rng = generate(load_fish("pike"), ["v1", "v3", "v5"], duration=8.0, seed=7), np.random.default_rng(3)
+    trials = []
+    for trial in synthetic.trials:
+        noise = signal.savgol_filter(rng.standard_normal((len(trial.time), 3)), 11, 4, deriv=1, axis=0, mode="interp")
+        trials.append(replace(trial, velocity=readonly(trial.velocity + SIGMA * noise / noise[11:-11].std(axis=0))))
+    problem = Problem(Model(load_fish("pike")), tuple(trials), Noise.white(SIGMA), jobs=1)
+    effects = tuple(find(name) for name in ("ambient_current", "velocity_scale", "time_offset", "inertia_error"))
+    findings = screen(problem, effects, None, np.random.default_rng(0), silent)
+    assert findings.evidence.problem.ends == 5
+    assert findings.p_wrong >= ALARM
