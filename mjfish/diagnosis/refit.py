@@ -297,7 +297,7 @@ def lowest(refit: Refit) -> Refit:
         windows = tuple((t.time[0], t.time[0] + share * np.ptp(t.time)) for t in problem.trials)
         x = fit(replace(problem, windows=windows), x, tolerance=_ROUGH, evaluations=_MOST).x
     found = fit(problem, x, tolerance=TOLERANCE, evaluations=_MOST)
-    if found.lost or found.objective >= refit.fit.objective:
+    if found.lost or found.objective > (1.0 - _BEHIND) * refit.fit.objective:  # the same minimum
         return refit
     return replace(refit, fit=found, gain=refit.gain + refit.fit.sse - found.sse)
 
