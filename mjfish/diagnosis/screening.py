@@ -82,7 +82,8 @@ def screen(
     """Fit the nominal model, estimate the noise, test the residual, and refit with every candidate.
 
     The noise is estimated again with the best cause in the model; where it differs, test and refits are repeated. Where
-    the residual shows that the recording was smoothed, predictions are smoothed alike, and all is repeated.
+    the residual shows that the recording was smoothed, predictions are smoothed alike, and all is repeated. Where
+    velocities are differentiated positions, half a window is left out at the ends of runs.
 
     Args:
         problem: of the nominal model.
