@@ -108,7 +108,7 @@ def linearised(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Linearised:
     starts = own_parameters(refit.problem, refit.fit.values, filmed)
     every = replace(refit.problem, trials=(*refit.problem.trials, *others), windows=None)
     x = every.start({**starts, **refit.fit.values})
-    slopes = every.jacobian(x)
+    slopes = every.smoother.jacobian(x)
     resting = {p.name for p, at_bound in zip(refit.fit.parameters, refit.fit.at_bound, strict=True) if at_bound}
     free = [p.name not in resting for p in every.parameters]
     basis = span(slopes.chosen(np.array(free)))

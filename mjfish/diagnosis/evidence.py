@@ -25,6 +25,7 @@ from mjfish.diagnosis.by_run import ByRun, Drawn
 from mjfish.diagnosis.failures import CandidatesFailedError, candidate_limit
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
+from mjfish.estimation.fit import Linearised
 from mjfish.estimation.omnibus import HATS, WAVES, by_channel, functions
 from mjfish.estimation.problem import Slopes
 from mjfish.estimation.time_limit import check_time, limited
@@ -329,6 +330,8 @@ def gather(
     held = {effect.name for effect in problem.model.effects}
     kept = tuple(effect for effect in candidates if effect.name not in held)
     amplitudes = tuple(effect.amplitudes() for effect in kept)
+    if problem.smoother is not problem:
+        fit = replace(fit, linearised=Remade(partial(_smoother, problem, fit)))
     coefficients = span(fit.jacobian.chosen(~fit.at_bound))
     z = coefficients.off(fit.residual)
     known = None if known_signatures is None else problem.rows(known_signatures()).shared
@@ -350,6 +353,11 @@ def gather(
         raws=raws,
         coefficients=coefficients,
     )
+
+
+def _smoother(problem: Problem, fit: Fit) -> Linearised:
+    """Return a fit linearised along the best guess of its joints: residuals know the noise of those that they go by."""
+    return replace(fit.linearised(), jacobian=problem.smoother.jacobian(fit.x))
 
 
 def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Callable[[], Slopes]) -> Iterator[Evidence]:
@@ -428,7 +436,8 @@ def _derived(
     Returns:
         That, and the names of candidates of which a derivative is not finite.
     """
-    wide = replace(problem, model=replace(problem.model, effects=(*problem.model.effects, *candidates)))
+    along = problem.smoother
+    wide = replace(along, model=replace(along.model, effects=(*problem.model.effects, *candidates)))
     null = {p.name: p.default for effect in candidates for p in effect.parameters}
     x = wide.start({**null, **(shapes or {}), **values})
     amplitudes = [p for effect in candidates for p in effect.amplitudes()]

@@ -166,8 +166,8 @@ def smoothing(time: FloatArray, signal: FloatArray, share: float = 1.0, ease: Fl
     return Smoothing(BSpline(knots, coefficients, _DEGREE), sigma, intensity, design, bands(penalty), n - free)
 
 
-def allowed(time: FloatArray, signal: FloatArray) -> Smoothing:
-    """Smooth a signal whose errors are allowed for (`ALLOWED`), less so where it changes abruptly.
+def abruptly(time: FloatArray, signal: FloatArray, share: float) -> Smoothing:
+    """Smooth a signal, less so where it changes abruptly.
 
     A spline of every second sample misses an abrupt change by far more than noise explains. There, the intensity of the
     third derivative is the one under which such a miss is one standard deviation. Elsewhere it is one number.
@@ -175,12 +175,13 @@ def allowed(time: FloatArray, signal: FloatArray) -> Smoothing:
     Args:
         time: (n,) increasing, n > 6 [s].
         signal: (n,).
+        share: of the penalty.
     """
-    first, missed = smoothing(time, signal, ALLOWED), _missed(time, signal, 2)
+    first, missed = smoothing(time, signal, share), _missed(time, signal, 2)
     beyond = np.where(missed > _STANDS_OUT * first.sigma, missed, 0.0)
     if not beyond.any():
         return first
-    return smoothing(time, signal, ALLOWED, np.maximum(_intensity(time, beyond) / first.intensity, 1.0))
+    return smoothing(time, signal, share, np.maximum(_intensity(time, beyond) / first.intensity, 1.0))
 
 
 def exact(time: FloatArray, signal: FloatArray) -> Smoothed:

@@ -76,6 +76,7 @@ class Model:
         effects: the causes that extend it, none for the nominal model.
         step: longest integration step [s].
         coriolis: form of the gyroscopic terms: ``corrected``, or ``printed`` as in [Yu2016].
+        share: of the penalty, by which measured joint angles are smoothed whose errors are allowed for.
 
     Example:
         >>> import mjfish
@@ -89,6 +90,7 @@ class Model:
     effects: tuple[Effect, ...] = ()
     step: float = STEP
     coriolis: Coriolis = "corrected"
+    share: float = measured.ALLOWED
 
     def __post_init__(self) -> None:
         """Give each effect the parameters that this fish has; refuse one that is there twice."""
@@ -173,12 +175,13 @@ class Model:
         for effect, own in active:
             fish = effect.body(fish, own)
         servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.domain == "drive")
-        step = _refined(self.step, fish, asked_motion(self.fish.cpg, trial, self.step), values)
+        asked = functools.partial(asked_motion, self.fish.cpg, trial, share=self.share)
+        step = _refined(self.step, fish, asked(self.step), values)
         time, begun = beginning(active, trial, velocity, offset)
         return Prepared(
             active=active,
             fish=fish,
-            motion=joint_motion(asked_motion(self.fish.cpg, trial, step), trial, servos),
+            motion=joint_motion(asked(step), trial, servos),
             coefficients={name: values[name] for name in self.fish.coefficient_names},
             loads=loads_of(active, trial),
             velocity=begun,
@@ -259,10 +262,10 @@ def headed(state: FloatArray, trial: Trial) -> FloatArray:
     return state
 
 
-def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
+def asked_motion(cpg: Cpg | None, trial: Trial, step: float, share: float = measured.ALLOWED) -> JointMotion:
     """Return the joint motion a trial asks for: the spline of its measured angles, or the CPG's."""
     if trial.joint_angle is not None:
-        return _measured_motion(trial, step)
+        return _measured_motion(trial, step, share)
     if trial.wave is not None:
         end = float(trial.time[-1]) + LEAD
         return wave.joint_motion(trial.wave, 0.0 if trial.starts_at_rest else float(trial.time[0]), end, step)
@@ -272,22 +275,22 @@ def asked_motion(cpg: Cpg | None, trial: Trial, step: float) -> JointMotion:
 
 
 @cached(0.5e9)
-def _measured_motion(trial: Trial, step: float) -> JointMotion:
+def _measured_motion(trial: Trial, step: float, share: float) -> JointMotion:
     staircase = trial.commanded and trial.hold == "zero"
     held = 0.5 * trial.step if staircase else 0.0  # a staircase is late by half a step, on average
-    return measured.sampled([joint.spline for joint in recorded_joints(trial)], trial.time, step, late=held)
+    return measured.sampled([joint.spline for joint in recorded_joints(trial, share)], trial.time, step, late=held)
 
 
 @sized_cache(lambda joints: sum(int(joint.spline.c.nbytes + joint.spline.t.nbytes) for joint in joints), 0.1e9)
-def recorded_joints(trial: Trial) -> tuple[measured.Smoothed, ...]:
-    """Return the recorded joint angles; measured ones smoothed, less so where what is left is allowed for.
+def recorded_joints(trial: Trial, share: float = measured.ALLOWED) -> tuple[measured.Smoothed, ...]:
+    """Return the recorded joint angles; measured ones smoothed, by a share of the penalty where errors are allowed for.
 
     They are kept longer than the far larger motions.
     """
     angle = np.zeros((0, 0)) if trial.joint_angle is None else trial.joint_angle
     if trial.commanded:
         return tuple(measured.exact(trial.time, column) for column in angle.T)
-    smooth = measured.smoothing if trial.measured.any() else measured.allowed
+    smooth = measured.smoothing if trial.measured.any() else functools.partial(measured.abruptly, share=share)
     found = (smooth(trial.time, column) for column in angle.T)
     return tuple(measured.Smoothed(joint.spline, joint.sigma, joint.intensity) for joint in found)
 
