@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -235,7 +235,7 @@ def diagnose_splits(
     total = 1 + len(others)
 
     def made(divided: Dataset, k: int, what: str) -> Diagnosis:
-        told = part(_prefixed(progress, what), k / total, 1.0 / total)
+        told = part(lambda doing, done: progress(f"{what}: {doing}", done), k / total, 1.0 / total)
         return diagnose(divided, seed=seed, progress=told, **options)
 
     declared = made(dataset, 0, "as divided")
@@ -291,7 +291,3 @@ def _row(found: Diagnosis, *, declared: bool) -> Split:
         levels.setdefault(found.effects[cause].mechanism, "certain" if cause in found.certain else "not_named")
     mechanisms = tuple(SplitMechanism(name, level) for name, level in levels.items())
     return Split(fitted, held, declared, found.verdict, found.message, mechanisms, found.gain)
-
-
-def _prefixed(progress: Progress, before: str) -> Callable[[str, float], None]:
-    return lambda what, done: progress(f"{before}: {what}", done)

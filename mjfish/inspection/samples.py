@@ -7,7 +7,7 @@ do so best in that trial (least squares with Huber weights): periodic swimming i
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence, Sized
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -164,7 +164,8 @@ def _frozen(trial: Trial, frozen: BoolArray) -> Finding:
         "suspect",
         f"trial '{trial.name}', row {first + 1} ({trial.time[first]:.3f} s)"
         + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
-        f"{_count(rows)} the row before in all channels: frozen frames",
+        ("1 row repeats" if len(rows) == 1 else f"{len(rows)} rows repeat")
+        + " the row before in all channels: frozen frames",
         "rows that differ by their noise at least",
         without_rows(trial),
         trials=(trial.name,),
@@ -217,10 +218,6 @@ def _clipped(trial: Trial, channel: int) -> Finding | None:
 def _several(at: BoolArray) -> bool:
     """Whether the samples stand in two places at least: a single place is a channel that was stuck."""
     return int(np.count_nonzero(np.diff(at.astype(np.int8)) > 0)) + int(at[0]) > 1
-
-
-def _count(rows: Sized) -> str:
-    return "1 row repeats" if len(rows) == 1 else f"{len(rows)} rows repeat"
 
 
 def _longest(same: BoolArray) -> tuple[int, int]:

@@ -28,11 +28,7 @@ def link_of(keys: Mapping[str, Any]) -> Link:
     return BluntLink(**keys) if keys.keys() & set(KEYS) else StripLink(**keys)
 
 
-def _told_apart(value: object) -> object:
-    return link_of(value) if isinstance(value, Mapping) else value
-
-
-AnyLink = Annotated[Link, BeforeValidator(_told_apart)]
+AnyLink = Annotated[Link, BeforeValidator(lambda value: link_of(value) if isinstance(value, Mapping) else value)]
 Density = Annotated[float, Field(gt=0.0, le=DENSEST)]
 
 

@@ -69,7 +69,8 @@ def _at_one_step(
     White noise and that of differentiated positions are too small at low frequencies to explain a pattern.
     """
     plain = _likeliest(left, floored or left.autoregressive(), jacobians)
-    too_small = isinstance(plain[0], DifferentiationNoise) or _is_white(plain[0])
+    white = isinstance(plain[0], Autoregressive) and plain[0].order == 0
+    too_small = white or isinstance(plain[0], DifferentiationNoise)
     if not patterns or len(left.residuals) < 2 or too_small:
         return plain
     chosen, most, explained = plain, _PATTERN, left.log_likelihood(plain[0])
@@ -80,10 +81,6 @@ def _at_one_step(
         if lead > most:
             chosen, most = (noise, f"{words}; {pattern} that it does not explain"), lead
     return chosen
-
-
-def _is_white(noise: Noise) -> bool:
-    return isinstance(noise, Autoregressive) and noise.order == 0
 
 
 def _likeliest(left: NoiseSample, found: Autoregressive, jacobians: Jacobians) -> tuple[Noise, str]:

@@ -83,7 +83,7 @@ class Basis:
 
     def design(self, beat: float | None, order: int = 0) -> FloatArray:
         """Return the functions (order 0) or their rates (order 1) at the times: (n, size)."""
-        columns = [self._splines(order)]
+        columns = [_evaluated(self.time.tobytes(), self.knots.tobytes(), order)]
         for k in range(1, self.harmonics + 1):
             omega = 2.0 * np.pi * k * float(beat or 0.0)
             phase = omega * (self.time - self._middle)
@@ -100,9 +100,6 @@ class Basis:
     @property
     def _middle(self) -> float:
         return 0.5 * float(self.time[0] + self.time[-1])
-
-    def _splines(self, order: int) -> FloatArray:
-        return _evaluated(self.time.tobytes(), self.knots.tobytes(), order)
 
     def roughness(self) -> FloatArray:
         """Return INT B_i''' B_j''' dt (splines, splines): piecewise quartic, three Gauss points are exact."""
