@@ -98,7 +98,7 @@ def test_a_tail_that_is_nearly_stiff_asks_for_a_shorter_step(jolted: tuple[Probl
 def test_a_ringing_tail_is_found_beyond_the_local_minima_of_other_stiffnesses(
     jolted: tuple[Problem, dict[str, float]],
 ) -> None:
-    """From a tail that is stiffer the fit ends where it rings a whole turn more often; short stretches lead out of it."""
+    """From a tail that is stiffer the fit ends where it rings a whole turn more often; short stretches lead out."""
     nominal, values = jolted
     problem, x = resolved(nominal)
     coarse = refit_with(gather(problem, fit(problem, x), [TAIL]), TAIL)
