@@ -80,7 +80,7 @@ def _with_form(
     retained = staying(formulas, form) or (best if form is None else form,)
     shown = retained[0]
     among = compared.single if len(shown.effects) == 1 or compared.several is None else compared.several
-    clean = shown.names in among.cleanly()
+    clean = any(among.refits[n].names == shown.names and own.clean for n, own in among.standings.items())
     mechanisms: tuple[NamedMechanism, ...] = begun.parts.run(
         "the form", lambda: named_mechanisms(shown, retained, form, screening.evidence.fit, clean=clean), ()
     )

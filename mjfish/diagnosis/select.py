@@ -272,10 +272,6 @@ class Comparison:
         ]
         return tuple(sorted(kept, key=lambda names: (self.refits[names].learned, self.standings[names].behind)))
 
-    def cleanly(self) -> list[Names]:
-        """Return the names, in the order of the causes, of the sets that leave nothing systematic."""
-        return [self.refits[names].names for names, standing in self.standings.items() if standing.clean]
-
     def closest(self) -> Names:
         """Return the set that explains most of all trials, also of the held-out ones; none where there is none."""
         return min(self.standings, key=lambda names: self.standings[names].behind, default=())
@@ -295,8 +291,8 @@ class Comparison:
         """
         refit, excess = self.refits[names], self.standings[names].excess
         most = share * (refit.gain + excess) - excess
-        near = [n for n in self.refits if n != names and refit.adjusted - self.refits[n].adjusted < most]
-        near = [n for n in near if not self.fails(n)]
+        others = (n for n in self.refits if n != names and not self.fails(n))
+        near = [n for n in others if refit.adjusted - self.refits[n].adjusted < most]
         return (names, *sorted(near, key=lambda n: -self.refits[n].adjusted))
 
     def joined(self, others: Comparison | None) -> Comparison:

@@ -51,15 +51,20 @@ _STANDS_OUT = 6.0
 _DIFFERENCE, _SECOND = 5e-3, 0.05
 
 
-def sampled(splines: Sequence[BSpline], time: FloatArray, step: float, *, late: float = 0.0) -> JointMotion:
-    """Sample splines of all joints on the half-step grid.
+def joint_motion(time: FloatArray, angle: FloatArray, step: float, *, late: float = 0.0) -> JointMotion:
+    """Smooth recorded joint angles and sample the joint motion on the half-step grid.
 
     Args:
-        splines: of the angles [rad].
-        time: (n,) of the record, increasing [s].
+        time: (n,) increasing [s].
+        angle: (n, joints) measured [rad].
         step: longest integration step [s].
         late: by how much the joints are behind the record [s]; where they begin they stand still as long.
     """
+    return sampled([smoothing_spline(time, column) for column in angle.T], time, step, late=late)
+
+
+def sampled(splines: Sequence[BSpline], time: FloatArray, step: float, *, late: float = 0.0) -> JointMotion:
+    """Sample splines of all joints on the half-step grid; arguments as in `joint_motion`."""
     boundaries = grid(np.array([time[0], time[-1]]), step)
     stages = np.stack([boundaries[:-1], 0.5 * (boundaries[:-1] + boundaries[1:]), boundaries[1:]], axis=1)
     motion = [

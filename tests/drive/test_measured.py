@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline, make_interp_spline, make_smoothing_spline
 from scipy.linalg import eigh
 
 from mjfish.arrays import FloatArray
-from mjfish.drive.measured import ALLOWED, abruptly, exact, sampled, smoothing, smoothing_spline
+from mjfish.drive.measured import ALLOWED, abruptly, exact, joint_motion, smoothing, smoothing_spline
 
 PULSE = 2.0 * np.pi * 1.0
 AMPLITUDE = 0.4
@@ -126,7 +126,7 @@ def test_uneven_samples_are_no_trouble() -> None:
 def test_the_motion_carries_the_spline_and_its_derivatives_on_the_half_step_grid() -> None:
     time, first = _samples(60.0, 5)
     angles = np.stack([first, -2.0 * first + 0.1], axis=1)
-    motion = sampled([smoothing_spline(time + 3.0, column) for column in angles.T], time + 3.0, 0.005)
+    motion = joint_motion(time + 3.0, angles, 0.005)
     assert motion.joints == 2
     assert (motion.time[0], motion.time[-1]) == pytest.approx((3.0, 11.0))
     assert np.max(np.diff(motion.time)) <= 0.005 + 1e-9
