@@ -39,7 +39,7 @@ class Sparse(NamedTuple):
     def of(matrices: FloatArray) -> Sparse:
         """Return matrices (n, i, j), or one (i, j) for all times."""
         every = matrices if matrices.ndim == 3 else matrices[None]
-        row, column = np.nonzero(np.any(every != 0.0, axis=0))
+        row, column = map(np.ascontiguousarray, np.nonzero(np.any(every != 0.0, axis=0)))  # of one layout for kernels
         return Sparse(row, column, np.ascontiguousarray(every[:, row, column]), every.shape[1:])
 
     def at(self, t: int) -> FloatArray:
@@ -97,7 +97,7 @@ def gains(
     """
     n, (m, d), moves, read = len(seen), reading.shape[-2:], Sparse.of(transition), Sparse.of(reading)
     gain, root = np.zeros((n, d, m)), np.zeros((n, m, m))
-    total = advance(moves, np.ascontiguousarray(drive), read, spread[None], start.copy(), seen, gain, root)
+    total = advance(moves, np.ascontiguousarray(drive), read, spread[None], start.copy(), seen.copy(), gain, root)
     return Gains(moves, read, gain, root, float(total))
 
 

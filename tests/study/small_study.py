@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -76,7 +77,7 @@ def printed_by(process: subprocess.Popen[str]) -> str:
 
 def said_by(printed: str) -> list[str]:
     """Return what was printed but for the lines of progress."""
-    return [line for line in printed.splitlines() if not line.endswith("%)")]
+    return [line for line in printed.splitlines() if not re.search(r"\(\d+%(, about .* left)?\)$", line)]
 
 
 def finish(*arguments: str | Path) -> tuple[int, str]:
