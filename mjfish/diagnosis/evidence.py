@@ -331,7 +331,7 @@ def gather(
     kept = tuple(effect for effect in candidates if effect.name not in held)
     amplitudes = tuple(effect.amplitudes() for effect in kept)
     if problem.smoother is not problem:
-        fit = replace(fit, linearised=Remade(partial(_smoother, problem, fit)))
+        fit = replace(fit, linearised=Remade(partial(_linearised, problem, fit)))
     coefficients = span(fit.jacobian.chosen(~fit.at_bound))
     z = coefficients.off(fit.residual)
     known = None if known_signatures is None else problem.rows(known_signatures()).shared
@@ -355,8 +355,8 @@ def gather(
     )
 
 
-def _smoother(problem: Problem, fit: Fit) -> Linearised:
-    """Return a fit linearised along the best guess of its joints: residuals know the noise of those that they go by."""
+def _linearised(problem: Problem, fit: Fit) -> Linearised:
+    """Return what a fit is linearised to along the best guess of the joint angles, see `Problem.smoother`."""
     return replace(fit.linearised(), jacobian=problem.smoother.jacobian(fit.x))
 
 
@@ -436,8 +436,7 @@ def _derived(
     Returns:
         That, and the names of candidates of which a derivative is not finite.
     """
-    along = problem.smoother
-    wide = replace(along, model=replace(along.model, effects=(*problem.model.effects, *candidates)))
+    wide = replace(problem, model=replace(problem.model, effects=(*problem.model.effects, *candidates))).smoother
     null = {p.name: p.default for effect in candidates for p in effect.parameters}
     x = wide.start({**null, **(shapes or {}), **values})
     amplitudes = [p for effect in candidates for p in effect.amplitudes()]

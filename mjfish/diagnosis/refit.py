@@ -328,11 +328,8 @@ def converge(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
     while True:
         tolerance = _tolerance(sse, best)
         result = fit_or_raise(problem, x, tolerance=tolerance, evaluations=_MOST)
-        if (
-            tolerance == TOLERANCE
-            or result.status != "converged"
-            or (_BEHIND * (result.sse - best) > 0.5 * tolerance * result.sse)
-        ):
+        behind = _BEHIND * (result.sse - best)
+        if tolerance == TOLERANCE or result.status != "converged" or behind > 0.5 * tolerance * result.sse:
             return result
         x, sse = result.x, result.sse
 

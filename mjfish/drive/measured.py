@@ -7,7 +7,8 @@ costs 1.4 of them: plain cross-validation now and then takes white noise for mot
 
 That is the best guess of an angle, and it takes the third harmonic of a beat for noise. Where the errors of the angles
 are allowed for (`mjfish.noise.joint_errors`), noise that is left does no harm, and what is missing in every beat does:
-the penalty is a share of it then.
+the penalty is a share of it then. Tests of what a fit leaves still derive along the best guess
+(`mjfish.estimation.Problem.smoother`).
 
 [KimGu2004] Y.-J. Kim and C. Gu, Journal of the Royal Statistical Society B 66.
 """
@@ -166,7 +167,7 @@ def smoothing(time: FloatArray, signal: FloatArray, share: float = 1.0, ease: Fl
     return Smoothing(BSpline(knots, coefficients, _DEGREE), sigma, intensity, design, bands(penalty), n - free)
 
 
-def abruptly(time: FloatArray, signal: FloatArray, share: float) -> Smoothing:
+def eased_smoothing(time: FloatArray, signal: FloatArray, share: float) -> Smoothing:
     """Smooth a signal, less so where it changes abruptly.
 
     A spline of every second sample misses an abrupt change by far more than noise explains. There, the intensity of the

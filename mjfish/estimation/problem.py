@@ -496,12 +496,12 @@ class Problem:
     def smoother(self) -> Problem:
         """The same along the best guess of measured joint angles, where their errors are allowed for.
 
-        A prediction has the noise of the angles that it goes by. A derivative along the same angles has it, too: both
-        correlate, and scores are larger than by chance [Carroll2006]. The best guess has less noise.
+        A prediction has the noise of the joint angles. A derivative along the same angles has the same noise. The two
+        correlate, and scores are larger than by chance [Carroll2006]. The best guess of the angles has less noise.
 
         [Carroll2006] R. Carroll, D. Ruppert, L. Stefanski and C. Crainiceanu, Measurement Error in Nonlinear Models.
         """
-        return self if self.joint_errors is None else replace(self, model=replace(self.model, share=1.0))
+        return self if self.joint_errors is None else replace(self, model=replace(self.model, penalty_share=1.0))
 
     def mask(self, index: int) -> BoolArray:
         """Return which samples (n_r,) of a trial count.

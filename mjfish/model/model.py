@@ -76,7 +76,8 @@ class Model:
         effects: the causes that extend it, none for the nominal model.
         step: longest integration step [s].
         coriolis: form of the gyroscopic terms: ``corrected``, or ``printed`` as in [Yu2016].
-        share: of the penalty, by which measured joint angles are smoothed whose errors are allowed for.
+        penalty_share: measured joint angles are smoothed with this share of the penalty of cross-validation, where
+            their errors are allowed for.
 
     Example:
         >>> import mjfish
@@ -90,7 +91,7 @@ class Model:
     effects: tuple[Effect, ...] = ()
     step: float = STEP
     coriolis: Coriolis = "corrected"
-    share: float = measured.ALLOWED
+    penalty_share: float = measured.ALLOWED
 
     def __post_init__(self) -> None:
         """Give each effect the parameters that this fish has; refuse one that is there twice."""
@@ -175,13 +176,12 @@ class Model:
         for effect, own in active:
             fish = effect.body(fish, own)
         servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.domain == "drive")
-        asked = functools.partial(asked_motion, self.fish.cpg, trial, share=self.share)
-        step = _refined(self.step, fish, asked(self.step), values)
+        step = _refined(self.step, fish, asked_motion(self.fish.cpg, trial, self.step, self.penalty_share), values)
         time, begun = beginning(active, trial, velocity, offset)
         return Prepared(
             active=active,
             fish=fish,
-            motion=joint_motion(asked(step), trial, servos),
+            motion=joint_motion(asked_motion(self.fish.cpg, trial, step, self.penalty_share), trial, servos),
             coefficients={name: values[name] for name in self.fish.coefficient_names},
             loads=loads_of(active, trial),
             velocity=begun,
@@ -283,14 +283,15 @@ def _measured_motion(trial: Trial, step: float, share: float) -> JointMotion:
 
 @sized_cache(lambda joints: sum(int(joint.spline.c.nbytes + joint.spline.t.nbytes) for joint in joints), 0.1e9)
 def recorded_joints(trial: Trial, share: float = measured.ALLOWED) -> tuple[measured.Smoothed, ...]:
-    """Return the recorded joint angles; measured ones smoothed, by a share of the penalty where errors are allowed for.
+    """Return the recorded joint angles, measured ones smoothed.
 
-    They are kept longer than the far larger motions.
+    The smoothing has a share of its penalty where errors are allowed for. The angles are kept longer than the far
+    larger motions.
     """
     angle = np.zeros((0, 0)) if trial.joint_angle is None else trial.joint_angle
     if trial.commanded:
         return tuple(measured.exact(trial.time, column) for column in angle.T)
-    smooth = measured.smoothing if trial.measured.any() else functools.partial(measured.abruptly, share=share)
+    smooth = measured.smoothing if trial.measured.any() else functools.partial(measured.eased_smoothing, share=share)
     found = (smooth(trial.time, column) for column in angle.T)
     return tuple(measured.Smoothed(joint.spline, joint.sigma, joint.intensity) for joint in found)
 

@@ -163,7 +163,7 @@ class JointErrors:
         used = reading._replace(value=reading.value * counted[:, reading.row])  # what is missing tells nothing
         gain, root, covariance, total = np.zeros((n, d, m), _KEPT), np.zeros((n, m, m)), self.start.copy(), 0.0
         alone, unmeasured = np.zeros((n, m)), self.start.copy()
-        row, column = map(np.ascontiguousarray, np.nonzero(self._moving()))
+        row, column = Sparse.places(self._moving())
         moves = Sparse(row, column, np.zeros((n, len(row)), _KEPT), (d, d))
         for here, transition, drive in self.stretches():
             exact, seen = moves._replace(value=transition[:, row, column]), np.ones(len(drive), dtype=np.bool_)
@@ -187,7 +187,7 @@ class JointErrors:
             readings: (samples, c, d) derivatives of what each sensor reads by the state.
         """
         there = np.concatenate([np.any(read != 0.0, axis=0) for read in readings])
-        row, column = map(np.ascontiguousarray, np.nonzero(there))
+        row, column = Sparse.places(there)
         value = np.zeros((len(self.time), len(row)))
         for at, read, own in zip(rows, readings, blocks_of([read.shape[1] for read in readings]), strict=True):
             mine = np.flatnonzero((row >= own.start) & (row < own.stop))

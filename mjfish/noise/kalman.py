@@ -36,10 +36,15 @@ class Sparse(NamedTuple):
     shape: tuple[int, int]
 
     @staticmethod
+    def places(there: BoolArray) -> tuple[Any, ...]:
+        """Return `row` and `column` of where matrices may not be zero, of one layout: kernels are compiled once."""
+        return tuple(map(np.ascontiguousarray, np.nonzero(there)))
+
+    @staticmethod
     def of(matrices: FloatArray) -> Sparse:
         """Return matrices (n, i, j), or one (i, j) for all times."""
         every = matrices if matrices.ndim == 3 else matrices[None]
-        row, column = map(np.ascontiguousarray, np.nonzero(np.any(every != 0.0, axis=0)))  # of one layout for kernels
+        row, column = Sparse.places(np.any(every != 0.0, axis=0))
         return Sparse(row, column, np.ascontiguousarray(every[:, row, column]), every.shape[1:])
 
     def at(self, t: int) -> FloatArray:

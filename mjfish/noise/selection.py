@@ -69,8 +69,9 @@ def _at_one_step(
     White noise and that of differentiated positions are too small at low frequencies to explain a pattern.
     """
     plain = _likeliest(left, floored or left.autoregressive(), jacobians)
-    white = isinstance(plain[0], Autoregressive) and plain[0].order == 0
-    too_small = white or isinstance(plain[0], DifferentiationNoise)
+    too_small = isinstance(plain[0], DifferentiationNoise) or (
+        isinstance(plain[0], Autoregressive) and plain[0].order == 0
+    )
     if not patterns or len(left.residuals) < 2 or too_small:
         return plain
     chosen, most, explained = plain, _PATTERN, left.log_likelihood(plain[0])

@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline, make_interp_spline, make_smoothing_spline
 from scipy.linalg import eigh
 
 from mjfish.arrays import FloatArray
-from mjfish.drive.measured import ALLOWED, abruptly, exact, joint_motion, smoothing, smoothing_spline
+from mjfish.drive.measured import ALLOWED, eased_smoothing, exact, joint_motion, smoothing, smoothing_spline
 
 PULSE = 2.0 * np.pi * 1.0
 AMPLITUDE = 0.4
@@ -212,10 +212,10 @@ def test_an_abrupt_change_is_allowed_for_where_it_is() -> None:
     time = np.arange(0.0, 6.0, 0.01)
     beat = _signal(time) + NOISE * np.random.default_rng(0).standard_normal(len(time))
     turned = beat + 0.5 / (1.0 + np.exp((3.004 - time) / 0.005))
-    plain, found = smoothing(time, turned, ALLOWED), abruptly(time, turned, ALLOWED)
+    plain, found = smoothing(time, turned, ALLOWED), eased_smoothing(time, turned, ALLOWED)
     assert found.sigma == pytest.approx(NOISE, rel=0.1)
     eased = np.flatnonzero(found.intensity > 10.0 * found.intensity.min())
     assert np.abs(time[eased] - 3.0).max() < 0.06
     assert found.intensity.max() > 30.0 * plain.intensity.max()
     assert found.intensity.min() < 0.1 * plain.intensity.min()
-    assert np.array_equal(abruptly(time, beat, ALLOWED).spline.c, smoothing(time, beat, ALLOWED).spline.c)
+    assert np.array_equal(eased_smoothing(time, beat, ALLOWED).spline.c, smoothing(time, beat, ALLOWED).spline.c)
