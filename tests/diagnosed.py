@@ -23,10 +23,11 @@ from mjfish.diagnosis.curves import Axis, Band, MeasuredCurve
 from mjfish.diagnosis.description import Description, Term
 from mjfish.diagnosis.fingerprint import Measured
 from mjfish.diagnosis.forms import NamedMechanism
-from mjfish.diagnosis.held_out import Gain
+from mjfish.diagnosis.held_out import Confirmation, Gain
 from mjfish.diagnosis.isolability import Isolability
 from mjfish.diagnosis.missing_force import MissingForce
 from mjfish.diagnosis.result import Verdict
+from mjfish.diagnosis.table import Comparison, Row, Table
 from mjfish.diagnosis.where import Where
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import catalogue, find
@@ -109,6 +110,7 @@ def diagnosis(
         alternatives={"named": ((cause,),), "cannot_tell": ((cause,), ("time_offset",))}.get(verdict, ()),
         certain=(cause,) if verdict == "named" else (),
         candidates=_candidates(verdict),
+        table=Table(1e-9 if wrong else 0.63, Comparison({row.names: row for row in _rows(verdict)})),
         failures={},
         best=(cause,) if wrong else (),
         closest=cause if verdict == "unexplained" else "",
@@ -240,6 +242,32 @@ def _where(names: tuple[str, str]) -> Where:
         speeds={"lowest fifth": 0.6, "highest fifth": 0.4},
         turns={"lowest fifth": 0.3, "highest fifth": 0.7},
     )
+
+
+def row(names: tuple[str, ...], gain: float, behind: float, rival_p: float, fit_p: float | None = None) -> Row:
+    """Return the row of a set of causes, tested where p of what it leaves is given."""
+    tests = {} if fit_p is None else {"candidates": 0.4, "waves": fit_p}
+    known = [find(name) for name in names]
+    return Row(
+        names=names,
+        causes={effect.name: effect.summary for effect in known},
+        mechanisms=tuple(sorted(effect.mechanism for effect in known)),
+        learned=False,
+        gain=gain,
+        degrees_of_freedom=len(names),
+        adjusted=gain,
+        behind=behind,
+        rival_p=rival_p,
+        tests=tests,
+        excess=0.1 * gain if tests else np.inf,
+        held_out=Confirmation(210.0, 0.4) if tests else None,
+    )
+
+
+def _rows(verdict: Verdict) -> list[Row]:
+    """Return rows of the candidates that were refitted."""
+    refitted = [one for one in _candidates(verdict) if one.rival_p is not None]
+    return [row((c.name,), c.statistic, 903.4 - c.statistic, float(c.rival_p or 0.0), c.fit_p) for c in refitted]
 
 
 def _candidates(verdict: Verdict) -> tuple[Candidate, ...]:

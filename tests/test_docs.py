@@ -232,7 +232,10 @@ def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
     assert "plan out/doubt ranks runs" in " ".join(diagnosed.split())
     assert "Verdict" not in planned
     assert "The data cannot tell" in planned
-    splits, script = blocks(page, "python")
+    table, splits, script = blocks(page, "python")
+    *rows, strictly = run_python(table, tmp_path).splitlines()
+    assert [row.endswith("True") for row in rows] == [True, True, True]
+    assert strictly == "named"
     assert "(('v1',), 'cannot_tell')" in run_python(splits, tmp_path)
     printed = run_python(script, tmp_path)
     verdict, *rivals = printed.partition("\n")[0].split()

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from mjfish.diagnosis import Diagnosis, Splits
+    from mjfish.diagnosis.table import Table as Evidence
 
 #: Lines of a diagnosis, where not everything is asked for.
 LINES = 15
@@ -197,6 +198,8 @@ def _rest(result: Diagnosis) -> None:
     _experiments(result)
     if result.candidates:
         console.show(_candidates(result))
+    if result.table.rows:
+        console.show(_evidence(result.table))
     _biased(result)
     _where(result)
     _undetectable(result)
@@ -258,6 +261,25 @@ def _candidates(result: Diagnosis) -> Table:
     table.caption = (
         "LR: fall of the sum of squares; held out: log-likelihood gained there; rival p: of the margin to the best; "
         "fit p: of what is left; confounded: share of its signature that a refit of the coefficients removes"
+    )
+    return table
+
+
+def _evidence(evidence: Evidence) -> Table:
+    """Return the table that the verdict is read from: every set that stays beside the best, or was tested."""
+    from mjfish.diagnosis.table import Thresholds
+
+    limits = Thresholds()
+    headings = ("causes", "behind", "rival p", "remains", "fit p", "worst test", "held out")
+    table = console.table("What the verdict is read from", headings, ("causes",), box=None, padding=(0, 1, 0, 0))
+    for row in (row for row in evidence.rows if row.tests):
+        remains = (percent(row.left), p_value(row.fit_p), min(row.tests, key=lambda test: row.tests[test]))
+        gained = number(None if row.held_out is None else row.held_out.gained)
+        table.add_row(" + ".join(row.names), number(row.behind), p_value(row.rival_p), *remains, gained)
+    table.caption = (
+        f"p of the nominal model: {p_value(evidence.p_wrong)}, something is wrong below {limits.alarm}; a set stays "
+        f"from rival p {limits.keep} on, or less than {limits.close:.2g} behind; it leaves nothing from fit p "
+        f"{limits.goodness:g} on, and little below {percent(limits.left)} ({percent(limits.exact)} without a form)"
     )
     return table
 

@@ -31,8 +31,8 @@ d is made of estimates: noise that the two fits do not share passes for a differ
 on average, and that is taken off (down to nothing; of the variance, in the same proportion).
 
 **Probability of a verdict.** A verdict drops l once its likelihood is a tenth of that of k
-(`mjfish.diagnosis.select.CLOSE`); that noise would lead so far in less than 5 % of cases, were l the truth, is then so
-too: 2 z sqrt(lambda) - lambda, z = 1.645, is 2.7 at most. With a gain of mean g and standard deviation s,
+(`mjfish.diagnosis.table.Thresholds.close`); that noise would lead so far in less than 5 % of cases, were l the truth,
+is then so too: 2 z sqrt(lambda) - lambda, z = 1.645, is 2.7 at most. With a gain of mean g and standard deviation s,
 
     P_k = Phi((m + g - 2 ln 10) / s)
 
@@ -57,7 +57,7 @@ from mjfish.design.fitted_models import ModelEstimate
 from mjfish.design.menu import Run
 from mjfish.diagnosis.evidence import DETECTED
 from mjfish.diagnosis.isolability import Isolability, isolated
-from mjfish.diagnosis.select import CLOSE
+from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
 from mjfish.parameter import Parameter
@@ -277,7 +277,7 @@ class Separation:
 
 def excluded(margin: float) -> bool:
     """Return whether a verdict drops the rival l at the margin SSE_l - SSE_k."""
-    return margin >= CLOSE
+    return margin >= THRESHOLDS.close
 
 
 def verdict_probability(margin: float, gain: Gain) -> float:
@@ -287,7 +287,7 @@ def verdict_probability(margin: float, gain: Gain) -> float:
         margin: SSE_l - SSE_k of the data.
         gain: of a run, where k is true; `NO_GAIN` without one.
     """
-    return float(stats.norm.cdf((margin + gain.mean - CLOSE) / max(gain.spread, 1e-6)))
+    return float(stats.norm.cdf((margin + gain.mean - THRESHOLDS.close) / max(gain.spread, 1e-6)))
 
 
 def gain(data: Information, run: Information, k: str, l: str) -> Gain:  # noqa: E741 - the equation's

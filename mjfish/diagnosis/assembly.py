@@ -28,7 +28,8 @@ from mjfish.diagnosis.missing_force import MissingForce, missing_force, with_vel
 from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Cause, Diagnosis, Estimate, FittedModel, Overlay, SensorOverlay, estimates
-from mjfish.diagnosis.screening import ALARM, Screening
+from mjfish.diagnosis.screening import Screening
+from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.diagnosis.verdict import Decision, withheld
 from mjfish.diagnosis.where import locate
 from mjfish.estimation import Fit, Problem
@@ -54,13 +55,13 @@ def assemble(
     parts, evidence, best = begun.parts, screening.evidence, concluded.best
     dataset, shown = begun.dataset, best or evidence
     checks = checks.joined(Inspection.of(contradicted(shown.problem, shown.fit), begun.known))
-    parts.failures |= _unfinished({names[0]: refit for names, refit in compared.single.refits.items()}, best)
-    table = candidate_table(begun, evidence, compared, held_out)
+    parts.failures |= _unfinished(compared.alone, best)
+    candidates = candidate_table(begun, evidence, compared, held_out)
     converged = {"the nominal model": evidence.fit.status, "the extended model": shown.fit.status}
     views, gained = _views(begun, screening, concluded), None
     if held_out.trials:
         scores = held_out.score(None), held_out.score(best)
-        gained = parts.run("the gain", lambda: gain(*scores, held_out.trials, begun.rng), None)
+        gained = parts.run("the gain", lambda: gain(*scores, held_out.trials, np.random.default_rng(begun.seed)), None)
     joints: tuple[str, ...] = parts.run("errors of joints", lambda: (*joints_in_words(evidence.problem),), ())
     drawn = parts.run("the posterior", lambda: _posterior(shown.problem, shown.fit), None)
     decision = withheld(concluded.decision, parts.failures)
@@ -86,9 +87,10 @@ def assemble(
         rivals=decision.rivals,
         alternatives=decision.sets,
         certain=decision.certain,
-        candidates=table,
+        candidates=candidates,
+        table=compared.table,
         failures=parts.failures,
-        undetectable=undetectable(table, evidence),
+        undetectable=undetectable(candidates, evidence),
         best=() if best is None else best.names,
         closest=next(iter(decision.closest), ""),
         p_wrong=screening.p_wrong,
@@ -102,7 +104,7 @@ def assemble(
         problem=evidence.problem,
         fits=(
             FittedModel.of((), evidence.problem, evidence.fit),
-            *(FittedModel.of(refit.names, refit.problem, refit.fit) for refit in compared.single.refits.values()),
+            *(FittedModel.of(refit.names, refit.problem, refit.fit) for refit in compared.alone.values()),
         ),
         effects={effect.name: effect for effect in begun.candidates},
         provenance=provenance(dataset, begun.candidates, begun.seed),
@@ -115,7 +117,7 @@ def _views(begun: Begun, screening: Screening, concluded: Conclusion) -> dict[st
     parts, evidence, best = begun.parts, screening.evidence, concluded.best
     told = parts.run("what can be told apart", lambda: isolability(evidence, begun.learnable), Isolability())
     found: dict[str, Any] = {"isolability": told}
-    if screening.p_wrong < ALARM:
+    if screening.p_wrong < THRESHOLDS.alarm:
         found["where"] = parts.run("where it is", lambda: locate(evidence, screening.directed), None)
         if (looked := with_velocities(evidence.problem, evidence.fit.values)) is not None:
             found["force"] = parts.run(
@@ -126,9 +128,7 @@ def _views(begun: Begun, screening: Screening, concluded: Conclusion) -> dict[st
             "the fingerprint", partial(fingerprint, looked, best.effects, best.fit.values), None
         )
     if concluded.decision.verdict == "unexplained":
-        found["description"] = parts.run(
-            "the description", partial(describe, evidence.problem, evidence.fit, begun.rng), None
-        )
+        found["description"] = parts.run("the description", partial(describe, evidence.problem, evidence.fit), None)
     return found
 
 

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import signatures
@@ -30,7 +28,7 @@ class Begun:
         failures: candidates that failed so far, and why: they are left out.
         stated: (3,) standard deviations of the noise that the dataset states; None: none.
         problem: of the nominal model.
-        seed: of the simulated null distributions and the bootstrap.
+        seed: of the bootstrap of the gain.
         progress: called with what is being done.
     """
 
@@ -43,11 +41,6 @@ class Begun:
     problem: Problem
     seed: int = 0
     progress: Progress = silent
-
-    @cached_property
-    def rng(self) -> np.random.Generator:
-        """The generator of all random numbers."""
-        return np.random.default_rng(self.seed)
 
     @cached_property
     def parts(self) -> Parts:

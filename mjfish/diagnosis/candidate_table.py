@@ -9,8 +9,9 @@ from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.compared import Compared
 from mjfish.diagnosis.evidence import Evidence, p_value_of
 from mjfish.diagnosis.held_out import HeldOut, pooled_error
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Candidate, Cause
-from mjfish.diagnosis.select import Comparison
+from mjfish.diagnosis.table import Row
 from mjfish.effects import Effect
 from mjfish.estimation.residual import channel_errors
 
@@ -20,20 +21,20 @@ _ROUGH = "Its refit was not followed to its optimum: what it explains is a lower
 
 def candidate_table(begun: Begun, evidence: Evidence, compared: Compared, held_out: HeldOut) -> tuple[Candidate, ...]:
     """Return how every candidate fared, best first, then those that failed."""
-    comparison, rows = compared.single.joined(compared.others), []
+    single, rows = compared.table.single.joined(compared.table.others), []
     for effect in begun.known.values():
         if reason := begun.reasons[effect.name]:
             if not effect.learned:
                 rows.append(Candidate(effect.name, False, remark=reason))
-        elif not effect.learned or (effect.name,) in comparison.refits:
-            rows.append(_row(effect, evidence, comparison, held_out))
+        elif not effect.learned or (effect.name,) in compared.refits:
+            own = (effect.name,)
+            rows.append(_row(effect, evidence, single.rows.get(own), compared.refits.get(own), held_out))
     return (*sorted(rows, key=lambda candidate: -candidate.statistic), *failed_candidates(begun))
 
 
-def _row(effect: Effect, evidence: Evidence, comparison: Comparison, held_out: HeldOut) -> Candidate:
-    names = (effect.name,)
+def _row(effect: Effect, evidence: Evidence, judged: Row | None, refit: Refit | None, held_out: HeldOut) -> Candidate:
     row = Candidate(effect.name, True) if effect.learned else _scored(effect, evidence)
-    if (refit := comparison.refits.get(names)) is not None:
+    if refit is not None:
         left = [channel_errors(refit.problem, refit.fit.x, index) for index in range(len(refit.problem.trials))]
         row = replace(
             row,
@@ -44,10 +45,9 @@ def _row(effect: Effect, evidence: Evidence, comparison: Comparison, held_out: H
             parameters=Cause.of(effect, refit.fit, refit.problem.model).parameters,
             remark=_ROUGH if refit.fit.status != "converged" else "",
         )
-    if (standing := comparison.standings.get(names)) is not None:
-        row = replace(row, rival_p=standing.rival_p, fit_p=standing.fit_p if standing.in_set else None)
-    if (confirmation := comparison.held_out.get(names)) is not None:
-        row = replace(row, held_out_gain=confirmation.gained)
+    if judged is not None:
+        row = replace(row, rival_p=judged.rival_p, fit_p=judged.fit_p if judged.tests else None)
+        row = replace(row, held_out_gain=None if judged.held_out is None else judged.held_out.gained)
     return replace(row, p_value=p_value_of(row.statistic, row.degrees_of_freedom))
 
 

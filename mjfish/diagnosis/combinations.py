@@ -10,11 +10,8 @@ the data cannot tell apart are all kept (the lower boundary of [Ferrari2015]).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from operator import methodcaller
-
-import numpy as np
 
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.failures import blamed
@@ -23,9 +20,12 @@ from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import made_smooth, refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
-from mjfish.diagnosis.select import GOODNESS, Comparison, Goodness, Names, leaves_little, share_of, standings
+from mjfish.diagnosis.select import Goodness, compared
+from mjfish.diagnosis.table import THRESHOLDS, Comparison, Names, share_of
 from mjfish.effects.effect import Effect
 
+#: Sets of causes, compared, or None; and all refits.
+Found = tuple[Comparison | None, Mapping[Names, Refit]]
 #: Most causes that are claimed together.
 LARGEST = 3
 #: Refits that are extended, and additions that are refitted for each.
@@ -34,43 +34,41 @@ _BASES, _ADDED = 2, 3
 _FAR = 0.6
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
-#: and the set must explain this much beyond every smaller one, and `select.share_of` what it explains.
+#: and the set must explain this much beyond every smaller one, and `table.share_of` what it explains.
 MEMBER = 20.0
-#: Where less than the share of `select.share_of` is left: an addition must take so much, and this share of all that
+#: Where less than the share of `table.share_of` is left: an addition must take so much, and this share of all that
 #: other mechanisms explain there, beyond chance, measured at its refit. It is refitted where its score is this share of
 #: that.
 MENDED, _MOST_OF_IT, _HALF_OF_IT = 200.0, 0.7, 0.5
 
 
 def find_combinations(
-    singles: Mapping[str, Refit],
+    singles: Mapping[Names, Refit],
     candidates: Sequence[Effect],
     held_out: HeldOut,
-    rng: np.random.Generator,
     progress: Progress,
-) -> Comparison | None:
-    """Return the smallest combinations of two or three causes that explain the misfit better than all smaller ones.
+) -> Found:
+    """Find the smallest combinations of two or three causes that explain the misfit better than all smaller ones.
 
     Args:
         singles: refits of single causes.
         candidates: every cause.
         held_out: what refits predict of the held-out trials.
-        rng: of the confidence set.
         progress: called with what is being done.
 
     Returns:
-        The sets with their standings; None where no second cause is to be seen, or no set has earned all its members.
+        The sets, compared, and all refits that were made; None in place of the sets where no second cause is to be
+        seen, or no set has earned all its members.
     """
-    known: dict[Names, Refit] = {(name,): refit for name, refit in singles.items()}
-    found = _searched(known, candidates, held_out, rng, progress)
-    return None if found is None else _confirmed(found, known, held_out)
+    known = dict(singles)
+    found = _searched(known, candidates, held_out, progress)
+    return None if found is None else _confirmed(found, known, held_out), known
 
 
 def _searched(
     known: dict[Names, Refit],
     candidates: Sequence[Effect],
     held_out: HeldOut,
-    rng: np.random.Generator,
     progress: Progress,
 ) -> Comparison | None:
     """Return the sets, not yet looked at on the held-out trials; what was refitted is added to `known`."""
@@ -81,45 +79,39 @@ def _searched(
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
         for grown in (_grown, _grown_by_nonsmooth):
-            known.update(found := grown(bases, candidates, known, rng))
+            known.update(found := grown(bases, candidates, known))
             earned.update({names: refit for names, refit in found.items() if beats_smaller_sets(refit, known)})
             if earned:
-                best = Comparison(earned, standings(earned, goodness, held_out, rng))
-                inside = {names: standing for names, standing in best.standings.items() if standing.in_set}
-                sufficient = [names for names, standing in inside.items() if standing.clean]
+                best = compared(earned, goodness, held_out)
+                sufficient = [earned[row.names] for row in best.staying() if row.clean()]
                 # unlike `Comparison.exhausted`, this asks neither whether they fit nor what held-out trials say
-                if not sufficient and any(leaves_little(earned[names], inside[names]) for names in inside):
+                if not sufficient and any(row.leaves_little() for row in best.staying()):
                     return best
                 if sufficient:
-                    known.update(parts := _parts([earned[names] for names in sufficient], known))
-                    if all(beats_smaller_sets(earned[names], known) for names in sufficient):
+                    known.update(parts := _parts(sufficient, known))
+                    if all(beats_smaller_sets(refit, known) for refit in sufficient):
                         return best
-                    smaller = {**_of_size(size - 1, known), **parts}
-                    return Comparison(smaller, standings(smaller, goodness, held_out, rng))
+                    return compared({**_of_size(size - 1, known), **parts}, goodness, held_out)
         if not earned or goodness.left(max(earned.values(), key=lambda refit: refit.gain)) > _FAR:
             return best
         bases = _best(earned.values())
     return best
 
 
-def find_small_addition(
-    singles: Mapping[str, Refit], candidates: Sequence[Effect], held_out: HeldOut, rng: np.random.Generator
-) -> Comparison | None:
-    """Return pairs of which the second cause is small beside the first, and takes nearly all that the first leaves.
+def find_small_addition(singles: Mapping[Names, Refit], candidates: Sequence[Effect], held_out: HeldOut) -> Found:
+    """Find pairs of which the second cause is small beside the first, and takes nearly all that the first leaves.
 
     Whatever form the first has, its error might be mended by a second cause that is not there; hardly all of it. A pair
     must explain more than every single cause: its learned form, too. Nothing systematic may be left, with one
     exception. A learned form of a very strong cause has an error of its own that shows. Beside it something may be
     left, if the held-out trials gain by the second cause what they would if it were true.
 
-    Args:
-        singles, candidates, held_out, rng: as of `find_combinations`.
+    Arguments and what is returned as of `find_combinations`.
     """
-    known: dict[Names, Refit] = {(name,): refit for name, refit in singles.items()}
     found: dict[Names, Refit] = {}
     borne_out: set[Names] = set()
-    most = max((refit.gain for refit in known.values()), default=0.0)
-    for base in _best(refit for refit in known.values() if refit.gain >= (1.0 - share_of(refit)) * most):
+    most = max((refit.gain for refit in singles.values()), default=0.0)
+    for base in _best(refit for refit in singles.values() if refit.gain >= (1.0 - share_of(refit)) * most):
         others = [effect for effect in candidates if effect.mechanism not in base.mechanisms]
         after = gather(base.problem, base.fit, others)
         excess = after.saturated_excess()
@@ -139,14 +131,10 @@ def find_small_addition(
                 found[names] = refit
                 confirmation = held_out.confirmed(refit, base) if base.learned else None
                 borne_out |= {names} if confirmation is not None and confirmation.borne_out else set()
-    if not found:
-        return None
-    kept = {
-        names: standing
-        for names, standing in standings(found, _goodness(candidates, held_out), held_out, rng).items()
-        if standing.in_set and (standing.clean or (names in borne_out and standing.fits))
-    }
-    return _confirmed(Comparison(found, kept), known, held_out) if kept else None
+    rows = compared(found, _goodness(candidates, held_out), held_out).staying()
+    kept = {row.names: row for row in rows if row.clean() or (row.names in borne_out and row.fits())}
+    known = {**singles, **found}
+    return _confirmed(Comparison(kept), known, held_out) if kept else None, known
 
 
 def _best(refits: Iterable[Refit]) -> list[Refit]:
@@ -156,30 +144,27 @@ def _best(refits: Iterable[Refit]) -> list[Refit]:
     return [*formulas[:_BASES], *[refit for refit in ranked if refit.learned][:1]]
 
 
-def _grown(
-    bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
-) -> dict[Names, Refit]:
+def _grown(bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit]) -> dict[Names, Refit]:
     """Add what is seen best to the bases; then, to the best result less one member, what is seen best there."""
-    found = _extended(bases, candidates, known, rng, _visible_additions)
+    found = _extended(bases, candidates, known, _visible_additions)
     if not found:
         return {}
     leader, known = max(found.values(), key=lambda refit: refit.gain), {**known, **found}
-    return {**found, **_extended(_without(leader, known), candidates, known, rng, _visible_additions)}
+    return {**found, **_extended(_without(leader, known), candidates, known, _visible_additions)}
 
 
 def _grown_by_nonsmooth(
-    bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit], rng: np.random.Generator
+    bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit]
 ) -> dict[Names, Refit]:
     """Add causes of which a score says little to the best base."""
-    return _extended(bases[:1], candidates, known, rng, _nonsmooth_additions)
+    return _extended(bases[:1], candidates, known, _nonsmooth_additions)
 
 
 def _extended(
     bases: Sequence[Refit],
     candidates: Sequence[Effect],
     known: Mapping[Names, Refit],
-    rng: np.random.Generator,
-    shortlist: Callable[[Evidence, np.random.Generator], list[Effect]],
+    shortlist: Callable[[Evidence], list[Effect]],
 ) -> dict[Names, Refit]:
     """Refit the bases with the best few additions to each; those near the best to the optimum."""
     found: dict[Names, Refit] = {}
@@ -187,7 +172,7 @@ def _extended(
     for base in bases:
         taken = learnable.intersection(base.mechanisms)  # two forms of one mechanism are one cause
         after = gather(base.problem, base.fit, [effect for effect in candidates if effect.mechanism not in taken])
-        new = [effect for effect in shortlist(after, rng) if _with(base, effect) not in known]
+        new = [effect for effect in shortlist(after) if _with(base, effect) not in known]
         for effect, refit in zip(new, extended(partial(refit_with, gained=base.gain), new, after), strict=True):
             names = _with(base, effect)
             if names not in found or refit.gain > found[names].gain:
@@ -211,18 +196,17 @@ def to_optimum(refit: Refit, least: float) -> Refit:
     return made_smooth(refit, least) if refit.effects[-1].learned else refined(refit, least)
 
 
-def _visible_additions(after: Evidence, rng: np.random.Generator) -> list[Effect]:
+def _visible_additions(after: Evidence) -> list[Effect]:
     """Return the additions with the best scores, if any is seen."""
     shown = [effect for effect in after.candidates if after.scored(effect.name)]
-    if not shown or after.directed_p(rng) > _SEEN:
+    if not shown or after.directed_p() > _SEEN:
         return []
     return sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
 
 
-def _nonsmooth_additions(after: Evidence, rng: np.random.Generator) -> list[Effect]:
+def _nonsmooth_additions(after: Evidence) -> list[Effect]:
     """Return additions of which a score says little, if anything is left to explain; of nested ones the narrowest."""
-    del rng
-    if min(after.saturated_p(), after.omnibus_p()) >= GOODNESS:
+    if min(after.saturated_p(), after.omnibus_p()) >= THRESHOLDS.goodness:
         return []
     return [effect for effect in after.candidates if not (effect.smooth or effect.learned or effect.limits)]
 
@@ -282,7 +266,7 @@ def _goodness(candidates: Sequence[Effect], held_out: HeldOut) -> Goodness:
 def _confirmed(found: Comparison, known: Mapping[Names, Refit], held_out: HeldOut) -> Comparison:
     """Look at sets on the held-out trials, against the best refit with one member less."""
     confirmed = {}
-    for names in (names for names, standing in found.standings.items() if standing.in_set):
-        part = max(_without(found.refits[names], known), key=lambda part: part.gain, default=None)
-        confirmed[names] = held_out.confirmed(found.refits[names], part)
-    return replace(found, held_out=confirmed)
+    for row in found.staying():
+        part = max(_without(known[row.names], known), key=lambda part: part.gain, default=None)
+        confirmed[row.names] = held_out.confirmed(known[row.names], part)
+    return found.with_held_out(confirmed)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-
-import numpy as np
+from dataclasses import dataclass, field, replace
 
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.combinations import find_combinations, find_small_addition
@@ -17,8 +15,10 @@ from mjfish.diagnosis.progress import Progress, part
 from mjfish.diagnosis.refit import lowest
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.screening import Screening
-from mjfish.diagnosis.select import Comparison, Goodness, Names, standings
+from mjfish.diagnosis.select import Goodness, compared
+from mjfish.diagnosis.table import Comparison, Names, Table
 from mjfish.effects import Effect
+from mjfish.inspection import Finding
 
 #: Of how many formulas, the best, lower minima are looked for where none leaves nothing.
 _LEADERS = 2
@@ -29,91 +29,91 @@ class Compared:
     """All comparisons of a diagnosis.
 
     Attributes:
-        single: every candidate that was refitted, alone.
-        several: sets of two or three; None where none was to be seen.
-        others: single causes without those that failed on held-out trials; None where none did.
+        table: what the verdict is read from.
+        refits: of all sets.
         learned: refits of learned forms, by name.
         odd: index of the run that holds all of the misfit; None where none does.
     """
 
-    single: Comparison
-    several: Comparison | None = None
-    others: Comparison | None = None
+    table: Table
+    refits: Mapping[Names, Refit] = field(default_factory=dict)
     learned: Mapping[str, Refit] = field(default_factory=dict)
     odd: int | None = None
 
     @property
-    def refits(self) -> dict[Names, Refit]:
-        """Refits of all sets."""
-        return {**self.single.refits, **({} if self.several is None else self.several.refits)}
+    def alone(self) -> dict[str, Refit]:
+        """Refits of single causes, by name."""
+        return {names[0]: refit for names, refit in self.refits.items() if len(names) == 1}
 
 
-def compare(begun: Begun, screening: Screening, held_out: HeldOut) -> Compared:
-    """Compare the candidates with each other, and on the held-out trials; where none suffices, combine them."""
-    evidence, refits, rng = screening.evidence, {**screening.refits}, begun.rng
+def compare(begun: Begun, screening: Screening, held_out: HeldOut, blocks: Sequence[Finding]) -> Compared:
+    """Compare the candidates with each other, and on the held-out trials; where none suffices, combine them.
+
+    Args:
+        begun: what the diagnosis started with.
+        screening: of the nominal model.
+        held_out: what refits predict of the held-out trials.
+        blocks: findings about the data with which no verdict is worth its words.
+    """
+    evidence = screening.evidence
+    refits: dict[Names, Refit] = {(name,): refit for name, refit in screening.refits.items()}
     goodness = Goodness(begun.applicable, held_out.trials)
-    single = _singles(refits, goodness, held_out, rng)
+    single = _singles(refits, goodness, held_out)
+    table = Table(screening.p_wrong, single, blocks=tuple(block.message for block in blocks))
     if not refits:
-        return Compared(single)
-    clear = {refits[name].mechanisms[0] for (name,) in single.retained(clean=True)}
-    if learned := refit_learned_forms(evidence, begun.learnable, clear, refits):
-        refits |= learned
-        single = _singles(refits, goodness, held_out, rng)
+        return Compared(table)
+    clear = {row.mechanisms[0] for row in single.retained(clean=True)}
+    learned = refit_learned_forms(evidence, begun.learnable, clear, screening.refits)
+    if learned:
+        refits |= {(name,): refit for name, refit in learned.items()}
+        single = _singles(refits, goodness, held_out)
+    if not single.retained(clean=True):
+        leaders = sorted((refit for refit in refits.values() if not refit.learned), key=lambda refit: -refit.adjusted)
+        lower = [refit for refit in followed(lowest, leaders[:_LEADERS]) if refit.gain > refits[refit.names].gain]
+        if lower:
+            refits |= {refit.names: refit for refit in lower}
+            single = _singles(refits, goodness, held_out)
+    table = replace(table, single=single)
     if single.retained(clean=True):
-        return Compared(single, learned=learned)
-    leaders = sorted((refit for refit in refits.values() if not refit.learned), key=lambda refit: -refit.adjusted)
-    lower = [refit for refit in followed(lowest, leaders[:_LEADERS]) if refit.gain > refits[refit.names[0]].gain]
-    if lower:
-        refits |= {refit.names[0]: refit for refit in lower}
-        single = _singles(refits, goodness, held_out, rng)
-        if single.retained(clean=True):
-            return Compared(single, learned=learned)
+        return Compared(table, refits, learned)
     odd: int | None = begun.parts.run("the search for a single run", lambda: lone_run(evidence), None)
-    several = others = None
+    found: tuple[Comparison | None, Mapping[Names, Refit]] = (None, {})
     if odd is None:
         every, beside = (*begun.applicable, *begun.learnable), part(begun.progress, 0.8, 0.15)
-        several = begun.parts.run(
-            "the combinations", lambda: _combined(single, refits, every, held_out, rng, beside), None
-        )
-    if failed := single.failed():
-        others = _singles({n: refit for n, refit in refits.items() if (n,) not in failed}, goodness, held_out, rng)
-    return Compared(single, several, others, learned, odd)
+        found = begun.parts.run("the combinations", lambda: _combined(single, refits, every, held_out, beside), found)
+    if failed := {row.names for row in single.failed()}:
+        others = _singles({names: refit for names, refit in refits.items() if names not in failed}, goodness, held_out)
+        table = replace(table, others=others)
+    return Compared(replace(table, several=found[0]), {**refits, **found[1]}, learned, odd)
 
 
-def _singles(
-    refits: Mapping[str, Refit], goodness: Goodness, held_out: HeldOut, rng: np.random.Generator
-) -> Comparison:
+def _singles(refits: Mapping[Names, Refit], goodness: Goodness, held_out: HeldOut) -> Comparison:
     """Compare single causes with each other, and on the held-out trials."""
-    found = standings(refits, goodness, held_out, rng) if refits else {}
-    return Comparison(
-        {(name,): refit for name, refit in refits.items()},
-        {(name,): standing for name, standing in found.items()},
-        {(name,): held_out.confirmed(refits[name], None) for name, standing in found.items() if standing.in_set},
-    )
+    found = compared(refits, goodness, held_out)
+    return found.with_held_out({row.names: held_out.confirmed(refits[row.names], None) for row in found.staying()})
 
 
 def _combined(
     single: Comparison,
-    refits: Mapping[str, Refit],
+    refits: Mapping[Names, Refit],
     candidates: Sequence[Effect],
     held_out: HeldOut,
-    rng: np.random.Generator,
     progress: Progress,
-) -> Comparison | None:
-    """Compare combinations of causes; None where no second cause is seen.
+) -> tuple[Comparison | None, Mapping[Names, Refit]]:
+    """Compare combinations of causes, and return their refits; None where no second cause is seen.
 
     Where all that stay have a learned form and fail on the held-out trials, those of formulas alone are compared.
     """
-    found = (
-        find_small_addition(refits, candidates, held_out, rng)
+    found, own = (
+        find_small_addition(refits, candidates, held_out)
         if single.exhausted()
-        else find_combinations(refits, candidates, held_out, rng, progress)
+        else find_combinations(refits, candidates, held_out, progress)
     )
     if found is None:
-        return None
-    formulas = {name: refit for name, refit in refits.items() if not refit.learned}
-    flexible = all(found.refits[names].learned for names, standing in found.standings.items() if standing.in_set)
-    if flexible and found.falsified() and len(formulas) < len(refits):
+        return None, {}
+    formulas = {names: refit for names, refit in refits.items() if not refit.learned}
+    if all(row.learned for row in found.staying()) and found.falsified() and len(formulas) < len(refits):
         plain = [effect for effect in candidates if not effect.learned]
-        return _combined(single, formulas, plain, held_out, rng, progress) or found
-    return found
+        again = _combined(single, formulas, plain, held_out, progress)
+        return (found, own) if again[0] is None else again
+    return found, own

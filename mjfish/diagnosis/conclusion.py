@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,10 +14,10 @@ from mjfish.diagnosis.forms import NamedMechanism, named_mechanisms, staying
 from mjfish.diagnosis.held_out import HeldOut, pooled_error
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.screening import Screening
+from mjfish.diagnosis.table import Row
 from mjfish.diagnosis.verdict import Decision, decide, message_of
 from mjfish.effects import Effect
 from mjfish.effects.mechanism import Domain
-from mjfish.inspection import Finding
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +37,7 @@ class Conclusion:
     domain: Domain | None
 
 
-def conclude(
-    begun: Begun, screening: Screening, compared: Compared, held_out: HeldOut, blocks: Sequence[Finding]
-) -> Conclusion:
+def conclude(begun: Begun, screening: Screening, compared: Compared, held_out: HeldOut) -> Conclusion:
     """Decide, and look at what follows for the model, the form of the causes and their domain.
 
     Args:
@@ -47,11 +45,12 @@ def conclude(
         screening: of the nominal model.
         compared: the candidates.
         held_out: what refits predict of the held-out trials.
-        blocks: findings about the data with which no verdict is worth its words.
     """
     parts, refits = begun.parts, compared.refits
-    decision = decide(screening.p_wrong, compared.single, compared.several, blocks, compared.others)
-    best = refits.get(decision.sets[0] if decision.sets else compared.single.closest())
+    decision = decide(compared.table)
+    closest = compared.table.single.closest()
+    shown = decision.sets[0] if decision.sets else () if closest is None else closest.names
+    best = refits.get(shown)
     mechanisms: tuple[NamedMechanism, ...] = ()
     domain = _shared_domain(decision, begun.known)
     if decision.verdict == "named" and best is not None:
@@ -75,16 +74,17 @@ def _with_form(
     """Return a decision that names a cause, with the formulas that stay, the best of these, and the mechanisms."""
     own = (refit for refit in compared.learned.values() if refit.mechanisms == best.mechanisms)
     form = next(own, None) if len(best.effects) == 1 else None
-    refits = compared.refits
-    formulas = [refits[names] for names in decision.sets if names in refits and not refits[names].learned]
+    formulas = [compared.refits[names] for names in decision.sets if not compared.refits[names].learned]
     retained = staying(formulas, form) or (best if form is None else form,)
-    shown = retained[0]
-    among = compared.single if len(shown.effects) == 1 or compared.several is None else compared.several
-    clean = any(among.refits[n].names == shown.names and own.clean for n, own in among.standings.items())
+    shown, rows = retained[0], {row.names: row for row in compared.table.rows}
+    keys = [tuple(sorted(refit.names)) for refit in retained]
+    judged = [rows.get(key) or Row.of(key, own, 0.0, 1.0) for key, own in zip(keys, retained, strict=True)]
     mechanisms: tuple[NamedMechanism, ...] = begun.parts.run(
-        "the form", lambda: named_mechanisms(shown, retained, form, screening.evidence.fit, clean=clean), ()
+        "the form",
+        lambda: named_mechanisms(shown, retained, form, screening.evidence.fit, clean=judged[0].clean()),
+        (),
     )
-    message = message_of(retained, claimed=all(one.level == "form" for one in mechanisms)) + decision.left
+    message = message_of(judged, claimed=all(one.level == "form" for one in mechanisms)) + decision.left
     return replace(decision, sets=tuple(refit.names for refit in retained), message=message), shown, mechanisms
 
 

@@ -100,7 +100,7 @@ class Description:
     explained: float
 
 
-def describe(problem: Problem, fit: Fit, rng: np.random.Generator) -> Description:
+def describe(problem: Problem, fit: Fit) -> Description:
     """Describe what a fit leaves by forces on every link, such as "a moment on every link ~ |u| u".
 
     The signature of such a term is a sensitivity like that of a cause: no noisy signal is differentiated, and the
@@ -112,7 +112,7 @@ def describe(problem: Problem, fit: Fit, rng: np.random.Generator) -> Descriptio
     labels = [f"{effect.summary} ~ {p.about}" for effect in evidence.candidates for p in effect.parameters]
     scales = np.array([p.scale for effect in evidence.candidates for p in effect.parameters])
     chosen = _pursuit(evidence.score, evidence.information)
-    halves = _halves(evidence, rng)
+    halves = _halves(evidence)
     often = [np.mean([index in half for half in halves]) for index in chosen]
     kept = [index for index, share in zip(chosen, often, strict=True) if share >= _OFTEN]
     if not kept:
@@ -153,7 +153,7 @@ def _pursuit(score: FloatArray, information: FloatArray) -> list[int]:
     return chosen
 
 
-def _halves(evidence: Evidence, rng: np.random.Generator) -> list[list[int]]:
+def _halves(evidence: Evidence) -> list[list[int]]:
     """Choose terms again on random complementary halves of the runs."""
     rows = evidence.problem.trial_rows
     if len(rows) < 2:
@@ -164,7 +164,7 @@ def _halves(evidence: Evidence, rng: np.random.Generator) -> list[list[int]]:
     informations = [signatures[r].T @ signatures[r] for r in rows]
     chosen = []
     for _ in range(_PAIRS):
-        order = rng.permutation(len(rows))
+        order = np.random.default_rng(0).permutation(len(rows))
         for half in (order[: len(rows) // 2], order[len(rows) // 2 :]):
             chosen.append(_pursuit(sum(scores[i] for i in half), sum(informations[i] for i in half)))
     return chosen

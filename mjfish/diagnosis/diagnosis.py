@@ -22,7 +22,8 @@ from mjfish.diagnosis.implausible_noise import bursts, too_large
 from mjfish.diagnosis.progress import Progress, silent
 from mjfish.diagnosis.provenance import identity
 from mjfish.diagnosis.result import Diagnosis
-from mjfish.diagnosis.screening import ALARM, Screening, screen
+from mjfish.diagnosis.screening import Screening, screen
+from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.errors import NUMERIC, InputError, MjfishError, reason_of
 from mjfish.estimation import Noise
@@ -152,12 +153,12 @@ def _diagnosed(begun: Begun) -> Diagnosis:
         raise PartFailedError(_WHOLE, "no candidate is left that could be tried")
     begun.progress("testing the data", 0.0)
     checks = begun.parts.run("the tests of the data", lambda: inspect(begun.measured, begun.known), Inspection())
-    screening = screen(begun.posed, begun.applicable, begun.stated, begun.rng, begun.progress)
+    screening = screen(begun.posed, begun.applicable, begun.stated, begun.progress)
     checks = checks.joined(_checks_of_fit(begun, screening, checks))
     begun.progress("comparing the candidates", 0.75)
     held_out = HeldOut(screening.evidence, begun.dataset.split()[1])
-    compared = compare(begun, screening, held_out)
-    concluded = conclude(begun, screening, compared, held_out, checks.blocks)
+    compared = compare(begun, screening, held_out, checks.blocks)
+    concluded = conclude(begun, screening, compared, held_out)
     begun.progress("looking at what is wrong", 0.96)
     result = assemble(begun, screening, checks, compared, concluded, held_out)
     begun.progress("done", 1.0)
@@ -172,10 +173,10 @@ def _checks_of_fit(begun: Begun, screening: Screening, before: Inspection) -> In
         parts.failures[NOMINAL] = f"it stopped after {nominal.evaluations} evaluations: {nominal.message}"
     held = begun.dataset.split()[1]
     checks = parts.run("the tests of the fit", lambda: inspect_fit(problem, nominal, known, held), Inspection())
-    if screening.p_wrong < ALARM or not problem.samples:
+    if screening.p_wrong < THRESHOLDS.alarm or not problem.samples:
         return checks
     repeats = before.joined(checks).repeats
     implausible: tuple[Finding | None, ...] = parts.run(
-        "the test of the noise", lambda: (too_large(problem, nominal, repeats), bursts(evidence, begun.rng)), ()
+        "the test of the noise", lambda: (too_large(problem, nominal, repeats), bursts(evidence)), ()
     )
     return checks.joined(Inspection.of((finding for finding in implausible if finding is not None), known))

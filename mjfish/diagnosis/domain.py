@@ -21,7 +21,7 @@ from mjfish.arrays import FloatArray, blocks_of
 from mjfish.block_angular import Basis, BlockAngular, span
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.isolability import amplitude_signatures
-from mjfish.diagnosis.select import LEFT, RESEMBLES
+from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import Domain
 
@@ -56,4 +56,5 @@ def _excess(every: Basis, basis: Basis, cleared: FloatArray) -> float:
 def sole_domain(shares: dict[Domain, float]) -> Domain | None:
     """Return the domain that leaves little where all others leave much, of the share that each leaves."""
     best, *others = sorted(shares, key=lambda domain: shares[domain])
-    return best if shares[best] < LEFT and all(shares[domain] > RESEMBLES for domain in others) else None
+    apart = all(shares[domain] > THRESHOLDS.resembles for domain in others)
+    return best if shares[best] < THRESHOLDS.left and apart else None

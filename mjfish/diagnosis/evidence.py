@@ -225,13 +225,13 @@ class Evidence:
             p.name: float(np.sqrt(DETECTED * max(v, 0.0))) * p.scale for p, v in zip(own, np.diag(inverse), strict=True)
         }
 
-    def null_draws(self, rng: np.random.Generator) -> FloatArray:
+    def null_draws(self) -> FloatArray:
         """Return score vectors (DRAWS, d) ~ N(0, I) as noise alone would give them."""
         values, vectors = np.linalg.eigh(self.information)
         root = vectors * np.sqrt(np.maximum(checked(values), 0.0))
-        return np.asarray(rng.standard_normal((DRAWS, len(values))) @ root.T)
+        return np.asarray(np.random.default_rng(0).standard_normal((DRAWS, len(values))) @ root.T)
 
-    def directed_p(self, rng: np.random.Generator) -> float:
+    def directed_p(self) -> float:
         """Return the family-wise p value of the largest candidate (Westfall-Young), on the scale of chi2 tails.
 
         Candidates without a score are left out: their statistics are quotients of rounding errors. 1 without any other.
@@ -240,7 +240,7 @@ class Evidence:
         if not seen:
             return 1.0
         observed = min(float(log_tail(self.statistic(name), self._degrees_of_freedom(name))) for name in seen)
-        simulated = self.statistics(self.null_draws(rng))
+        simulated = self.statistics(self.null_draws())
         smallest = np.min([log_tail(simulated[name], self._degrees_of_freedom(name)) for name in seen], axis=0)
         p = float(np.mean(smallest <= observed))
         # Beyond the reach of the draws, Bonferroni bounds it.

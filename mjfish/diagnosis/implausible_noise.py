@@ -86,7 +86,7 @@ _QUIET = 0.25
 _LISTED = 3
 
 
-def bursts(evidence: Evidence, rng: np.random.Generator) -> Finding | None:
+def bursts(evidence: Evidence) -> Finding | None:
     """Return the finding that what was taken for noise comes in bursts; None where it does not.
 
     The whitened residual z, in the direction e in which its channels vary most, has in window k the energy
@@ -103,7 +103,7 @@ def bursts(evidence: Evidence, rng: np.random.Generator) -> Finding | None:
     widths = [max(round(_WINDOW / trial.step), 2) for trial in problem.trials]
     if any(len(run) <= width for run, width in zip(runs, widths, strict=True)) or np.mean(evidence.cleared**2) < _QUIET:
         return None
-    if not stand_out(burstiness(runs, widths, rng), coincidence(runs)):
+    if not stand_out(burstiness(runs, widths), coincidence(runs)):
         return None
     ahead = leading(runs)
     energies = [_energy(run, width) / width for run, width in zip(ahead, widths, strict=True)]
@@ -143,16 +143,16 @@ def leading(runs: Sequence[FloatArray]) -> list[FloatArray]:
     return [run @ checked(directions)[:, -1] for run in scaled]
 
 
-def burstiness(runs: Sequence[FloatArray], widths: Sequence[int], rng: np.random.Generator) -> float:
+def burstiness(runs: Sequence[FloatArray], widths: Sequence[int]) -> float:
     """Return by how many standard deviations ln var E is above that of shuffled runs.
 
     Args:
         runs: (n_r, 3) whitened residual of every run.
         widths: samples in a window, of every run.
-        rng: draws the orders.
     """
     ahead = leading(runs)
     seen = _unequal(ahead, widths)
+    rng = np.random.default_rng(0)
     drawn = [_unequal([rng.permutation(run) for run in ahead], widths) for _ in range(_DRAWS)]
     return float((seen - np.mean(drawn)) / np.std(drawn))
 

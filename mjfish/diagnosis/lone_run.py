@@ -15,7 +15,7 @@ import numpy as np
 from mjfish.arrays import FloatArray, orthonormal, principal_axes, project_out
 from mjfish.block_angular import Part
 from mjfish.diagnosis.evidence import Evidence, tail
-from mjfish.diagnosis.select import GOODNESS
+from mjfish.diagnosis.table import THRESHOLDS
 
 #: Fewest runs of which one can be the odd one.
 _FEWEST = 4
@@ -33,7 +33,7 @@ def lone_run(evidence: Evidence) -> int | None:
     every = evidence.waves.columns.parts
     small = [_small(evidence, i, every) for i in range(runs)]
     known = _known(evidence)
-    alone = [i for i in range(runs) if _least_p([*small[:i], *small[i + 1 :], known], evidence) >= GOODNESS]
+    alone = [i for i in range(runs) if _least_p([*small[:i], *small[i + 1 :], known], evidence) >= THRESHOLDS.goodness]
     return alone[0] if len(alone) == 1 else None
 
 

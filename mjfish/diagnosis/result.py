@@ -16,6 +16,7 @@ from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.isolability import Isolability
 from mjfish.diagnosis.missing_force import MissingForce
+from mjfish.diagnosis.table import Table
 from mjfish.diagnosis.where import Where
 from mjfish.effects import Effect
 from mjfish.effects.mechanism import Domain
@@ -122,7 +123,7 @@ class Candidate:
         p_value: of the statistic, were the nominal model true.
         rival_p: p value of the margin by which the best candidate beats it; it is in the set of rivals from 0.05 on.
             None where nothing was refitted.
-        fit_p: p value of what is left once it is in the model; below `mjfish.diagnosis.select.GOODNESS` it is no
+        fit_p: p value of what is left once it is in the model; below `Thresholds.goodness` it is no
             explanation. None where it was not computed: only those that the data cannot tell from the best are asked.
         held_out_gain: log-likelihood gained on the held-out trials; None where it was not computed.
         error, held_out_error: nRMSE over all channels of the fitted and of the held-out trials with this cause in the
@@ -248,6 +249,7 @@ class Diagnosis(Result):
         fingerprint: how the discrepancy of the best scales and which symmetry it breaks; None where nothing is wrong.
         description: forces that describe what no cause explains; only where it is ``unexplained``.
         gain: on held-out trials; None where there are none. Where nothing is wrong both models are the nominal one.
+        table: every set of causes that was compared, with the numbers that the verdict was read from.
         posterior: what the fit of the extended model says of its parameters, for draws (`mjfish.sample`); None where
             it diverged or failed.
     """
@@ -286,6 +288,7 @@ class Diagnosis(Result):
     description: Description | None = None
     gain: Gain | None = None
     posterior: Posterior | None = None
+    table: Table = field(default_factory=Table)
 
     @property
     def plannable(self) -> bool:
@@ -342,7 +345,7 @@ class Diagnosis(Result):
         kept = (
             "verdict", "message", "status", "remarks", "causes", "mechanisms", "domain", "rivals", "alternatives",
             "certain", "candidates", "failures", "undetectable", "isolability", "checks", "fingerprint", "description",
-            "p_wrong", "where", "fits", "posterior", "provenance",
+            "p_wrong", "table", "where", "fits", "posterior", "provenance",
         )  # fmt: skip
         return {
             "schema": SCHEMA,

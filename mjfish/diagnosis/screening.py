@@ -28,6 +28,7 @@ from mjfish.diagnosis.refit import (
     settled,
 )
 from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.noise_of_fit import noise_of, smoothing_of
@@ -36,8 +37,6 @@ from mjfish.estimation.sensor_noise import having_noise_of, with_sensor_noise
 from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
 from mjfish.sized_cache import Remade
 
-#: Something is wrong where the nominal model's p value is below this: 1.2 false alarms in a hundred.
-ALARM = 0.012
 #: A relative change of sigma below this leaves the weights as they are; other parameters of a noise may change by four
 #: times as much.
 _SAME = 0.05
@@ -76,7 +75,6 @@ def screen(
     problem: Problem,
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
-    rng: np.random.Generator,
     progress: Progress,
 ) -> Screening:
     """Fit the nominal model, estimate the noise, test the residual, and refit with every candidate.
@@ -89,7 +87,6 @@ def screen(
         problem: of the nominal model.
         candidates: effects that apply to the dataset.
         stated: (3,) standard deviations of the noise that the dataset states; None: it states none.
-        rng: of the simulated null distributions.
         progress: called with what is being done.
     """
     progress("fitting the nominal model", 0.02)
@@ -100,7 +97,7 @@ def screen(
     problem = with_sensor_noise(problem, start)
     baseline, slopes = _fitted(problem, start, candidates)
     if not problem.samples:
-        return _screened_sensors(problem, baseline, slopes, candidates, rng, progress)
+        return _screened_sensors(problem, baseline, slopes, candidates, progress)
     noise, _ = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
     if isinstance(noise, DifferentiationNoise):  # at the ends a filter has less to go on, and its errors are larger
         problem = replace(problem, ends=noise.window // 2)
@@ -111,7 +108,7 @@ def screen(
         if smoothing != problem.smoothing:
             problem = replace(problem, smoothing=smoothing)
             baseline, slopes = _fitted(problem, baseline.x, candidates)
-        results[problem.smoothing], smoothing = _screened(problem, baseline, slopes, candidates, stated, rng, progress)
+        results[problem.smoothing], smoothing = _screened(problem, baseline, slopes, candidates, stated, progress)
         if known:  # the dataset says through which filter its velocities went
             smoothing = problem.smoothing
     screening = results[smoothing]
@@ -126,13 +123,12 @@ def _screened_sensors(
     baseline: Fit,
     slopes: Remade[Slopes],
     candidates: tuple[Effect, ...],
-    rng: np.random.Generator,
     progress: Progress,
 ) -> Screening:
     """Screen where sensors alone were measured, whose noise is white and known from their third differences."""
     refitted = _under_the_known_noise(problem, baseline, slopes, candidates, part(progress, 0.05, 0.1))
-    seen = _NominalTest(candidates, slopes, rng, progress).run(problem, baseline, problem.noise)
-    if seen.p_wrong >= ALARM:
+    seen = _NominalTest(candidates, slopes, progress).run(problem, baseline, problem.noise)
+    if seen.p_wrong >= THRESHOLDS.alarm:
         return Screening(seen.evidence, {}, seen.p_wrong, directed=False)
     refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), refitted, seen.refits)
     if refitted:  # along the rollouts of the best model, for those of a wrong one are not where the fish was
@@ -141,9 +137,10 @@ def _screened_sensors(
         begun = float(np.sum(problem.residual(baseline.x) ** 2))
         baseline = sound(NOMINAL, converge(problem, baseline.x, begun, best.fit.sse))
         slopes = _signatures(problem, baseline.values, candidates)
-        seen = _NominalTest(candidates, slopes, rng, progress).run(problem, baseline, problem.noise)
+        seen = _NominalTest(candidates, slopes, progress).run(problem, baseline, problem.noise)
         refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted, seen.refits)
-    return Screening(seen.evidence, settled(refitted, part(progress, 0.6, 0.1)), seen.p_wrong, seen.directed < ALARM)
+    refitted = settled(refitted, part(progress, 0.6, 0.1))
+    return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < THRESHOLDS.alarm)
 
 
 def _screened(
@@ -152,7 +149,6 @@ def _screened(
     slopes: Remade[Slopes],
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
-    rng: np.random.Generator,
     progress: Progress,
 ) -> tuple[Screening, Filter | None]:
     """Screen with the smoothing of the problem; return the screening, and the suggested smoothing."""
@@ -164,12 +160,12 @@ def _screened(
         noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1]().velocity, stated)
     else:
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
-    test = _NominalTest(candidates, slopes, rng, progress)
+    test = _NominalTest(candidates, slopes, progress)
     seen = test.run(problem, baseline, noise)
-    if seen.p_wrong >= ALARM:  # a noise estimate that includes patterns common to all runs may absorb a misfit
+    if seen.p_wrong >= THRESHOLDS.alarm:  # patterns common to all runs may be taken for noise
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated)
         seen = test.repeat(seen, noise)
-    if seen.p_wrong < ALARM:
+    if seen.p_wrong < THRESHOLDS.alarm:
         refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), refitted, seen.refits)
     else:
         refitted = {}
@@ -181,13 +177,13 @@ def _screened(
         noise, remark = noise_of(best.problem, best.fit, beside().velocity, stated)
         smoothing = smoothing_of(best.problem, best.fit, noise, others, beside().velocity)
         before, seen = seen, test.repeat(seen, noise)
-        if seen.p_wrong >= ALARM:
+        if seen.p_wrong >= THRESHOLDS.alarm:
             refitted = {}
         elif seen is not before:
             refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted)
     if refitted:
         refitted = settled(refitted, part(progress, 0.6, 0.1))
-    return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < ALARM, remark), smoothing
+    return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < THRESHOLDS.alarm, remark), smoothing
 
 
 def _under_the_known_noise(
@@ -256,7 +252,6 @@ class _NominalTest:
 
     candidates: tuple[Effect, ...]
     slopes: Remade[Slopes]
-    rng: np.random.Generator
     progress: Progress
 
     def run(self, problem: Problem, baseline: Fit, noise: Noise) -> _Tested:
@@ -271,7 +266,7 @@ class _NominalTest:
         self.progress("testing the residual", 0.15)
         directed, p_wrong = self._p_values(evidence)
         found: dict[str, Refit] = {}
-        if p_wrong >= ALARM:
+        if p_wrong >= THRESHOLDS.alarm:
             p_nonsmooth, found = refit_nonsmooth(evidence, self.candidates)
             p_wrong = min(p_wrong, p_nonsmooth / _NONSMOOTH)
         elif isinstance(noise, GaussMarkov) and p_wrong > _BEYOND:
@@ -282,7 +277,7 @@ class _NominalTest:
 
     def _p_values(self, evidence: Evidence) -> tuple[float, float]:
         """Return the p values of the directed test, and of it and the omnibus basis together."""
-        directed, omnibus = evidence.directed_p(self.rng), evidence.omnibus_p()
+        directed, omnibus = evidence.directed_p(), evidence.omnibus_p()
         finite("the test of the residual", directed, omnibus)
         return directed, min(1.0, directed / _DIRECTED, omnibus / _OMNIBUS)
 

@@ -1,4 +1,4 @@
-"""The verdict: from comparisons of causes to one decision, with its sentence."""
+"""The verdict: from the table of evidence to one decision, with its sentence."""
 
 from __future__ import annotations
 
@@ -7,17 +7,12 @@ from dataclasses import dataclass, replace
 
 from mjfish.diagnosis.evidence import p_value_of
 from mjfish.diagnosis.held_out import Confirmation
-from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Verdict
-from mjfish.diagnosis.screening import ALARM
-from mjfish.diagnosis.select import LEFT, RESEMBLES, Comparison, Names
+from mjfish.diagnosis.table import THRESHOLDS, Comparison, Names, Row, Table, Thresholds, one_mechanism
 from mjfish.effects.mechanism import MECHANISMS
-from mjfish.inspection import Finding
 
-#: What is named must explain more than chance would, with this p value; that something is wrong may rest on all else.
-_OWN = 0.05
-#: A cause that leaves something is like rivals that leave ten times its share, or this share; at most LEFT.
-_TENFOLD, _LITTLE = 10.0, 0.01
+#: A set that leaves something is like rivals that leave ten times its share.
+_TENFOLD = 10.0
 #: Most causes that something unexplained may be like.
 _FEW = 3
 #: Most failures that a message lists.
@@ -64,13 +59,7 @@ def shared(sets: Sequence[Names]) -> Names:
     return tuple(name for name in sets[0] if all(name in names for names in sets)) if sets else ()
 
 
-def decide(
-    p_wrong: float,
-    single: Comparison,
-    several: Comparison | None,
-    blocks: Sequence[Finding] = (),
-    others: Comparison | None = None,
-) -> Decision:
+def decide(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
     """Decide, by the first of these rules that applies.
 
     - something about the data makes any verdict worthless: ``cannot_tell``;
@@ -84,67 +73,78 @@ def decide(
     - else: ``unexplained``.
 
     Args:
-        p_wrong: p value of the nominal model.
-        single: every candidate that was refitted, alone.
-        several: sets of two or three; None where none was to be seen.
-        blocks: findings about the data with which no verdict is worth its words.
-        others: single causes without those that failed on held-out trials, where any did.
+        table: the evidence.
+        limits: what it is held against.
+
+    Example:
+        >>> from mjfish.diagnosis.table import Table
+        >>> decide(Table(p_wrong=0.4)).verdict
+        'nothing_wrong'
     """
-    if blocks:
-        return Decision("cannot_tell", (), f"These data allow no verdict: {blocks[0].message}.")
-    if p_wrong >= ALARM:
-        return Decision(
-            "nothing_wrong", (), f"Nothing wrong was found: the nominal model fits to within noise (p = {p_wrong:.2g})."
-        )
-    for comparison, clean in ((single, True), (several, False), (single, False)):
-        retained = comparison.retained(clean=clean) if comparison is not None else ()
-        if comparison is single and not clean and retained and single.one_mechanism(retained):
-            first = min(retained, key=lambda names: single.standings[names].behind)
-            tolerance = min(LEFT, max(_TENFOLD * single.standings[first].left, _LITTLE))
-            retained = tuple(dict.fromkeys((*retained, *single.similar(first, tolerance))))
-        if comparison is not None and retained and comparison.one_mechanism(retained):
-            return _alone(retained, comparison)
-        if retained:
-            return Decision("cannot_tell", retained, _tied(retained))
+    if table.blocks:
+        return Decision("cannot_tell", (), f"These data allow no verdict: {table.blocks[0]}.")
+    if table.p_wrong >= limits.alarm:
+        fits = f"the nominal model fits to within noise (p = {table.p_wrong:.2g})"
+        return Decision("nothing_wrong", (), f"Nothing wrong was found: {fits}.")
+    single = table.single
+    for comparison, clean in ((single, True), (table.several or Comparison(), False), (single, False)):
+        rows = comparison.retained(clean=clean, limits=limits)
+        if comparison is single and not clean and rows and one_mechanism(rows):
+            first = min(rows, key=lambda row: row.behind)
+            tolerance = min(limits.left, max(_TENFOLD * first.left, limits.slight))
+            alike = single.similar(first, tolerance)
+            rows = [*rows, *(row for row in alike if row not in rows)]
+        if rows and one_mechanism(rows):
+            return _alone(rows, limits)
+        if rows:
+            return Decision("cannot_tell", _sets(rows), _tied(_sets(rows)))
+    if table.others is not None and (rows := table.others.retained(clean=True, limits=limits)):
+        failed = single.failed(limits)
+        why = _failing(failed[0].held_out) if failed else "fails on the held-out trials"
+        choice = f"{_listed(_sets(failed))} fits best, but {why}; {_listed(_sets(rows))} explains the data too"
+        return Decision("cannot_tell", _sets([*rows, *failed]), _undecided(choice))
     best = single.closest()
-    if others is not None and (retained := others.retained(clean=True)):
-        failed = single.failed()
-        why = _failing(single.held_out[failed[0]]) if failed else "fails on the held-out trials"
-        choice = f"{_listed(failed)} fits best, but {why}; {_listed(retained)} explains the data too"
-        return Decision(
-            "cannot_tell", (*retained, *failed), f"Something is wrong, but these data cannot tell what: {choice}."
-        )
-    if best and (nearly := _nearly(best, single)) is not None:
+    if best is None:
+        return Decision("unexplained", (), "Something is wrong that no known cause explains.")
+    if (nearly := _nearly(best, single, limits)) is not None:
         return nearly
-    closest = f"; the closest, {best[0]}, {_why(best, single)}" if best else ""
-    return Decision("unexplained", (), f"Something is wrong that no known cause explains{closest}.", closest=best)
+    closest = f"the closest, {best.names[0]}, {_why(best, limits)}"
+    return Decision(
+        "unexplained", (), f"Something is wrong that no known cause explains; {closest}.", closest=best.names
+    )
 
 
-def _nearly(best: Names, comparison: Comparison) -> Decision | None:
+def _sets(rows: Sequence[Row]) -> tuple[Names, ...]:
+    return tuple(row.names for row in rows)
+
+
+def _undecided(choice: str) -> str:
+    return f"Something is wrong, but these data cannot tell what: {choice}."
+
+
+def _nearly(best: Row, comparison: Comparison, limits: Thresholds) -> Decision | None:
     """Rule where no single cause leaves little: if the best explains most, and few come near; None else."""
-    if not comparison.standings[best].resembles or comparison.fails(best):
+    if best.left >= limits.resembles or best.fails:
         return None
-    similar = comparison.similar(best, RESEMBLES)
+    similar = comparison.similar(best, limits.resembles)
     if len(similar) > _FEW:
         return None
-    alike = comparison.one_mechanism(similar)
-    what = f"the mechanism {comparison.refits[best].mechanisms[0]}" if alike and len(similar) > 1 else _listed(similar)
-    share = 1.0 - comparison.standings[best].left
-    choice = f"{what} explains {share:.0%} of it and leaves something systematic: {_OTHERWISE}"
-    return Decision("cannot_tell", similar, f"Something is wrong, but these data cannot tell what: {choice}.")
+    alike = one_mechanism(similar) and len(similar) > 1
+    what = f"the mechanism {best.mechanisms[0]}" if alike else _listed(_sets(similar))
+    choice = f"{what} explains {1.0 - best.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
+    return Decision("cannot_tell", _sets(similar), _undecided(choice))
 
 
-def _alone(sets: Sequence[Names], comparison: Comparison) -> Decision:
+def _alone(rows: Sequence[Row], limits: Thresholds) -> Decision:
     """Rule on the only set that stays, or on sets that are forms of the same mechanisms."""
-    names = sets[0]
-    refit, standing = comparison.refits[names], comparison.standings[names]
-    p = p_value_of(refit.gain, refit.degrees_of_freedom)
-    if p < _OWN:
-        left = "" if standing.clean else f" It leaves {standing.left:.1%} of the misfit: {_OTHERWISE}."
-        message = message_of([comparison.refits[each] for each in sets], claimed=standing.clean)
-        return Decision("named", tuple(sets), message + left, left)
-    choice = f"{_listed([names])} fits, but explains no more than chance does (p = {p:.2g})"
-    return Decision("cannot_tell", (names,), f"Something is wrong, but these data cannot tell what: {choice}.")
+    first = rows[0]
+    p = p_value_of(first.gain, first.degrees_of_freedom)
+    if p < limits.keep:
+        clean = first.clean(limits)
+        left = "" if clean else f" It leaves {first.left:.1%} of the misfit: {_OTHERWISE}."
+        return Decision("named", _sets(rows), message_of(rows, claimed=clean) + left, left)
+    choice = f"{_listed([first.names])} fits, but explains no more than chance does (p = {p:.2g})"
+    return Decision("cannot_tell", (first.names,), _undecided(choice))
 
 
 def _tied(sets: Sequence[Names]) -> str:
@@ -162,33 +162,31 @@ def _listed(sets: Sequence[Names]) -> str:
     return " or ".join(" with ".join(names) for names in sets)
 
 
-def message_of(refits: Sequence[Refit], *, claimed: bool) -> str:
+def message_of(rows: Sequence[Row], *, claimed: bool) -> str:
     """Return what is named, in words.
 
     Args:
-        refits: with the forms that stay, the best first.
+        rows: with the forms that stay, the best first.
         claimed: whether the formula of the best is claimed, where it is alone.
     """
-    refit = refits[0]
-    if len(refit.effects) == 1 and (len(refits) > 1 or refit.learned or not claimed):
-        mechanism = refit.mechanisms[0]
-        summary = MECHANISMS[mechanism].summary if mechanism in MECHANISMS else refit.effects[0].summary
-        formulas = [other.names[0] for other in refits if not other.learned]
-        form = f"its form may be {' or '.join(formulas)}" if formulas else "no formula fits, its form is learned"
-        return f"The mechanism is {mechanism}: {summary}; {form}."
-    if len(refit.effects) == 1:
-        return f"The cause is {refit.names[0]}: {refit.effects[0].summary}."
-    listed = " and ".join(f"{effect.name} ({effect.summary})" for effect in refit.effects)
-    return f"{len(refit.effects)} causes together: {listed}."
+    first = rows[0]
+    name, summary = next(iter(first.causes.items()))
+    if len(first.causes) > 1:
+        listed = " and ".join(f"{each} ({what})" for each, what in first.causes.items())
+        return f"{len(first.causes)} causes together: {listed}."
+    if len(rows) == 1 and claimed and not first.learned:
+        return f"The cause is {name}: {summary}."
+    mechanism = first.mechanisms[0]
+    formulas = [row.names[0] for row in rows if not row.learned]
+    form = f"its form may be {' or '.join(formulas)}" if formulas else "no formula fits, its form is learned"
+    known = MECHANISMS[mechanism].summary if mechanism in MECHANISMS else summary
+    return f"The mechanism is {mechanism}: {known}; {form}."
 
 
-def _why(best: Names, comparison: Comparison) -> str:
-    standing = comparison.standings[best]
-    if not standing.fits:
-        return f"leaves {standing.left:.0%} of the misfit, and what it leaves is systematic"
-    if (confirmation := comparison.held_out.get(best)) is not None and confirmation.failed:
-        return _failing(confirmation)
-    return "is rejected"
+def _why(best: Row, limits: Thresholds) -> str:
+    if not best.fits(limits):
+        return f"leaves {best.left:.0%} of the misfit, and what it leaves is systematic"
+    return _failing(best.held_out) if best.fails else "is rejected"
 
 
 def _failing(confirmation: Confirmation | None) -> str:

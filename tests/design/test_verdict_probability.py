@@ -8,7 +8,7 @@ from scipy import stats
 
 from mjfish.arrays import FloatArray
 from mjfish.design.information import NO_GAIN, Gain, Information, Separation, column, excluded, verdict_probability
-from mjfish.diagnosis.select import CLOSE
+from mjfish.diagnosis.table import THRESHOLDS
 
 DRAWS = 1500
 
@@ -104,9 +104,9 @@ def test_probability_for_data_not_yet_taken_is_that_of_nearly_parallel_signature
 def test_ten_times_the_likelihood_is_further_than_noise_leads() -> None:
     """Were l the truth, 5 % of margins are beyond 2 z sqrt(lambda) - lambda, whatever lambda."""
     distance = np.geomspace(1e-3, 1e3, 200)
-    assert np.max(2.0 * stats.norm.ppf(0.95) * np.sqrt(distance) - distance) < CLOSE
-    assert excluded(CLOSE)
-    assert not excluded(0.99 * CLOSE)
+    assert np.max(2.0 * stats.norm.ppf(0.95) * np.sqrt(distance) - distance) < THRESHOLDS.close
+    assert excluded(THRESHOLDS.close)
+    assert not excluded(0.99 * THRESHOLDS.close)
 
 
 def test_without_a_run_the_verdict_is_the_one_at_hand() -> None:

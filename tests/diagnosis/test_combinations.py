@@ -15,7 +15,7 @@ from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import silent
 from mjfish.diagnosis.refit import refit_with
-from mjfish.diagnosis.select import Standing
+from mjfish.diagnosis.table import Comparison, Row
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import load_fish
@@ -48,6 +48,12 @@ class _Set:
         names = tuple(name for name in self.names if name != out.name)
         return replace(self, names=names, gain=self.gains[names])
 
+    def row(self, behind: float, p: float) -> Row:
+        """Return the row of the best set, or of one that it beats; p of what it leaves."""
+        tests = {"waves": p} if behind == 0.0 else {}
+        best = float(behind == 0.0)
+        return Row(self.names, {}, (), self.learned, self.gain, 1, self.adjusted, behind, best, tests)
+
 
 @pytest.mark.parametrize(("gain", "freedom", "stays"), [(124.0, 2, True), (124.0, 5, False), (133.0, 5, True)])
 def test_a_further_cause_of_many_parameters_must_explain_more(gain: float, freedom: int, stays: bool) -> None:
@@ -75,41 +81,40 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
     gains = {**GAINS, ("stiff", "wake"): pair}
     came_by = {2: [("drag", "stiff")], 3: [("drag", "stiff", "wake")]}
 
-    def extended(bases: Any, _candidates: Any, _known: Any, _rng: Any, shortlist: Any) -> dict[Names, _Set]:
+    def extended(bases: Any, _candidates: Any, _known: Any, shortlist: Any) -> dict[Names, _Set]:
         size = len(bases[0].names) + 1
         found = came_by[size] if shortlist is module._visible_additions else []
         return {names: _Set(names, gains[names], gains=gains) for names in found}
 
-    def standings(sets: dict[Names, _Set], *_: Any) -> dict[Names, Standing]:
+    def compared(sets: dict[Names, _Set], *_: Any) -> Comparison:
         top = max(one.gain for one in sets.values())
-        return {
-            names: Standing(float(one.gain == top), top - one.gain, float(one.gain > 530.0), 1.0)
-            for names, one in sets.items()
-        }
+        return Comparison({names: one.row(top - one.gain, float(one.gain > 530.0)) for names, one in sets.items()})
 
     monkeypatch.setattr(module, "_extended", extended)
     monkeypatch.setattr(module, "followed", map)
-    monkeypatch.setattr(module, "standings", standings)
+    monkeypatch.setattr(module, "compared", compared)
     monkeypatch.setattr(module.Goodness, "left", lambda _self, _refit: 0.5)
-    singles: Any = {name: _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
-    found = find_combinations(singles, (), HeldOut(None, ()), np.random.default_rng(0), silent)  # type: ignore[arg-type]
+    singles: Any = {(name,): _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
+    found, _ = find_combinations(singles, (), HeldOut(None, ()), silent)  # type: ignore[arg-type]
     assert found is not None
-    assert found.retained(clean=True) == (named,)
+    assert [row.names for row in found.retained(clean=True)] == [named]
 
 
 def test_no_third_cause_is_looked_for_where_the_best_pair_leaves_most(monkeypatch: pytest.MonkeyPatch) -> None:
     """A pair that explains little is none, and three that hold it would be none either."""
     sizes = []
 
-    def extended(bases: Any, _candidates: Any, _known: Any, _rng: Any, _shortlist: Any) -> dict[Names, _Set]:
+    def extended(bases: Any, _candidates: Any, _known: Any, _shortlist: Any) -> dict[Names, _Set]:
         sizes.append(len(bases[0].names) + 1)
         return {("drag", "stiff"): _Set(("drag", "stiff"), 489.0, gains=GAINS)}
 
     monkeypatch.setattr(module, "_extended", extended)
-    monkeypatch.setattr(module, "standings", lambda sets, *_: {n: Standing(1.0, 0.0, 0.0, 0.0) for n in sets})
+    monkeypatch.setattr(
+        module, "compared", lambda sets, *_: Comparison({n: one.row(0.0, 0.0) for n, one in sets.items()})
+    )
     monkeypatch.setattr(module.Goodness, "left", lambda _self, _refit: 0.7)
-    singles: Any = {"drag": _Set(("drag",), 425.0, gains=GAINS)}
-    found = find_combinations(singles, (), HeldOut(None, ()), np.random.default_rng(0), silent)  # type: ignore[arg-type]
+    singles: Any = {("drag",): _Set(("drag",), 425.0, gains=GAINS)}
+    found, _ = find_combinations(singles, (), HeldOut(None, ()), silent)  # type: ignore[arg-type]
     assert found is not None
     assert set(sizes) == {2}
 

@@ -14,7 +14,8 @@ from mjfish.diagnosis.constancy import linearised
 from mjfish.diagnosis.evidence import gather, whitened_omnibus
 from mjfish.diagnosis.refit import refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
-from mjfish.diagnosis.select import GOODNESS, Goodness, Standing, sharp_p, tolerated
+from mjfish.diagnosis.select import Goodness, sharp_p
+from mjfish.diagnosis.table import THRESHOLDS, Row
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.omnibus import HATS
@@ -110,12 +111,12 @@ def test_coefficients_that_differ_by_run_are_seen_in_held_out_runs_too(pike: Fis
     for last, steady in ((1.0, True), (1.006, False)):
         trials = _turbid(pike, [1.0, 1.0, 1.0, last])
         refit = _refit(pike, trials[:3])
-        standing = Goodness([find("time_offset")], trials[3:]).of(refit, Standing(1.0, 0.0))
-        assert (standing.steady_p >= GOODNESS) is steady
-        assert standing.clean is steady
-        others = standing.saturated_p, standing.omnibus_p, standing.common_p, standing.constancy_p, standing.weighed_p
-        assert min(others) >= GOODNESS
-        assert Goodness([find("time_offset")]).of(refit, Standing(1.0, 0.0)).clean
+        plain = Row.of(refit.names, refit, 0.0, 1.0)
+        row = Goodness([find("time_offset")], trials[3:]).of(refit, plain)
+        assert (row.tests["coefficients by run"] >= THRESHOLDS.goodness) is steady
+        assert row.clean() is steady
+        assert min(p for test, p in row.tests.items() if test != "coefficients by run") >= THRESHOLDS.goodness
+        assert Goodness([find("time_offset")]).of(refit, plain).clean()
 
 
 def test_outliers_of_the_noise_are_no_change_of_coefficients(pike: Fish) -> None:
@@ -125,8 +126,9 @@ def test_outliers_of_the_noise_are_no_change_of_coefficients(pike: Fish) -> None
     for trial in spoiled:
         rows = rng.choice(len(trial.time), 3, replace=False)
         trial.velocity[rows] += 30.0 * NOISE * rng.standard_normal((3, 3))
-    standing = Goodness([find("time_offset")]).of(_refit(pike, tuple(spoiled)), Standing(1.0, 0.0))
-    assert standing.steady_p >= GOODNESS
+    refit = _refit(pike, tuple(spoiled))
+    row = Goodness([find("time_offset")]).of(refit, Row.of(refit.names, refit, 0.0, 1.0))
+    assert row.tests["coefficients by run"] >= THRESHOLDS.goodness
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3])
@@ -154,9 +156,9 @@ def test_common_waves_are_the_sums_of_those_of_runs(pike: Fish, share: float) ->
 )
 def test_numbers_without_a_form_may_leave_less(name: str, tolerance: float) -> None:
     """What a law leaves may be due to its form; an angle has none."""
-    assert tolerated([find(name).mechanism]) == tolerance
-    assert tolerated([find(name).mechanism, "drag_law"]) == 0.1
-    assert tolerated(["of_a_user"]) == 0.1
+    assert THRESHOLDS.tolerated([find(name).mechanism]) == tolerance
+    assert THRESHOLDS.tolerated([find(name).mechanism, "drag_law"]) == 0.1
+    assert THRESHOLDS.tolerated(["of_a_user"]) == 0.1
 
 
 def test_what_is_slight_beside_the_gain_is_not_held_against_a_cause() -> None:

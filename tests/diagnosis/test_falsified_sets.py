@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from mjfish.diagnosis import compared as module
 from mjfish.diagnosis.held_out import Confirmation
-from mjfish.diagnosis.select import Comparison, Standing
+from mjfish.diagnosis.table import Comparison, Row
 
-STAYS = Standing(1.0, 0.0, 0.5, 0.5, 0.0, 0.0)
+STAYS = Row((), {}, (), False, 100.0, 1, 100.0, 0.0, 1.0, {"waves": 0.5}, 0.0)
 
 
 def test_a_cause_that_makes_the_held_out_error_larger_fails_whatever_its_likelihood() -> None:
@@ -29,9 +29,9 @@ def test_a_larger_held_out_error_within_noise_is_chance() -> None:
     assert Confirmation(-5.0, 1e-4, 1.2, 1.1).failed
 
 
-def _found(names: tuple[str, ...], ratio: float) -> Comparison:
-    refit: Any = SimpleNamespace(names=names, learned="lift" in names)
-    return Comparison({names: refit}, {names: STAYS}, {names: Confirmation(10.0, 0.5, ratio)})
+def _found(names: tuple[str, ...], ratio: float) -> tuple[Comparison, dict[Any, Any]]:
+    row = replace(STAYS, names=names, learned="lift" in names, held_out=Confirmation(10.0, 0.5, ratio))
+    return Comparison({names: row}), {names: SimpleNamespace()}
 
 
 @pytest.mark.parametrize(("ratio", "expected"), [(3.0, ("roll", "current")), (0.8, ("roll", "lift"))])
@@ -40,16 +40,17 @@ def test_formulas_are_compared_where_all_learned_sets_fail(
 ) -> None:
     """A set with a learned member that predicts badly makes room for one of formulas; one that holds stays."""
 
-    def find(refits: Any, candidates: Any, *_: Any) -> Comparison:
+    def find(refits: Any, candidates: Any, *_: Any) -> tuple[Comparison, dict[Any, Any]]:
         learned = any(refit.learned for refit in refits.values())
         assert learned == any(effect.learned for effect in candidates)
         return _found(("roll", "lift"), ratio) if learned else _found(("roll", "current"), 0.9)
 
     monkeypatch.setattr(module, "find_combinations", find)
-    refits: Any = {name: SimpleNamespace(learned=name == "lift") for name in ("roll", "lift")}
+    refits: Any = {(name,): SimpleNamespace(learned=name == "lift") for name in ("roll", "lift")}
     candidates: Any = [SimpleNamespace(learned=learned) for learned in (False, True)]
     single: Any = SimpleNamespace(exhausted=lambda: False)
     held_out: Any = None
-    found = module._combined(single, refits, candidates, held_out, np.random.default_rng(0), lambda *_: None)
+    found, refits = module._combined(single, refits, candidates, held_out, lambda *_: None)
     assert found is not None
-    assert found.retained(clean=False) == (expected,)
+    assert [row.names for row in found.retained(clean=False)] == [expected]
+    assert [*refits] == [expected]

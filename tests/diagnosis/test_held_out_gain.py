@@ -14,6 +14,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.diagnosis import select
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
+from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.estimation.residual import ChannelError, Score
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.sized_cache import always
@@ -66,6 +67,11 @@ class _Linear:
     columns: FloatArray
     data: FloatArray
     names: tuple[str, ...] = ("linear",)
+    effects: tuple[Any, ...] = ()
+    mechanisms: tuple[str, ...] = ()
+    learned: bool = False
+    gain: float = 0.0
+    degrees_of_freedom: int = 1
 
     @property
     def size(self) -> FloatArray:
@@ -73,7 +79,7 @@ class _Linear:
 
     @property
     def fit(self) -> Any:
-        return SimpleNamespace(residual=self.data - self.columns @ self.size, count=len(self.data))
+        return SimpleNamespace(residual=self.data - self.columns @ self.size, count=len(self.data), status="converged")
 
     @property
     def adjusted(self) -> float:
@@ -118,8 +124,8 @@ def test_held_out_trials_separate_rivals_and_seldom_reject_the_true_one() -> Non
     for _ in range(300):
         refits, held_out = _rivals(rng)
         for heard in (True, False):
-            standing = select._rivalry(refits, held_out if heard else HeldOut(None, ()), rng)  # type: ignore[arg-type]
-            kept[heard] += [standing[name].rival_p >= select.KEEP for name in refits]
+            rows = select._rivalry(refits, held_out if heard else HeldOut(None, ()))  # type: ignore[arg-type]
+            kept[heard] += [rows[name].rival_p >= THRESHOLDS.keep for name in refits]
     assert np.all([one[0] > 0.9 * 300 for one in kept.values()]), kept
     assert kept[True][1] < 0.3 * 300 < 0.65 * 300 < kept[False][1], kept
 
@@ -127,7 +133,7 @@ def test_held_out_trials_separate_rivals_and_seldom_reject_the_true_one() -> Non
 def test_rivals_are_compared_alike_however_many_rows_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
     def compared() -> list[float]:
         rng = np.random.default_rng(58)
-        return [standing.rival_p for standing in select._rivalry(*_rivals(rng), rng).values()]
+        return [row.rival_p for row in select._rivalry(*_rivals(rng)).values()]
 
     at_once = compared()
     monkeypatch.setattr(select, "_ROWS", 7)

@@ -117,11 +117,11 @@ def test_bursts_are_told_from_tails_and_from_channels_that_go_together(seed: int
     }
     widths = [WIDTH] * 4
     for runs in quiet.values():
-        bursty = burstiness(runs, widths, rng)
+        bursty = burstiness(runs, widths)
         assert abs(bursty) < 3.5
         assert not stand_out(bursty, coincidence(runs))
     jerked = [_jerked(run, range(20, 380, 60), 1.5) for run in quiet["white"]]
-    assert stand_out(burstiness(jerked, widths, rng), coincidence(jerked))
+    assert stand_out(burstiness(jerked, widths), coincidence(jerked))
 
 
 def _swum(pike: Fish, size: float) -> Dataset:

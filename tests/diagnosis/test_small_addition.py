@@ -38,24 +38,24 @@ def _with_offset(kappa: float, scale: float = 0.0) -> tuple[Evidence, Refit]:
 def test_only_what_mends_everything_is_added(kappa: float, scale: float, found: bool) -> None:
     """Nothing left, a second cause, or something else: only the second is a pair."""
     nominal, alone = _with_offset(kappa, scale)
-    pairs = find_small_addition({"time_offset": alone}, CANDIDATES, HeldOut(nominal, ()), np.random.default_rng(0))
+    pairs, refits = find_small_addition({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()))
     assert (pairs is not None) is found
     if pairs is not None:
-        assert pairs.retained(clean=True) == (("munk_moment", "time_offset"),)
-        assert pairs.refits["munk_moment", "time_offset"].gain - alone.gain > MENDED
+        assert [row.names for row in pairs.retained(clean=True)] == [("munk_moment", "time_offset")]
+        assert refits["munk_moment", "time_offset"].gain - alone.gain > MENDED
 
 
 def test_a_pair_must_explain_more_than_every_single_cause() -> None:
     """A learned form of the first that explains as much makes the second superfluous."""
     nominal, alone = _with_offset(1.0)
-    rng, held_out = np.random.default_rng(0), HeldOut(nominal, ())
-    pairs = find_small_addition({"time_offset": alone}, CANDIDATES, held_out, rng)
+    held_out = HeldOut(nominal, ())
+    pairs, refits = find_small_addition({("time_offset",): alone}, CANDIDATES, held_out)
     assert pairs is not None
-    gain = pairs.refits["munk_moment", "time_offset"].gain
+    gain = refits["munk_moment", "time_offset"].gain
     for more, found in ((-2.0 * MENDED, True), (0.5 * MENDED, False)):
         other = replace(alone, effects=(find("marker_offset"),), gain=gain + more)
-        again = find_small_addition({"time_offset": alone, "marker_offset": other}, CANDIDATES, held_out, rng)
-        assert (again is not None and ("munk_moment", "time_offset") in again.refits) is found
+        again, _ = find_small_addition({("time_offset",): alone, ("marker_offset",): other}, CANDIDATES, held_out)
+        assert (again is not None and ("munk_moment", "time_offset") in again.rows) is found
 
 
 @pytest.mark.parametrize(
@@ -70,11 +70,11 @@ def test_beside_a_learned_form_something_may_be_left_if_held_out_trials_agree(
     told = None if probability is None else Confirmation(30.0, probability)
     monkeypatch.setattr(Refit, "learned", property(lambda _refit: learned))
     monkeypatch.setattr(HeldOut, "confirmed", lambda *_: told)
-    pairs = find_small_addition({"time_offset": alone}, CANDIDATES, HeldOut(nominal, ()), np.random.default_rng(0))
+    pairs, _ = find_small_addition({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()))
     assert (pairs is not None) is found
     if pairs is not None:
-        assert [*pairs.standings] == [("munk_moment", "time_offset")]
-        assert pairs.retained(clean=True) == ()
+        assert [*pairs.rows] == [("munk_moment", "time_offset")]
+        assert pairs.retained(clean=True) == []
 
 
 def test_a_signature_of_rounding_has_no_score() -> None:
@@ -82,4 +82,4 @@ def test_a_signature_of_rounding_has_no_score() -> None:
     nominal, _ = _with_offset(0.4)
     assert not nominal.scored("servo_delay")
     assert nominal.scored("munk_moment")
-    assert nominal.directed_p(np.random.default_rng(0)) < 1e-3
+    assert nominal.directed_p() < 1e-3

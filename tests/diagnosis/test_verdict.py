@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,47 +10,62 @@ import pytest
 from scipy import stats
 
 from mjfish.diagnosis.held_out import Confirmation, confirmation
-from mjfish.diagnosis.select import Comparison, Standing
+from mjfish.diagnosis.table import Comparison, Row, Table, Thresholds
 from mjfish.diagnosis.verdict import Decision, decide
 from mjfish.estimation.residual import Score
 
-GOOD = Standing(rival_p=1.0, behind=0.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
-RIVAL = Standing(rival_p=0.3, behind=7.0, saturated_p=0.5, omnibus_p=0.5, left=0.0)
-BEATEN = Standing(rival_p=0.001, behind=30.0)
-LITTLE = Standing(rival_p=1.0, behind=0.0, saturated_p=1e-5, omnibus_p=0.5, excess=2.0, left=0.02)
-MISFIT = Standing(rival_p=1.0, behind=0.0, saturated_p=1e-5, omnibus_p=0.5, excess=60.0, left=0.4)
-LIKE = replace(MISFIT, excess=25.0, left=0.2)
+#: How a set stands: its margin, and what it leaves.
+Standing = dict[str, Any]
+CLEAN, SYSTEMATIC = {"candidates": 0.5, "waves": 0.5}, {"candidates": 1e-5, "waves": 0.5}
+GOOD: Standing = {"rival_p": 1.0, "behind": 0.0, "tests": CLEAN, "excess": 0.0}
+RIVAL: Standing = {"rival_p": 0.3, "behind": 7.0, "tests": CLEAN, "excess": 0.0}
+BEATEN: Standing = {"rival_p": 0.001, "behind": 30.0}
+LITTLE: Standing = {"rival_p": 1.0, "behind": 0.0, "tests": SYSTEMATIC, "excess": 2.0}
+MISFIT: Standing = {**LITTLE, "excess": 200.0 / 3.0}
+LIKE: Standing = {**LITTLE, "excess": 25.0}
 
 
 def test_a_cause_as_likely_as_the_best_stays_a_rival() -> None:
     """Two causes that the data could have told apart, and that fit equally well: neither is named."""
-    tied = Standing(rival_p=0.03, behind=0.1, saturated_p=0.5, omnibus_p=0.5, left=0.0)
-    assert tied.in_set
-    assert not replace(tied, behind=6.0).in_set
-    assert replace(tied, rival_p=0.06, behind=6.0).in_set
+    tied = _row("a", 100.0, {**GOOD, "rival_p": 0.03, "behind": 0.1})
+    assert tied.stays()
+    assert not replace(tied, behind=6.0).stays()
+    assert replace(tied, rival_p=0.06, behind=6.0).stays()
 
 
-def _refit(names: str, gain: float) -> Any:
-    """Return a refit whose last member was added first: sets go by their sorted names, not by this order."""
-    effects = tuple(SimpleNamespace(name=name, summary=f"{name} acts") for name in reversed(names))
-    return SimpleNamespace(
-        effects=effects, names=tuple(reversed(names)), gain=gain, adjusted=gain, degrees_of_freedom=len(names),
-        learned=False, mechanisms=tuple(sorted(names)),
-    )  # fmt: skip
+def _row(names: str, gain: float, standing: Standing, held_out: Confirmation | None = None) -> Row:
+    """Return a row whose last member was added first: sets go by their sorted names, not by this order."""
+    return Row(
+        names=tuple(names),
+        causes={name: f"{name} acts" for name in reversed(names)},
+        mechanisms=tuple(sorted(names)),
+        learned=False,
+        gain=gain,
+        degrees_of_freedom=len(names),
+        adjusted=gain,
+        held_out=held_out,
+        **standing,
+    )
 
 
-def _hearing(
+def _compared(
     standings: dict[str, Standing], held: dict[str, float | None] | None = None, chance: float = 1e-4
 ) -> Comparison:
-    """Return a comparison of sets named by one letter a member."""
-    return Comparison(
-        {tuple(names): _refit(names, 100.0 - k) for k, names in enumerate(standings)},
-        {tuple(names): standing for names, standing in standings.items()},
-        {
-            tuple(names): None if gained is None else Confirmation(gained, chance)
-            for names, gained in (held or dict.fromkeys(standings, 5.0)).items()
-        },
-    )
+    """Return a comparison of sets named by one letter a member; the first gains 100, the next 99."""
+    rows = {}
+    for k, (names, standing) in enumerate(standings.items()):
+        gained = 5.0 if held is None else held.get(names)
+        rows[tuple(names)] = _row(names, 100.0 - k, standing, None if gained is None else Confirmation(gained, chance))
+    return Comparison(rows)
+
+
+def _with(comparison: Comparison, names: str, **changed: Any) -> Comparison:
+    """Return a comparison with a row changed."""
+    return Comparison({**comparison.rows, tuple(names): replace(comparison.rows[tuple(names)], **changed)})
+
+
+def _decided(single: Comparison, **more: Any) -> Decision:
+    return decide(Table(1e-6, single, **more))
 
 
 def _rule(
@@ -60,7 +74,28 @@ def _rule(
     p: float = 1e-6,
     several: dict[str, Standing] | None = None,
 ) -> Decision:
-    return decide(p, _hearing(standings, held), None if several is None else _hearing(several))
+    return decide(Table(p, _compared(standings, held), None if several is None else _compared(several)))
+
+
+def test_a_verdict_goes_by_its_thresholds_alone() -> None:
+    """Catches a number in the rule that no threshold sets."""
+    table = Table(0.02, _compared({"a": GOOD, "b": RIVAL, "c": BEATEN}))
+    assert decide(table).verdict == "nothing_wrong"
+    assert decide(table, Thresholds(alarm=0.03)).sets == (("a",), ("b",))
+    assert decide(table, Thresholds(alarm=0.03, keep=0.4)).sets == (("a",),)
+    assert decide(table, Thresholds(alarm=0.03, close=40.0)).sets == (("a",), ("b",))
+    little = Table(1e-6, _compared({"a": LITTLE}))
+    assert decide(little).verdict == "named"
+    assert decide(little, Thresholds(left=0.01)).verdict == "cannot_tell"
+    assert decide(little, Thresholds(left=0.01, resembles=0.01)).verdict == "unexplained"
+    assert "It leaves" not in decide(little, Thresholds(goodness=1e-6)).message
+
+
+def test_a_row_says_how_far_its_figures_are_from_every_threshold() -> None:
+    assert _row("a", 100.0, LITTLE).distances() == pytest.approx(
+        {"keep": 20.0, "close": 0.0, "goodness": 0.1, "left": 0.2 / 1.02, "resembles": 0.06 / 1.02}
+    )
+    assert _row("a", 100.0, BEATEN).distances() == pytest.approx({"keep": 0.02, "close": 15.0 / np.log(10.0)})
 
 
 def test_a_model_that_is_not_contradicted_has_nothing_wrong() -> None:
@@ -76,17 +111,16 @@ def test_one_cause_that_stays_is_named() -> None:
 @pytest.mark.parametrize(("left", "verdict"), [(1e-5, "named"), (0.004, "cannot_tell")])
 def test_a_cause_that_leaves_next_to_nothing_is_not_like_one_that_leaves_much_more(left: float, verdict: str) -> None:
     """Of 100, a leaves its share, b and that 2 more: ten times as much as a, or a hundredth, is alike."""
-    best = replace(LITTLE, excess=100.0 * left, left=left)
-    comparison = _hearing({"a": best, "b": BEATEN})
-    comparison = replace(comparison, refits={**comparison.refits, ("b",): _refit("b", 98.0)})
-    assert decide(1e-6, comparison, None).verdict == verdict
+    best = {**LITTLE, "excess": 100.0 * left}
+    comparison = _with(_compared({"a": best, "b": BEATEN}), "b", gain=98.0, adjusted=98.0)
+    assert _decided(comparison).verdict == verdict
 
 
 def test_a_cause_that_explains_no_more_than_chance_is_not_named() -> None:
     """An alarm of the whole residual may find nobody behind it: 3.8 is what one parameter gains in 5 % of cases."""
     verdicts = []
     for gain in (3.7, 4.0):
-        decision = decide(1e-6, Comparison({("a",): _refit("a", gain)}, {("a",): GOOD}, {("a",): None}), None)
+        decision = _decided(Comparison({("a",): _row("a", gain, GOOD)}))
         assert decision.sets == (("a",),)
         assert decision.certain == ((), ("a",))[decision.verdict == "named"]
         assert decision.rivals == ()
@@ -122,20 +156,17 @@ def test_a_cause_must_not_lose_on_held_out_trials(held: float | None, verdict: s
 
 def test_a_loss_on_held_out_trials_that_noise_explains_is_no_failure() -> None:
     """A weak cause gains nothing there every other time."""
-    comparison = _hearing({"a": GOOD}, {"a": -0.1}, chance=0.2)
-    assert decide(1e-6, comparison, None).verdict == "named"
+    assert _decided(_compared({"a": GOOD}, {"a": -0.1}, chance=0.2)).verdict == "named"
 
 
 def test_where_the_best_fails_on_held_out_trials_others_are_compared_and_none_is_named() -> None:
     """The best may owe its lead to noise: what would do without it is told, and told as uncertain."""
-    first, others = _hearing({"a": GOOD, "b": BEATEN}, {"a": -5.0}), _hearing({"b": GOOD})
-    decision = decide(1e-6, first, None, (), others)
+    first, others = _compared({"a": GOOD, "b": BEATEN}, {"a": -5.0}), _compared({"b": GOOD})
+    decision = _decided(first, others=others)
     assert (decision.verdict, decision.sets) == ("cannot_tell", (("b",), ("a",)))
     assert decision.rivals == (("b", "a"),)
-    joined = first.joined(others)
-    assert joined.standings[("b",)] is GOOD
-    assert joined.held_out[("b",)] is not None
-    assert decide(1e-6, first, None, (), _hearing({"b": MISFIT})).verdict == "unexplained"
+    assert first.joined(others).rows[("b",)] is others.rows[("b",)]
+    assert _decided(first, others=_compared({"b": MISFIT})).verdict == "unexplained"
 
 
 @pytest.mark.parametrize(
@@ -160,9 +191,9 @@ def test_where_the_best_fails_on_held_out_trials_others_are_compared_and_none_is
 )
 def test_a_failure_on_held_out_trials_is_said_by_both_measures(gained: float, ratio: float, said: str) -> None:
     """The table has the log-likelihood, the gain the nRMSE. Catches a sentence that one of them contradicts."""
-    comparison = replace(_hearing({"a": GOOD}), held_out={("a",): Confirmation(gained, 1e-4, ratio)})
-    assert said in decide(1e-6, comparison, None).message
-    assert said in decide(1e-6, comparison, None, (), _hearing({"b": GOOD})).message
+    comparison = _with(_compared({"a": GOOD}), "a", held_out=Confirmation(gained, 1e-4, ratio))
+    assert said in _decided(comparison).message
+    assert said in _decided(comparison, others=_compared({"b": GOOD})).message
 
 
 def test_a_prediction_that_is_hardly_known_makes_a_loss_likelier() -> None:
@@ -226,14 +257,11 @@ def test_a_single_cause_that_leaves_little_is_named_where_no_set_does_better() -
 
 def test_a_small_lack_of_fit_is_accepted_with_rivals_too() -> None:
     """The best, 100, leaves 2; who is 1 behind leaves 3 % of 102, who is 20 behind leaves a fifth."""
-    comparison = _hearing({"a": LITTLE, "b": BEATEN, "c": BEATEN})
-    refits = {**comparison.refits, ("c",): _refit("c", 80.0)}
-    decision = decide(1e-6, replace(comparison, refits=refits), None)
+    comparison = _with(_compared({"a": LITTLE, "b": BEATEN, "c": BEATEN}), "c", gain=80.0, adjusted=80.0)
+    decision = _decided(comparison)
     assert (decision.verdict, decision.sets) == ("cannot_tell", (("a",), ("b",)))
-    clean = replace(comparison, standings={**comparison.standings, ("a",): GOOD}, refits=refits)
-    assert decide(1e-6, clean, None).sets == (("a",),)
-    failed = replace(comparison, held_out={**comparison.held_out, ("b",): Confirmation(-5.0, 1e-4)}, refits=refits)
-    assert decide(1e-6, failed, None).sets == (("a",),)
+    assert _decided(_with(comparison, "a", **GOOD)).sets == (("a",),)
+    assert _decided(_with(comparison, "b", held_out=Confirmation(-5.0, 1e-4))).sets == (("a",),)
 
 
 def test_what_a_named_cause_leaves_is_said() -> None:
@@ -242,16 +270,15 @@ def test_what_a_named_cause_leaves_is_said() -> None:
 
 
 def test_what_explains_most_in_another_form_is_told_and_not_named() -> None:
-    comparison = _hearing({"a": LIKE, "b": BEATEN})
-    far = replace(comparison, refits={**comparison.refits, ("b",): _refit("b", 70.0)})
-    decision = decide(1e-6, far, None)
+    comparison = _compared({"a": LIKE, "b": BEATEN})
+    far = _with(comparison, "b", gain=70.0, adjusted=70.0)
+    decision = _decided(far)
     assert (decision.verdict, decision.sets, decision.certain) == ("cannot_tell", (("a",),), ())
     assert "a explains 80% of it and leaves something systematic" in decision.message
-    assert decide(1e-6, comparison, None).sets == (("a",), ("b",))
-    many = _hearing({"a": LIKE, "b": BEATEN, "c": BEATEN, "d": BEATEN})
-    assert decide(1e-6, many, None).verdict == "unexplained"
-    lost = replace(far, held_out={("a",): Confirmation(-5.0, 1e-4)})
-    assert decide(1e-6, lost, None).verdict == "unexplained"
+    assert _decided(comparison).sets == (("a",), ("b",))
+    many = _compared({"a": LIKE, "b": BEATEN, "c": BEATEN, "d": BEATEN})
+    assert _decided(many).verdict == "unexplained"
+    assert _decided(_with(far, "a", held_out=Confirmation(-5.0, 1e-4))).verdict == "unexplained"
 
 
 def test_sets_that_cannot_be_told_apart_are_all_listed() -> None:
@@ -270,17 +297,15 @@ def test_sets_that_cannot_be_told_apart_are_all_listed() -> None:
 @pytest.mark.parametrize(("learned", "excess", "little"), [(True, 2.9, True), (True, 3.1, False), (False, 2.9, False)])
 def test_a_learned_form_that_leaves_little_needs_no_larger_set(learned: bool, excess: float, little: bool) -> None:
     """The refit gains 100: three per cent of it a learned form may leave, one per cent a formula."""
-    comparison = _hearing({"a": replace(LITTLE, excess=excess)})
-    comparison.refits[("a",)].learned = learned  # type: ignore[misc]
-    assert comparison.exhausted() is little
+    comparison = _compared({"a": {**LITTLE, "excess": excess}})
+    assert _with(comparison, "a", learned=learned).exhausted() is little
 
 
 def test_forms_of_one_mechanism_are_no_rivals() -> None:
     """Two formulas fit, and both are of one mechanism: it is named, the first of them shown."""
-    comparison = _hearing({"a": GOOD, "b": RIVAL})
-    for refit in comparison.refits.values():
-        refit.mechanisms = ("drag_law",)  # type: ignore[misc]
-        refit.effects[0].mechanism = "drag_law"  # type: ignore[attr-defined]
-    decision = decide(1e-6, comparison, None)
+    comparison = _compared({"a": GOOD, "b": RIVAL})
+    for name in "ab":
+        comparison = _with(comparison, name, mechanisms=("drag_law",))
+    decision = _decided(comparison)
     assert (decision.verdict, decision.sets) == ("named", (("a",), ("b",)))
     assert "The mechanism is drag_law" in decision.message

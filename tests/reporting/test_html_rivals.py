@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from diagnosed import diagnosis
+from diagnosed import diagnosis, row
 from html_tree import Element, tree
 
 from mjfish.diagnosis import Diagnosis
+from mjfish.diagnosis.table import Comparison
 from mjfish.reporting.html.diagnosis import render_diagnosis
 from mjfish.reporting.html.rivals import rivals
 
@@ -20,9 +21,7 @@ def _table(found: Diagnosis) -> Element:
 
 def test_every_rival_has_a_column_with_its_numbers_and_the_drawn_one_says_so() -> None:
     found = diagnosis("cannot_tell")
-    lag, clock = found.fits[1:]
-    fits = (found.fits[0], replace(lag, sse=200.0), replace(clock, sse=310.0))
-    table = _table(replace(found, fits=fits, best=("time_offset",)))
+    table = _table(replace(found, best=("time_offset",)))
     heads = [head.text for head in next(table.every("thead")).every("th")]
     assert heads == [
         "The clocks of camera and drive are apart time_offset drawn",
@@ -32,20 +31,22 @@ def test_every_rival_has_a_column_with_its_numbers_and_the_drawn_one_says_so() -
         next(row.every("th")).text: [cell.text for cell in row.every("td")]
         for row in next(table.every("tbody")).every("tr")
     }
-    assert rows["evidence against the nominal model"] == ["690", "800"]
+    assert rows["evidence against the nominal model"] == ["640", "903"]
     assert rows["p against the best"] == ["0.40", "1.0"]
+    assert rows["share of the misfit that remains"] == ["9.09 %", "9.09 %"]
     assert rows["estimates (95 %)"][1] == "time_constant 0.02010 s (0.01950 to 0.02070)"
     assert all(rows["what it leaves in the residual"])
 
 
-def test_sets_of_several_causes_have_a_column_each_and_no_numbers_of_single_ones() -> None:
+def test_sets_of_several_causes_have_a_column_each_with_numbers_of_the_table() -> None:
     found = diagnosis("cannot_tell")
     pairs = (("servo_lag", "munk_moment"), ("servo_lag", "fin_lift"))
-    best = replace(found.fits[1], causes=("munk_moment", "servo_lag"), sse=10.0)  # in another order
-    several = replace(found, alternatives=pairs, best=pairs[1], fits=(found.fits[0], best))
+    known = row(("munk_moment", "servo_lag"), 990.0, 0.0, 1.0, 0.2)  # in another order
+    table = replace(found.table, several=Comparison({known.names: known}))
+    several = replace(found, alternatives=pairs, best=pairs[1], table=table)
     first, second = rivals(several)
-    assert (first.names, first.drawn, first.gained) == (pairs[1], True, None)
-    assert (second.names, second.drawn, second.gained) == (pairs[0], False, pytest.approx(990.0))
+    assert (first.names, first.drawn, first.row) == (pairs[1], True, None)
+    assert (second.names, second.drawn, second.row) == (pairs[0], False, known)
     assert first.candidate is None
     assert "Rivals side by side" in render_diagnosis(several)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mjfish.diagnosis import Candidate, Diagnosis
-from mjfish.diagnosis.select import GOODNESS, KEEP
+from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.reporting.words import number, percent, unit
 
 #: With a larger confounded share a signature says little.
@@ -86,7 +86,7 @@ def _at_work(candidate: Candidate, diagnosis: Diagnosis) -> str:
 def _not_refitted(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) -> str:
     if candidate.name in diagnosis.undetectable:
         return f"Undetectable: {diagnosis.undetectable[candidate.name]}."
-    if candidate.p_value < KEEP and any(other.parameters is not None for other in diagnosis.candidates):
+    if candidate.p_value < THRESHOLDS.keep and any(other.parameters is not None for other in diagnosis.candidates):
         return "Not refitted: others have better scores."
     if not sizes:
         return "No sign of it."
@@ -101,7 +101,7 @@ def _ruled_out(diagnosis: Diagnosis) -> str:
 
 
 def _clean(candidate: Candidate) -> bool:
-    return candidate.fit_p is None or candidate.fit_p >= GOODNESS
+    return candidate.fit_p is None or candidate.fit_p >= THRESHOLDS.goodness
 
 
 def _left(candidate: Candidate) -> str:

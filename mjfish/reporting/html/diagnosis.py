@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from mjfish.diagnosis import Diagnosis, Estimate, Splits
 from mjfish.diagnosis.curves import knots_of
-from mjfish.diagnosis.select import GOODNESS, KEEP
+from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.diagnosis.where import FIFTHS
 from mjfish.files import write_text
 from mjfish.reporting.html import readings
@@ -97,8 +97,7 @@ def render_diagnosis(diagnosis: Diagnosis, splits: Splits | None = None) -> str:
         grouped=grouped(diagnosis),
         remark=lambda candidate: remark(candidate, diagnosis),
         detectable=lambda candidate: detectable(candidate, diagnosis),
-        keep=KEEP,
-        goodness=GOODNESS,
+        limits=THRESHOLDS,
         experiments=experiments(diagnosis),
         bench=bench(diagnosis),
         declared=declared,
@@ -127,6 +126,7 @@ def parts(diagnosis: Diagnosis, splits: Splits | None) -> list[Part]:
         (Part("where", "Where the nominal model goes wrong", "where.html.j2"), diagnosis.where is not None),
         (Part("force", "What the nominal model lacks, as a force", "force.html.j2"), diagnosis.force),
         (Part("candidates", "Every candidate", "candidates.html.j2"), diagnosis.candidates),
+        (Part("evidence", "What the verdict is read from", "evidence.html.j2"), diagnosis.table.rows),
         (Part("isolability", "What these runs can tell apart", "isolability.html.j2"), True),
         (Part("coefficients", "Coefficients", "coefficients.html.j2"), True),
         (Part("methods", "Methods", "methods.html.j2"), True),

@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from mjfish.diagnosis import Diagnosis
-from mjfish.diagnosis.screening import ALARM
-from mjfish.diagnosis.select import GOODNESS, KEEP
+from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.noise import (
     Autoregressive,
     DifferentiationNoise,
@@ -93,15 +92,15 @@ def _tests(diagnosis: Diagnosis) -> Iterable[str]:
     p = p_value(diagnosis.p_wrong)
     yield (
         f"Whether anything systematic is left was tested by scores of {len(tried)} candidate causes against simulated "
-        f"null distributions, by a basis that knows no cause, and by refits, at a joint level of {ALARM:g}: p "
-        f"{'' if p.startswith('<') else '= '}{p}."
+        f"null distributions, by a basis that knows no cause, and by refits, at a joint level of {THRESHOLDS.alarm:g}: "
+        f"p {'' if p.startswith('<') else '= '}{p}."
     )
     if refitted:
         yield (
             f"{refitted} candidates were refitted together with the coefficients. One stays in the confidence set "
-            f"where, were it true, the best would lead by as much with a probability of {KEEP:g} or more [Cox1961]; it "
-            f"suffices where what it leaves has p above {GOODNESS:g}, misfits that outliers leave by chance excepted "
-            "[Hemerik2020]."
+            f"where, were it true, the best would lead by as much with a probability of {THRESHOLDS.keep:g} or more "
+            f"[Cox1961]; it suffices where what it leaves has p above {THRESHOLDS.goodness:g}, misfits that outliers "
+            "leave by chance excepted [Hemerik2020]."
         )
 
 

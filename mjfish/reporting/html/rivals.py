@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mjfish.diagnosis import Candidate, Diagnosis
+from mjfish.diagnosis.table import Row
 from mjfish.reporting.titles import cause_title
 
 
@@ -16,14 +17,14 @@ class Rival:
         names: of the causes.
         titles: what they do, in words.
         drawn: whether it is the extended model of the figures.
-        gained: fall of the sum of squares against the nominal model; None where the fit was not kept.
-        candidate: how it fared, where it is one cause.
+        row: how it stands in the table of evidence.
+        candidate: its error and sizes, where it is one cause.
     """
 
     names: tuple[str, ...]
     titles: tuple[str, ...]
     drawn: bool
-    gained: float | None
+    row: Row | None
     candidate: Candidate | None
 
 
@@ -31,19 +32,16 @@ def rivals(diagnosis: Diagnosis) -> tuple[Rival, ...]:
     """Return the sets that stay, where there are several and none is named; the one that is drawn first."""
     if diagnosis.verdict != "cannot_tell" or len(diagnosis.alternatives) < 2:
         return ()
-    left = {frozenset(fit.causes): fit.sse for fit in diagnosis.fits}
-    scored = {candidate.name: candidate for candidate in diagnosis.candidates}
-    nominal = left.get(frozenset())
-    found = []
-    for names in diagnosis.alternatives:
-        sse = left.get(frozenset(names))
-        found.append(
-            Rival(
-                names=names,
-                titles=tuple(cause_title(name, diagnosis.effects) for name in names),
-                drawn=frozenset(names) == frozenset(diagnosis.best),
-                gained=None if sse is None or nominal is None else nominal - sse,
-                candidate=scored.get(names[0]) if len(names) == 1 else None,
-            )
+    rows = {frozenset(row.names): row for row in diagnosis.table.rows}
+    scored = {frozenset((candidate.name,)): candidate for candidate in diagnosis.candidates}
+    found = (
+        Rival(
+            names=names,
+            titles=tuple(cause_title(name, diagnosis.effects) for name in names),
+            drawn=frozenset(names) == frozenset(diagnosis.best),
+            row=rows.get(frozenset(names)),
+            candidate=scored.get(frozenset(names)),
         )
+        for names in diagnosis.alternatives
+    )
     return tuple(sorted(found, key=lambda rival: not rival.drawn))

@@ -1,0 +1,249 @@
+"""The table of evidence: a row for every set of causes that was fitted, and the thresholds that a verdict goes by.
+
+A verdict (`mjfish.diagnosis.verdict.decide`) is read from these numbers alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from mjfish.diagnosis.held_out import Confirmation
+from mjfish.diagnosis.refit_result import Refit
+from mjfish.effects.mechanism import without_form
+from mjfish.serialise import plain
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What a verdict goes by.
+
+    Attributes:
+        alarm: something is wrong where the nominal model's p value is below this: 1.2 false alarms in a hundred.
+        keep: a set of causes stays beside the best where its p value against it is not below this. A set is named only
+            if chance explains as much with a p value below it.
+        close: or where its sum of squares, adjusted for parameters, is less than this above the best: 2 ln 10.
+        goodness: a set that fits worse than this in any of six tests leaves something. A true one does by chance in six
+            of ten thousand cases at most; more often because its form differs a little from the catalogue's.
+        left: share of all there was to explain that a set may leave: a cause's form is a model, too.
+        exact: the same where all mechanisms are numbers without a form: there is no other one that could leave it.
+        slight: below this share, what the tests of waves, sizes and coefficients by run see does not count: they see
+            the slightest error of form. Rivals may leave as much, too.
+        resembles: up to this share, a set is like the truth if nothing else is.
+    """
+
+    alarm: float = 0.012
+    keep: float = 0.05
+    close: float = 2.0 * float(np.log(10.0))
+    goodness: float = 1e-4
+    left: float = 0.1
+    exact: float = 0.03
+    slight: float = 0.01
+    resembles: float = 1.0 / 3.0
+
+    def tolerated(self, mechanisms: Sequence[str]) -> float:
+        """Return the share that causes of these mechanisms may leave, systematic as it is."""
+        return self.exact if all(without_form(name) for name in mechanisms) else self.left
+
+
+THRESHOLDS = Thresholds()
+#: A set must explain this share more than every smaller one; the second where one of both has a learned form: its basis
+#: has its limits, and it may mend much.
+_SHARE, _LEARNED_SHARE = 0.01, 0.03
+
+
+def share_of(one: Refit | Row) -> float:
+    """Return the share of its gain by which a set and one of another size must differ."""
+    return _LEARNED_SHARE if one.learned else _SHARE
+
+
+@dataclass(frozen=True)
+class Row:
+    """What speaks for one set of causes, fitted together with the coefficients.
+
+    Attributes:
+        names: of the causes, sorted.
+        causes: what they are, by name, in the order in which they were added.
+        mechanisms: of the causes, sorted.
+        learned: whether the form of one is learned.
+        gain: evidence: the fall of the sum of squares against the nominal model.
+        degrees_of_freedom: parameters that the causes add.
+        adjusted: the gain, adjusted for them (`Refit.adjusted`).
+        behind: how far the sum of squares of all trials, so adjusted, is above that of the best set of its size.
+        rival_p: p value of that margin, were this set the truth.
+        tests: p values of what it leaves, by test: of all other candidates, of waves, of waves that all runs share, of
+            waves weighed by how well they are seen, of sizes by run, of coefficients by run. Empty where it was not
+            asked: only of sets that the data cannot tell from the best.
+        excess: remainder: what is left beyond chance, of the sum of squares.
+        held_out: what it does on the held-out trials, against the best set with one member less, a single cause against
+            the nominal model; None where it was not asked, or nothing is held out.
+        status: how its fit ended.
+    """
+
+    names: Names
+    causes: Mapping[str, str]
+    mechanisms: Names
+    learned: bool
+    gain: float
+    degrees_of_freedom: float
+    adjusted: float
+    behind: float
+    rival_p: float
+    tests: Mapping[str, float] = field(default_factory=dict)
+    excess: float = np.inf
+    held_out: Confirmation | None = None
+    status: str = "converged"
+
+    @classmethod
+    def of(cls, names: Names, refit: Refit, behind: float, rival_p: float) -> Row:
+        """Return the row of a refit that was compared with others, but not tested."""
+        return cls(
+            names=names,
+            causes={effect.name: effect.summary for effect in refit.effects},
+            mechanisms=refit.mechanisms,
+            learned=refit.learned,
+            gain=refit.gain,
+            degrees_of_freedom=refit.degrees_of_freedom,
+            adjusted=refit.adjusted,
+            behind=behind,
+            rival_p=rival_p,
+            status=refit.fit.status,
+        )
+
+    @property
+    def left(self) -> float:
+        """What is left beyond chance, as a share of all there was to explain; 1 where it was not asked."""
+        return 1.0 if np.isinf(self.excess) else self.excess / max(self.gain + self.excess, 1e-9)
+
+    @property
+    def fit_p(self) -> float:
+        """The least p value of the tests of what it leaves; 0 where it was not asked."""
+        return min(self.tests.values(), default=0.0)
+
+    @property
+    def fails(self) -> bool:
+        """Whether it is known to fail on the held-out trials."""
+        return self.held_out is not None and self.held_out.failed
+
+    def stays(self, limits: Thresholds = THRESHOLDS) -> bool:
+        """Return whether the data cannot tell it from the best."""
+        return self.rival_p >= limits.keep or self.behind < limits.close
+
+    def clean(self, limits: Thresholds = THRESHOLDS) -> bool:
+        """Return whether nothing systematic is left once it is in the model."""
+        return self.fit_p >= limits.goodness
+
+    def fits(self, limits: Thresholds = THRESHOLDS) -> bool:
+        """Return whether nothing systematic is left that matters."""
+        return self.clean(limits) or self.left < limits.tolerated(self.mechanisms)
+
+    def leaves_little(self) -> bool:
+        """Return whether it leaves less than what a larger set would have to explain beyond it."""
+        return self.excess < share_of(self) * self.gain
+
+    def distances(self, limits: Thresholds = THRESHOLDS) -> dict[str, float]:
+        """Return every figure over its threshold, by threshold: at 1 the set passes from one side to the other."""
+        found = {"keep": self.rival_p / limits.keep, "close": self.behind / limits.close}
+        if self.tests:
+            tolerated = limits.tolerated(self.mechanisms)
+            found |= {"goodness": self.fit_p / limits.goodness, "left": self.left / tolerated}
+            found |= {"resembles": self.left / limits.resembles}
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the row as ``diagnosis.json`` has it."""
+        kept = {name: value for name, value in vars(self).items() if name not in ("causes", "adjusted")}
+        return {**plain(kept), "left": self.left if self.tests else None, "distances": self.distances()}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Sets of causes of one size, compared with each other.
+
+    Attributes:
+        rows: of the sets, by their names.
+    """
+
+    rows: Mapping[Names, Row] = field(default_factory=dict)
+
+    def staying(self, limits: Thresholds = THRESHOLDS) -> list[Row]:
+        """Return the sets in the confidence set: the data cannot tell them from the best."""
+        return [row for row in self.rows.values() if row.stays(limits)]
+
+    def retained(self, *, clean: bool, limits: Thresholds = THRESHOLDS) -> list[Row]:
+        """Return the sets in the confidence set that fit and do not fail on held-out trials, best first."""
+        kept = [r for r in self.staying(limits) if (r.clean(limits) if clean else r.fits(limits)) and not r.fails]
+        return sorted(kept, key=lambda row: (row.learned, row.behind))
+
+    def closest(self) -> Row | None:
+        """Return the set that explains most of all trials, also of the held-out ones; None where there is none."""
+        return min(self.rows.values(), key=lambda row: row.behind, default=None)
+
+    def exhausted(self) -> bool:
+        """Return whether a set that stays leaves so little that no larger one can earn its members beside it."""
+        return any(row.leaves_little() for row in self.retained(clean=False))
+
+    def similar(self, first: Row, share: float) -> list[Row]:
+        """Return a set that leaves a misfit, followed by the rivals that leave at most this share of all.
+
+        The misfit shows that the form of the set is not that of the truth. Rivals are granted the same tolerance.
+        """
+        most = share * (first.gain + first.excess) - first.excess
+        others = (row for row in self.rows.values() if row is not first and not row.fails)
+        near = [row for row in others if first.adjusted - row.adjusted < most]
+        return [first, *sorted(near, key=lambda row: -row.adjusted)]
+
+    def joined(self, others: Comparison | None) -> Comparison:
+        """Return this comparison with the rows of others for the sets that are in their confidence set."""
+        return self if others is None else Comparison({**self.rows, **{row.names: row for row in others.staying()}})
+
+    def falsified(self) -> bool:
+        """Return whether every set in the confidence set fails on the held-out trials."""
+        return all(row.fails for row in self.staying())
+
+    def failed(self, limits: Thresholds = THRESHOLDS) -> list[Row]:
+        """Return the sets in the confidence set that leave nothing, yet fail on the held-out trials."""
+        return [row for row in self.staying(limits) if row.clean(limits) and row.fails]
+
+    def with_held_out(self, found: Mapping[Names, Confirmation | None]) -> Comparison:
+        """Return the comparison with what some sets do on the held-out trials."""
+        return Comparison({n: replace(row, held_out=found[n]) if n in found else row for n, row in self.rows.items()})
+
+
+def one_mechanism(rows: Sequence[Row]) -> bool:
+    """Return whether all sets are forms of the same mechanisms."""
+    return len({row.mechanisms for row in rows}) == 1
+
+
+@dataclass(frozen=True)
+class Table:
+    """All that a verdict is read from.
+
+    Attributes:
+        p_wrong: p value of the nominal model.
+        single: every candidate that was refitted, alone.
+        several: sets of two or three; None where none was to be seen.
+        others: single causes compared without those that failed on held-out trials; None where none did.
+        blocks: findings about the data with which no verdict is worth its words.
+    """
+
+    p_wrong: float = np.nan
+    single: Comparison = field(default_factory=Comparison)
+    several: Comparison | None = None
+    others: Comparison | None = None
+    blocks: tuple[str, ...] = ()
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Every set, the smaller ones first, those of one size by how far they are behind."""
+        every = [*self.single.joined(self.others).rows.values(), *(self.several or Comparison()).rows.values()]
+        return tuple(sorted(every, key=lambda row: (len(row.names), row.behind)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the table as ``diagnosis.json`` has it."""
+        return {"thresholds": plain(THRESHOLDS), "rows": [row.to_dict() for row in self.rows]}
