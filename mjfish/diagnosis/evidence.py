@@ -386,6 +386,9 @@ def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequen
         values: of its parameters.
         candidates: causes at their null values.
 
+    At coefficients that let the motion run away no derivative is finite; those that are not are 0, and say nothing. A
+    candidate whose derivatives are not finite at the declared coefficients either fails.
+
     Raises:
         CandidatesFailedError: derivatives by amplitudes of some are not finite where the prediction is.
         PastLimitError: they took longer than all candidates may.
@@ -399,9 +402,10 @@ def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequen
 
     found, failed = _derived(slopes, problem, values, candidates)
     if failed and not problem.divergence(problem.start(values)):
-        raise CandidatesFailedError(
-            dict.fromkeys(failed, "the derivative of the prediction by its sizes is not finite")
-        )
+        _, failed = _derived(slopes, problem, {}, [effect for effect in candidates if effect.name in failed])
+        if failed:
+            reason = "the derivative of the prediction by its sizes is not finite"
+            raise CandidatesFailedError(dict.fromkeys(failed, reason))
     return found
 
 

@@ -214,7 +214,12 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, visible)})
     start, least = best_start(evidence, problem, effect, formulas)
     hopeless = not effect.smooth and least > evidence.fit.sse - _HOPELESS  # no size on the grid explains anything
-    best = fit_or_raise(problem, start, tolerance=TOLERANCE, evaluations=1 if hopeless else COARSE[not effect.smooth])
+    begun = functools.partial(
+        fit_or_raise, problem, tolerance=TOLERANCE, evaluations=1 if hopeless else COARSE[not effect.smooth]
+    )
+    best = begun(start)
+    if best.lost:  # with the cause, the motion may run away at coefficients that a large misfit has bent
+        best = begun(problem.start())
     if effect.learned and not effect.smooth and best.sse > _MISFIT * best.count:  # it has several minima
         starts = [problem.start(values) for values in _like(effect, formulas)]
         tried = [fit_or_raise(problem, x, tolerance=TOLERANCE, evaluations=COARSE[True]) for x in starts]
