@@ -52,7 +52,7 @@ def diagnose(
     out: Annotated[
         Path | None, typer.Option(help="Folder for all of these files under the names of the demo, and splits.json.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the simulated null distributions, and of the splits.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the bootstrap of the gain, and of the splits.", min=0)] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
     cluster: console.Cluster = None,
     resume: Annotated[

@@ -196,8 +196,6 @@ def _rest(result: Diagnosis) -> None:
     if result.gain is not None:
         console.show(_gain(result))
     _experiments(result)
-    if result.candidates:
-        console.show(_candidates(result))
     if result.table.rows:
         console.show(_evidence(result.table))
     _biased(result)
@@ -247,39 +245,28 @@ def _gain(result: Diagnosis) -> Table:
     return table
 
 
-def _candidates(result: Diagnosis) -> Table:
-    headings = ("cause", "LR", "p", "held out", "rival p", "fit p", "confounded")
-    title = "Candidates, each fitted together with the coefficients"
-    table = console.table(title, headings, ("cause",), box=None, padding=(0, 1, 0, 0))
-    for candidate in result.candidates:
-        if candidate.failure:
-            table.add_row(candidate.name, "failed", *([NONE] * 5))
-        elif candidate.applicable:
-            scores = (number(candidate.statistic), p_value(candidate.p_value), number(candidate.held_out_gain))
-            chances = (p_value(candidate.rival_p), p_value(candidate.fit_p))
-            table.add_row(candidate.name, *scores, *chances, percent(candidate.confounded, 2))
-    table.caption = (
-        "LR: fall of the sum of squares; held out: log-likelihood gained there; rival p: of the margin to the best; "
-        "fit p: of what is left; confounded: share of its signature that a refit of the coefficients removes"
-    )
-    return table
-
-
 def _evidence(evidence: Evidence) -> Table:
-    """Return the table that the verdict is read from: every set that stays beside the best, or was tested."""
+    """Return the table that the verdict is read from, a row for every set that was compared."""
     from mjfish.diagnosis.table import Thresholds
 
-    limits = Thresholds()
-    headings = ("causes", "behind", "rival p", "remains", "fit p", "worst test", "held out")
+    limits, headings = Thresholds(), ("causes", "LR", "behind", "rival p", "remains", "fit p", "held out")
     table = console.table("What the verdict is read from", headings, ("causes",), box=None, padding=(0, 1, 0, 0))
-    for row in (row for row in evidence.rows if row.tests):
-        remains = (percent(row.left), p_value(row.fit_p), min(row.tests, key=lambda test: row.tests[test]))
-        gained = number(None if row.held_out is None else row.held_out.gained)
-        table.add_row(" + ".join(row.names), number(row.behind), p_value(row.rival_p), *remains, gained)
+    for row in evidence.rows:
+        tested = (percent(row.left), p_value(row.fit_p)) if row.tests else (NONE, NONE)
+        table.add_row(
+            " + ".join(row.names),
+            number(row.gain),
+            number(row.behind),
+            p_value(row.rival_p),
+            *tested,
+            number(row.held_out.gained if row.held_out else None),
+        )
     table.caption = (
-        f"p of the nominal model: {p_value(evidence.p_wrong)}, something is wrong below {limits.alarm}; a set stays "
-        f"from rival p {limits.keep} on, or less than {limits.close:.2g} behind; it leaves nothing from fit p "
-        f"{limits.goodness:g} on, and little below {percent(limits.left)} ({percent(limits.exact)} without a form)"
+        "LR: fall of the sum of squares; behind: by how much the best of its size explains more of all trials; "
+        f"rival p: of that margin, a set stays from {limits.keep} on or less than {limits.close:.2g} behind; remains: "
+        f"share left, little below {percent(limits.left)} ({percent(limits.exact)} without a form); fit p: of what is "
+        f"left, nothing from {limits.goodness:g} on; held out: log-likelihood gained there. p of the nominal model: "
+        f"{p_value(evidence.p_wrong)}, something is wrong below {limits.alarm}."
     )
     return table
 

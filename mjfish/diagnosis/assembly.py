@@ -14,13 +14,10 @@ from mjfish.data import Trial
 from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.candidate_table import candidate_table, failed_candidates, undetectable
-from mjfish.diagnosis.combinations import MEMBER, to_optimum
 from mjfish.diagnosis.compared import Compared
 from mjfish.diagnosis.conclusion import Conclusion
 from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.evidence import Evidence
-from mjfish.diagnosis.failures import unfinished
-from mjfish.diagnosis.fan_out import followed
 from mjfish.diagnosis.fingerprint import fingerprint
 from mjfish.diagnosis.held_out import HeldOut, gain
 from mjfish.diagnosis.isolability import Isolability, isolability
@@ -55,7 +52,6 @@ def assemble(
     parts, evidence, best = begun.parts, screening.evidence, concluded.best
     dataset, shown = begun.dataset, best or evidence
     checks = checks.joined(Inspection.of(contradicted(shown.problem, shown.fit), begun.known))
-    parts.failures |= _unfinished(compared.alone, best)
     candidates = candidate_table(begun, evidence, compared, held_out)
     converged = {"the nominal model": evidence.fit.status, "the extended model": shown.fit.status}
     views, gained = _views(begun, screening, concluded), None
@@ -104,7 +100,11 @@ def assemble(
         problem=evidence.problem,
         fits=(
             FittedModel.of((), evidence.problem, evidence.fit),
-            *(FittedModel.of(refit.names, refit.problem, refit.fit) for refit in compared.alone.values()),
+            *(
+                FittedModel.of(refit.names, refit.problem, refit.fit)
+                for refit in compared.refits.values()
+                if len(refit.names) == 1
+            ),
         ),
         effects={effect.name: effect for effect in begun.candidates},
         provenance=provenance(dataset, begun.candidates, begun.seed),
@@ -156,24 +156,6 @@ def unfinished_diagnosis(begun: Begun) -> Diagnosis:
         effects={effect.name: effect for effect in begun.candidates},
         provenance=provenance(dataset, begun.candidates, begun.seed),
     )
-
-
-def _unfinished(refits: Mapping[str, Refit], shown: Refit | None) -> dict[str, str]:
-    """Return the refits that were stopped where they might catch up with the best, and do so or do not end.
-
-    One that ends where it is followed, and is behind the best all the same, was rightly left.
-    """
-    found: dict[str, str] = {}
-    best = max((refit.adjusted for refit in refits.values()), default=0.0)
-    several = {} if shown is None or len(shown.names) == 1 else {" with ".join(shown.names): shown}
-    for name, refit in {**refits, **several}.items():
-        if reason := unfinished(refit.fit, best - refit.adjusted):
-            (there,) = followed(partial(to_optimum, least=refit.fit.sse), [refit])
-            if unfinished(there.fit, best - there.adjusted) or (
-                refit.adjusted < best - MEMBER < there.adjusted  # a rival that was not compared as one
-            ):
-                found[name] = reason
-    return found
 
 
 def failed_remarks(failures: Mapping[str, str]) -> Iterator[str]:

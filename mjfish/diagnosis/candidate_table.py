@@ -46,8 +46,12 @@ def _row(effect: Effect, evidence: Evidence, judged: Row | None, refit: Refit | 
             remark=_ROUGH if refit.fit.status != "converged" else "",
         )
     if judged is not None:
-        row = replace(row, rival_p=judged.rival_p, fit_p=judged.fit_p if judged.tests else None)
-        row = replace(row, held_out_gain=None if judged.held_out is None else judged.held_out.gained)
+        row = replace(
+            row,
+            rival_p=judged.rival_p,
+            fit_p=judged.fit_p if judged.tests else None,
+            held_out_gain=None if judged.held_out is None else judged.held_out.gained,
+        )
     return replace(row, p_value=p_value_of(row.statistic, row.degrees_of_freedom))
 
 

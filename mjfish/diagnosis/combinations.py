@@ -92,7 +92,7 @@ def _searched(
                     if all(beats_smaller_sets(refit, known) for refit in sufficient):
                         return best
                     return compared({**_of_size(size - 1, known), **parts}, goodness, held_out)
-        if not earned or goodness.left(max(earned.values(), key=lambda refit: refit.gain)) > _FAR:
+        if not earned or best is None or min(row.left for row in best.staying()) > _FAR:
             return best
         bases = _best(earned.values())
     return best

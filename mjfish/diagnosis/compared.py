@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from mjfish.diagnosis.begun import Begun
-from mjfish.diagnosis.combinations import find_combinations, find_small_addition
+from mjfish.diagnosis.combinations import find_combinations, find_small_addition, to_optimum
 from mjfish.diagnosis.fan_out import followed
 from mjfish.diagnosis.forms import refit_learned_forms
 from mjfish.diagnosis.held_out import HeldOut
@@ -40,11 +41,6 @@ class Compared:
     learned: Mapping[str, Refit] = field(default_factory=dict)
     odd: int | None = None
 
-    @property
-    def alone(self) -> dict[str, Refit]:
-        """Refits of single causes, by name."""
-        return {names[0]: refit for names, refit in self.refits.items() if len(names) == 1}
-
 
 def compare(begun: Begun, screening: Screening, held_out: HeldOut, blocks: Sequence[Finding]) -> Compared:
     """Compare the candidates with each other, and on the held-out trials; where none suffices, combine them.
@@ -55,15 +51,15 @@ def compare(begun: Begun, screening: Screening, held_out: HeldOut, blocks: Seque
         held_out: what refits predict of the held-out trials.
         blocks: findings about the data with which no verdict is worth its words.
     """
-    evidence = screening.evidence
     refits: dict[Names, Refit] = {(name,): refit for name, refit in screening.refits.items()}
-    goodness = Goodness(begun.applicable, held_out.trials)
-    single = _singles(refits, goodness, held_out)
-    table = Table(screening.p_wrong, single, blocks=tuple(block.message for block in blocks))
+    table = Table(screening.p_wrong, blocks=tuple(block.message for block in blocks))
     if not refits:
         return Compared(table)
+    refits |= _caught_up(refits)
+    goodness = Goodness(begun.applicable, held_out.trials)
+    single = _singles(refits, goodness, held_out)
     clear = {row.mechanisms[0] for row in single.retained(clean=True)}
-    learned = refit_learned_forms(evidence, begun.learnable, clear, screening.refits)
+    learned = refit_learned_forms(screening.evidence, begun.learnable, clear, screening.refits)
     if learned:
         refits |= {(name,): refit for name, refit in learned.items()}
         single = _singles(refits, goodness, held_out)
@@ -76,7 +72,7 @@ def compare(begun: Begun, screening: Screening, held_out: HeldOut, blocks: Seque
     table = replace(table, single=single)
     if single.retained(clean=True):
         return Compared(table, refits, learned)
-    odd: int | None = begun.parts.run("the search for a single run", lambda: lone_run(evidence), None)
+    odd: int | None = begun.parts.run("the search for a single run", lambda: lone_run(screening.evidence), None)
     found: tuple[Comparison | None, Mapping[Names, Refit]] = (None, {})
     if odd is None:
         every, beside = (*begun.applicable, *begun.learnable), part(begun.progress, 0.8, 0.15)
@@ -85,6 +81,13 @@ def compare(begun: Begun, screening: Screening, held_out: HeldOut, blocks: Seque
         others = _singles({names: refit for names, refit in refits.items() if names not in failed}, goodness, held_out)
         table = replace(table, others=others)
     return Compared(replace(table, several=found[0]), {**refits, **found[1]}, learned, odd)
+
+
+def _caught_up(refits: Mapping[Names, Refit]) -> dict[Names, Refit]:
+    """Follow the refits that were stopped where a step more may catch up with the best; return these."""
+    best = max(refits.values(), key=lambda refit: refit.adjusted)
+    late = [refit for refit in refits.values() if refit.promise > best.adjusted - refit.adjusted]
+    return {refit.names: refit for refit in followed(partial(to_optimum, least=best.fit.sse), late)}
 
 
 def _singles(refits: Mapping[Names, Refit], goodness: Goodness, held_out: HeldOut) -> Comparison:
@@ -112,7 +115,7 @@ def _combined(
     if found is None:
         return None, {}
     formulas = {names: refit for names, refit in refits.items() if not refit.learned}
-    if all(row.learned for row in found.staying()) and found.falsified() and len(formulas) < len(refits):
+    if all(row.learned and row.fails for row in found.staying()) and len(formulas) < len(refits):
         plain = [effect for effect in candidates if not effect.learned]
         again = _combined(single, formulas, plain, held_out, progress)
         return (found, own) if again[0] is None else again

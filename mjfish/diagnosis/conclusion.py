@@ -49,8 +49,7 @@ def conclude(begun: Begun, screening: Screening, compared: Compared, held_out: H
     parts, refits = begun.parts, compared.refits
     decision = decide(compared.table)
     closest = compared.table.single.closest()
-    shown = decision.sets[0] if decision.sets else () if closest is None else closest.names
-    best = refits.get(shown)
+    best = refits.get(decision.sets[0] if decision.sets else () if closest is None else closest.names)
     mechanisms: tuple[NamedMechanism, ...] = ()
     domain = _shared_domain(decision, begun.known)
     if decision.verdict == "named" and best is not None:

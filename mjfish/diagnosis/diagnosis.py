@@ -62,7 +62,7 @@ def diagnose(
     Args:
         dataset: the trials, split into fit and held out (see `Dataset.split`), or the folder of ``dataset.toml``.
         effects: candidates by name; None: the shipped catalogue.
-        seed: of the simulated null distributions and the bootstrap; the same seed gives the same answer.
+        seed: of the bootstrap of the gain; no verdict depends on it.
         jobs: threads; None: one per processor. The answer does not depend on it.
         executor: `concurrent.futures.Executor` that takes the refits in place of the threads, such as one of Dask. The
             answer does not depend on it.

@@ -225,12 +225,6 @@ class Evidence:
             p.name: float(np.sqrt(DETECTED * max(v, 0.0))) * p.scale for p, v in zip(own, np.diag(inverse), strict=True)
         }
 
-    def null_draws(self) -> FloatArray:
-        """Return score vectors (DRAWS, d) ~ N(0, I) as noise alone would give them."""
-        values, vectors = np.linalg.eigh(self.information)
-        root = vectors * np.sqrt(np.maximum(checked(values), 0.0))
-        return np.asarray(np.random.default_rng(0).standard_normal((DRAWS, len(values))) @ root.T)
-
     def directed_p(self) -> float:
         """Return the family-wise p value of the largest candidate (Westfall-Young), on the scale of chi2 tails.
 
@@ -240,7 +234,12 @@ class Evidence:
         if not seen:
             return 1.0
         observed = min(float(log_tail(self.statistic(name), self._degrees_of_freedom(name))) for name in seen)
-        simulated = self.statistics(self.null_draws())
+        values, vectors = np.linalg.eigh(self.information)
+        root = vectors * np.sqrt(np.maximum(checked(values), 0.0))
+        draws = (
+            np.random.default_rng(0).standard_normal((DRAWS, len(values))) @ root.T
+        )  # scores of noise alone, N(0, I)
+        simulated = self.statistics(draws)
         smallest = np.min([log_tail(simulated[name], self._degrees_of_freedom(name)) for name in seen], axis=0)
         p = float(np.mean(smallest <= observed))
         # Beyond the reach of the draws, Bonferroni bounds it.
@@ -404,8 +403,9 @@ def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequen
     if failed and not problem.divergence(problem.start(values)):
         _, failed = _derived(slopes, problem, {}, [effect for effect in candidates if effect.name in failed])
         if failed:
-            reason = "the derivative of the prediction by its sizes is not finite"
-            raise CandidatesFailedError(dict.fromkeys(failed, reason))
+            raise CandidatesFailedError(
+                dict.fromkeys(failed, "the derivative of the prediction by its sizes is not finite")
+            )
     return found
 
 

@@ -16,7 +16,6 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from mjfish.block_angular import span
 from mjfish.effects import Effect
 from mjfish.errors import NUMERIC, MjfishError, reason_of
 from mjfish.estimation import Fit
@@ -144,20 +143,6 @@ def finite(part: str, *numbers: float) -> None:
     """
     if any(math.isnan(number) for number in numbers):
         raise PartFailedError(part, "a statistic is no number")
-
-
-def unfinished(found: Fit, behind: float) -> str:
-    """Say why a refit that was stopped may yet catch up with the best; empty where it cannot.
-
-    To first order, a step more takes the part of the residual that its derivatives span.
-
-    Args:
-        found: the fit.
-        behind: how much more the best explains.
-    """
-    if found.status != "stopped" or span(found.jacobian.chosen(~found.at_bound)).explained(found.residual) < behind:
-        return ""
-    return f"its refit stopped after {found.evaluations} evaluations, where a step more may catch up with the best"
 
 
 @dataclass

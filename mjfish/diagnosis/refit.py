@@ -111,7 +111,7 @@ def _may_explain(effect: Effect, found: Mapping[str, Refit]) -> bool:
     Where all refits are far off, the gains of limits say little.
     """
     limits = [found[name].gain for name in effect.limits if name in found]
-    return not limits or max(limits) >= _floor(found) or (not effect.learned and far_off(_closest(found)))
+    return not limits or max(limits) >= _floor(found) or (not effect.learned and far_off(leader(found).fit))
 
 
 def far_off(found: Fit) -> bool:
@@ -127,7 +127,7 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
     floor = _floor(found)
     limits = {name for refit in found.values() if refit.gain >= floor for name in refit.effects[-1].limits}
     running = {name: refit for name, refit in found.items() if refit.gain >= floor or name in limits}
-    results = followed(functools.partial(refined, best=_closest(found).sse), [*running.values()])
+    results = followed(functools.partial(refined, best=leader(found).fit.sse), [*running.values()])
     result = dict(found)
     for done, name in enumerate(running):
         progress(f"refining the fit with {name}", done / len(running))
@@ -135,8 +135,9 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
     return result
 
 
-def _closest(found: Mapping[str, Refit]) -> Fit:
-    return min((refit.fit for refit in found.values()), key=lambda fit: fit.sse)
+def leader(found: Mapping[str, Refit]) -> Refit:
+    """Return the refit that explains most."""
+    return max(found.values(), key=lambda refit: refit.gain)
 
 
 def _floor(found: Mapping[str, Refit]) -> float:
@@ -144,7 +145,7 @@ def _floor(found: Mapping[str, Refit]) -> float:
 
     Where the best fits to within noise, only refits near it are contenders.
     """
-    best = max(found.values(), key=lambda refit: refit.gain)
+    best = leader(found)
     floor = _RUNNING * best.gain
     if best.fit.sse > _MISFIT * best.fit.count:
         return floor
@@ -219,7 +220,7 @@ def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formu
     )
     best = begun(start)
     if best.lost:  # with the cause, the motion may run away at coefficients that a large misfit has bent
-        best = begun(problem.start())
+        best = begun(problem.start({p.name: problem.named(start)[p.name] for p in effect.parameters}))
     if effect.learned and not effect.smooth and best.sse > _MISFIT * best.count:  # it has several minima
         starts = [problem.start(values) for values in _like(effect, formulas)]
         tried = [fit_or_raise(problem, x, tolerance=TOLERANCE, evaluations=COARSE[True]) for x in starts]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass, replace
 
+from mjfish.block_angular import span
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.fit import fit_or_raise
@@ -56,6 +57,13 @@ class Refit:
         learned = [p.name for effect in self.effects if effect.learned for p in effect.parameters]
         plain = sum(not p.shape or p.name in responds for p in formulas)
         return plain + effective_degrees_of_freedom(self.problem, self.fit, learned) if learned else plain
+
+    @functools.cached_property
+    def promise(self) -> float:
+        """What a step more may gain where the fit was stopped: the part of the residual that its derivatives span."""
+        if self.fit.status != "stopped":
+            return 0.0
+        return span(self.fit.jacobian.chosen(~self.fit.at_bound)).explained(self.fit.residual)
 
     @property
     def adjusted(self) -> float:

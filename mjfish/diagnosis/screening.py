@@ -21,6 +21,7 @@ from mjfish.diagnosis.progress import Progress, part
 from mjfish.diagnosis.refit import (
     converge,
     far_off,
+    leader,
     other_refits,
     refined,
     refit_nonsmooth,
@@ -34,12 +35,11 @@ from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.noise_of_fit import noise_of, smoothing_of
 from mjfish.estimation.problem import Slopes
 from mjfish.estimation.sensor_noise import having_noise_of, with_sensor_noise
-from mjfish.noise import DifferentiationNoise, ErrorsInVariables, GaussMarkov, NoiseByRate, ProcessNoise
+from mjfish.noise import DifferentiationNoise, GaussMarkov
 from mjfish.sized_cache import Remade
 
-#: A relative change of sigma below this leaves the weights as they are; other parameters of a noise may change by four
-#: times as much.
-_SAME = 0.05
+#: Residuals that another noise changes by a smaller share than this are weighed alike.
+_SAME = 0.1
 #: Shares of the false-alarm rate that the tests use [Rosenthal1983]: the candidates' scores, the omnibus basis, and the
 #: refits of non-smooth effects. The first has most power; what the others find is seldom close.
 _DIRECTED, _OMNIBUS, _NONSMOOTH = 0.625, 0.125, 0.25
@@ -49,7 +49,6 @@ _BEYOND = 1e-12
 _ROUNDS, _ROUGH = 2, 15
 #: Mean square under the stated noise below which a refit tells the noise, where the nominal model is far off.
 _FITTED = 1.5
-_OTHER = ErrorsInVariables | NoiseByRate | ProcessNoise | GaussMarkov | DifferentiationNoise
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +155,7 @@ def _screened(
     if stated is not None:
         refitted = _under_the_known_noise(problem, baseline, slopes, candidates, part(progress, 0.05, 0.1))
     if refitted:
-        best = _leader(refitted)
+        best = leader(refitted)
         noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1]().velocity, stated)
     else:
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
@@ -209,13 +208,9 @@ def _under_the_known_noise(
 
 def _led(found: dict[str, Refit]) -> Refit:
     """Follow the refit that explains most to its optimum, put it in the place of the coarse one, and return it."""
-    best = _leader(found)
+    best = leader(found)
     (found[best.names[-1]],) = followed(partial(refined, best=best.fit.sse), [best])
     return found[best.names[-1]]
-
-
-def _leader(found: Mapping[str, Refit]) -> Refit:
-    return max(found.values(), key=lambda refit: refit.gain)
 
 
 def _beside(best: Refit, candidates: tuple[Effect, ...]) -> tuple[tuple[Effect, ...], Remade[Slopes]]:
@@ -257,7 +252,7 @@ class _NominalTest:
     def run(self, problem: Problem, baseline: Fit, noise: Noise) -> _Tested:
         """Return the test under a noise; the baseline is the fit under that of the problem."""
         slopes = self.slopes
-        if noise is not problem.noise and not _same(noise, problem.noise):  # of sensors alone it is NaN
+        if noise is not problem.noise and not _same(problem, baseline, noise):
             self.progress("fitting the nominal model", 0.08)
             problem = replace(problem, noise=noise)
             # taken at another fit, an unidentifiable effect would seem to show
@@ -284,25 +279,10 @@ class _NominalTest:
     def repeat(self, seen: _Tested, noise: Noise) -> _Tested:
         """Return the test under another noise; the same test where the two noises are nearly equal."""
         problem, baseline = seen.evidence.problem, seen.evidence.fit
-        return seen if _same(noise, problem.noise) else self.run(problem, baseline, noise)
+        return seen if _same(problem, baseline, noise) else self.run(problem, baseline, noise)
 
 
-def _same(new: Noise, old: Noise) -> bool:
-    """Return whether two noise models have nearly the same spectrum."""
-    if isinstance(new, ErrorsInVariables) and isinstance(old, ErrorsInVariables):
-        return _same(new.base, old.base)
-    if isinstance(new, NoiseByRate) and isinstance(old, NoiseByRate):
-        return new.models.keys() == old.models.keys() and all(_same(new.models[k], old.models[k]) for k in new.models)
-    if isinstance(new, DifferentiationNoise) and isinstance(old, DifferentiationNoise):
-        filters = (new.window, new.degree) == (old.window, old.degree)
-        return filters and bool(np.allclose(new.numbers(), old.numbers(), rtol=4.0 * _SAME))
-    if isinstance(new, ProcessNoise | GaussMarkov) and isinstance(old, type(new)):
-        return bool(np.allclose(new.numbers(), old.numbers(), rtol=4.0 * _SAME))
-    if isinstance(new, _OTHER) or isinstance(old, _OTHER):
-        return False
-    return bool(np.max(np.abs(np.log(_spectrum(new) / _spectrum(old)))) < 2.0 * _SAME)
-
-
-def _spectrum(noise: Noise) -> FloatArray:
-    waves = np.exp(-1j * np.outer(np.linspace(0.0, np.pi, 64), 1.0 + np.arange(noise.order)))
-    return np.asarray((noise.sigma / np.abs(1.0 - waves @ noise.phi.T)) ** 2)
+def _same(problem: Problem, fitted: Fit, noise: Noise) -> bool:
+    """Return whether a noise weighs what a fit leaves of velocities nearly as that of the problem does."""
+    one, other = (replace(problem, noise=each).residual(fitted.x)[: problem.samples] for each in (problem.noise, noise))
+    return bool(np.linalg.norm(one - other) <= _SAME * np.linalg.norm(one))

@@ -93,10 +93,6 @@ class Goodness:
         self.candidates, self.held_out = tuple(candidates), held_out
         self.known: dict[Refit, tuple[dict[str, float], float]] = {}
 
-    def left(self, refit: Refit) -> float:
-        """Return what is left at a refit beyond chance, as a share of all there was to explain."""
-        return self.of(refit, Row.of(refit.names, refit, 0.0, 1.0)).left
-
     def of(self, refit: Refit, row: Row) -> Row:
         """Return the row of a refit with the tests of what it leaves."""
         if refit not in self.known:

@@ -83,6 +83,7 @@ class Row:
         held_out: what it does on the held-out trials, against the best set with one member less, a single cause against
             the nominal model; None where it was not asked, or nothing is held out.
         status: how its fit ended.
+        promise: what a step more may gain where the fit was stopped; the set stays as if it had gained that.
     """
 
     names: Names
@@ -98,6 +99,7 @@ class Row:
     excess: float = np.inf
     held_out: Confirmation | None = None
     status: str = "converged"
+    promise: float = 0.0
 
     @classmethod
     def of(cls, names: Names, refit: Refit, behind: float, rival_p: float) -> Row:
@@ -113,6 +115,7 @@ class Row:
             behind=behind,
             rival_p=rival_p,
             status=refit.fit.status,
+            promise=refit.promise,
         )
 
     @property
@@ -132,7 +135,7 @@ class Row:
 
     def stays(self, limits: Thresholds = THRESHOLDS) -> bool:
         """Return whether the data cannot tell it from the best."""
-        return self.rival_p >= limits.keep or self.behind < limits.close
+        return self.rival_p >= limits.keep or self.behind - self.promise < limits.close
 
     def clean(self, limits: Thresholds = THRESHOLDS) -> bool:
         """Return whether nothing systematic is left once it is in the model."""
@@ -148,17 +151,21 @@ class Row:
 
     def distances(self, limits: Thresholds = THRESHOLDS) -> dict[str, float]:
         """Return every figure over its threshold, by threshold: at 1 the set passes from one side to the other."""
-        found = {"keep": self.rival_p / limits.keep, "close": self.behind / limits.close}
-        if self.tests:
-            tolerated = limits.tolerated(self.mechanisms)
-            found |= {"goodness": self.fit_p / limits.goodness, "left": self.left / tolerated}
-            found |= {"resembles": self.left / limits.resembles}
-        return found
+        asked = {
+            "goodness": self.fit_p / limits.goodness,
+            "left": self.left / limits.tolerated(self.mechanisms),
+            "resembles": self.left / limits.resembles,
+        }
+        return {
+            "keep": self.rival_p / limits.keep,
+            "close": self.behind / limits.close,
+            **(asked if self.tests else {}),
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row as ``diagnosis.json`` has it."""
-        kept = {name: value for name, value in vars(self).items() if name not in ("causes", "adjusted")}
-        return {**plain(kept), "left": self.left if self.tests else None, "distances": self.distances()}
+        kept = {name: plain(value) for name, value in vars(self).items() if name not in ("causes", "adjusted")}
+        return {**kept, "left": self.left if self.tests else None, "distances": self.distances()}
 
 
 @dataclass(frozen=True)
@@ -201,10 +208,6 @@ class Comparison:
     def joined(self, others: Comparison | None) -> Comparison:
         """Return this comparison with the rows of others for the sets that are in their confidence set."""
         return self if others is None else Comparison({**self.rows, **{row.names: row for row in others.staying()}})
-
-    def falsified(self) -> bool:
-        """Return whether every set in the confidence set fails on the held-out trials."""
-        return all(row.fails for row in self.staying())
 
     def failed(self, limits: Thresholds = THRESHOLDS) -> list[Row]:
         """Return the sets in the confidence set that leave nothing, yet fail on the held-out trials."""

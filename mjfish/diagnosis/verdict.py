@@ -42,9 +42,8 @@ class Decision:
     @property
     def certain(self) -> Names:
         """The causes that are at work whichever set is the truth: the named ones, or what several sets share."""
-        if self.verdict == "named":
-            return self.sets[0]
-        return shared(self.sets) if len(self.sets) > 1 else ()
+        several = shared(self.sets) if len(self.sets) > 1 else ()
+        return self.sets[0] if self.verdict == "named" else several
 
     @property
     def rivals(self) -> tuple[Names, ...]:
@@ -84,8 +83,11 @@ def decide(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
     if table.blocks:
         return Decision("cannot_tell", (), f"These data allow no verdict: {table.blocks[0]}.")
     if table.p_wrong >= limits.alarm:
-        fits = f"the nominal model fits to within noise (p = {table.p_wrong:.2g})"
-        return Decision("nothing_wrong", (), f"Nothing wrong was found: {fits}.")
+        return Decision(
+            "nothing_wrong",
+            (),
+            f"Nothing wrong was found: the nominal model fits to within noise (p = {table.p_wrong:.2g}).",
+        )
     single = table.single
     for comparison, clean in ((single, True), (table.several or Comparison(), False), (single, False)):
         rows = comparison.retained(clean=clean, limits=limits)
@@ -104,14 +106,10 @@ def decide(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
         choice = f"{_listed(_sets(failed))} fits best, but {why}; {_listed(_sets(rows))} explains the data too"
         return Decision("cannot_tell", _sets([*rows, *failed]), _undecided(choice))
     best = single.closest()
-    if best is None:
-        return Decision("unexplained", (), "Something is wrong that no known cause explains.")
-    if (nearly := _nearly(best, single, limits)) is not None:
+    if best is not None and (nearly := _nearly(best, single, limits)) is not None:
         return nearly
-    closest = f"the closest, {best.names[0]}, {_why(best, limits)}"
-    return Decision(
-        "unexplained", (), f"Something is wrong that no known cause explains; {closest}.", closest=best.names
-    )
+    told, names = ("", ()) if best is None else (f"; the closest, {best.names[0]}, {_why(best, limits)}", best.names)
+    return Decision("unexplained", (), f"Something is wrong that no known cause explains{told}.", closest=names)
 
 
 def _sets(rows: Sequence[Row]) -> tuple[Names, ...]:
@@ -184,9 +182,8 @@ def message_of(rows: Sequence[Row], *, claimed: bool) -> str:
 
 
 def _why(best: Row, limits: Thresholds) -> str:
-    if not best.fits(limits):
-        return f"leaves {best.left:.0%} of the misfit, and what it leaves is systematic"
-    return _failing(best.held_out) if best.fails else "is rejected"
+    left = f"leaves {best.left:.0%} of the misfit, and what it leaves is systematic"
+    return left if not best.fits(limits) else _failing(best.held_out) if best.fails else "is rejected"
 
 
 def _failing(confirmation: Confirmation | None) -> str:

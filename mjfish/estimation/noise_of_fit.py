@@ -46,7 +46,7 @@ from mjfish.noise import (
 )
 from mjfish.noise.autoregressive import grid
 from mjfish.noise.differentiation import DEGREES, WINDOWS
-from mjfish.noise.selection import CONTRADICTED, excess
+from mjfish.noise.selection import CONTRADICTED, excess, forced
 from mjfish.ode.jacobians import jacobians, linear_response
 
 #: Cosines that stand for white errors of a joint, for every degree of freedom of its spline: faster ones do not pass.
@@ -85,7 +85,7 @@ def noise_of(
     left = replace(left, residuals=[block for block, _ in cleared], lost=lost)
     if rest is not None and np.all(excess(left, rest) < CONTRADICTED):
         return first, ""
-    base, words = select(left, stated if rest is None else None, jacobians, patterns=patterns)
+    base, words = forced(left, jacobians()) if rest is not None else select(left, stated, jacobians, patterns=patterns)
     allowed = "errors of the measured joint angles are allowed for"
     return ErrorsInVariables.of(base, joints.loadings), f"{words}; {allowed}" if words else f"noise: {allowed}"
 

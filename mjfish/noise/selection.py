@@ -12,7 +12,7 @@ from mjfish.noise.autoregressive import Autoregressive, Noise, floor
 from mjfish.noise.by_rate import NoiseByRate, by_step
 from mjfish.noise.differentiation import DifferentiationNoise, differentiation_noise, sharpened
 from mjfish.noise.gauss_markov import gauss_markov, longest
-from mjfish.noise.process import process_noise
+from mjfish.noise.process import ProcessNoise, process_noise
 from mjfish.noise.sample import NoiseSample, remaining_power
 
 #: A stated sigma is contradicted when the estimate is off by more than this many of its standard errors.
@@ -55,6 +55,20 @@ def select(
     return NoiseByRate.of(models), f"noise: {what} by sampling step ({listed})"
 
 
+def forced(left: NoiseSample, jacobians: Mapping[str, FloatArray]) -> tuple[Noise, str]:
+    """Return random accelerations as the noise at every sampling step, and a sentence on it.
+
+    Where the errors of a record are known, what is left beyond them moved the fish.
+
+    Args:
+        left: the residuals, without those errors.
+        jacobians: of the trials.
+    """
+    models = {step: process_noise(left.of_trials(index), jacobians) for step, index in by_step(left.trials).items()}
+    listed = "; ".join(f"every {step:g} s: {_pushed(model)}" for step, model in models.items())
+    return NoiseByRate.of(models), f"noise: beyond the errors of the record, estimated from the data ({listed})"
+
+
 def excess(left: NoiseSample, sigma: FloatArray) -> FloatArray:
     """Return by how many standard errors the spread of residuals is above sigma (3,)."""
     return np.asarray((left.sigma / sigma - 1.0) * np.sqrt(2.0 * left.free))
@@ -92,8 +106,7 @@ def _likeliest(left: NoiseSample, found: Autoregressive, jacobians: Jacobians) -
     rough, forces = differentiation_noise(left), process_noise(left, jacobians())
     likelihood = {model: left.log_likelihood(model) for model in (found, drift, rough, forces)}
     if likelihood[forces] > max(likelihood[found], likelihood[drift], likelihood[rough]) + _LIKELIER:
-        words = f"random accelerations {_three(forces.push)} over {forces.time:g} s push the fish"
-        return forces, f"{words}, sigma of the camera {_three(forces.sigma)}; the innovations form of the fit is used"
+        return forces, f"{_pushed(forces)}; the innovations form of the fit is used"
     if likelihood[rough] > max(likelihood[found], likelihood[drift]):
         rough = sharpened(rough, left)
         return rough, f"of positions differentiated over {rough.window} samples; sigma {_three(rough.sigma)}"
@@ -104,6 +117,13 @@ def _likeliest(left: NoiseSample, found: Autoregressive, jacobians: Jacobians) -
             words += "; these runs are too short to tell so slow a drift from an error of the model: record longer ones"
         return drift, words
     return found, _described(found)
+
+
+def _pushed(forces: ProcessNoise) -> str:
+    return (
+        f"random accelerations {_three(forces.push)} over {forces.time:g} s push the fish, sigma of the camera "
+        f"{_three(forces.sigma)}"
+    )
 
 
 def _three(values: FloatArray) -> str:

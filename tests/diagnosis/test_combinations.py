@@ -48,11 +48,11 @@ class _Set:
         names = tuple(name for name in self.names if name != out.name)
         return replace(self, names=names, gain=self.gains[names])
 
-    def row(self, behind: float, p: float) -> Row:
-        """Return the row of the best set, or of one that it beats; p of what it leaves."""
-        tests = {"waves": p} if behind == 0.0 else {}
+    def row(self, behind: float, p: float, left: float) -> Row:
+        """Return the row of the best set, or of one that it beats; p of what it leaves, and which share."""
+        tests, excess = ({"waves": p}, left / (1.0 - left) * self.gain) if behind == 0.0 else ({}, np.inf)
         best = float(behind == 0.0)
-        return Row(self.names, {}, (), self.learned, self.gain, 1, self.adjusted, behind, best, tests)
+        return Row(self.names, {}, (), self.learned, self.gain, 1, self.adjusted, behind, best, tests, excess)
 
 
 @pytest.mark.parametrize(("gain", "freedom", "stays"), [(124.0, 2, True), (124.0, 5, False), (133.0, 5, True)])
@@ -88,12 +88,12 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
 
     def compared(sets: dict[Names, _Set], *_: Any) -> Comparison:
         top = max(one.gain for one in sets.values())
-        return Comparison({names: one.row(top - one.gain, float(one.gain > 530.0)) for names, one in sets.items()})
+        rows = {names: one.row(top - one.gain, float(one.gain > 530.0), 0.5) for names, one in sets.items()}
+        return Comparison(rows)
 
     monkeypatch.setattr(module, "_extended", extended)
     monkeypatch.setattr(module, "followed", map)
     monkeypatch.setattr(module, "compared", compared)
-    monkeypatch.setattr(module.Goodness, "left", lambda _self, _refit: 0.5)
     singles: Any = {(name,): _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
     found, _ = find_combinations(singles, (), HeldOut(None, ()), silent)  # type: ignore[arg-type]
     assert found is not None
@@ -110,9 +110,8 @@ def test_no_third_cause_is_looked_for_where_the_best_pair_leaves_most(monkeypatc
 
     monkeypatch.setattr(module, "_extended", extended)
     monkeypatch.setattr(
-        module, "compared", lambda sets, *_: Comparison({n: one.row(0.0, 0.0) for n, one in sets.items()})
+        module, "compared", lambda sets, *_: Comparison({n: one.row(0.0, 0.0, 0.7) for n, one in sets.items()})
     )
-    monkeypatch.setattr(module.Goodness, "left", lambda _self, _refit: 0.7)
     singles: Any = {("drag",): _Set(("drag",), 425.0, gains=GAINS)}
     found, _ = find_combinations(singles, (), HeldOut(None, ()), silent)  # type: ignore[arg-type]
     assert found is not None

@@ -72,6 +72,7 @@ class _Linear:
     learned: bool = False
     gain: float = 0.0
     degrees_of_freedom: int = 1
+    promise: float = 0.0
 
     @property
     def size(self) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,13 +11,15 @@ from hidden_cases import draw
 
 from mjfish.arrays import readonly
 from mjfish.data import Trial
-from mjfish.diagnosis.evidence import gather
+from mjfish.diagnosis.evidence import gather, signatures
+from mjfish.diagnosis.failures import CandidatesFailedError
 from mjfish.diagnosis.refit import lowest, refit_with, refits
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import estimates
 from mjfish.drive import cpg
 from mjfish.effects import find
-from mjfish.estimation import Noise, Problem, fit
+from mjfish.estimation import Fit, Noise, Problem, fit
+from mjfish.estimation.problem import Slopes
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 from mjfish.simulation.synthetic import generate
@@ -83,3 +86,53 @@ def test_a_rolling_fish_leaves_a_wrong_minimum_by_fits_to_ever_longer_stretches(
         if name.startswith("roll_loss."):
             assert found.fit.values[name] == pytest.approx(value, rel=0.05)
     assert lowest(found) is found
+
+
+def _problem(pike: Fish) -> Problem:
+    truth = {"servo_lag.time_constant": 0.02}
+    data = generate(pike, ["v1"], values=truth, effects=[find("servo_lag")], noise=SIGMA, duration=4.0, seed=2)
+    return Problem(Model(pike), data.trials, Noise.white(SIGMA), jobs=1)
+
+
+def test_a_refit_that_runs_away_begins_again_at_the_declared_coefficients(
+    monkeypatch: pytest.MonkeyPatch, pike: Fish
+) -> None:
+    """The nominal fit to a large misfit may have coefficients at which the fish goes out of control with a cause."""
+    problem, starts = _problem(pike), []
+    evidence = gather(problem, fit(problem), [find("servo_lag")])
+
+    def first_lost(own: Problem, x: np.ndarray, **options: Any) -> Fit:
+        starts.append(x)
+        found = fit(own, x, **options)
+        return replace(found, status="diverged") if len(starts) == 1 else found
+
+    monkeypatch.setattr("mjfish.diagnosis.refit.fit_or_raise", first_lost)
+    one = refit_with(evidence, find("servo_lag"))
+    first, second = (one.problem.named(x) for x in starts)
+    declared = one.problem.named(one.problem.start())
+    assert {name: value for name, value in second.items() if value != declared[name]} == {
+        "servo_lag.time_constant": first["servo_lag.time_constant"]
+    }
+    assert not one.fit.lost
+    assert one.fit.values["servo_lag.time_constant"] == pytest.approx(0.02, abs=0.003)
+
+
+@pytest.mark.parametrize("everywhere", [False, True])
+def test_a_cause_fails_only_if_its_derivatives_are_not_finite_at_the_declared_coefficients_either(
+    monkeypatch: pytest.MonkeyPatch, pike: Fish, everywhere: bool
+) -> None:
+    problem, honest = _problem(pike), Problem.slopes
+    bent = {"c_d.head": 3.0 * pike.values["c_d.head"]}
+
+    def slopes(self: Problem, x: np.ndarray, only: Any = None) -> Slopes:
+        found = honest(self, x, only)
+        far = self.named(x)["c_d.head"] == bent["c_d.head"]
+        return replace(found, lost=frozenset(only or ())) if everywhere or far else found
+
+    monkeypatch.setattr(Problem, "slopes", slopes)
+    if everywhere:
+        with pytest.raises(CandidatesFailedError) as caught:
+            signatures(problem, bent, [find("servo_lag")])
+        assert "not finite" in caught.value.reasons["servo_lag"]
+    else:
+        assert signatures(problem, bent, [find("servo_lag")]).lost == {"servo_lag.time_constant"}

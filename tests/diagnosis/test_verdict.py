@@ -33,6 +33,16 @@ def test_a_cause_as_likely_as_the_best_stays_a_rival() -> None:
     assert replace(tied, rival_p=0.06, behind=6.0).stays()
 
 
+def test_a_cause_whose_fit_was_stopped_stays_as_if_it_had_gained_what_a_step_more_promises() -> None:
+    """It may be as good as the best: nothing is named then, but a cause of the same mechanism."""
+    comparison = _compared({"a": GOOD, "b": {**BEATEN, "tests": CLEAN, "excess": 0.0}})
+    assert _decided(_with(comparison, "b", promise=20.0)).sets == (("a",),)
+    late = _with(comparison, "b", promise=28.0)
+    assert (_decided(late).verdict, _decided(late).sets) == ("cannot_tell", (("a",), ("b",)))
+    alike = _with(_with(late, "a", mechanisms=("roll",)), "b", mechanisms=("roll",))
+    assert _decided(alike).verdict == "named"
+
+
 def _row(names: str, gain: float, standing: Standing, held_out: Confirmation | None = None) -> Row:
     """Return a row whose last member was added first: sets go by their sorted names, not by this order."""
     return Row(

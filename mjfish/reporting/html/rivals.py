@@ -34,7 +34,7 @@ def rivals(diagnosis: Diagnosis) -> tuple[Rival, ...]:
         return ()
     rows = {frozenset(row.names): row for row in diagnosis.table.rows}
     scored = {frozenset((candidate.name,)): candidate for candidate in diagnosis.candidates}
-    found = (
+    every = (
         Rival(
             names=names,
             titles=tuple(cause_title(name, diagnosis.effects) for name in names),
@@ -44,4 +44,4 @@ def rivals(diagnosis: Diagnosis) -> tuple[Rival, ...]:
         )
         for names in diagnosis.alternatives
     )
-    return tuple(sorted(found, key=lambda rival: not rival.drawn))
+    return tuple(sorted(every, key=lambda rival: not rival.drawn))

@@ -145,27 +145,11 @@ def with_start(fish: Fish, start: Mapping[str, Bounds]) -> Fish:
 
 
 def dataset(settings: Settings, files: Path) -> tuple[Dataset, ImportReport]:
-    """Import the runs; noise and start values come from the fitted ones and the settings alone."""
-    fitted, tracks = _imported(files, settings.fit, "fit")
-    trials, reports = fitted.trials, tracks.files
-    if settings.held_out:
-        held, more = _imported(files, settings.held_out, "held_out")
-        trials, reports = (*trials, *held.trials), (*reports, *more.files)
-    return (
-        replace(
-            fitted,
-            name=f"fishsim {', '.join(trial.name for trial in trials)}",
-            trials=trials,
-            noise=fitted.noise if settings.noise == "tracks" else readonly(settings.noise),
-            fish=with_start(fitted.fish, settings.start),
-        ),
-        replace(tracks, files=reports),
-    )
-
-
-def _imported(files: Path, names: tuple[str, ...], role: Literal["fit", "held_out"]) -> tuple[Dataset, ImportReport]:
-    made, tracks = import_files("fishsim", [files / f"markers_{name}.csv" for name in names])
-    return replace(made, trials=tuple(replace(trial, role=role) for trial in made.trials)), tracks
+    """Import the runs as ``mjfish import fishsim`` does; noise and start values come from the fitted ones alone."""
+    names = (*settings.fit, *settings.held_out)
+    made, tracks = import_files("fishsim", [files / f"markers_{name}.csv" for name in names], settings.held_out)
+    noise = made.noise if settings.noise == "tracks" else readonly(settings.noise)
+    return replace(made, noise=noise, fish=with_start(made.fish, settings.start)), tracks
 
 
 def run(
