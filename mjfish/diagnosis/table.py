@@ -187,9 +187,16 @@ class Comparison:
         kept = [r for r in self.staying(limits) if (r.clean(limits) if clean else r.fits(limits)) and not r.fails]
         return sorted(kept, key=lambda row: (row.learned, row.behind))
 
-    def closest(self) -> Row | None:
-        """Return the set that explains most of all trials, also of the held-out ones; None where there is none."""
-        return min(self.rows.values(), key=lambda row: row.behind, default=None)
+    def closest(self, limits: Thresholds = THRESHOLDS) -> Row | None:
+        """Return the set that explains most of all trials, also of the held-out ones; None where there is none.
+
+        Of sets that are as close, one of formulas comes before one with a learned form.
+        """
+        return min(
+            self.rows.values(),
+            key=lambda row: (row.behind >= limits.close, row.learned, row.behind),
+            default=None,
+        )
 
     def exhausted(self) -> bool:
         """Return whether a set that stays leaves so little that no larger one can earn its members beside it."""

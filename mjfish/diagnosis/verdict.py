@@ -105,7 +105,7 @@ def decide(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
         why = _failing(failed[0].held_out) if failed else "fails on the held-out trials"
         choice = f"{_listed(_sets(failed))} fits best, but {why}; {_listed(_sets(rows))} explains the data too"
         return Decision("cannot_tell", _sets([*rows, *failed]), _undecided(choice))
-    best = single.closest()
+    best = single.closest(limits)
     if best is not None and (nearly := _nearly(best, single, limits)) is not None:
         return nearly
     told, names = ("", ()) if best is None else (f"; the closest, {best.names[0]}, {_why(best, limits)}", best.names)

@@ -155,6 +155,13 @@ def test_the_closest_is_the_best_of_all_trials_not_of_the_fitted_ones_alone() ->
     assert _rule({"a": GOOD}).closest == ()
 
 
+def test_of_sets_as_close_a_formula_is_the_closest() -> None:
+    """A learned form has its formula as a limit, or nearly: a lead of less than a factor of ten says nothing."""
+    for behind, closest in ((4.0, ("b",)), (5.0, ("a",))):
+        comparison = _compared({"a": MISFIT, "b": {**MISFIT, "behind": behind}})
+        assert _decided(_with(comparison, "a", learned=True)).closest == closest
+
+
 def test_a_rival_that_fits_replaces_a_best_that_does_not() -> None:
     assert _rule({"a": MISFIT, "b": RIVAL}).sets == (("b",),)
 
