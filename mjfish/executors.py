@@ -1,38 +1,27 @@
-"""Work side by side, by one map over an executor: threads, processes, or the workers of a Dask cluster.
-
-Compiled rollouts leave Python's lock to others, so that threads serve within a fit or a diagnosis. Processes and
-clusters serve whole fits: what they work on is sent to them by cloudpickle, which knows closures and causes of a user.
-"""
+"""Executors that take whole fits: processes of this machine, or the workers of a Dask cluster."""
 
 from __future__ import annotations
 
 import contextlib
-import contextvars
 import logging
 import multiprocessing
 import os
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from functools import partial
 from multiprocessing.connection import wait
 from typing import Any, TypeVar
 
-import cloudpickle
-from threadpoolctl import threadpool_limits
-
-from mjfish.errors import InputError, WorkerError
+from mjfish.errors import InputError
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 #: The address that stands for a cluster of one's own on this machine.
 LOCAL = "local"
-#: Idents of the threads of this process that work on a task, of any call; who waits for tasks of its own counts, too.
-_AT_WORK: set[int] = set()
 #: Within which a scheduler must answer [s].
 _PATIENCE = 10
 #: Run by the workers of a cluster of one's own: Ctrl-C in a terminal is for all processes, and this one stops them.
@@ -61,81 +50,6 @@ def _submitted(function: Callable[[T], R], task: T, executor: Executor) -> Futur
         broken: Future[R] = Future()
         broken.set_exception(error)
         return broken
-
-
-def completed(
-    function: Callable[[T], R], tasks: Sequence[T], jobs: int, executor: Executor | None = None
-) -> Iterator[tuple[int, Callable[[], R]]]:
-    """Yield the place of each task and how to get what `function` returns of it, in the order of completion.
-
-    Args:
-        function: its result must not depend on where it runs.
-        tasks: one argument each.
-        jobs: threads, where there is no executor; of a task's own tasks, about those that are idle when it asks.
-        executor: its workers get function and task by cloudpickle, and work with one thread.
-
-    Getting it raises `WorkerError` where a worker ended without an answer, and an error of `function` as it is.
-    """
-    if executor is not None:
-        sent = cloudpickle.dumps(function)
-        for place, answer in fan_out(_answer, [(sent, cloudpickle.dumps(task)) for task in tasks], executor):
-            yield place, partial(_opened, answer)
-    elif len(tasks) < 2 or (threads := jobs - len(_AT_WORK - {threading.get_ident()})) < 2:
-        yield from ((place, partial(function, task)) for place, task in enumerate(tasks))
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            work = partial(_at_work, contextvars.copy_context(), function)
-            yield from ((place, future.result) for place, future in fan_out(work, tasks, pool))
-
-
-def _at_work(context: contextvars.Context, function: Callable[[T], R], task: T) -> R:
-    """Return what a function returns of a task in the context of who asked, whose time limit holds here, too."""
-    _AT_WORK.add(threading.get_ident())
-    try:
-        return context.copy().run(function, task)
-    finally:
-        _AT_WORK.discard(threading.get_ident())
-
-
-def mapped(function: Callable[[T], R], tasks: Sequence[T], jobs: int, executor: Executor | None = None) -> Iterator[R]:
-    """Yield what `function` returns of each task, in their order; see `completed`."""
-    return in_order(completed(function, tasks, jobs, executor))
-
-
-def in_order(pairs: Iterable[tuple[int, Callable[[], R]]]) -> Iterator[R]:
-    """Yield the results of `completed` by their places; an error is raised in its place."""
-    early: dict[int, Callable[[], R]] = {}
-    following = 0
-    for place, get in pairs:
-        early[place] = get
-        while following in early:
-            yield early.pop(following)()
-            following += 1
-
-
-def _opened(future: Future[bytes]) -> Any:
-    """Return what a worker returned, or raise what it raised."""
-    try:
-        answer = future.result()
-    except Exception as error:
-        raise WorkerError(
-            f"a worker ended without an answer ({type(error).__name__}): it was killed, lacks memory, or cannot be "
-            "reached; run the same command again, with fewer workers if it lacks memory"
-        ) from error
-    found, raised = cloudpickle.loads(answer)
-    if raised is not None:
-        raise raised
-    return found
-
-
-def _answer(sent: tuple[bytes, bytes]) -> bytes:
-    """Return what a function returns of a task, or what it raised; both are sent as bytes."""
-    with threadpool_limits(1, "blas"):
-        function, task = map(cloudpickle.loads, sent)
-        try:
-            return bytes(cloudpickle.dumps((function(task), None)))
-        except Exception as error:
-            return bytes(cloudpickle.dumps((None, error)))
 
 
 @contextmanager

@@ -34,10 +34,6 @@ class Kept:
         make_folder(folder)
         self._folder, self._whole, self._steps = folder, hashed.digest(whole), itertools.count(1)
 
-    def without(self, names: Sequence[str]) -> Kept:
-        """Return what is kept of the same computation without some of its parts, which takes other steps."""
-        return Kept(self._folder, [self._whole, *names])
-
     def step(self, names: Sequence[str]) -> Iterator[Path]:
         """Yield the files of the parts of the next step."""
         step = next(self._steps)

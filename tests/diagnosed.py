@@ -261,6 +261,7 @@ def row(names: tuple[str, ...], gain: float, behind: float, rival_p: float, fit_
         tests=tests,
         excess=0.1 * gain if tests else np.inf,
         held_out=Confirmation(210.0, 0.4) if tests else None,
+        chosen=float(behind == 0.0),
     )
 
 

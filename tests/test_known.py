@@ -143,7 +143,7 @@ EVERYTHING = {
 
 def problem_of(dataset: Dataset) -> Problem:
     """Return the nominal problem of a dataset."""
-    return nominal_problem(dataset, dataset.trials, Noise.white(SIGMA), jobs=1)
+    return nominal_problem(dataset, dataset.trials, Noise.white(SIGMA))
 
 
 def slopes(problem: Problem, x: FloatArray) -> FloatArray:

@@ -29,7 +29,7 @@ _UNSAFE = {"pickle", "marshal", "shelve", "runpy", "code", "yaml", "joblib", "di
 #: Where the promise allows it.
 _RUNS_FILES = {"user_code.py"}
 #: What goes to workers and comes back from them.
-_SENDS = {"executors.py", "hydro/load.py", "effects/catalogue.py"}
+_SENDS = {"execution.py", "hydro/load.py", "effects/catalogue.py"}
 _RUNS_PROGRAMS = {"reporting/log/viewer.py", "diagnosis/provenance.py"}
 
 

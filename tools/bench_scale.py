@@ -51,7 +51,7 @@ _HIDDEN = {"fin_lift.slope": 1.0}
 
 
 def _compared(dataset: Dataset) -> str:
-    problem = pose(dataset, jobs=1)
+    problem = pose(dataset)
     x = problem.start()
     problem = with_sensor_noise(problem, x)
     problem.residual(x)

@@ -83,7 +83,7 @@ def fitted(trials: int, free: int, duration: float = modes.DURATION) -> Cost:
     fish = load_fish("pike")
     synthetic = generate(fish, names, values=_TRUTH, noise=_SIGMA, duration=duration, seed=1)
     fixed = {name: _TRUTH[name] for name in _ORDER[free:]}
-    problem = Problem(CountedModel(fish), synthetic.trials, Noise.white(_SIGMA), fixed=fixed, jobs=1)
+    problem = Problem(CountedModel(fish), synthetic.trials, Noise.white(_SIGMA), fixed=fixed)
     problem.residual(problem.start())  # compiles, as does the next
     problem.jacobian(problem.start())
     CountedModel.predicted = CountedModel.prepared = 0

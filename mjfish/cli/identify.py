@@ -47,6 +47,7 @@ def identify(
     from mjfish.data.tables import check_suffix
     from mjfish.estimation.identification import pose
     from mjfish.estimation.settings import Settings
+    from mjfish.execution import executing
 
     for file in (json_, table, fish):
         if file is not None:
@@ -70,10 +71,8 @@ def identify(
     for name in profiled or []:
         if name not in known:
             raise UnknownNameError("free parameter of --profile", name, known)
-    with console.progress_bar() as tell, console.workers(cluster, jobs) as executor:
-        result = mjfish.identify(
-            measured, settings, jobs=jobs, executor=executor, tell=lambda done: tell("fitting", done)
-        )
+    with console.progress_bar() as tell, console.workers(cluster, jobs) as executor, executing(jobs, executor):
+        result = mjfish.identify(measured, settings, tell=lambda done: tell("fitting", done))
         profiles = _profiles(result, profiled or [], tell)
     _show(result, profiles)
     outputs = {"json": json_, "table": table, "figures": figures, "fish": fish}

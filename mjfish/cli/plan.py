@@ -54,7 +54,7 @@ def plan(
     if generate_ is not None:
         check_new_folder(generate_)
     measured = mjfish.load_dataset(dataset)
-    source = measured if diagnosis is None else load_diagnosis(diagnosis, measured, effects=known, jobs=jobs)
+    source = measured if diagnosis is None else load_diagnosis(diagnosis, measured, effects=known)
     asked = {"rivals": console.names(rivals or ""), "causes": console.names(causes or "")}
     with console.progress_bar() as tell:
         found = mjfish.plan(source, **asked, effects=known, menu=menu, jobs=jobs, progress=tell)

@@ -231,7 +231,7 @@ def compare(dataset: Dataset, against: Sequence[str | Path], *, bound: float | N
     found, unused = rollouts.assign([Path(path) for path in against], dataset.trials)
     runs = {name: rollouts.read(path) for name, path in found.items()}
     held = {trial.name for trial in dataset.split()[1]}
-    counted = Problem(Model(dataset.fish), dataset.trials, Noise.white(np.ones(3)), jobs=1)
+    counted = Problem(Model(dataset.fish), dataset.trials, Noise.white(np.ones(3)))
     trials = []
     for index, trial in enumerate(dataset.trials):
         role: Role = "held_out" if trial.name in held else "fit"

@@ -73,22 +73,21 @@ class FittedModels:
     fits: Mapping[tuple[str, ...], FittedModel] = field(default_factory=dict)
 
     @classmethod
-    def undiagnosed(cls, dataset: Dataset, effects: Mapping[str, Effect], jobs: int | None) -> FittedModels:
+    def undiagnosed(cls, dataset: Dataset, effects: Mapping[str, Effect]) -> FittedModels:
         """Return a dataset of which nothing is known but its noise, as stated, else from third differences."""
         dataset = aligned(dataset)
         sigma = first_sigma(dataset.trials) if dataset.noise is None else np.asarray(dataset.noise)
-        return cls(dataset, effects, nominal_problem(dataset, dataset.trials, Noise.white(sigma), jobs=jobs))
+        return cls(dataset, effects, nominal_problem(dataset, dataset.trials, Noise.white(sigma)))
 
     @classmethod
-    def of(cls, diagnosis: Diagnosis, jobs: int | None = None) -> FittedModels:
+    def of(cls, diagnosis: Diagnosis) -> FittedModels:
         """Return what a diagnosis found."""
         tried = [candidate for candidate in diagnosis.candidates if candidate.applicable and candidate.parameters]
         ranked = [candidate.name for candidate in sorted(tried, key=lambda candidate: -candidate.statistic)]
         named = [cause.name for cause in diagnosis.causes]
         question = _open_question(diagnosis.verdict, diagnosis.rivals, named, ranked)
-        problem = replace(diagnosis.problem, jobs=jobs or diagnosis.problem.jobs)
         fits = {model.causes: model for model in diagnosis.fits}
-        return cls(diagnosis.dataset, diagnosis.effects, problem, question, fits)
+        return cls(diagnosis.dataset, diagnosis.effects, diagnosis.problem, question, fits)
 
     @property
     def everything(self) -> Problem:
@@ -147,16 +146,13 @@ class FittedModels:
         return fit(problem, start, tolerance=_TOLERANCE)
 
 
-def load_diagnosis(
-    path: str | Path, dataset: Dataset, *, effects: Mapping[str, Effect] | None = None, jobs: int | None = None
-) -> FittedModels:
+def load_diagnosis(path: str | Path, dataset: Dataset, *, effects: Mapping[str, Effect] | None = None) -> FittedModels:
     """Read what a ``diagnosis.json`` says of the models that were fitted, to plan from.
 
     Args:
         path: written by ``mjfish diagnose --json``, or by `Diagnosis.save`.
         dataset: that was diagnosed.
         effects: causes by name, those of one's own among them; None: the shipped catalogue.
-        jobs: threads; None: one a processor.
 
     Raises:
         InputError: the file cannot be read, is no diagnosis, is of another schema, or is one of another dataset.
@@ -171,21 +167,19 @@ def load_diagnosis(
                 f"{path}: is the diagnosis of '{raw['dataset']}', expected that of '{dataset.name}'; give the one that "
                 "belongs"
             )
-        return _restored(raw, dataset, catalogue() if effects is None else effects, jobs)
+        return _restored(raw, dataset, catalogue() if effects is None else effects)
     except MjfishError:
         raise
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, StopIteration) as error:
         raise InputError(f"{path}: is no diagnosis: {error} is missing or wrong; {remedy}") from None
 
 
-def _restored(
-    raw: Mapping[str, Any], dataset: Dataset, effects: Mapping[str, Effect], jobs: int | None
-) -> FittedModels:
+def _restored(raw: Mapping[str, Any], dataset: Dataset, effects: Mapping[str, Effect]) -> FittedModels:
     ranked = [c["name"] for c in sorted(raw["candidates"], key=lambda c: -c["statistic"]) if c["parameters"]]
     named = list(raw["alternatives"][0]) if raw["causes"] else []  # a learned form goes by its mechanism there
     question = _open_question(raw["verdict"], raw["rivals"], named, ranked)
     models = TypeAdapter(list[FittedModel]).validate_python(raw["fits"])
-    known = FittedModels.undiagnosed(dataset, effects, jobs)
+    known = FittedModels.undiagnosed(dataset, effects)
     fitted, _ = known.dataset.split()
     compared = raw["problem"]
     smoothing = restored_filter(compared["smoothing"])

@@ -21,6 +21,7 @@ from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect, catalogue, find, of_fish
 from mjfish.effects.calibration import CALIBRATIONS, DOMAINS, Calibration
 from mjfish.errors import InputError
+from mjfish.execution import executing
 from mjfish.parameter import Parameter
 from mjfish.result import Result
 from mjfish.serialise import unsaved
@@ -213,18 +214,23 @@ def plan(
     if rivals and causes:
         raise InputError("rivals: found with causes, expected one of them; drop the other")
     check_velocities(diagnosis if isinstance(diagnosis, Dataset) else diagnosis.dataset, "a plan")
-    if isinstance(diagnosis, Dataset) and not rivals and not causes:
-        diagnosis = diagnose(diagnosis, effects=effects, jobs=jobs, progress=part(progress, 0.0, 0.5))
-        progress = part(progress, 0.5, 0.5)
-    known = _known(diagnosis, causes, effects, jobs)
-    question = known.question
-    if rivals:
-        question = Question("separate", tuple(rivals), "Rivals named by hand.")
-    elif question is None:
-        question = Question("see", tuple(causes), "Causes named by hand.")
+    with executing(jobs):
+        if isinstance(diagnosis, Dataset) and not rivals and not causes:
+            diagnosis = diagnose(diagnosis, effects=effects, progress=part(progress, 0.0, 0.5))
+            progress = part(progress, 0.5, 0.5)
+        known = _known(diagnosis, causes, effects)
+        question = known.question
+        if rivals:
+            question = Question("separate", tuple(rivals), "Rivals named by hand.")
+        elif question is None:
+            question = Question("see", tuple(causes), "Causes named by hand.")
+        return _planned(known, question, menu or Menu(), progress)
+
+
+def _planned(known: FittedModels, question: Question, menu: Menu, progress: Progress) -> Plan:
+    """Return the options for a question, ranked."""
     tried = _causes(known, question)
     question = replace(question, names=tuple(effect.name for effect in tried))
-    menu = menu or Menu()
     runs = menu.runs(known.dataset)
     options: tuple[Option, ...]
     if question.purpose == "separate":
@@ -252,11 +258,10 @@ def _known(
     diagnosis: Diagnosis | FittedModels | Dataset,
     causes: Sequence[str],
     effects: Mapping[str, Effect] | None,
-    jobs: int | None,
 ) -> FittedModels:
     if isinstance(diagnosis, Dataset):
-        return FittedModels.undiagnosed(diagnosis, catalogue() if effects is None else effects, jobs)
-    known = FittedModels.of(diagnosis, jobs) if isinstance(diagnosis, Diagnosis) else diagnosis
+        return FittedModels.undiagnosed(diagnosis, catalogue() if effects is None else effects)
+    known = FittedModels.of(diagnosis) if isinstance(diagnosis, Diagnosis) else diagnosis
     if effects is not None:
         known = replace(known, effects=effects)
     if causes and known.question is not None and known.question.purpose == "see":

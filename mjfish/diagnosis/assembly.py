@@ -134,7 +134,7 @@ def _views(begun: Begun, screening: Screening, concluded: Conclusion) -> dict[st
 
 def unfinished_diagnosis(begun: Begun) -> Diagnosis:
     """Return a diagnosis without a comparison: what failed, and the nominal model as it was declared, not fitted."""
-    problem, dataset, failures = begun.problem, begun.dataset, begun.failures
+    problem, dataset, failures = begun.problem, begun.dataset, begun.parts.failures
     decision = withheld(Decision("cannot_tell", (), "Nothing was compared."), failures)
     declared = {p.name: Estimate(p.start, p.low, p.high, p.unit) for p in problem.model.parameters}
     held = dataset.split()[1]

@@ -73,8 +73,8 @@ def _scored(effect: Effect, evidence: Evidence) -> Candidate:
 
 def failed_candidates(begun: Begun) -> tuple[Candidate, ...]:
     """Return the candidates that failed."""
-    failed = (effect.name for effect in begun.candidates if effect.name in begun.failures)
-    return tuple(Candidate(name, True, failure=begun.failures[name]) for name in failed)
+    reasons = begun.parts.failures
+    return tuple(Candidate(e.name, True, failure=reasons[e.name]) for e in begun.candidates if e.name in reasons)
 
 
 def undetectable(candidates: Sequence[Candidate], evidence: Evidence) -> dict[str, str]:

@@ -14,7 +14,6 @@ from functools import partial
 from operator import methodcaller
 
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.failures import blamed
 from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
@@ -121,10 +120,9 @@ def find_small_addition(singles: Mapping[Names, Refit], candidates: Sequence[Eff
         enough = [effect for effect in seen if after.statistic(effect.name) > _HALF_OF_IT * excess]
         added = sorted(enough, key=lambda effect: -after.worth(effect.name))[:_ADDED]
         coarse = [*extended(partial(refit_with, gained=base.gain), added, after)]
-        fine = followed(partial(to_optimum, least=base.fit.sse - excess), coarse)
-        for effect, refit in zip(added, fine, strict=True):
-            names = _with(base, effect)
-            beyond = [other for other in others if other.mechanism != effect.mechanism]
+        for refit in followed(partial(to_optimum, least=base.fit.sse - excess), coarse):
+            names, mechanism = tuple(sorted(refit.names)), refit.effects[-1].mechanism
+            beyond = [other for other in others if other.mechanism != mechanism]
             left = gather(refit.problem, refit.fit, beyond).saturated_excess()
             mended = refit.gain - most > MENDED and left < (1.0 - _MOST_OF_IT) * excess
             if mended and (names not in found or refit.gain > found[names].gain):
@@ -173,16 +171,16 @@ def _extended(
         taken = learnable.intersection(base.mechanisms)  # two forms of one mechanism are one cause
         after = gather(base.problem, base.fit, [effect for effect in candidates if effect.mechanism not in taken])
         new = [effect for effect in shortlist(after) if _with(base, effect) not in known]
-        for effect, refit in zip(new, extended(partial(refit_with, gained=base.gain), new, after), strict=True):
-            names = _with(base, effect)
+        for refit in extended(partial(refit_with, gained=base.gain), new, after):
+            names = tuple(sorted(refit.names))
             if names not in found or refit.gain > found[names].gain:
                 found[names] = refit
     if found:
         top = max(refit.gain for refit in found.values())
         floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
         least = min(refit.fit.sse for refit in found.values())
-        near = {names: refit for names, refit in found.items() if refit.gain >= floor}
-        found.update(zip(near, followed(partial(to_optimum, least=least), [*near.values()]), strict=True))
+        near = [refit for refit in found.values() if refit.gain >= floor]
+        found.update({tuple(sorted(refit.names)): refit for refit in followed(partial(to_optimum, least=least), near)})
     return found
 
 
@@ -232,8 +230,7 @@ def _parts(sufficient: Sequence[Refit], known: Mapping[Names, Refit]) -> dict[Na
         for out in refit.effects:
             names = _less(refit, out.name)
             if names not in known and names not in found:
-                with blamed(refit.names[-1]):
-                    (found[names],) = followed(methodcaller("less", out), [refit])
+                found.update(zip([names], followed(methodcaller("less", out), [refit]), strict=False))
     return found
 
 

@@ -77,7 +77,7 @@ def _with_form(
     retained = staying(formulas, form) or (best if form is None else form,)
     shown, rows = retained[0], {row.names: row for row in compared.table.rows}
     keys = [tuple(sorted(refit.names)) for refit in retained]
-    judged = [rows.get(key) or Row.of(key, own, 0.0, 1.0) for key, own in zip(keys, retained, strict=True)]
+    judged = [rows.get(key) or Row.of(key, own) for key, own in zip(keys, retained, strict=True)]
     mechanisms: tuple[NamedMechanism, ...] = begun.parts.run(
         "the form",
         lambda: named_mechanisms(shown, retained, form, screening.evidence.fit, clean=judged[0].clean()),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,10 @@ from threadpoolctl import threadpool_limits
 from mjfish.data import Dataset, load_dataset
 from mjfish.data.validation import check_comparable
 from mjfish.diagnosis.assembly import assemble, unfinished_diagnosis
-from mjfish.diagnosis.begun import Begun, culprits
+from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.compared import compare
 from mjfish.diagnosis.conclusion import conclude
-from mjfish.diagnosis.failures import NOMINAL, CandidatesFailedError, PartFailedError, blamed, candidates_limited
+from mjfish.diagnosis.failures import NOMINAL, PartFailedError, Parts, noting, raised_in, tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.implausible_noise import bursts, too_large
 from mjfish.diagnosis.progress import Progress, silent
@@ -31,13 +32,12 @@ from mjfish.estimation.clocks import aligned
 from mjfish.estimation.identification import check_enough, first_sigma
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.time_limit import PastLimitError
+from mjfish.execution import executing
 from mjfish.inspection import Finding, Inspection, inspect, inspect_fit
 from mjfish.kept import Kept
 
 #: Said of a cause that is a part of the nominal model.
 _PART = "It is a part of the nominal model, and fitted with it."
-#: How often a diagnosis begins: each time fewer candidates are left.
-_MOST_ATTEMPTS = 5
 #: The part that fails where no other one is to blame.
 _WHOLE = "the comparison"
 
@@ -72,9 +72,9 @@ def diagnose(
             code that never returns is not ended. None: however long. A limit that is not reached changes no answer.
         progress: called with what is being done and the share that is done.
 
-    A candidate that fails, because its effect raises, its refit diverges or the limit is reached, is left out, and the
-    diagnosis begins anew without it; other parts that fail are left out, too. `Diagnosis.failures` has the reasons, and
-    nothing is claimed: the verdict is then ``cannot_tell`` or ``unexplained``.
+    A candidate that fails, because its effect raises, its refit diverges or the limit is reached, is left out from
+    there on; other parts that fail are left out, too. `Diagnosis.failures` has the reasons, and nothing is claimed: the
+    verdict is then ``cannot_tell`` or ``unexplained``.
 
     Returns:
         The verdict (``named``, ``nothing_wrong``, ``cannot_tell`` or ``unexplained``) with causes, sizes, the gain on
@@ -96,55 +96,49 @@ def diagnose(
         dataset = load_dataset(dataset)
     if limit is not None and not limit > 0.0:
         raise InputError(f"limit: found {limit:g} s, expected more than 0; give seconds, or none")
-    with threadpool_limits(1, "blas"), candidates_limited(limit):  # small matrices: more threads wait for each other
-        begun = _begun(dataset, catalogue() if effects is None else effects, jobs)
+    # small matrices: more threads of BLAS wait for each other
+    with threadpool_limits(1, "blas"), noting(Parts()) as parts, executing(jobs, executor, limit=limit):
+        known = catalogue() if effects is None else effects
+        begun = replace(_begun(dataset, known, parts), seed=seed, progress=progress)
         kept = None if resume is None else Kept(Path(resume), identity(begun.measured, begun.candidates, seed))
-        problem = replace(begun.problem, executor=executor, kept=kept)
-        return _repeated(replace(begun, problem=problem, seed=seed, progress=progress))
+        try:
+            with executing(kept=kept):
+                return _diagnosed(begun)
+        except PartFailedError as error:
+            begun.parts.failures[error.part] = error.reason
+        except Exception as error:
+            found = raised_in(error)
+            if not found and (isinstance(error, MjfishError) or not isinstance(error, (*NUMERIC, PastLimitError))):
+                raise
+            begun.parts.failures[found or _WHOLE] = reason_of(error)
+        return unfinished_diagnosis(begun)
 
 
-def _begun(dataset: Dataset, effects: Mapping[str, Effect], jobs: int | None) -> Begun:
-    """Return what a diagnosis starts with, however often it begins anew."""
+def _begun(dataset: Dataset, effects: Mapping[str, Effect], parts: Parts) -> Begun:
+    """Return what a diagnosis starts with."""
     check_comparable(dataset, "a diagnosis")
     measured, dataset = dataset, aligned(dataset)
     fitted, _ = dataset.split()
     stated = None if dataset.noise is None else np.asarray(dataset.noise)
-    problem = nominal_problem(
-        dataset, fitted, Noise.white(first_sigma(fitted) if stated is None else stated), jobs=jobs
-    )
+    problem = nominal_problem(dataset, fitted, Noise.white(first_sigma(fitted) if stated is None else stated))
     candidates: list[Effect] = []
     reasons: dict[str, str] = {}
-    failures: dict[str, str] = {}
     for effect in effects.values():
-        own = effect
-        try:
-            with blamed(effect.name):
-                own = of_fish({effect.name: effect}, dataset.fish)[effect.name]
-                reasons[own.name] = _PART if own.name in problem.nominal else own.not_applicable(dataset)
-        except CandidatesFailedError as error:
-            failures |= error.reasons
+        own = tried([effect.name], partial(_of_fish, effect, dataset), effect)
+        reason = _PART if own.name in problem.nominal else tried([own.name], partial(own.not_applicable, dataset), "")
         candidates.append(own)
-    if not failures and all(reasons[effect.name] or effect.learned for effect in candidates):
+        reasons[own.name] = reason
+    if not parts.failures and all(reasons[effect.name] or effect.learned for effect in candidates):
         raise InputError(f"{dataset.name}: none of the {len(candidates)} effects applies to this dataset; add one")
     check_enough(problem, dataset.name)
-    return Begun(measured, dataset, tuple(candidates), reasons, failures, stated, problem)
+    return Begun(measured, dataset, tuple(candidates), reasons, parts, stated, problem)
 
 
-def _repeated(begun: Begun) -> Diagnosis:
-    """Diagnose; where candidates fail, without them, and where nothing can be gone on with, say so."""
-    for _ in range(_MOST_ATTEMPTS):
-        try:
-            return _diagnosed(begun)
-        except PartFailedError as error:
-            return unfinished_diagnosis(begun.without({error.part: error.reason}))
-        except Exception as error:
-            found = culprits(error, begun)
-            if not found and (isinstance(error, MjfishError) or not isinstance(error, (*NUMERIC, PastLimitError))):
-                raise
-            begun = begun.without(found or {_WHOLE: reason_of(error)})
-            if not found:
-                break
-    return unfinished_diagnosis(begun)
+def _of_fish(effect: Effect, dataset: Dataset) -> Effect:
+    """Return an effect as the fish has it, with priors that can be asked for."""
+    (own,) = of_fish({effect.name: effect}, dataset.fish).values()
+    own.priors()
+    return own
 
 
 def _diagnosed(begun: Begun) -> Diagnosis:
@@ -153,7 +147,7 @@ def _diagnosed(begun: Begun) -> Diagnosis:
         raise PartFailedError(_WHOLE, "no candidate is left that could be tried")
     begun.progress("testing the data", 0.0)
     checks = begun.parts.run("the tests of the data", lambda: inspect(begun.measured, begun.known), Inspection())
-    screening = screen(begun.posed, begun.applicable, begun.stated, begun.progress)
+    screening = screen(begun.problem, begun.applicable, begun.stated, begun.progress)
     checks = checks.joined(_checks_of_fit(begun, screening, checks))
     begun.progress("comparing the candidates", 0.75)
     held_out = HeldOut(screening.evidence, begun.dataset.split()[1])

@@ -22,13 +22,14 @@ from scipy import special, stats
 from mjfish.arrays import BoolArray, FloatArray, blocks_of, checked, principal_axes
 from mjfish.block_angular import Basis, BlockAngular, block_angular, span
 from mjfish.diagnosis.by_run import ByRun, Drawn
-from mjfish.diagnosis.failures import CandidatesFailedError, candidate_limit
+from mjfish.diagnosis.failures import Failure, attempted, failed, note, noted
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.fit import Linearised
 from mjfish.estimation.omnibus import HATS, WAVES, by_channel, functions
 from mjfish.estimation.problem import Slopes
 from mjfish.estimation.time_limit import check_time, limited
+from mjfish.execution import execution
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
 from mjfish.sized_cache import Remade
@@ -386,11 +387,7 @@ def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequen
         candidates: causes at their null values.
 
     At coefficients that let the motion run away no derivative is finite; those that are not are 0, and say nothing. A
-    candidate whose derivatives are not finite at the declared coefficients either fails.
-
-    Raises:
-        CandidatesFailedError: derivatives by amplitudes of some are not finite where the prediction is.
-        PastLimitError: they took longer than all candidates may.
+    candidate whose derivatives are not finite at the declared coefficients either fails, and so does one that raises.
     """
 
     def slopes(wide: Problem, x: FloatArray, names: Sequence[str], scales: FloatArray) -> tuple[Slopes, frozenset[str]]:
@@ -399,13 +396,10 @@ def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequen
             block *= scales
         return found, found.lost
 
-    found, failed = _derived(slopes, problem, values, candidates)
-    if failed and not problem.divergence(problem.start(values)):
-        _, failed = _derived(slopes, problem, {}, [effect for effect in candidates if effect.name in failed])
-        if failed:
-            raise CandidatesFailedError(
-                dict.fromkeys(failed, "the derivative of the prediction by its sizes is not finite")
-            )
+    found, lost = _derived(slopes, problem, values, candidates)
+    if lost and not problem.divergence(problem.start(values)):
+        for name in _derived(slopes, problem, {}, [effect for effect in candidates if effect.name in lost])[1]:
+            note(Failure(name, "the derivative of the prediction by its sizes is not finite"))
     return found
 
 
@@ -417,10 +411,10 @@ def signature_rows(
 ) -> FloatArray:
     """Return the same as whitened rows (n, d) of the residual, at shapes that may be others than the defaults.
 
-    Rows of a candidate whose derivative is not finite here are zero: its score then says nothing.
+    Rows of a candidate that failed, or whose derivative is not finite here, are zero: its score then says nothing.
     """
-    rows, failed = _derived(Problem.rows_by, problem, values, candidates, shapes)
-    rows[:, np.array([effect.name in failed for effect in candidates for _ in effect.amplitudes()], dtype=bool)] = 0.0
+    rows, lost = _derived(Problem.rows_by, problem, values, candidates, shapes)
+    rows[:, np.array([effect.name in lost for effect in candidates for _ in effect.amplitudes()], dtype=bool)] = 0.0
     return rows
 
 
@@ -433,6 +427,8 @@ def _derived(
 ) -> tuple[T, list[str]]:
     """Return what `derive` finds by the candidates' amplitudes at their null, each in units of its scale.
 
+    Where it raises, the candidates that raise alone are noted. Columns of those that failed are zero.
+
     Args:
         derive: takes the problem with the candidates, x, names and scales; returns also the names of `Slopes.lost`.
         problem, values, candidates, shapes: as of `signature_rows`.
@@ -440,11 +436,39 @@ def _derived(
     Returns:
         That, and the names of candidates of which a derivative is not finite.
     """
+    sound = [_idle(effect) if failed([effect.name]) else effect for effect in candidates]
+    together = partial(_derived_together, derive, problem, values)
+    try:
+        return together(sound, shapes)
+    except Exception:
+        alone = [attempted([effect.name], partial(together, [effect], shapes)) for effect in sound if shapes is None]
+        failures = [one for one in alone if isinstance(one, Failure)]
+        if not (failures and noted()):
+            raise
+        for failure in failures:
+            note(failure)
+        return _derived(derive, problem, values, candidates)
+
+
+def _idle(effect: Effect) -> Effect:
+    """Return an effect with the same parameters that does nothing."""
+    own = {name: getattr(effect, name) for name in ("name", "domain", "parameters")}
+    return type("Idle", (Effect,), own)()  # type: ignore[no-any-return]
+
+
+def _derived_together(
+    derive: Callable[[Problem, FloatArray, Sequence[str], FloatArray], tuple[T, frozenset[str]]],
+    problem: Problem,
+    values: Mapping[str, float],
+    candidates: Sequence[Effect],
+    shapes: Mapping[str, float] | None,
+) -> tuple[T, list[str]]:
+    """Return what `_derived` does of candidates that have not failed."""
     wide = replace(problem, model=replace(problem.model, effects=(*problem.model.effects, *candidates))).smoother
     null = {p.name: p.default for effect in candidates for p in effect.parameters}
     x = wide.start({**null, **(shapes or {}), **values})
     amplitudes = [p for effect in candidates for p in effect.amplitudes()]
-    with limited(candidate_limit() * max(len(candidates), 1)):
+    with limited(execution().limit * max(len(candidates), 1)):
         found, lost = derive(wide, x, [p.name for p in amplitudes], np.array([p.scale for p in amplitudes]))
         check_time()
     return found, [effect.name for effect in candidates if any(p.name in lost for p in effect.amplitudes())]

@@ -1,47 +1,30 @@
 """What fails in a diagnosis: a candidate, or another part of the work. The rest goes on, and nothing is claimed.
 
-A candidate fails where its effect raises, its refit diverges or ends with an error, or takes longer than it may. The
-diagnosis then begins anew without it, so that the others are compared as if it were not on the list. Any other part
-that fails is left out. With a failed part the verdict is neither ``named`` nor ``nothing_wrong``: what was not tried
-may be the cause.
+A candidate fails where its effect raises, its refit diverges or ends with an error, or takes longer than it may. It is
+left out from there on, as any other part that fails. With a failed part the verdict is neither ``named`` nor
+``nothing_wrong``: what was not tried may be the cause.
 """
 
 from __future__ import annotations
 
 import math
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from mjfish.effects import Effect
-from mjfish.errors import NUMERIC, MjfishError, reason_of
+from mjfish.errors import NUMERIC, MjfishError, WorkerError, reason_of
 from mjfish.estimation import Fit
 from mjfish.estimation.time_limit import PastLimitError, limited
+from mjfish.execution import execution
 
 T = TypeVar("T")
 
 #: The part of a diagnosis without which there is no other.
 NOMINAL = "the fit of the nominal model"
-#: Seconds that one try of a candidate may take.
-_limit: ContextVar[float] = ContextVar("limit", default=math.inf)
-
-
-@contextmanager
-def candidates_limited(seconds: float | None) -> Iterator[None]:
-    """Let no try of a candidate that this thread begins take longer; None: however long."""
-    token = _limit.set(math.inf if seconds is None else seconds)
-    try:
-        yield
-    finally:
-        _limit.reset(token)
-
-
-def candidate_limit() -> float:
-    """Return the seconds that one try of a candidate may take."""
-    return _limit.get()
 
 
 class PartFailedError(Exception):
@@ -52,76 +35,105 @@ class PartFailedError(Exception):
         self.part, self.reason = part, reason
 
 
-class CandidatesFailedError(Exception):
-    """Candidates that cannot be tried, with the reasons by name."""
-
-    def __init__(self, reasons: Mapping[str, str]) -> None:
-        super().__init__(dict(reasons))
-        self.reasons = dict(reasons)
-
-
 @dataclass(frozen=True)
 class Failure:
-    """Why a candidate failed."""
+    """Why a candidate failed, or a set of them."""
 
     name: str
     reason: str
 
 
-def attempted(make: Callable[[Any], T], task: Any, limit: float | None = None) -> T | Failure:
-    """Return what `make` makes of a candidate or of a refit, or why that failed.
+@dataclass
+class Parts:
+    """The parts of a diagnosis that failed.
 
-    Args:
-        make: returns what has a `fit`.
-        task: an effect, or a refit whose last cause is tried.
-        limit: seconds that it may take; None: those of `candidates_limited` in this thread.
+    Attributes:
+        failures: the reasons, by part.
     """
-    limit = _limit.get() if limit is None else limit
-    name = task.name if isinstance(task, Effect) else task.names[-1]
+
+    failures: dict[str, str] = field(default_factory=dict)
+
+    def run(self, part: str, make: Callable[[], T], otherwise: T) -> T:
+        """Return what `make` returns; where an effect raises in it or numbers go wrong, note it, return the other."""
+        try:
+            return make()
+        except PartFailedError:
+            raise
+        except Exception as error:
+            name = raised_in(error)
+            if not name and (isinstance(error, MjfishError) or not isinstance(error, NUMERIC)):
+                raise
+            self.failures[name or part] = reason_of(error)
+            return otherwise
+
+
+#: Of the diagnosis that this thread works on.
+_PARTS: ContextVar[Parts] = ContextVar("parts")
+
+
+@contextmanager
+def noting(parts: Parts) -> Iterator[Parts]:
+    """Note candidates that fail in the block among these parts, and yield them."""
+    token = _PARTS.set(parts)
     try:
-        with limited(limit):
-            made = make(task)
-    except Exception as error:
-        return Failure(name, _said(error, limit))
-    fit: Fit = made.fit  # type: ignore[attr-defined]
-    return Failure(name, f"its refit {fit.status}: {fit.message}") if fit.lost else made
+        yield parts
+    finally:
+        _PARTS.reset(token)
 
 
-def unfailing(made: Iterable[T | Failure]) -> list[T]:
-    """Return what was made, where nothing failed.
+def noted() -> Parts | None:
+    """Return the parts of the diagnosis that this thread works on; None where it works on none."""
+    return _PARTS.get(None)
+
+
+def note(failure: Failure) -> None:
+    """Note that a candidate failed."""
+    _PARTS.get().failures[failure.name] = failure.reason
+
+
+def failed(names: Sequence[str]) -> bool:
+    """Return whether a set of candidates failed, or the one that was added last."""
+    parts = noted()
+    return parts is not None and (names[-1] in parts.failures or joined(names) in parts.failures)
+
+
+def joined(names: Sequence[str]) -> str:
+    """Return what a set of candidates is called where it fails."""
+    return " with ".join([names[-1], *names[:-1]])
+
+
+def attempted(names: Sequence[str], make: Callable[[], T]) -> T | Failure:
+    """Return what `make` returns, or why that failed: by the candidate that raised, else by the name of the set.
 
     Raises:
-        CandidatesFailedError: something did.
+        WorkerError: a worker is gone.
     """
-    every = [*made]
-    if reasons := {one.name: one.reason for one in every if isinstance(one, Failure)}:
-        raise CandidatesFailedError(reasons)
-    return [one for one in every if not isinstance(one, Failure)]
+    limit = execution().limit
+    try:
+        with limited(limit):
+            return make()
+    except (PartFailedError, WorkerError):
+        raise
+    except Exception as error:
+        late = isinstance(error, PastLimitError) and math.isfinite(limit)
+        said = f"it took longer than the limit of {limit:g} s" if late else reason_of(error)
+        raised = raised_in(error)
+        return Failure(raised if raised in names else joined(names), said)
 
 
-def _said(error: Exception, limit: float) -> str:
-    if isinstance(error, PastLimitError):
-        return f"it took longer than the limit of {limit:g} s"
-    return reason_of(error)
+def tried(names: Sequence[str], make: Callable[[], T], otherwise: T) -> T:
+    """Return what `make` returns; where that fails note it of the set of candidates, and return the other."""
+    made = attempted(names, make)
+    if not isinstance(made, Failure):
+        return made
+    note(made)
+    return otherwise
 
 
 def raised_in(error: Exception) -> str:
     """Return the name of the effect one of whose methods raised; empty where none did."""
     owners = (frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__))
     return next((owner.name for owner in owners if isinstance(owner, Effect)), "")
-
-
-@contextmanager
-def blamed(name: str) -> Iterator[None]:
-    """Take what is raised inside for a failure of the effect that raised it, else of the candidate of this name."""
-    limit = _limit.get()
-    try:
-        with limited(limit):
-            yield
-    except (CandidatesFailedError, PartFailedError):
-        raise
-    except Exception as error:
-        raise CandidatesFailedError({raised_in(error) or name: _said(error, limit)}) from error
 
 
 def sound(part: str, found: Fit) -> Fit:
@@ -143,32 +155,3 @@ def finite(part: str, *numbers: float) -> None:
     """
     if any(math.isnan(number) for number in numbers):
         raise PartFailedError(part, "a statistic is no number")
-
-
-@dataclass
-class Parts:
-    """The parts of a diagnosis that failed.
-
-    Attributes:
-        failures: the reasons, by part.
-    """
-
-    failures: dict[str, str] = field(default_factory=dict)
-
-    def run(self, part: str, make: Callable[[], T], otherwise: T) -> T:
-        """Return what `make` returns; where numbers go wrong in it note the failure, and return the other.
-
-        Raises:
-            CandidatesFailedError: an effect raised.
-        """
-        try:
-            return make()
-        except (CandidatesFailedError, PartFailedError):
-            raise
-        except Exception as error:
-            if name := raised_in(error):
-                raise CandidatesFailedError({name: reason_of(error)}) from error
-            if isinstance(error, MjfishError) or not isinstance(error, NUMERIC):
-                raise
-            self.failures[part] = reason_of(error)
-            return otherwise

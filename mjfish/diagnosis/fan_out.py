@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from mjfish.diagnosis.evidence import Evidence
-from mjfish.diagnosis.failures import Failure, attempted, candidate_limit, unfailing
+from mjfish.diagnosis.failures import Failure, attempted, failed, joined, note
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Problem
 from mjfish.estimation.fit import End, fit_at
-from mjfish.executors import completed, in_order
+from mjfish.execution import completed, execution, in_order
 from mjfish.kept import Kept
 from mjfish.parameter import Parameter
 from mjfish.serialise import plain
@@ -33,6 +33,8 @@ def extended(
 ) -> Iterator[Refit]:
     """Yield the refit that `make` makes of an evidence, each cause and what is given for it, in their order.
 
+    One that fails is noted, and left out; so is one whose cause failed before.
+
     Args:
         make: what it returns must not depend on where it runs.
         effects: the causes.
@@ -40,46 +42,31 @@ def extended(
         given: what else each is made of, if anything.
     """
     tasks = list(zip(effects, given, strict=True)) if given is not None else [(effect,) for effect in effects]
-    return _side_by_side(_extend, make, evidence, tasks)
+    return _side_by_side(partial(make, evidence), evidence.problem, tasks)
 
 
 def followed(make: Callable[[Refit], Refit], refits: Sequence[Refit]) -> Iterator[Refit]:
     """Yield the refit that `make` makes of each of these, in their order; see `extended`."""
-    return _side_by_side(_follow, make, refits[0], [(refit,) for refit in refits]) if refits else iter(())
-
-
-def _extend(make: Callable[..., Refit], evidence: Evidence, task: tuple[Any, ...]) -> Refit:
-    return make(evidence, *task)
-
-
-def _follow(make: Callable[..., Refit], first: Refit, task: tuple[Any, ...]) -> Refit:
-    (refit,) = task
-    own = first.problem  # as a worker has it: no executor, no folder
-    return make(replace(refit, problem=replace(refit.problem, jobs=own.jobs, executor=own.executor, kept=own.kept)))
+    return _side_by_side(make, None, [(refit,) for refit in refits])
 
 
 def _side_by_side(
-    call: Callable[..., Refit], make: Callable[..., Refit], first: Evidence | Refit, tasks: Sequence[tuple[Any, ...]]
+    make: Callable[..., Refit], problem: Problem | None, tasks: Sequence[tuple[Any, ...]]
 ) -> Iterator[Refit]:
-    """Yield the refits; the problem of `first` has threads, executor and folder, which each refit gets back.
-
-    Raises:
-        CandidatesFailedError: some failed; raised once all were tried.
-    """
-    problem, begun = first.problem, [task[0] for task in tasks]
-    kept, executor = problem.kept, problem.executor
-    files = [None] * len(tasks) if kept is None else [*kept.step([_name(task) for task in begun])]
+    """Yield the refits of those tasks that do not fail; `problem` is what causes extend, None where refits go on."""
+    here, named = execution(), [(_names(task[0], problem), task) for task in tasks]
+    left = [(names, task) for names, task in named if not failed(names)]
+    files = [None] * len(left) if here.kept is None else [*here.kept.step([" ".join(names) for names, _ in left])]
     found = [None if file is None else Kept.read(file) for file in files]
     rest = [place for place, known in enumerate(found) if known is None]
-    worker: Any = replace(first, problem=problem.alone)
-    recorded = kept is not None or executor is not None
-    function: Callable[[tuple[Any, ...]], Any] = partial(_attempted, partial(call, make, worker), candidate_limit())
+    recorded = here.kept is not None or here.executor is not None
+    function: Callable[[Any], Any] = partial(_attempted, make)
     if recorded:
-        function = partial(_recorded, function, problem.alone)
+        function = partial(_recorded, function, problem)
 
     def made() -> Iterator[tuple[int, Callable[[], Any]]]:
         yield from ((place, always(known)) for place, known in enumerate(found) if known is not None)
-        for k, get in completed(function, [tasks[place] for place in rest], problem.jobs, executor):
+        for k, get in completed(function, [left[place] for place in rest]):
             if (file := files[rest[k]]) is None:
                 yield rest[k], get
             else:
@@ -88,23 +75,24 @@ def _side_by_side(
                     Kept.write(file, result)
                 yield rest[k], always(result)
 
-    results = in_order(made())
-    for task in begun:
-        result = next(results)
+    for (_, task), result in zip(left, in_order(made()), strict=True):
         if isinstance(result, Failure):
-            unfailing([result, *results])
-        refit = _restored(result, *_origin(task, problem)) if recorded else result
-        own = replace(refit.problem, jobs=problem.jobs, executor=executor, kept=kept)
-        yield replace(refit, problem=own)
+            note(result)
+        else:
+            yield _restored(result, *_origin(task[0], problem)) if recorded else result
 
 
-def _name(task: Begun) -> str:
-    return task.name if isinstance(task, Effect) else " ".join(task.names)
+def _names(task: Begun, problem: Problem | None) -> tuple[str, ...]:
+    """Return the names of the set of causes that a task is about, the last one added last."""
+    if isinstance(task, Refit):
+        return task.names
+    return (*(effect.name for effect in problem.causes), task.name) if problem is not None else (task.name,)
 
 
-def _origin(task: Begun, problem: Problem) -> tuple[Problem, dict[str, Effect]]:
+def _origin(task: Begun, problem: Problem | None) -> tuple[Problem, dict[str, Effect]]:
     """Return the problem that a task begins with, and the effects that its refit may have by name."""
-    start = problem if isinstance(task, Effect) else task.problem
+    start = task.problem if isinstance(task, Refit) else problem
+    assert start is not None  # noqa: S101 - of a cause that extends it
     effects = {effect.name: effect for effect in start.model.effects}
     return start, {**effects, task.name: task} if isinstance(task, Effect) else effects
 
@@ -113,18 +101,22 @@ def _origin(task: Begun, problem: Problem) -> tuple[Problem, dict[str, Effect]]:
 _OWN = ("slope_step", "prior_sds")
 
 
-def _attempted(make: Callable[..., Refit], limit: float, task: tuple[Any, ...]) -> Refit | Failure:
-    return attempted(lambda _: make(task), task[0], limit)
+def _attempted(make: Callable[..., Refit], named: tuple[tuple[str, ...], tuple[Any, ...]]) -> Refit | Failure:
+    names, task = named
+    refit = attempted(names, lambda: make(*task))
+    if isinstance(refit, Refit) and refit.fit.lost:
+        return Failure(joined(names), f"its refit {refit.fit.status}: {refit.fit.message}")
+    return refit
 
 
 def _recorded(
-    make: Callable[..., Refit | Failure], problem: Problem, task: tuple[Any, ...]
+    make: Callable[..., Refit | Failure], problem: Problem | None, named: tuple[tuple[str, ...], tuple[Any, ...]]
 ) -> dict[str, Any] | Failure:
     """Return what a refit found as plain data, or why it failed."""
-    refit = make(task)
+    refit = make(named)
     if isinstance(refit, Failure):
         return refit
-    start, found = _origin(task[0], problem)[0], refit.fit
+    start, found = _origin(named[1][0], problem)[0], refit.fit
     new = {name: p for name, p in refit.problem.declared.items() if start.declared.get(name) != p}
     return {
         "effects": [effect.name for effect in refit.problem.model.effects],

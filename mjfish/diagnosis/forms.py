@@ -87,15 +87,11 @@ def refit_learned_forms(
     ]
 
     formulas = [[refit for refit in refits.values() if refit.mechanisms == (e.mechanism,)] for e in seen]
-    coarse = [*extended(_begun, seen, scored, formulas)]
+    coarse = [*extended(refit_with, seen, scored, formulas)]
     best = max((refit.gain for refit in [*refits.values(), *coarse]), default=0.0)
     least_share = [_RIVAL if known and refit.mechanisms[0] not in known else _RUNNING for refit in coarse]
     running = [refit for refit, share in zip(coarse, least_share, strict=True) if refit.gain >= share * best]
     return {refit.names[0]: refit for refit in followed(partial(made_smooth, best=evidence.fit.sse - best), running)}
-
-
-def _begun(evidence: Evidence, effect: Effect, formulas: Sequence[Refit]) -> Refit:
-    return refit_with(evidence, effect, formulas=formulas)
 
 
 def promising(

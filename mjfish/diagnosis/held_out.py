@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -14,7 +13,7 @@ from scipy import stats
 from mjfish.arrays import FloatArray, checked
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
-from mjfish.diagnosis.failures import blamed, finite
+from mjfish.diagnosis.failures import finite, tried
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.estimation.residual import ChannelError, Score, held_out_covariance_root, predict_held_out
 from mjfish.sized_cache import Remade
@@ -105,23 +104,26 @@ class HeldOut:
         if refit not in self.scores:
             of = self.evidence if refit is None else refit
             self.scores[refit] = Remade(partial(predict_held_out, of.problem, of.fit.values, self.trials))
-        with _of(refit):
-            return self.scores[refit]()
+        return self.scores[refit]()
+
+    def predicted(self, refits: Mapping[Key, Refit]) -> dict[Key, Refit]:
+        """Return the refits that predict the held-out trials; others fail."""
+        return {key: own for key, own in refits.items() if tried(own.names, partial(self.score, own), None) is not None}
 
     def covariance_root(self, refit: Refit | None) -> FloatArray:
         """Return a root (n, k) of the covariance of a refit's prediction; None: of the nominal model's."""
         if refit not in self.covariance_roots:
             of = self.evidence if refit is None else refit
-            with _of(refit):
-                self.covariance_roots[refit] = held_out_covariance_root(
-                    of.problem, of.fit, self.trials, self.score(refit).own
-                )
+            self.covariance_roots[refit] = held_out_covariance_root(
+                of.problem, of.fit, self.trials, self.score(refit).own
+            )
         return self.covariance_roots[refit]
 
     def confirmed(self, refit: Refit, against: Refit | None) -> Confirmation | None:
-        """Return what a refit gains on the held-out trials; None where there are none."""
-        if not self.trials:
-            return None
+        """Return what a refit gains on the held-out trials; None where there are none, or this fails."""
+        return tried(refit.names, partial(self._confirmed, refit, against), None) if self.trials else None
+
+    def _confirmed(self, refit: Refit, against: Refit | None) -> Confirmation:
         scores = self.score(against), self.score(refit)
         before, after = (pooled_error(score.channels) for score in scores)
         found = confirmation(*scores, (self.covariance_root(against), self.covariance_root(refit)))
@@ -138,19 +140,15 @@ class HeldOut:
         """
         if not self.trials or len(refits) < 2:
             return {name: np.zeros(0) for name in refits}
-        covariance_root = self.covariance_root(max(refits.values(), key=lambda refit: refit.adjusted))
+        best = max(refits.values(), key=lambda refit: refit.adjusted)
+        residuals = [np.concatenate(self.score(refit).whitened) for refit in refits.values()]
+        covariance_root = tried(best.names, partial(self.covariance_root, best), np.zeros((len(residuals[0]), 0)))
         basis, size, _ = np.linalg.svd(covariance_root, full_matrices=False)
         shrink = basis * (1.0 - 1.0 / np.sqrt(1.0 + checked(size) ** 2))
-        residuals = {name: np.concatenate(self.score(residual).whitened) for name, residual in refits.items()}
-        white = np.stack([residual - shrink @ (basis.T @ residual) for residual in residuals.values()])
+        white = np.stack([residual - shrink @ (basis.T @ residual) for residual in residuals])
         ends = np.cumsum([len(residual) for residual in self.score(next(iter(refits.values()))).whitened])[:-1]
         informative = [block for block in np.split(white, ends, axis=1) if np.mean(block**2, axis=1).min() < _PREDICTED]
         return dict(zip(refits, np.concatenate([white[:, :0], *informative], axis=1), strict=True))
-
-
-def _of(refit: Refit | None) -> AbstractContextManager[None]:
-    """Return a context in which what is raised is a failure of the refit's last cause."""
-    return nullcontext() if refit is None else blamed(refit.names[-1])
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence, p_value_of
-from mjfish.diagnosis.failures import Failure, attempted, candidate_limit, unfailing
+from mjfish.diagnosis.failures import Failure, attempted, note
 from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.integration_step import finer
 from mjfish.diagnosis.progress import Progress, silent
@@ -21,6 +21,7 @@ from mjfish.estimation import Fit, Problem, fit
 from mjfish.estimation.fit import fit_or_raise
 from mjfish.estimation.sensor_noise import having_noise_of
 from mjfish.estimation.smoothness import smoothed
+from mjfish.execution import mapped
 from mjfish.parameter import Parameter, bounds
 
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
@@ -77,12 +78,11 @@ def refits(
         round_of = [effect for effect in chosen if bool(effect.limits) == general and _may_explain(effect, found)]
         new = [effect for effect in round_of if effect.name in earlier or effect.name not in known]
         given = [(earlier.get(effect.name), [found[name] for name in effect.limits if name in found]) for effect in new]
-        results = extended(_made_of, new, evidence, given)
-        made: dict[str, Refit] = {}
-        for effect in round_of:
-            progress(f"refitting with {effect.name}", (len(found) + len(made)) / len(chosen))
-            made[effect.name] = next(results) if effect in new else known[effect.name]
-        found.update(made)
+        made = {effect.name: known[effect.name] for effect in round_of if effect not in new}
+        for refit in extended(_made_of, new, evidence, given):
+            progress(f"refitting with {refit.names[-1]}", (len(found) + len(made)) / len(chosen))
+            made[refit.names[-1]] = refit
+        found.update({effect.name: made[effect.name] for effect in round_of if effect.name in made})
     return found
 
 
@@ -90,18 +90,17 @@ def _made_of(evidence: Evidence, effect: Effect, given: tuple[Refit | None, Sequ
     """Refit with a cause, from its earlier refit if it has one."""
     earlier, formulas = given
     if earlier is None:
-        return refit_with(evidence, effect, formulas=formulas)
+        return refit_with(evidence, effect, formulas)
     return _taken_on(evidence, earlier)
 
 
 def other_refits(evidence: Evidence, effects: Sequence[Effect], progress: Progress = silent) -> dict[str, Refit]:
     """Refit with every formula that can be identified, whatever its score: a few steps each."""
     chosen = [effect for effect in effects if not effect.learned and not evidence.unidentifiable(effect.name)]
-    results = extended(refit_with, chosen, evidence)
-    found = {}
-    for done, effect in enumerate(chosen):
-        progress(f"refitting with {effect.name}", done / len(chosen))
-        found[effect.name] = next(results)
+    found: dict[str, Refit] = {}
+    for refit in extended(refit_with, chosen, evidence):
+        progress(f"refitting with {refit.names[-1]}", len(found) / len(chosen))
+        found[refit.names[-1]] = refit
     return found
 
 
@@ -126,12 +125,11 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
     """
     floor = _floor(found)
     limits = {name for refit in found.values() if refit.gain >= floor for name in refit.effects[-1].limits}
-    running = {name: refit for name, refit in found.items() if refit.gain >= floor or name in limits}
-    results = followed(functools.partial(refined, best=leader(found).fit.sse), [*running.values()])
+    running = [refit for name, refit in found.items() if refit.gain >= floor or name in limits]
     result = dict(found)
-    for done, name in enumerate(running):
-        progress(f"refining the fit with {name}", done / len(running))
-        result[name] = next(results)
+    for done, refit in enumerate(followed(functools.partial(refined, best=leader(found).fit.sse), running)):
+        progress(f"refining the fit with {refit.names[-1]}", done / len(running))
+        result[refit.names[-1]] = refit
     return result
 
 
@@ -161,7 +159,7 @@ def refit_nonsmooth(evidence: Evidence, effects: Sequence[Effect]) -> tuple[floa
     [Davies1977] R. Davies, Biometrika 64.
     """
     tried = [effect for effect in effects if not effect.smooth]
-    found = dict(zip((effect.name for effect in tried), extended(refit_with, tried, evidence), strict=True))
+    found = {refit.names[-1]: refit for refit in extended(refit_with, tried, evidence)}
     chances = [p_value_of(refit.gain, refit.degrees_of_freedom + 1) for refit in found.values()]
     return min([1.0, *(len(found) * p for p in chances)]), found
 
@@ -178,9 +176,13 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     }
     if max(scores.values(), default=0.0) < _SMALL:
         shaped = [e for e in effects if e.name in scores and e.smooth and any(p.shape for p in e.parameters)]
-        worths = evidence.problem.mapped(functools.partial(_best_worth, evidence, candidate_limit()), shaped)
-        for effect, worth in zip(shaped, unfailing([*worths]), strict=True):
-            scores[effect.name] = max(scores[effect.name], worth)
+        for effect, worth in zip(
+            shaped, mapped(functools.partial(_best_worth, evidence), shaped, sent=True), strict=True
+        ):
+            if isinstance(worth, Failure):
+                note(worth)
+            else:
+                scores[effect.name] = max(scores[effect.name], worth)
     ranked = sorted((effect for effect in effects if effect.name in scores), key=lambda effect: -scores[effect.name])
     if not ranked:
         return []
@@ -193,15 +195,12 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     ]
 
 
-def _best_worth(evidence: Evidence, limit: float, problem: Problem, effect: Effect) -> float | Failure:
+def _best_worth(evidence: Evidence, effect: Effect) -> float | Failure:
     """Return what a candidate is worth at the best values of its first shape."""
-    there = attempted(
-        lambda _: at_best_shapes(replace(evidence, problem=problem), effect, first_alone=True)[0], effect, limit
-    )
-    return there if isinstance(there, Failure) else there.worth(effect.name)
+    return attempted([effect.name], lambda: at_best_shapes(evidence, effect, first_alone=True)[0].worth(effect.name))
 
 
-def refit_with(evidence: Evidence, effect: Effect, *, gained: float = 0.0, formulas: Sequence[Refit] = ()) -> Refit:
+def refit_with(evidence: Evidence, effect: Effect, formulas: Sequence[Refit] = (), *, gained: float = 0.0) -> Refit:
     """Add a cause to a fitted model: take a few steps from the best of several starts.
 
     Args:
@@ -245,7 +244,7 @@ def _taken_on(evidence: Evidence, refit: Refit) -> Refit:
 
     From where it ended, or from next to nothing of the cause where that is better under this noise.
     """
-    problem = replace(having_noise_of(refit.problem, evidence.problem), jobs=evidence.problem.jobs)
+    problem = having_noise_of(refit.problem, evidence.problem)
     idle = {p.name: p.low for p in problem.declared.values()}
     nothing = problem.start({**idle, **evidence.fit.values})
     start = min((refit.fit.x, nothing), key=lambda x: float(np.sum(problem.residual(x) ** 2)))

@@ -209,7 +209,7 @@ def _under_the_known_noise(
 def _led(found: dict[str, Refit]) -> Refit:
     """Follow the refit that explains most to its optimum, put it in the place of the coarse one, and return it."""
     best = leader(found)
-    (found[best.names[-1]],) = followed(partial(refined, best=best.fit.sse), [best])
+    found.update({refit.names[-1]: refit for refit in followed(partial(refined, best=best.fit.sse), [best])})
     return found[best.names[-1]]
 
 
@@ -226,7 +226,7 @@ def _fitted(problem: Problem, start: FloatArray, candidates: tuple[Effect, ...])
 
 
 def _signatures(problem: Problem, values: Mapping[str, float], candidates: tuple[Effect, ...]) -> Remade[Slopes]:
-    """Return the signatures of candidates, made: what fails among them fails here."""
+    """Return the signatures of candidates, made: those that fail are noted here."""
     make = partial(signatures, problem, values, candidates)
     return Remade(make, make())
 

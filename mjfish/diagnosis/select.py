@@ -26,7 +26,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis.by_run import Drawn
 from mjfish.diagnosis.constancy import linearised
 from mjfish.diagnosis.evidence import gather, tail
-from mjfish.diagnosis.failures import blamed, finite
+from mjfish.diagnosis.failures import finite, tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.sign_flips import flipped_p
@@ -46,6 +46,8 @@ def _rivalry(refits: Mapping[Names, Refit], held_out: HeldOut) -> dict[Names, Ro
     for row, name in zip(residuals, names, strict=True):
         row[:] = np.concatenate([refits[name].fit.residual, beyond[name]])
     gains = np.array([refits[name].adjusted - float(beyond[name] @ beyond[name]) for name in names])
+    without = [gains + np.sum(residuals[:, rows] ** 2, axis=1) for rows in refits[names[0]].problem.trial_rows]
+    chosen = np.mean([most == most.max() for most in without], axis=0)
     result, rng = {}, np.random.default_rng(0)  # its own: what else is drawn moves no verdict
     for index, name in enumerate(names):
         inner = sum(_inner(residuals[:, at : at + _ROWS], index) for at in range(0, residuals.shape[1], _ROWS))
@@ -55,7 +57,7 @@ def _rivalry(refits: Mapping[Names, Refit], held_out: HeldOut) -> dict[Names, Ro
         observed = gains.max() - gains[index]
         finite("the comparison of the candidates", float(observed), *margin.sum(axis=0))
         p_value = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
-        result[name] = Row.of(name, refits[name], float(observed), p_value)
+        result[name] = Row.of(name, refits[name], float(observed), p_value, float(chosen[index]))
     return result
 
 
@@ -96,15 +98,17 @@ class Goodness:
     def of(self, refit: Refit, row: Row) -> Row:
         """Return the row of a refit with the tests of what it leaves."""
         if refit not in self.known:
-            with blamed(refit.names[-1]):
-                self.known[refit] = tests, excess = self._tested(refit)
-                if np.isnan([excess, *tests.values()]).any():
-                    raise FloatingPointError("a test of what it leaves is no number")
+            nothing: tuple[dict[str, float], float] = {}, np.inf
+            self.known[refit] = tried(refit.names, lambda: self._tested(refit), nothing)
         tests, excess = self.known[refit]
         return replace(row, tests=tests, excess=excess)
 
     def _tested(self, refit: Refit) -> tuple[dict[str, float], float]:
-        """Return the p values of the tests, and what is left beyond chance."""
+        """Return the p values of the tests, and what is left beyond chance.
+
+        Raises:
+            FloatingPointError: one is no number.
+        """
         sizes, (steady, steady_p) = self._by_run(refit)
         after = gather(refit.problem, refit.fit, self.candidates)
         common, (weighed, weighed_p) = after.common(), _drawn(after.weighed(), after.cleared, refit.gain)
@@ -123,6 +127,8 @@ class Goodness:
             "sizes by run": sharp_p(sizes, refit.gain),
             "coefficients by run": steady_p,
         }
+        if np.isnan([excess, *tests.values()]).any():
+            raise FloatingPointError("a test of what it leaves is no number")
         return tests, excess
 
     def _by_run(self, refit: Refit) -> tuple[tuple[float, int], tuple[float, float]]:
@@ -134,5 +140,6 @@ class Goodness:
 
 def compared(refits: Mapping[Names, Refit], goodness: Goodness, held_out: HeldOut) -> Comparison:
     """Return the rows of sets of one size; only of those in the confidence set it is tested what they leave."""
+    refits = held_out.predicted(refits)
     found = _rivalry(refits, held_out) if refits else {}
     return Comparison({n: goodness.of(refits[n], row) if row.stays() else row for n, row in found.items()})

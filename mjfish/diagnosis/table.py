@@ -84,6 +84,7 @@ class Row:
             the nominal model; None where it was not asked, or nothing is held out.
         status: how its fit ended.
         promise: what a step more may gain where the fit was stopped; the set stays as if it had gained that.
+        chosen: selection frequency: share of the fitted runs without which it would be the best, nothing fitted anew.
     """
 
     names: Names
@@ -100,9 +101,10 @@ class Row:
     held_out: Confirmation | None = None
     status: str = "converged"
     promise: float = 0.0
+    chosen: float = 0.0
 
     @classmethod
-    def of(cls, names: Names, refit: Refit, behind: float, rival_p: float) -> Row:
+    def of(cls, names: Names, refit: Refit, behind: float = 0.0, rival_p: float = 1.0, chosen: float = 0.0) -> Row:
         """Return the row of a refit that was compared with others, but not tested."""
         return cls(
             names=names,
@@ -114,6 +116,7 @@ class Row:
             adjusted=refit.adjusted,
             behind=behind,
             rival_p=rival_p,
+            chosen=chosen,
             status=refit.fit.status,
             promise=refit.promise,
         )

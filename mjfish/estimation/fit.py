@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ from mjfish.errors import NUMERIC, MjfishError, reason_of
 from mjfish.estimation.gauss_newton import minimise, weights_of
 from mjfish.estimation.problem import LOST, Problem
 from mjfish.estimation.settings import Loss
+from mjfish.execution import mapped
 from mjfish.parameter import Parameter, bounds
 from mjfish.sized_cache import Remade, always
 
@@ -381,9 +383,9 @@ def multistart(
         best = fit(problem, **robust)  # type: ignore[arg-type]
         return MultiStart(best, np.array([_cost(best)]), best.x[None], float(not best.lost))
     points = [problem.start(), *hypercube(problem, starts - 1, seed)]
-    short = {**robust, "tolerance": _SCOUT_TOLERANCE, "evaluations": _SCOUT}
+    short: dict[str, Any] = {**robust, "tolerance": _SCOUT_TOLERANCE, "evaluations": _SCOUT}
     scouts = []
-    for scout in problem.mapped(scouted, points, **short):
+    for scout in mapped(partial(scouted, problem, **short), points, sent=True):
         scouts.append(scout)
         if tell is not None:
             tell(len(scouts) / (len(points) + 1))

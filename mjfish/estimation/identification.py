@@ -29,6 +29,7 @@ from mjfish.estimation.sensor_noise import joints_in_words, with_sensor_noise
 from mjfish.estimation.settings import Loss, Settings
 from mjfish.estimation.stability import Stability, stability
 from mjfish.estimation.table_iv import Row, table_iv
+from mjfish.execution import executing
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.model.posterior import Posterior
@@ -226,7 +227,7 @@ def _listed(scores: Sequence[SensorScore]) -> str:
     return f"{role.replace('_', ' ')}: " + ", ".join(f"{channel} {mean:.3f}" for channel, mean in means.items())
 
 
-def pose(dataset: Dataset, settings: Settings | None = None, *, jobs: int | None = None) -> Problem:
+def pose(dataset: Dataset, settings: Settings | None = None) -> Problem:
     """Return the least-squares problem of a dataset's fit trials, weighted by the stated noise or a first guess of it.
 
     Raises:
@@ -237,7 +238,7 @@ def pose(dataset: Dataset, settings: Settings | None = None, *, jobs: int | None
     settings = settings or Settings()
     fitted, _ = dataset.split()
     noise = dataset.noise if dataset.noise is not None else first_sigma(fitted)
-    problem = nominal_problem(dataset, fitted, white(settings.sigma(noise)), jobs=jobs)
+    problem = nominal_problem(dataset, fitted, white(settings.sigma(noise)))
     fixed, declared = settings.choose(problem.parameters)
     problem = replace(problem, fixed=fixed, declared={**problem.declared, **declared})
     check_enough(problem, dataset.name)
@@ -306,10 +307,15 @@ def identify(
     settings = settings or Settings()
     if starts is not None:
         settings = replace(settings, starts=starts)
-    dataset = aligned(dataset if isinstance(dataset, Dataset) else load_dataset(dataset))
+    with executing(jobs, executor):
+        return _identified(dataset if isinstance(dataset, Dataset) else load_dataset(dataset), settings, tell)
+
+
+def _identified(dataset: Dataset, settings: Settings, tell: Callable[[float], None] | None) -> Identification:
+    dataset = aligned(dataset)
     trials, held = dataset.split()
     stated = dataset.noise
-    problem = replace(pose(dataset, settings, jobs=jobs), executor=executor)
+    problem = pose(dataset, settings)
     robust = {"loss": settings.loss, "loss_scale": settings.loss_scale}
     many = multistart(problem, settings.starts, seed=settings.seed, tell=tell, **robust)  # type: ignore[arg-type]
     solution = many.best

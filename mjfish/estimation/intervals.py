@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -31,6 +32,7 @@ from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation.fit import Fit, fit
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.serial_correlation import Block, Serial, middle, satterthwaite, serial, serial_blocks
+from mjfish.execution import mapped
 from mjfish.parameter import bounds
 
 
@@ -300,7 +302,7 @@ def profiles(
 ) -> Iterator[Profile]:
     """Yield the `profile` of each of these parameters, side by side."""
     known = known or intervals(problem, fitted, level=level)
-    return problem.mapped(_profiled, names, fitted=fitted, known=known, level=level)
+    return mapped(partial(_profiled, problem, fitted=fitted, known=known, level=level), names, sent=True)
 
 
 def _profiled(problem: Problem, name: str, *, fitted: Fit, known: Intervals, level: float) -> Profile:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
@@ -26,8 +25,6 @@ def nominal_problem(
     dataset: Dataset,
     trials: tuple[Trial, ...],
     noise: Noise,
-    *,
-    jobs: int | None = None,
 ) -> Problem:
     """Return the problem of a dataset's fish on some of its trials.
 
@@ -37,7 +34,6 @@ def nominal_problem(
         dataset: with the fish, and what is known.
         trials: of it, that are fitted.
         noise: gives the weights.
-        jobs: threads; None: one per processor.
 
     Raises:
         UnknownNameError: something is known of a number that there is not.
@@ -54,7 +50,6 @@ def nominal_problem(
         smoothing=dataset.filter,
         nominal=nominal,
         sensor_sigma=_first_sensor_sigma(dataset, trials),
-        jobs=jobs or os.cpu_count() or 1,
     )
     if not given:
         return problem

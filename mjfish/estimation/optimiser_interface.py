@@ -21,7 +21,7 @@ from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.identification import first_sigma, white
 from mjfish.estimation.nominal import nominal_problem
-from mjfish.estimation.problem import Problem
+from mjfish.execution import executing
 from mjfish.noise import Noise
 from mjfish.parameter import bounds
 
@@ -81,25 +81,22 @@ def residual_function(
     sigma = np.asarray(noise, dtype=np.float64)
     if sigma.shape != (3,) or not np.all((sigma > 0.0) & np.isfinite(sigma)):
         raise InputError(f"noise is {sigma.tolist()}, expected three numbers above 0: surge, sway, yaw rate")
-    return of(replace(nominal_problem(dataset, trials, Noise.white(readonly(sigma)), jobs=jobs), fixed=given))
-
-
-def of(problem: Problem) -> ResidualFunction:
-    """Return any problem as plain functions."""
+    problem = replace(nominal_problem(dataset, trials, Noise.white(readonly(sigma))), fixed=given)
     parameters = problem.parameters
     low, high = map(readonly, bounds(parameters))
 
-    def vector(x: FloatArray) -> FloatArray:
+    def at(x: FloatArray, made: Callable[[FloatArray], FloatArray]) -> FloatArray:
         x = np.asarray(x, dtype=np.float64)
         if x.shape != low.shape:
             raise InputError(
                 f"x has shape {x.shape}, expected ({len(low)},): one number a parameter, in order of names"
             )
-        return x
+        with executing(jobs):
+            return made(x)
 
     return ResidualFunction(
-        residual=lambda x: problem.residual(vector(x)),
-        jacobian=lambda x: -problem.jacobian(vector(x)).dense(),
+        residual=lambda x: at(x, problem.residual),
+        jacobian=lambda x: at(x, lambda x: -problem.jacobian(x).dense()),
         names=tuple(p.name for p in parameters),
         start=readonly(problem.start()),
         low=low,

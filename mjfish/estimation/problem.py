@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from typing import Any, TypeVar
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -20,18 +18,14 @@ from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
 from mjfish.estimation.joint_errors import Whitening
 from mjfish.estimation.time_limit import check_time
-from mjfish.executors import mapped
+from mjfish.execution import mapped
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.kept import Kept
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.model.sensitivity import one_sided, with_sensors
 from mjfish.noise import Noise
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior
 from mjfish.serialise import plain
-
-T = TypeVar("T")
-R = TypeVar("R")
 
 #: Residual of a sample that the rollout did not reach, in units of sigma: worse than any honest misfit.
 LOST = 1e3
@@ -113,9 +107,6 @@ class Problem:
         joint_errors: returns what whitens the sensors of a trial for the errors of its measured joint angles, of the
             sigma and the mask of each; None where they do not matter: its sensors have white noise alone then, and
             those of all trials where it is None.
-        jobs: threads.
-        executor: takes whole fits in place of the threads; None: they do those as well.
-        kept: where finished refits of a diagnosis are kept; None: nowhere.
     """
 
     model: Model
@@ -132,22 +123,6 @@ class Problem:
     prior_sds: Mapping[str, float] = field(default_factory=dict)
     sensor_sigma: Mapping[str, FloatArray] = field(default_factory=dict)
     joint_errors: Callable[[Trial, Sequence[FloatArray], Sequence[BoolArray]], Whitening | None] | None = None
-    jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
-    executor: Executor | None = None
-    kept: Kept | None = None
-
-    @property
-    def alone(self) -> Problem:
-        """The problem for one worker of many; its threads are those that the others leave."""
-        return replace(self, executor=None, kept=None)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what another process gets: a problem for one worker."""
-        return {**vars(self), "jobs": 1, "executor": None, "kept": None}
-
-    def mapped(self, function: Callable[..., R], tasks: Sequence[T], **settings: Any) -> Iterator[R]:
-        """Yield what `function` returns of this problem, each task and the settings, in the order of the tasks."""
-        return mapped(partial(function, self.alone, **settings), tasks, self.jobs, self.executor)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -399,7 +374,7 @@ class Problem:
             lost = {p.name for known in finite for p, there in zip(asked, known, strict=True) if not there}
             return self._counted(index, found), lost
 
-        return shared, own, mapped(counted, range(len(self.trials)), self.jobs)
+        return shared, own, mapped(counted, range(len(self.trials)))
 
     def _counted(self, index: int, found: _Predicted) -> _Predicted:
         """Return the derivatives of one trial (n_r, 3, k) of counted samples, and whitened ones (m, k) of its sensors.
@@ -595,12 +570,12 @@ class Problem:
             white = [block.ravel() for block in self.white_sensors(index, left)]
             return [np.full_like(block, LOST) for block in white] if own.lost else white
 
-        return [block for blocks in mapped(of_trial, range(len(self.trials)), self.jobs) for block in blocks]
+        return [block for blocks in mapped(of_trial, range(len(self.trials))) for block in blocks]
 
     def _run(self, x: FloatArray) -> list[_Predicted]:
         check_time()
         values = self.named(x)
-        return list(mapped(self._predict, [(trial, values) for trial in self.trials], self.jobs))
+        return list(mapped(self._predict, [(trial, values) for trial in self.trials]))
 
     def _predict(self, task: tuple[Trial, dict[str, float]]) -> _Predicted:
         check_time()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy import linalg
@@ -16,6 +17,7 @@ from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Role, Sensor, Trial
 from mjfish.estimation.fit import Fit, fit_or_raise
 from mjfish.estimation.problem import Problem, nuisances
+from mjfish.execution import mapped
 from mjfish.frames import CHANNELS, UNITS
 
 #: Share of a held-out trial, as far as its samples count, on which its nuisance parameters are fitted, if it has any.
@@ -99,8 +101,7 @@ class Score:
 
 def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
     """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""
-    # In this process: to send all fitted runs along with one takes longer.
-    found = [*replace(fitted, executor=None).mapped(_predicted, trials, values=values)]
+    found = [*mapped(partial(_predicted, fitted, values=values), trials)]
     return Score(*map(tuple, zip(*found, strict=True))) if found else Score((), (), ())
 
 
@@ -133,7 +134,7 @@ def held_out_covariance_root(
     rows = [i for i, p in enumerate(found.parameters) if ":" not in p.name]
     values, vectors = np.linalg.eigh(found.covariance[np.ix_(rows, rows)])
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    derived = replace(fitted, executor=None).mapped(_derived, [*zip(trials, own, strict=True)], values=found.values)
+    derived = mapped(partial(_derived, fitted, values=found.values), [*zip(trials, own, strict=True)])
     slopes, doubts = zip(*derived, strict=True)
     return np.hstack([np.concatenate(slopes) @ root, linalg.block_diag(*doubts)])
 

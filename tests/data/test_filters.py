@@ -72,7 +72,7 @@ def test_positions_along_the_axes_of_the_tank_lose_more() -> None:
 def test_derivatives_and_samples_that_count_go_with_the_filter() -> None:
     fish = load_fish("pike")
     trials = generate(fish, ["v3-t2"], noise=SIGMA, duration=6.0, seed=1).trials
-    plain = Problem(Model(fish), trials, Noise.white(SIGMA), jobs=1)
+    plain = Problem(Model(fish), trials, Noise.white(SIGMA))
     smoothed = replace(plain, smoothing=Differentiator(9, 2))
     x, step = smoothed.start(), 1e-4
     slopes = smoothed.slopes(x).velocity[0]

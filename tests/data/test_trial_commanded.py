@@ -43,7 +43,7 @@ def commanded(lag: float) -> Dataset:
 
 def test_a_lag_behind_recorded_commands_is_found() -> None:
     dataset = commanded(0.04)
-    problem = nominal_problem(dataset, dataset.trials, Noise.white(SIGMA), jobs=1)
+    problem = nominal_problem(dataset, dataset.trials, Noise.white(SIGMA))
     lagging = replace(problem, model=problem.model.extended(find("servo_lag")), fixed=dataset.fish.values)
     found = fit(lagging)
     assert found.values["servo_lag.time_constant"] == pytest.approx(0.04, abs=1e-4)

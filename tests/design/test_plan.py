@@ -62,7 +62,7 @@ def test_smallest_visible_sizes_are_those_of_the_score_tests_and_shrink() -> Non
     causes = ("time_offset", "frame_misalignment")
     dataset = synthetic(NAMES[0], TRUTH, ("v1",))
     found = plan(dataset, causes=causes, menu=Menu(DURATION), jobs=1)
-    problem = FittedModels.undiagnosed(dataset, {}, 1).problem
+    problem = FittedModels.undiagnosed(dataset, {}).problem
     evidence = gather(problem, fit(problem, tolerance=1e-6), [find(name) for name in causes])
     for pair, name in zip(found.runs[0].pairs, causes, strict=True):
         visible = evidence.minimum_detectable(name)
@@ -173,7 +173,7 @@ def test_a_plan_of_places_is_refused_before_anything_is_fitted(monkeypatch: pyte
 
 
 def test_a_cause_of_the_nominal_model_is_not_asked_for(dataset: Dataset) -> None:
-    known = FittedModels.undiagnosed(dataset, {name: find(name) for name in NAMES}, 1)
+    known = FittedModels.undiagnosed(dataset, {name: find(name) for name in NAMES})
     for nominal, expected in (((), NAMES), (NAMES[:1], NAMES[1:])):
         here = replace(known, problem=replace(known.problem, nominal=nominal))
         assert tuple(effect.name for effect in planning._causes(here, Question("see", ()))) == expected

@@ -35,7 +35,7 @@ def _dataset(size: float, relative: float | None) -> Dataset:
 def test_what_coefficients_hide_has_a_size_once_they_are_known() -> None:
     """That of the score tests, and what a refit leaves of the sum of squares, 18."""
     cause, name = find("mass_error"), "mass_error.error"
-    known = FittedModels.undiagnosed(_dataset(0.0, 0.02), catalogue(), 1)
+    known = FittedModels.undiagnosed(_dataset(0.0, 0.02), catalogue())
     size = detection(known.estimate(None), [cause], ()).sizes("mass_error")[name]
     evidence = gather(known.problem, fit(known.problem, tolerance=1e-6), [cause])
     assert size == pytest.approx(evidence.minimum_detectable("mass_error")[name], rel=0.01)
@@ -43,13 +43,13 @@ def test_what_coefficients_hide_has_a_size_once_they_are_known() -> None:
     hidden = tuple(swum(trial, "mass_error", {name: size}) for trial in known.dataset.trials)
     assert fit(replace(known.problem, trials=hidden), tolerance=1e-6).sse == pytest.approx(18.0, rel=0.1)
 
-    unknown = FittedModels.undiagnosed(_dataset(0.0, None), catalogue(), 1).estimate(None)
+    unknown = FittedModels.undiagnosed(_dataset(0.0, None), catalogue()).estimate(None)
     assert detection(unknown, [cause], ()).sizes("mass_error") == {name: np.inf}
 
 
 def test_rivals_differ_by_what_is_known_too() -> None:
     """Predicted from one fit each; measured by the margin of the two fits."""
-    known = FittedModels.undiagnosed(_dataset(0.03, 0.02), catalogue(), 1)
+    known = FittedModels.undiagnosed(_dataset(0.03, 0.02), catalogue())
     rivals = known.estimates([find("mass_error"), find("time_offset")], silent)
     (apart,) = separations(rivals, ())
     assert apart.margin > 5.0

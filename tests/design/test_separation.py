@@ -29,7 +29,7 @@ RUNS = ("steady-30", "step-down")
 
 
 def _rivals(dataset: Dataset, *names: str) -> tuple[ModelEstimate, ...]:
-    known = FittedModels.undiagnosed(dataset, catalogue(), 1)
+    known = FittedModels.undiagnosed(dataset, catalogue())
     return known.estimates([find(name) for name in names], silent)
 
 
@@ -66,7 +66,7 @@ def test_lambda_of_a_small_effect_is_that_of_the_score_tests() -> None:
     """psi_k' (I_kk - I_kl I_ll^+ I_lk) psi_k of the information after the baseline's refit."""
     truth, rival, sizes = "time_offset", "frame_misalignment", {"time_offset.offset": 0.001}
     dataset = synthetic(truth, sizes)
-    problem = FittedModels.undiagnosed(dataset, {}, 1).problem
+    problem = FittedModels.undiagnosed(dataset, {}).problem
     evidence = gather(problem, fit(problem), [find(truth), find(rival)])
     k, l = (evidence.blocks[name] for name in (truth, rival))  # noqa: E741
     whole = evidence.information

@@ -123,7 +123,7 @@ def test_a_set_without_a_member_has_the_fit_that_never_had_it() -> None:
     pike = load_fish("pike")
     values = {"servo_lag.time_constant": 0.03, "velocity_scale.error": 0.1}
     dataset = generate(pike, ["v1", "v5"], values=values, effects=[lag, scale], noise=SIGMA, duration=4.0, seed=3)
-    problem = Problem(Model(pike), dataset.trials, Noise.white(SIGMA), jobs=1)
+    problem = Problem(Model(pike), dataset.trials, Noise.white(SIGMA))
     nominal = gather(problem, fit(problem), [lag, scale])
     alone = refit_with(nominal, lag)
     both = refit_with(gather(alone.problem, alone.fit, [scale]), scale, gained=alone.gain)

@@ -55,7 +55,7 @@ def _turbid(pike: Fish, factors: list[float], seed: int = 6) -> tuple[Trial, ...
 
 
 def _refit(pike: Fish, trials: tuple[Trial, ...]) -> Refit:
-    problem = Problem(Model(pike), trials, Noise.white(NOISE), jobs=1)
+    problem = Problem(Model(pike), trials, Noise.white(NOISE))
     cause = find("joint_zero_offset")
     return refined(refit_with(gather(problem, fit(problem), [cause]), cause), np.inf)
 
@@ -139,7 +139,7 @@ def test_common_waves_are_the_sums_of_those_of_runs(pike: Fish, share: float) ->
         pike, MODES, values={"fin_lift.slope": share} if share else {}, effects=effects, noise=NOISE, duration=6.0,
         seed=2,
     )  # fmt: skip
-    problem = Problem(Model(pike), pool.trials, Noise.white(NOISE), jobs=1)
+    problem = Problem(Model(pike), pool.trials, Noise.white(NOISE))
     evidence = gather(problem, fit(problem), [find("time_offset")])
     waves = whitened_omnibus(problem).dense()
     summed = waves.reshape(len(waves), len(pool.trials), 3, HATS, -1).sum(axis=(1, 3)).reshape(len(waves), -1)

@@ -35,7 +35,7 @@ def test_a_domain_is_stated_where_it_alone_leaves_little(shares: dict[Domain, fl
 def nominal(pike: Fish) -> tuple[Problem, Fit]:
     """Two runs of the nominal fish, fitted."""
     data = generate(pike, ["v1", "v3-t2"], noise=NOISE, duration=6.0, seed=5)
-    problem = Problem(Model(pike), data.trials, Noise.white(NOISE), jobs=1)
+    problem = Problem(Model(pike), data.trials, Noise.white(NOISE))
     return problem, fit(problem)
 
 

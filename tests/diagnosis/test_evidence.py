@@ -22,7 +22,7 @@ def test_a_cause_that_the_coefficients_hide_changes_no_p_value() -> None:
     """Its score and information are rounding errors; their quotient in the draws hides any other cause (p = 1)."""
     dataset = draw("com_offset", "weak", trials=4).dataset
     assert dataset.noise is not None
-    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)), jobs=1)
+    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
     fitted = fit(problem)
     found = {}
     for names in (("com_offset", "time_offset"), ("com_offset", "time_offset", "mass_error")):
@@ -44,7 +44,7 @@ def test_a_cause_that_the_coefficients_hide_changes_no_p_value() -> None:
 def test_a_cause_is_identifiable_by_whatever_a_refit_leaves_of_it(beyond: float, hidden: bool) -> None:
     """A ten-thousandth of the energy may show in precise data; of a true gauge only rounding is left, 1e-8."""
     dataset = draw("com_offset", "weak", trials=4).dataset
-    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)), jobs=1)
+    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
     evidence = gather(problem, fit(problem, evaluations=1), [find("com_offset")])
     column = evidence.fit.jacobian.of_columns([0])
     column /= np.linalg.norm(column)
@@ -55,7 +55,7 @@ def test_a_cause_is_identifiable_by_whatever_a_refit_leaves_of_it(beyond: float,
 def test_a_derivative_that_is_not_finite_leaves_its_cause_without_a_score(monkeypatch: pytest.MonkeyPatch) -> None:
     """At a rival's refit a derivative may diverge; the scores of the others stay as they are."""
     dataset = draw("com_offset", "weak", trials=4).dataset
-    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)), jobs=1)
+    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
     fitted, names = fit(problem, evaluations=1), ["com_offset", "time_offset"]
     whole = gather(problem, fitted, [find(name) for name in names])
     honest = Problem._slopes

@@ -17,11 +17,16 @@ from schema_check import complaints
 
 from mjfish.data import Dataset
 from mjfish.diagnosis import Diagnosis, diagnose
+from mjfish.diagnosis.evidence import gather
+from mjfish.diagnosis.failures import Parts, noting
+from mjfish.diagnosis.fan_out import extended
+from mjfish.diagnosis.refit import refit_with
 from mjfish.effects import Effect, find
 from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
+from mjfish.estimation import Noise, time_limit
 from mjfish.estimation import fit as _fit_function
-from mjfish.estimation import time_limit
+from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.problem import Problem
 from mjfish.fish import load_fish
 from mjfish.model import Model
@@ -29,6 +34,7 @@ from mjfish.parameter import Parameter
 from mjfish.simulation.synthetic import generate
 
 FIT = sys.modules[_fit_function.__module__]
+DIAGNOSIS = sys.modules[diagnose.__module__]
 CANDIDATES = ("time_offset", "velocity_scale")
 HIDDEN = "time_offset"
 CLAIMS = ("named", "nothing_wrong")
@@ -203,6 +209,29 @@ def test_a_candidate_that_takes_longer_than_it_may_is_a_failure(monkeypatch: pyt
     result = _diagnosed(hidden=True, limit=4000.0)
     _assert_told(result, "velocity_scale", "it took longer than the limit of 4000 s")
     _assert_compared(result, HIDDEN)
+
+
+def test_where_a_pair_fails_its_members_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Catches the failure of a pair that takes the cause that was added last from all other sets."""
+    dataset, (first, second) = _data(True), map(find, CANDIDATES)
+    problem = nominal_problem(dataset, dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
+    found = _fit_function(problem)
+    (base,) = extended(refit_with, [first], gather(problem, found, [first, second]))
+    _minimiser(monkeypatch, second.name, _singular)
+    with noting(Parts()) as parts:
+        assert [*extended(refit_with, [second], gather(base.problem, base.fit, [second]))] == []
+        assert "SVD did not converge" in parts.failures["velocity_scale with time_offset"]
+        monkeypatch.undo()
+        (alone,) = extended(refit_with, [second], gather(problem, found, [first, second]))
+        assert alone.names == ("velocity_scale",)
+
+
+@pytest.mark.parametrize("at", ["reading", "drive", "priors"])
+def test_nothing_begins_anew_where_a_candidate_fails(monkeypatch: pytest.MonkeyPatch, at: str) -> None:
+    begun, honest = [], DIAGNOSIS.screen
+    monkeypatch.setattr(DIAGNOSIS, "screen", lambda *given: (begun.append(given), honest(*given))[1])
+    _assert_told(_diagnosed(True, _broken(at, _raises)), "broken", "KeyError: 'no such gear'")
+    assert len(begun) == 1
 
 
 def test_a_limit_that_is_not_reached_changes_nothing(found: dict[bool, Diagnosis]) -> None:

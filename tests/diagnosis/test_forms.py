@@ -99,7 +99,7 @@ def test_what_other_forms_leave_grows_with_the_strength(pike: Fish) -> None:
     for power in (0.003, 0.4):
         truth = {"power_drag.friction": power, "power_drag.pressure": power}
         data = generate(pike, ["v1", "v3-t2"], values=truth, effects=[find("power_drag")], noise=noise, duration=6.0)
-        problem = Problem(Model(pike), data.trials, Noise.white(noise), jobs=1)
+        problem = Problem(Model(pike), data.trials, Noise.white(noise))
         nominal, refits = fit(problem), []
         for name in ("power_drag", "drag_law"):
             effect = find(name).for_fish(pike) or find(name)

@@ -75,6 +75,10 @@ class _Linear:
     promise: float = 0.0
 
     @property
+    def problem(self) -> Any:
+        return SimpleNamespace(trial_rows=[np.arange(20), np.arange(20, 40)])
+
+    @property
     def size(self) -> FloatArray:
         return np.asarray(np.linalg.lstsq(self.columns, self.data, rcond=None)[0])
 
@@ -140,6 +144,18 @@ def test_rivals_are_compared_alike_however_many_rows_at_a_time(monkeypatch: pyte
     monkeypatch.setattr(select, "_ROWS", 7)
     assert compared() == pytest.approx(at_once, abs=0.002)
     assert 0.01 < min(at_once) < 0.9
+
+
+def test_how_often_a_rival_is_the_best_without_one_run_is_told() -> None:
+    """Each run of the two alone favours the other rival: whichever is left out, that of the one that stays is best."""
+    apart = np.concatenate([np.full(20, 0.1), np.full(20, -0.1)])
+    shared = np.ones((40, 1))
+    data = np.concatenate([np.full(20, 2.0), np.full(20, 1.0)])
+    first, second = (np.where(np.arange(40) < 20, *pair)[:, None] for pair in ((1.0, 0.0), (0.0, 1.0)))
+    refits = {"a": _Linear(first, data), "b": _Linear(second, data), "c": _Linear(shared + apart[:, None], data)}
+    rows = select._rivalry(refits, HeldOut(None, ()))  # type: ignore[arg-type]
+    assert [rows[name].chosen for name in refits] == [0.5, 0.5, 0.0]
+    assert sum(row.chosen for row in rows.values()) == 1.0
 
 
 def test_a_held_out_trial_that_no_rival_predicts_does_not_count() -> None:

@@ -31,7 +31,7 @@ def pike() -> Fish:
 
 
 def _problem(dataset: Dataset) -> Problem:
-    return Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
+    return Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA))
 
 
 @pytest.mark.parametrize("modes", [["v1"], ["v5", "v7"]])
@@ -68,7 +68,7 @@ def _jolted(pike: Fish, values: dict[str, float], sigma: FloatArray) -> Problem:
         velocity = model.predict(trial, values).velocity
         velocity = velocity + sigma * np.random.default_rng(3 + k).standard_normal(velocity.shape)
         trials.append(replace(trial, velocity=readonly(velocity)))
-    return Problem(Model(pike), tuple(trials), Noise.white(sigma), jobs=1)
+    return Problem(Model(pike), tuple(trials), Noise.white(sigma))
 
 
 @pytest.fixture(scope="module")

@@ -85,7 +85,7 @@ def test_a_learned_form_hides_what_its_prior_lets_it_imitate() -> None:
 
 def test_of_a_diagnosis_the_diagonal_is_the_minimum_detectable_effect_and_clocks_are_hidden_by_servos() -> None:
     dataset = draw("com_offset", "weak", trials=4).dataset
-    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)), jobs=1)
+    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
     formulas = [find(name) for name in ("time_offset", "servo_delay", "velocity_scale", "reynolds_drag")]
     evidence = gather(problem, fit(problem), formulas)
     found = isolability(evidence, [find("drag_law")])

@@ -36,6 +36,7 @@ from mjfish.estimation import Problem, Settings, identify
 from mjfish.estimation.fit import fit
 from mjfish.estimation.intervals import profiles
 from mjfish.estimation.nominal import nominal_problem
+from mjfish.execution import executing
 from mjfish.executors import cluster, processes
 from mjfish.kept import Kept
 from mjfish.noise import Noise
@@ -129,7 +130,8 @@ def test_starts_and_profiles_go_to_the_executor(dataset: Dataset) -> None:
     names = ("c_d.head", "c_d.tail")
     assert by_executor.problem is not None
     assert by_threads.problem is not None
-    found = [*profiles(by_executor.problem, by_executor.fit, names)]
+    with executing(executor=executor):
+        found = [*profiles(by_executor.problem, by_executor.fit, names)]
     assert executor.ran == 5
     for mine, theirs in zip(found, profiles(by_threads.problem, by_threads.fit, names), strict=True):
         assert mine.values.tobytes() == theirs.values.tobytes()
@@ -138,13 +140,13 @@ def test_starts_and_profiles_go_to_the_executor(dataset: Dataset) -> None:
 
 def refitted(tmp_path: Path, cause: str, dataset: Dataset, follow: Callable[[Refit], Refit]) -> Iterator[list[Refit]]:
     """Yield a coarse refit and the one that is followed: as they are, as they are kept, and as they are read again."""
-    whole = nominal_problem(dataset, dataset.split()[0], Noise.white(np.asarray(dataset.noise)), jobs=1)
+    whole = nominal_problem(dataset, dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
     found = fit(whole)
     effect = catalogue()[cause]
     for kept in (None, Kept(tmp_path, "a"), Kept(tmp_path, "a")):
-        problem = Problem(**{**vars_of(whole), "kept": kept})
-        (coarse,) = extended(refit_with, [effect], gather(problem, found, [effect]))
-        (fine,) = followed(follow, [coarse])
+        with executing(1, kept=kept):
+            (coarse,) = extended(refit_with, [effect], gather(whole, found, [effect]))
+            (fine,) = followed(follow, [coarse])
         yield [coarse, fine]
 
 
@@ -174,7 +176,7 @@ def test_a_kept_refit_is_the_same_to_the_last_bit(
             assert other.fit.jacobian.dense().tobytes() == mine.fit.jacobian.dense().tobytes()
             for name in ("sse", "penalty", "status", "message", "evaluations", "cost"):
                 assert getattr(other.fit, name) == getattr(mine.fit, name), name
-            own = {k: v for k, v in vars_of(other.problem).items() if k not in ("kept", "model", "jobs")}
+            own = {k: v for k, v in vars_of(other.problem).items() if k != "model"}
             assert own == {k: v for k, v in vars_of(mine.problem).items() if k in own}
             assert other.problem.model.step == mine.problem.model.step
             assert [e.name for e in other.problem.model.effects] == [e.name for e in mine.problem.model.effects]

@@ -34,7 +34,7 @@ def _recorded(pike: Fish, odd: int | None, everywhere: float = 1.0) -> Dataset:
 
 
 def _evidence(data: Dataset) -> Evidence:
-    problem = Problem(Model(data.fish), data.split()[0], Noise.white(NOISE), jobs=1)
+    problem = Problem(Model(data.fish), data.split()[0], Noise.white(NOISE))
     formulas = [effect for effect in of_fish(catalogue(), data.fish).values() if not effect.learned]
     return gather(problem, fit(problem), formulas)
 

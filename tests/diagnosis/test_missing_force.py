@@ -40,7 +40,7 @@ def test_a_steady_push_across_comes_back_with_its_size_inside_its_band(pike: Fis
     """A push of 0.2 m/s2 sideways from 3 s to 5 s: the deviation obeys the linearised equation."""
     rng = np.random.default_rng(4)
     dataset = generate(pike, ["v1", "v5"], noise=np.full(3, 1e-9), duration=7.0, seed=2, held_out=[])
-    problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
+    problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA))
     one = fit(problem, tolerance=1e-6)
     pushed = []
     for trial in dataset.trials:
@@ -66,7 +66,7 @@ def test_a_steady_push_across_comes_back_with_its_size_inside_its_band(pike: Fis
 def test_what_moves_the_fish_is_its_inertia_times_its_acceleration(pike: Fish) -> None:
     """Against differences of the simulated velocities. Catches measured, noisy ones that are differentiated."""
     dataset = generate(pike, ["v1", "v5"], noise=SIGMA, duration=6.0, seed=2, held_out=[])
-    problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
+    problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA))
     one = fit(problem, tolerance=1e-6)
     inertia = stretched(pike, one.values)
     for i, found in enumerate(missing_force(problem, one.values)):
@@ -86,7 +86,7 @@ def test_a_film_shows_the_force_that_velocities_show(pike: Fish) -> None:
             pike, ["v1"], values={"tail_compliance.compliance": 0.3}, noise=noise, duration=5.0, observe=observe,
             places=[(0.5, 0.0, 0.3)],
         )  # fmt: skip
-        problem = Problem(Model(pike), dataset.trials, Noise.white(np.array([1e-4, 1e-4, 1e-3])), jobs=1)
+        problem = Problem(Model(pike), dataset.trials, Noise.white(np.array([1e-4, 1e-4, 1e-3])))
         problem = replace(problem, sensor_sigma={"position": np.array([1e-4, 1e-4]), "heading": np.array([1e-3])})
         values = {**problem.fixed, **problem.named(problem.start())}
         looked = with_velocities(problem, values)

@@ -20,7 +20,7 @@ def _explained(seed: int) -> float:
         "pike", runs, observe="pose", joints="measured", joint_noise=np.deg2rad(1.0), noise=(3e-4, 3e-4, 1.75e-3),
         duration=8.0, seed=seed,
     )  # fmt: skip
-    posed = Problem(Model(pool.fish), pool.split()[0], Noise.white(np.ones(3)), jobs=1)
+    posed = Problem(Model(pool.fish), pool.split()[0], Noise.white(np.ones(3)))
     x = posed.start(posed.model.values())
     for _ in range(2):
         posed = with_sensor_noise(posed, x)

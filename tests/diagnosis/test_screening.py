@@ -32,7 +32,7 @@ def pike() -> Fish:
 
 
 def _problem(dataset: Dataset) -> Problem:
-    return Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
+    return Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA))
 
 
 def _limited(pike: Fish, sigma: FloatArray) -> tuple[Evidence, float]:

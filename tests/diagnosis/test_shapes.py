@@ -23,7 +23,7 @@ def remembering(pike: Fish) -> Problem:
     """Runs of a fish whose water forgets slowly, ten times more slowly than where the shape has its default."""
     modes = ["v1", "v5-v1", "v3"]
     data = generate(pike, modes, values=TRUTH, effects=[find("wake_memory")], noise=NOISE, duration=6.0, seed=3)
-    return Problem(Model(pike), data.trials, Noise.white(NOISE), jobs=1)
+    return Problem(Model(pike), data.trials, Noise.white(NOISE))
 
 
 def test_the_score_is_largest_near_the_true_shape(remembering: Problem) -> None:

@@ -28,7 +28,7 @@ def _with_offset(kappa: float, scale: float = 0.0) -> tuple[Evidence, Refit]:
     values = {"time_offset.offset": 0.02, "munk_moment.kappa": kappa, "velocity_scale.error": scale}
     effects = [find(name.partition(".")[0]) for name in values]
     dataset = generate(pike, ["v1", "v5"], values=values, effects=effects, noise=SIGMA, duration=4.0, seed=5)
-    problem = Problem(Model(pike), dataset.trials, Noise.white(SIGMA), jobs=1)
+    problem = Problem(Model(pike), dataset.trials, Noise.white(SIGMA))
     nominal = gather(problem, fit(problem), CANDIDATES)
     alone = refit_with(nominal, find("time_offset"))
     return nominal, refined(alone, alone.fit.sse)

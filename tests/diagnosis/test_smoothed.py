@@ -37,7 +37,7 @@ def _problem(lag: float, *, motion: bool) -> Problem:
     effects, values = ([LAG], {"servo_lag.time_constant": lag}) if lag else ([], {})
     synthetic = generate(fish, ["v1", "v3"], values=values, effects=effects, duration=8.0, seed=7)
     trials = tuple(_differentiated(trial, rng, motion=motion) for trial in synthetic.trials)
-    return Problem(Model(fish), trials, Noise.white(SIGMA), jobs=1)
+    return Problem(Model(fish), trials, Noise.white(SIGMA))
 
 
 @pytest.mark.slow
@@ -76,7 +76,7 @@ def test_half_a_window_is_left_out_where_a_filter_has_less_to_go_on() -> None:
     for trial in synthetic.trials:
         noise = signal.savgol_filter(rng.standard_normal((len(trial.time), 3)), 11, 4, deriv=1, axis=0, mode="interp")
         trials.append(replace(trial, velocity=readonly(trial.velocity + SIGMA * noise / noise[11:-11].std(axis=0))))
-    problem = Problem(Model(load_fish("pike")), tuple(trials), Noise.white(SIGMA), jobs=1)
+    problem = Problem(Model(load_fish("pike")), tuple(trials), Noise.white(SIGMA))
     effects = tuple(find(name) for name in ("ambient_current", "velocity_scale", "time_offset", "inertia_error"))
     findings = screen(problem, effects, None, silent)
     assert findings.evidence.problem.ends == 5

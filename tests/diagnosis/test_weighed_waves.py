@@ -50,7 +50,7 @@ def _runs(pike: Fish, noise: Noise, slow: float, seed: int, lag: float = 0.0) ->
 
 
 def _evidence(pike: Fish, noise: Noise, slow: float, seed: int) -> Evidence:
-    problem = Problem(Model(pike), _runs(pike, noise, slow, seed), noise, jobs=1)
+    problem = Problem(Model(pike), _runs(pike, noise, slow, seed), noise)
     return gather(problem, fit(problem), [LAG])
 
 
@@ -85,7 +85,7 @@ def test_they_see_a_slow_misfit_that_drowns_in_all_waves(pike: Fish) -> None:
 @pytest.mark.parametrize(("slow", "clean"), [(0.0, True), (0.023, False)])
 def test_a_cause_that_leaves_a_slow_misfit_is_not_clean(pike: Fish, slow: float, clean: bool) -> None:
     """No other test sees it."""
-    problem = Problem(Model(pike), _runs(pike, ROUGH, slow, 3, lag=0.0008), ROUGH, jobs=1)
+    problem = Problem(Model(pike), _runs(pike, ROUGH, slow, 3, lag=0.0008), ROUGH)
     refit = refined(refit_with(gather(problem, fit(problem), [LAG]), LAG), np.inf)
     row = Goodness([find("time_offset")]).of(refit, Row.of(refit.names, refit, 0.0, 1.0))
     assert row.clean() is clean

@@ -32,7 +32,7 @@ def synthetic(fish: Fish, effect: Effect, sizes: dict[str, float], *, seed: int 
 
 def refitted(dataset: Dataset, effect: Effect, fixed: dict[str, float] | None = None) -> Fit:
     """Fit the nine coefficients and the cause."""
-    problem = Problem(Model(dataset.fish, (effect,)), dataset.trials, Noise.white(NOISE), fixed=fixed or {}, jobs=1)
+    problem = Problem(Model(dataset.fish, (effect,)), dataset.trials, Noise.white(NOISE), fixed=fixed or {})
     return fit(problem)
 
 

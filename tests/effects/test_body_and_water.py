@@ -87,7 +87,7 @@ def test_a_fit_finds_the_true_size(pike: Fish, name: str) -> None:
         pike, ["v1", "v7", "v3-t2"], values=truth, effects=[effect], noise=SIGMA, duration=6.0, seed=20261121
     )
     known = {key: VALUES[key] for key in KNOWN.get(name, ())}
-    problem = Problem(Model(pike, (effect,)), dataset.trials, Noise.white(SIGMA), fixed=known, jobs=1)
+    problem = Problem(Model(pike, (effect,)), dataset.trials, Noise.white(SIGMA), fixed=known)
     found = fit(problem, problem.start({key: 1.2 * value for key, value in VALUES.items()}), tolerance=1e-6)
     assert found.status == "converged"
     for full, size in _full(name).items():

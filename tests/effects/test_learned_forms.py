@@ -75,7 +75,7 @@ def _data(fish: Fish, foreign: str) -> Dataset:
 def _fitted(dataset: Dataset, name: str, start: dict[str, float], nominal: Fit) -> Refit:
     effect = find(name).for_fish(dataset.fish) or find(name)
     model, declared = Model(dataset.fish, (effect,)), off_null(effect)
-    problem = Problem(model, dataset.trials, Noise.white(NOISE), declared=declared, jobs=1)
+    problem = Problem(model, dataset.trials, Noise.white(NOISE), declared=declared)
     problem, found = smoothed(problem, fit(problem, problem.start(start), tolerance=TOLERANCE))
     return Refit((effect,), problem, found, nominal.sse - found.sse)
 
@@ -93,7 +93,7 @@ def test_a_foreign_function_is_learned_to_a_small_share_of_the_misfit_and_its_cu
     Bands of 95 % hold the truth over three quarters of the visited ranges: points of a curve, and groups, go together.
     """
     dataset = _data(pike, planted.foreign)
-    posed = Problem(Model(pike, ()), dataset.trials, Noise.white(NOISE), jobs=1)
+    posed = Problem(Model(pike, ()), dataset.trials, Noise.white(NOISE))
     nominal = fit(posed, tolerance=TOLERANCE)
     refit = _fitted(dataset, planted.learned, planted.start, nominal)
     true_model = replace(posed, model=Model(pike, (KNOWN[planted.foreign],)))

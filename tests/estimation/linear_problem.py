@@ -80,4 +80,4 @@ def linear(design: FloatArray, data: FloatArray, priors: Sequence[Prior], bound:
     declared = tuple(Parameter(name, "-", 0.0, -bound, bound, 0.0, 1.0) for name in names(design.shape[1]))
     effect = type("Toy", (Toy,), {"parameters": declared, "own": tuple(priors)})()
     noise = Noise.white(readonly(np.ones(3)))
-    return Linear(Model(load_fish("pike"), (effect,)), (), noise, _nothing_else(), design=design, data=data, jobs=1)
+    return Linear(Model(load_fish("pike"), (effect,)), (), noise, _nothing_else(), design=design, data=data)

@@ -28,7 +28,7 @@ def swimming(fish: Fish, modes: Sequence[str] = ("v1", "v3", "v5"), **changes: A
 
 def problem(dataset: Dataset, **changes: Any) -> Problem:
     """Pose the nominal fit of all trials that are not held out."""
-    arguments: dict[str, Any] = {"jobs": 1, "free_clock": dataset.clock == "free", **changes}
+    arguments: dict[str, Any] = {"free_clock": dataset.clock == "free", **changes}
     noise = arguments.pop("noise", Noise.white(readonly(SIGMA)))
     trials = tuple(trial for trial in dataset.trials if trial.role != "held_out")
     return Problem(arguments.pop("model", Model(dataset.fish)), trials, noise, **arguments)

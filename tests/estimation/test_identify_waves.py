@@ -33,7 +33,7 @@ def _trial(wave: Wave, seed: int | None = 0) -> Trial:
 
 
 def _problem(trial: Trial) -> Problem:
-    return Problem(Model(FISH), (trial,), Noise.white(SIGMA), fixed=FISH.values, jobs=1)
+    return Problem(Model(FISH), (trial,), Noise.white(SIGMA), fixed=FISH.values)
 
 
 @pytest.mark.parametrize("lag", [False, True], ids=["plain", "through a servo"])

@@ -16,6 +16,7 @@ from mjfish.errors import InputError
 from mjfish.estimation.fit import fit, hypercube, multistart
 from mjfish.estimation.identification import identify
 from mjfish.estimation.settings import Settings
+from mjfish.execution import executing
 from mjfish.fish import Fish
 
 #: The package exports its function `fit` under the name of the module.
@@ -37,8 +38,10 @@ def _few(synthetic: Dataset, **changes: object) -> Settings:
 def test_the_same_seed_gives_the_same_answer_for_any_number_of_jobs(synthetic: Dataset) -> None:
     """A draw inside a thread, or a fit that goes on from another's end, would show."""
     one = problem(synthetic)
-    a = multistart(replace(one, jobs=1), 3, seed=5)
-    b = multistart(replace(one, jobs=3), 3, seed=5)
+    with executing(1):
+        a = multistart(one, 3, seed=5)
+    with executing(3):
+        b = multistart(one, 3, seed=5)
     np.testing.assert_array_equal(a.optima, b.optima)
     np.testing.assert_array_equal(a.best.x, b.best.x)
     assert not np.array_equal(hypercube(one, 2, 5), hypercube(one, 2, 6))

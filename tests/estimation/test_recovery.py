@@ -35,7 +35,7 @@ def _fitted(fish: Fish, optimum: str, names: Sequence[str], duration: float) -> 
     """Simulate an optimum of the paper; fit all nine coefficients from the start values of Table III."""
     values = dict(zip(COEFFICIENTS, OPTIMA[optimum], strict=True))
     dataset = generate(fish, names, values=values, noise=SIGMA, duration=duration, seed=0)
-    problem = Problem(Model(fish), dataset.trials, Noise.white(readonly(SIGMA)), jobs=1)
+    problem = Problem(Model(fish), dataset.trials, Noise.white(readonly(SIGMA)))
     assert problem.start().tolist() == [0.5] * 3 + [2.0] * 3 + [0.01] * 3
     return fit(problem), problem, np.array([values[p.name] for p in problem.parameters])
 

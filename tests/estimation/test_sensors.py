@@ -126,7 +126,7 @@ def test_a_part_of_the_velocities_is_enough(pool: Dataset, velocities: tuple[int
 
 
 def _problem(dataset: Dataset) -> Problem:
-    return replace(pose(dataset), jobs=1)
+    return pose(dataset)
 
 
 def test_residual_and_jacobian_are_velocities_then_sensors_then_what_is_known(pool: Dataset) -> None:

@@ -85,7 +85,7 @@ def test_what_belongs_to_a_trial_can_be_fixed_too(pike: Fish) -> None:
     trials = tuple(replace(as_measured(trial, pike), role="fit") for trial in dataset.trials)
     measured = replace(dataset, trials=trials, clock="free")
     settings = Settings(fixed={"v1:start.*": None, "v1:clock.offset": 0.02, "c_*": None}, starts=1)
-    posed = pose(measured, settings, jobs=1)
+    posed = pose(measured, settings)
     assert [p.name for p in posed.parameters] == [
         "v3:start.surge", "v3:start.sway", "v3:start.yaw_rate", "v3:clock.offset",
     ]  # fmt: skip

@@ -75,7 +75,7 @@ def test_the_tracked_point_is_carried_to_the_nose(folder: Path) -> None:
 def test_what_swam_is_found_again(folder: Path) -> None:
     """Frequency, phase and coefficients: a fit is at the level of the rounding of the files."""
     dataset, _ = import_files(IMPORTER, sorted(folder.glob("*.txt")))
-    problem = Problem(Model(dataset.fish), aligned(dataset).trials, Noise.white(np.full(3, 1e-3)), jobs=1)
+    problem = Problem(Model(dataset.fish), aligned(dataset).trials, Noise.white(np.full(3, 1e-3)))
     found = fit(problem)
     assert found.sse < 0.01 * len(found.residual)
 

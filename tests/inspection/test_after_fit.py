@@ -23,7 +23,7 @@ from mjfish.simulation.synthetic import generate
 def _after(dataset: Dataset) -> Inspection:
     """Fit from the truth, a few steps: what a fit would find."""
     fitted, held = dataset.split()
-    posed = Problem(Model(dataset.fish), fitted, Noise.white(readonly(SIGMA)), jobs=1)
+    posed = Problem(Model(dataset.fish), fitted, Noise.white(readonly(SIGMA)))
     return inspect_fit(posed, fit(posed, posed.start(TRUTH), evaluations=4), catalogue(), held)
 
 
@@ -80,7 +80,7 @@ def test_a_run_that_nothing_can_be_compared_with_is_a_remark() -> None:
 def test_an_odd_run_is_looked_for_where_every_coefficient_rests_on_a_bound() -> None:
     """Nothing is free, and nothing moves when a run is left out."""
     fitted, held = good().split()
-    posed = Problem(Model(good().fish), fitted, Noise.white(readonly(SIGMA)), jobs=1)
+    posed = Problem(Model(good().fish), fitted, Noise.white(readonly(SIGMA)))
     found = fit(posed, posed.start(TRUTH), evaluations=1)
     pinned = replace(found, at_bound=np.ones_like(found.at_bound))
     assert wrong(inspect_fit(posed, pinned, catalogue(), held)) == []
@@ -89,7 +89,7 @@ def test_an_odd_run_is_looked_for_where_every_coefficient_rests_on_a_bound() -> 
 def test_differentiated_data_are_said_so() -> None:
     """Of the noise that the diagnosis found; catches the remark that is not made, or made of any noise."""
     fitted, held = good().split()
-    posed = Problem(Model(good().fish), fitted, Noise.white(readonly(SIGMA)), jobs=1)
+    posed = Problem(Model(good().fish), fitted, Noise.white(readonly(SIGMA)))
     found = fit(posed, posed.start(TRUTH), evaluations=3)
     rough = DifferentiationNoise(readonly(SIGMA), window=9)
     said = remarked(inspect_fit(replace(posed, noise=rough), found, catalogue(), held), "velocity-differentiated")
@@ -105,6 +105,6 @@ def test_a_start_that_rests_on_its_bound_is_found() -> None:
     values[0, 0] += 8.0
     astray = replace(posed.trials[1], sensors=(replace(place, values=values), *others))
     for trials, expected in ((posed.trials, []), ((posed.trials[0], astray), [("v3",)])):
-        posing = nominal_problem(replace(posed, trials=trials), trials, Noise.white(np.full(3, np.nan)), jobs=1)
+        posing = nominal_problem(replace(posed, trials=trials), trials, Noise.white(np.full(3, np.nan)))
         found = inspect_fit(posing, fit(posing, posing.start(TRUTH)), catalogue())
         assert [finding.trials for finding in found.findings if finding.code == "start-on-bound"] == expected

@@ -36,7 +36,7 @@ def _trial(fish: Fish, beat: float, rng: np.random.Generator, wrong: FloatArray 
 
 
 def _problem(trials: tuple[Trial, ...], fish: Fish) -> Problem:
-    return Problem(Model(fish, step=0.005), trials, Noise.white(SIGMA), jobs=1)
+    return Problem(Model(fish, step=0.005), trials, Noise.white(SIGMA))
 
 
 def _misread(trial: Trial, fish: Fish) -> tuple[Problem, JointErrors]:
@@ -106,5 +106,5 @@ def test_noise_of_the_angles_is_not_taken_for_something_wrong(pike: Fish, seed: 
         )
         for beat in (0.9, 1.2, 1.6)
     )
-    found = diagnose(Dataset("noisy joints", pike, trials, noise=SIGMA), jobs=1)
+    found = diagnose(Dataset("noisy joints", pike, trials, noise=SIGMA))
     assert found.verdict == "nothing_wrong", found.message

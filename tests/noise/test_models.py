@@ -148,7 +148,7 @@ def test_the_log_determinant_is_that_of_the_filter(noise: Any) -> None:
 def swum(pike: Fish) -> tuple[Problem, Fit]:
     """A fit of two synthetic trials without noise, to hang noise on."""
     dataset = generate(pike, ["v1", "v5"], noise=np.full(3, 1e-6), duration=6.0, seed=1, held_out=[])
-    problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA), jobs=1)
+    problem = Problem(Model(dataset.fish), dataset.trials, Noise.white(SIGMA))
     return problem, fitted(problem, tolerance=1e-4)
 
 
@@ -320,7 +320,7 @@ def test_trials_at_two_steps_have_a_noise_each(pike: Fish) -> None:
         replace(trial, velocity=readonly(trial.velocity + _coloured(rng, len(trial.time)))) for trial in dataset.trials
     )
     thin = replace(thin, time=readonly(thin.time[::2]), velocity=readonly(thin.velocity[::2]))
-    problem = Problem(Model(dataset.fish), (whole, thin), Noise.white(SIGMA), jobs=1)
+    problem = Problem(Model(dataset.fish), (whole, thin), Noise.white(SIGMA))
     one = fitted(problem, tolerance=1e-4)
     known = signatures(problem, one.values, [find("linear_drag")]).velocity
     noise, told = noise_of(problem, one, known, None)

@@ -35,7 +35,7 @@ def _problem(*, measured: bool) -> Problem:
     if measured:
         angles = 0.3 * np.sin(18.0 * time[:, None] - np.arange(4.0))
         trial = Trial("v1", "fit", time, run.velocity, joint_angle=angles)
-    return Problem(model, (trial,), Noise.white(SIGMA), jobs=1)
+    return Problem(model, (trial,), Noise.white(SIGMA))
 
 
 def _noises(problem: Problem, values: dict[str, float]) -> dict[str, Noise]:

@@ -26,7 +26,7 @@ def test_it_names_a_cause_of_the_catalogue(swum: Dataset) -> None:
 
 
 def test_derivatives_by_parameters_of_single_runs_stand_in_their_columns(swum: Dataset) -> None:
-    problem = FittedModels.undiagnosed(replace(swum, clock="free"), {}, jobs=1).problem
+    problem = FittedModels.undiagnosed(replace(swum, clock="free"), {}).problem
     slopes = problem.slopes(problem.start())
     assert any(map(len, slopes.own))
     whole = problem.whiten(_whole(problem, problem.start()))

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from small_study import contents, finish, write_study
 
-from mjfish.executors import mapped
+from mjfish.execution import executing, mapped
 from mjfish.study import read_cases, run
 from mjfish.study.run import Executing
 
@@ -28,14 +28,17 @@ def _later(seconds: float) -> float:
 def test_threads_return_results_in_the_order_of_the_tasks() -> None:
     """Whatever the order of completion, and they do work side by side."""
     tasks = [0.3, 0.0, 0.1]
-    assert [*mapped(_later, tasks, 3)] == [*mapped(_later, tasks, 1)] == tasks
+    for jobs in (3, 1):
+        with executing(jobs):
+            assert [*mapped(_later, tasks)] == tasks
 
 
 def test_an_error_of_a_task_is_raised_in_its_place() -> None:
-    results = mapped(lambda task: 1 / task, [1, 2, 0, 4], 2)
-    assert [next(results), next(results)] == [1.0, 0.5]
-    with pytest.raises(ZeroDivisionError):
-        next(results)
+    with executing(2):
+        results = mapped(lambda task: 1 / task, [1, 2, 0, 4])
+        assert [next(results), next(results)] == [1.0, 0.5]
+        with pytest.raises(ZeroDivisionError):
+            next(results)
 
 
 @pytest.mark.parametrize(

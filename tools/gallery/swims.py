@@ -106,7 +106,7 @@ def curves(effect: Effect) -> tuple[MeasuredCurve, ...]:
         velocity = model.predict(trial, model.values(shown.values)).velocity
         trials.append(replace(trial, velocity=readonly(velocity)))
     dataset = Dataset("gallery", fish, tuple(trials), noise=readonly(SIGMA))
-    nominal = nominal_problem(dataset, dataset.trials, Noise.white(np.array(SIGMA)), jobs=1)
+    nominal = nominal_problem(dataset, dataset.trials, Noise.white(np.array(SIGMA)))
     before = fit(nominal, evaluations=1)
     problem = replace(nominal, model=model)
     found = fit(problem, problem.start({**fish.values, **shown.values}), evaluations=1)

@@ -117,7 +117,7 @@ def _rivals(dataset: Dataset, pair: list[Effect], truth: dict[str, float]) -> tu
     """Fit both from the true coefficients: what a fit's start is worth is not asked here."""
     found = []
     for rival, sizes in zip(pair, (truth, {p.name: p.default + p.scale for p in pair[1].parameters}), strict=True):
-        problem = FittedModels.undiagnosed(dataset, {}, 1).extended(rival)
+        problem = FittedModels.undiagnosed(dataset, {}).extended(rival)
         problem = replace(problem, model=replace(problem.model, step=0.01))
         best = fit(problem, problem.start({**truth, **sizes}), tolerance=TOLERANCE)
         found.append(ModelEstimate.of_fit(rival.name, problem, best))

@@ -28,7 +28,7 @@ def sparsest(dataset: Dataset) -> str:
     """Return the cause that sequential thresholding leaves last."""
     effects = of_fish(catalogue(), dataset.fish).values()
     candidates = [effect for effect in effects if not effect.not_applicable(dataset)]
-    problem = FittedModels.undiagnosed(dataset, {}, jobs=1).problem
+    problem = FittedModels.undiagnosed(dataset, {}).problem
     nominal = fit(problem, tolerance=1e-6)
     wrong = _differentiated([residual[:, :, None] for residual in problem.raw(nominal.x)])[:, 0]
     known = _differentiated(_whole(problem, nominal.x))

@@ -14,7 +14,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.drive import modes
 from mjfish.errors import InputError
-from mjfish.executors import mapped
+from mjfish.execution import executing, mapped
 from mjfish.fish import Fish
 from mjfish.model import Model
 from studies.table_iv.misfit import STEP, Fitted, RangeProblem
@@ -163,4 +163,5 @@ def _together(tasks: Sequence[Callable[[], Any]], jobs: int, told: _Counter) -> 
         told()
         return outcome
 
-    return list(mapped(run, tasks, jobs))
+    with executing(jobs):
+        return list(mapped(run, tasks))
