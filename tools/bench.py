@@ -27,6 +27,7 @@ import bench_scale
 from comparison import Comparison, Side, measure
 from mjfish import ode
 from mjfish.drive import cpg, modes
+from mjfish.execution import executing
 from mjfish.fish import load_fish
 from plain_model import PlainModel
 
@@ -73,7 +74,7 @@ def main() -> int:
         table.add_column(heading, no_wrap=heading != "top [ms]" and heading != "bottom [ms]")
     ratios: dict[str, float] = {}
     missed: list[str] = []
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with executing(1), Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("bench", total=len(COMPARISONS))
         for make in COMPARISONS:
             comparison = make()

@@ -23,6 +23,7 @@ import numpy as np
 
 from mjfish.drive import modes
 from mjfish.estimation import Noise, Problem, fit
+from mjfish.execution import executing
 from mjfish.fish import load_fish
 from mjfish.model import Model, Prediction, Prepared
 from mjfish.simulation.synthetic import generate
@@ -88,7 +89,8 @@ def fitted(trials: int, free: int, duration: float = modes.DURATION) -> Cost:
     problem.jacobian(problem.start())
     CountedModel.predicted = CountedModel.prepared = 0
     start = time.process_time()
-    found = fit(problem)
+    with executing(1):
+        found = fit(problem)
     return Cost(
         trials=trials,
         free=free,

@@ -327,7 +327,9 @@ def _where(result: Diagnosis) -> None:
 
 def _undetectable(result: Diagnosis) -> None:
     """List the causes that these data cannot show, and the minimum detectable effects of the others."""
-    console.say(*(f"Undetectable: {name}, {reason}." for name, reason in result.undetectable.items()))
+    hidden = result.undetectable
+    alike = {reason: ", ".join(name for name in hidden if hidden[name] == reason) for reason in hidden.values()}
+    console.say(*(f"Undetectable: {names}: {reason}." for reason, names in alike.items()))
     sizes = [
         f"{name} {number(size, 2)}"
         for candidate in result.candidates

@@ -91,7 +91,7 @@ def _searched(
                     if all(beats_smaller_sets(refit, known) for refit in sufficient):
                         return best
                     return compared({**_of_size(size - 1, known), **parts}, goodness, held_out)
-        if not earned or best is None or min(row.left for row in best.staying()) > _FAR:
+        if not earned or best is None or min((row.left for row in best.staying()), default=1.0) > _FAR:
             return best
         bases = _best(earned.values())
     return best
@@ -230,7 +230,7 @@ def _parts(sufficient: Sequence[Refit], known: Mapping[Names, Refit]) -> dict[Na
         for out in refit.effects:
             names = _less(refit, out.name)
             if names not in known and names not in found:
-                found.update(zip([names], followed(methodcaller("less", out), [refit]), strict=False))
+                found.update(zip([names], followed(methodcaller("less", out), [refit], [names]), strict=False))
     return found
 
 

@@ -51,7 +51,7 @@ def conclude(begun: Begun, screening: Screening, compared: Compared, held_out: H
     closest = compared.table.single.closest()
     best = refits.get(decision.sets[0] if decision.sets else () if closest is None else closest.names)
     mechanisms: tuple[NamedMechanism, ...] = ()
-    domain = _shared_domain(decision, begun.known)
+    domain = _shared_domain(decision, {effect.name: effect for effect in begun.candidates})
     if decision.verdict == "named" and best is not None:
         decision, best, mechanisms = _with_form(begun, screening, compared, decision, best)
     if decision.verdict == "unexplained":

@@ -37,7 +37,7 @@ from mjfish.inspection import Finding, Inspection, inspect, inspect_fit
 from mjfish.kept import Kept
 
 #: Said of a cause that is a part of the nominal model.
-_PART = "It is a part of the nominal model, and fitted with it."
+_PART = "it is a part of the nominal model, and fitted with it"
 #: The part that fails where no other one is to blame.
 _WHOLE = "the comparison"
 
@@ -105,7 +105,7 @@ def diagnose(
             with executing(kept=kept):
                 return _diagnosed(begun)
         except PartFailedError as error:
-            begun.parts.failures[error.part] = error.reason
+            begun.parts.failures.update([error.args])
         except Exception as error:
             found = raised_in(error)
             if not found and (isinstance(error, MjfishError) or not isinstance(error, (*NUMERIC, PastLimitError))):

@@ -335,8 +335,8 @@ def gather(
     coefficients = span(fit.jacobian.chosen(~fit.at_bound))
     z = coefficients.off(fit.residual)
     known = None if known_signatures is None else problem.rows(known_signatures()).shared
-    raws = Remade(partial(signature_rows, problem, fit.values, kept), known)
-    raw = raws()
+    raw = signature_rows(problem, fit.values, _unfailing(kept)) if known is None else known
+    raws = Remade(partial(signature_rows, problem, fit.values, _unfailing(kept)), raw)
     inside, score, information = coefficients.coordinates(raw), np.zeros(raw.shape[1]), np.zeros((raw.shape[1],) * 2)
     for rows in (*problem.trial_rows, *np.arange(problem.measured, len(raw))[:, None]):
         left = coefficients.off_at(rows, raw, inside)
@@ -396,7 +396,7 @@ def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequen
             block *= scales
         return found, found.lost
 
-    found, lost = _derived(slopes, problem, values, candidates)
+    found, lost = _derived(slopes, problem, values, _unfailing(candidates))
     if lost and not problem.divergence(problem.start(values)):
         for name in _derived(slopes, problem, {}, [effect for effect in candidates if effect.name in lost])[1]:
             note(Failure(name, "the derivative of the prediction by its sizes is not finite"))
@@ -427,7 +427,7 @@ def _derived(
 ) -> tuple[T, list[str]]:
     """Return what `derive` finds by the candidates' amplitudes at their null, each in units of its scale.
 
-    Where it raises, the candidates that raise alone are noted. Columns of those that failed are zero.
+    Where it raises, the candidates that raise alone are noted, and their columns are zero.
 
     Args:
         derive: takes the problem with the candidates, x, names and scales; returns also the names of `Slopes.lost`.
@@ -436,22 +436,25 @@ def _derived(
     Returns:
         That, and the names of candidates of which a derivative is not finite.
     """
-    sound = [_idle(effect) if failed([effect.name]) else effect for effect in candidates]
     together = partial(_derived_together, derive, problem, values)
     try:
-        return together(sound, shapes)
+        return together(candidates, shapes)
     except Exception:
-        alone = [attempted([effect.name], partial(together, [effect], shapes)) for effect in sound if shapes is None]
+        alone = [attempted([effect.name], partial(together, [effect], shapes)) for effect in candidates]
         failures = [one for one in alone if isinstance(one, Failure)]
-        if not (failures and noted()):
-            raise
+        if not failures or len(failures) == len(alone) > 1 or shapes is not None or not noted():
+            raise  # it is the fault of none of them
         for failure in failures:
             note(failure)
-        return _derived(derive, problem, values, candidates)
+        return _derived(derive, problem, values, _unfailing(candidates))
+
+
+def _unfailing(effects: Sequence[Effect]) -> list[Effect]:
+    """Return the effects; in place of each that failed is one with the same parameters that does nothing."""
+    return [_idle(effect) if failed([effect.name]) else effect for effect in effects]
 
 
 def _idle(effect: Effect) -> Effect:
-    """Return an effect with the same parameters that does nothing."""
     own = {name: getattr(effect, name) for name in ("name", "domain", "parameters")}
     return type("Idle", (Effect,), own)()  # type: ignore[no-any-return]
 

@@ -18,7 +18,7 @@ from typing import TypeVar
 from mjfish.effects import Effect
 from mjfish.errors import NUMERIC, MjfishError, WorkerError, reason_of
 from mjfish.estimation import Fit
-from mjfish.estimation.time_limit import PastLimitError, limited
+from mjfish.estimation.time_limit import limited
 from mjfish.execution import execution
 
 T = TypeVar("T")
@@ -28,11 +28,7 @@ NOMINAL = "the fit of the nominal model"
 
 
 class PartFailedError(Exception):
-    """A part without which there is nothing to go on with: its name and the reason."""
-
-    def __init__(self, part: str, reason: str) -> None:
-        super().__init__(part, reason)
-        self.part, self.reason = part, reason
+    """A part without which there is nothing to go on with: its arguments are its name and the reason."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +59,7 @@ class Parts:
             name = raised_in(error)
             if not name and (isinstance(error, MjfishError) or not isinstance(error, NUMERIC)):
                 raise
-            self.failures[name or part] = reason_of(error)
+            self.failures.update(dict.fromkeys([name or part, part], reason_of(error)))
             return otherwise
 
 
@@ -87,19 +83,19 @@ def noted() -> Parts | None:
 
 
 def note(failure: Failure) -> None:
-    """Note that a candidate failed."""
-    _PARTS.get().failures[failure.name] = failure.reason
+    """Note that a candidate failed, and why it did first."""
+    _PARTS.get().failures.setdefault(failure.name, failure.reason)
 
 
 def failed(names: Sequence[str]) -> bool:
-    """Return whether a set of candidates failed, or the one that was added last."""
+    """Return whether a set of candidates failed, or one of them alone."""
     parts = noted()
-    return parts is not None and (names[-1] in parts.failures or joined(names) in parts.failures)
+    return parts is not None and not parts.failures.keys().isdisjoint([*names, joined(names)])
 
 
 def joined(names: Sequence[str]) -> str:
     """Return what a set of candidates is called where it fails."""
-    return " with ".join([names[-1], *names[:-1]])
+    return " with ".join(sorted(names))
 
 
 def attempted(names: Sequence[str], make: Callable[[], T]) -> T | Failure:
@@ -108,22 +104,19 @@ def attempted(names: Sequence[str], make: Callable[[], T]) -> T | Failure:
     Raises:
         WorkerError: a worker is gone.
     """
-    limit = execution().limit
     try:
-        with limited(limit):
+        with limited(execution().limit):
             return make()
     except (PartFailedError, WorkerError):
         raise
     except Exception as error:
-        late = isinstance(error, PastLimitError) and math.isfinite(limit)
-        said = f"it took longer than the limit of {limit:g} s" if late else reason_of(error)
         raised = raised_in(error)
-        return Failure(raised if raised in names else joined(names), said)
+        return Failure(raised if raised in names else joined(names), reason_of(error))
 
 
 def tried(names: Sequence[str], make: Callable[[], T], otherwise: T) -> T:
-    """Return what `make` returns; where that fails note it of the set of candidates, and return the other."""
-    made = attempted(names, make)
+    """Return what `make` returns; where that fails in a diagnosis note it of the candidates, and return the other."""
+    made = attempted(names, make) if noted() else make()
     if not isinstance(made, Failure):
         return made
     note(made)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.diagnosis.evidence import Evidence
-from mjfish.diagnosis.failures import Failure, attempted, failed, joined, note
+from mjfish.diagnosis.failures import Failure, Parts, attempted, failed, joined, note, noted
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Problem
@@ -42,21 +42,45 @@ def extended(
         given: what else each is made of, if anything.
     """
     tasks = list(zip(effects, given, strict=True)) if given is not None else [(effect,) for effect in effects]
-    return _side_by_side(partial(make, evidence), evidence.problem, tasks)
+    named = [[*(cause.name for cause in evidence.problem.causes), effect.name] for effect in effects]
+    return _side_by_side(partial(make, evidence), evidence.problem, tasks, named)
 
 
-def followed(make: Callable[[Refit], Refit], refits: Sequence[Refit]) -> Iterator[Refit]:
-    """Yield the refit that `make` makes of each of these, in their order; see `extended`."""
-    return _side_by_side(make, None, [(refit,) for refit in refits])
+def followed(
+    make: Callable[[Refit], Refit], refits: Sequence[Refit], names: Sequence[Sequence[str]] | None = None
+) -> Iterator[Refit]:
+    """Yield the refit that `make` makes of each of these, in their order; see `extended`.
+
+    Args:
+        make: what it returns must not depend on where it runs.
+        refits: that go on.
+        names: of the causes that each has then; None: those that it has.
+    """
+    named = [refit.names for refit in refits] if names is None else names
+    return _side_by_side(make, None, [(refit,) for refit in refits], named)
 
 
 def _side_by_side(
-    make: Callable[..., Refit], problem: Problem | None, tasks: Sequence[tuple[Any, ...]]
+    make: Callable[..., Refit],
+    problem: Problem | None,
+    tasks: Sequence[tuple[Any, ...]],
+    named: Sequence[Sequence[str]],
 ) -> Iterator[Refit]:
-    """Yield the refits of those tasks that do not fail; `problem` is what causes extend, None where refits go on."""
-    here, named = execution(), [(_names(task[0], problem), task) for task in tasks]
-    left = [(names, task) for names, task in named if not failed(names)]
-    files = [None] * len(left) if here.kept is None else [*here.kept.step([" ".join(names) for names, _ in left])]
+    """Yield the refits of those tasks that do not fail.
+
+    Args:
+        make: makes a refit of a task.
+        problem: that causes extend; None: the tasks are refits that go on.
+        tasks: what they are.
+        named: the names of the causes of each refit.
+    """
+    here, parts = execution(), noted() or Parts()
+    left = [(names, task) for names, task in zip(named, tasks, strict=True) if not failed(names)]
+    files = (
+        [None] * len(left)
+        if here.kept is None
+        else [*here.kept.step([" ".join([*names, *sorted(parts.failures)]) for names, _ in left])]
+    )
     found = [None if file is None else Kept.read(file) for file in files]
     rest = [place for place, known in enumerate(found) if known is None]
     recorded = here.kept is not None or here.executor is not None
@@ -82,13 +106,6 @@ def _side_by_side(
             yield _restored(result, *_origin(task[0], problem)) if recorded else result
 
 
-def _names(task: Begun, problem: Problem | None) -> tuple[str, ...]:
-    """Return the names of the set of causes that a task is about, the last one added last."""
-    if isinstance(task, Refit):
-        return task.names
-    return (*(effect.name for effect in problem.causes), task.name) if problem is not None else (task.name,)
-
-
 def _origin(task: Begun, problem: Problem | None) -> tuple[Problem, dict[str, Effect]]:
     """Return the problem that a task begins with, and the effects that its refit may have by name."""
     start = task.problem if isinstance(task, Refit) else problem
@@ -101,7 +118,7 @@ def _origin(task: Begun, problem: Problem | None) -> tuple[Problem, dict[str, Ef
 _OWN = ("slope_step", "prior_sds")
 
 
-def _attempted(make: Callable[..., Refit], named: tuple[tuple[str, ...], tuple[Any, ...]]) -> Refit | Failure:
+def _attempted(make: Callable[..., Refit], named: tuple[Sequence[str], tuple[Any, ...]]) -> Refit | Failure:
     names, task = named
     refit = attempted(names, lambda: make(*task))
     if isinstance(refit, Refit) and refit.fit.lost:
@@ -110,7 +127,7 @@ def _attempted(make: Callable[..., Refit], named: tuple[tuple[str, ...], tuple[A
 
 
 def _recorded(
-    make: Callable[..., Refit | Failure], problem: Problem | None, named: tuple[tuple[str, ...], tuple[Any, ...]]
+    make: Callable[..., Refit | Failure], problem: Problem | None, named: tuple[Sequence[str], tuple[Any, ...]]
 ) -> dict[str, Any] | Failure:
     """Return what a refit found as plain data, or why it failed."""
     refit = make(named)

@@ -16,11 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from mjfish.arrays import FloatArray, blocks_of, solve
 from mjfish.diagnosis.evidence import DETECTED, Evidence, signature_rows
+from mjfish.diagnosis.failures import tried
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
 from mjfish.estimation import Fit, Problem
@@ -88,7 +90,9 @@ def amplitude_signatures(evidence: Evidence, learned: Sequence[Effect]) -> tuple
     rough = [(effect, block) for effect, block in zip(effects, _blocks(effects), strict=True) if not effect.smooth]
     nominal = problem.rough.residual(fit.x) if rough else fit.residual
     for effect, block in rough:
-        raw[:, block] = nominal[:, None] - _stepped(problem.rough, fit, effect)
+        raw[:, block] = nominal[:, None] - tried(
+            [effect.name], partial(_stepped, problem.rough, fit, effect), nominal[:, None]
+        )
     energy, inside = np.einsum("nd,nd->d", raw, raw), evidence.coefficients.coordinates(raw)
     for rows in (*problem.trial_rows, *np.arange(problem.measured, len(raw))[:, None]):
         raw[rows] = evidence.coefficients.off_at(rows, raw, inside)

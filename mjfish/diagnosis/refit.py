@@ -10,7 +10,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence, p_value_of
-from mjfish.diagnosis.failures import Failure, attempted, note
+from mjfish.diagnosis.failures import Failure, attempted, failed, note
 from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.integration_step import finer
 from mjfish.diagnosis.progress import Progress, silent
@@ -80,7 +80,7 @@ def refits(
         given = [(earlier.get(effect.name), [found[name] for name in effect.limits if name in found]) for effect in new]
         made = {effect.name: known[effect.name] for effect in round_of if effect not in new}
         for refit in extended(_made_of, new, evidence, given):
-            progress(f"refitting with {refit.names[-1]}", (len(found) + len(made)) / len(chosen))
+            progress(f"refitted with {refit.names[-1]}", (len(found) + len(made)) / len(chosen))
             made[refit.names[-1]] = refit
         found.update({effect.name: made[effect.name] for effect in round_of if effect.name in made})
     return found
@@ -99,7 +99,7 @@ def other_refits(evidence: Evidence, effects: Sequence[Effect], progress: Progre
     chosen = [effect for effect in effects if not effect.learned and not evidence.unidentifiable(effect.name)]
     found: dict[str, Refit] = {}
     for refit in extended(refit_with, chosen, evidence):
-        progress(f"refitting with {refit.names[-1]}", len(found) / len(chosen))
+        progress(f"refitted with {refit.names[-1]}", len(found) / len(chosen))
         found[refit.names[-1]] = refit
     return found
 
@@ -128,7 +128,7 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
     running = [refit for name, refit in found.items() if refit.gain >= floor or name in limits]
     result = dict(found)
     for done, refit in enumerate(followed(functools.partial(refined, best=leader(found).fit.sse), running)):
-        progress(f"refining the fit with {refit.names[-1]}", done / len(running))
+        progress(f"refined the fit with {refit.names[-1]}", done / len(running))
         result[refit.names[-1]] = refit
     return result
 
@@ -172,7 +172,9 @@ def worth_refitting(evidence: Evidence, effects: Sequence[Effect]) -> list[Effec
     they may be next to none.
     """
     scores = {
-        effect.name: evidence.statistic(effect.name) for effect in effects if not evidence.unidentifiable(effect.name)
+        effect.name: evidence.statistic(effect.name)
+        for effect in effects
+        if not (failed([effect.name]) or evidence.unidentifiable(effect.name))
     }
     if max(scores.values(), default=0.0) < _SMALL:
         shaped = [e for e in effects if e.name in scores and e.smooth and any(p.shape for p in e.parameters)]

@@ -138,7 +138,8 @@ def _screened_sensors(
         slopes = _signatures(problem, baseline.values, candidates)
         seen = _NominalTest(candidates, slopes, progress).run(problem, baseline, problem.noise)
         refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted, seen.refits)
-    refitted = settled(refitted, part(progress, 0.6, 0.1))
+    if refitted:
+        refitted = settled(refitted, part(progress, 0.6, 0.1))
     return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < THRESHOLDS.alarm)
 
 

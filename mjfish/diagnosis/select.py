@@ -47,7 +47,7 @@ def _rivalry(refits: Mapping[Names, Refit], held_out: HeldOut) -> dict[Names, Ro
         row[:] = np.concatenate([refits[name].fit.residual, beyond[name]])
     gains = np.array([refits[name].adjusted - float(beyond[name] @ beyond[name]) for name in names])
     without = [gains + np.sum(residuals[:, rows] ** 2, axis=1) for rows in refits[names[0]].problem.trial_rows]
-    chosen = np.mean([most == most.max() for most in without], axis=0)
+    chosen = np.mean([most == most.max() for most in without], axis=0).tolist() if len(without) > 1 else None
     result, rng = {}, np.random.default_rng(0)  # its own: what else is drawn moves no verdict
     for index, name in enumerate(names):
         inner = sum(_inner(residuals[:, at : at + _ROWS], index) for at in range(0, residuals.shape[1], _ROWS))
@@ -57,7 +57,7 @@ def _rivalry(refits: Mapping[Names, Refit], held_out: HeldOut) -> dict[Names, Ro
         observed = gains.max() - gains[index]
         finite("the comparison of the candidates", float(observed), *margin.sum(axis=0))
         p_value = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
-        result[name] = Row.of(name, refits[name], float(observed), p_value, float(chosen[index]))
+        result[name] = Row.of(name, refits[name], float(observed), p_value, chosen[index] if chosen else None)
     return result
 
 
@@ -98,8 +98,7 @@ class Goodness:
     def of(self, refit: Refit, row: Row) -> Row:
         """Return the row of a refit with the tests of what it leaves."""
         if refit not in self.known:
-            nothing: tuple[dict[str, float], float] = {}, np.inf
-            self.known[refit] = tried(refit.names, lambda: self._tested(refit), nothing)
+            self.known[refit] = tried(refit.names, lambda: self._tested(refit), (dict[str, float](), np.inf))
         tests, excess = self.known[refit]
         return replace(row, tests=tests, excess=excess)
 

@@ -85,6 +85,7 @@ class Row:
         status: how its fit ended.
         promise: what a step more may gain where the fit was stopped; the set stays as if it had gained that.
         chosen: selection frequency: share of the fitted runs without which it would be the best, nothing fitted anew.
+            None where one run alone was fitted.
     """
 
     names: Names
@@ -101,10 +102,12 @@ class Row:
     held_out: Confirmation | None = None
     status: str = "converged"
     promise: float = 0.0
-    chosen: float = 0.0
+    chosen: float | None = None
 
     @classmethod
-    def of(cls, names: Names, refit: Refit, behind: float = 0.0, rival_p: float = 1.0, chosen: float = 0.0) -> Row:
+    def of(
+        cls, names: Names, refit: Refit, behind: float = 0.0, rival_p: float = 1.0, chosen: float | None = None
+    ) -> Row:
         """Return the row of a refit that was compared with others, but not tested."""
         return cls(
             names=names,

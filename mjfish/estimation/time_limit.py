@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-_end: ContextVar[float] = ContextVar("end", default=math.inf)
+#: When the time is up, and how many seconds there were.
+_end: ContextVar[tuple[float, float]] = ContextVar("end", default=(math.inf, math.inf))
 
 
 class PastLimitError(Exception):
@@ -21,7 +22,7 @@ class PastLimitError(Exception):
 @contextmanager
 def limited(seconds: float) -> Iterator[None]:
     """Let fits of this thread raise `PastLimitError` that many seconds from now."""
-    token = _end.set(min(_end.get(), time.monotonic() + seconds))
+    token = _end.set(min(_end.get(), (time.monotonic() + seconds, seconds)))
     try:
         yield
     finally:
@@ -30,5 +31,6 @@ def limited(seconds: float) -> Iterator[None]:
 
 def check_time() -> None:
     """Raise `PastLimitError` where the time is up."""
-    if time.monotonic() > _end.get():
-        raise PastLimitError("it took longer than the limit")
+    end, seconds = _end.get()
+    if time.monotonic() > end:
+        raise PastLimitError(f"it took longer than the limit of {seconds:g} s")

@@ -13,6 +13,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from mjfish.errors import InputError
+from mjfish.execution import executing
 from mjfish.executors import NoClusterError, cluster, fan_out, processes
 from mjfish.study.lock import locked
 from mjfish.study.pieces import Piece, Shard
@@ -171,7 +172,7 @@ def answer(piece: Piece) -> _Answer:
     """Return what came of a piece, its error where it failed, and how long it took [s]."""
     begun = time.perf_counter()
     try:
-        with threadpool_limits(1, "blas"):
+        with threadpool_limits(1, "blas"), executing(1):
             outcome = {"outcome": "done", "result": piece.result()}
     except (Exception, SystemExit) as error:
         outcome = {"outcome": "failed", "reason": f"{type(error).__name__}: {error}"}

@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -18,17 +19,22 @@ from schema_check import complaints
 from mjfish.data import Dataset
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.failures import Parts, noting
+from mjfish.diagnosis.failures import Parts, noting, tried
 from mjfish.diagnosis.fan_out import extended
 from mjfish.diagnosis.refit import refit_with
+from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.table import Comparison
 from mjfish.effects import Effect, find
 from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
-from mjfish.estimation import Noise, time_limit
+from mjfish.estimation import Fit, Noise, time_limit
 from mjfish.estimation import fit as _fit_function
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.problem import Problem
+from mjfish.estimation.time_limit import PastLimitError
+from mjfish.execution import executing
 from mjfish.fish import load_fish
+from mjfish.kept import Kept
 from mjfish.model import Model
 from mjfish.parameter import Parameter
 from mjfish.simulation.synthetic import generate
@@ -220,10 +226,56 @@ def test_where_a_pair_fails_its_members_go_on(monkeypatch: pytest.MonkeyPatch) -
     _minimiser(monkeypatch, second.name, _singular)
     with noting(Parts()) as parts:
         assert [*extended(refit_with, [second], gather(base.problem, base.fit, [second]))] == []
-        assert "SVD did not converge" in parts.failures["velocity_scale with time_offset"]
+        assert "SVD did not converge" in parts.failures["time_offset with velocity_scale"]
         monkeypatch.undo()
         (alone,) = extended(refit_with, [second], gather(problem, found, [first, second]))
         assert alone.names == ("velocity_scale",)
+
+
+@pytest.mark.parametrize("stage", ["refined", "lowest"])
+def test_a_leader_that_fails_where_it_is_followed_stays_a_row(monkeypatch: pytest.MonkeyPatch, stage: str) -> None:
+    """Catches a set that failed late and is in the verdict, yet not among the candidates any more."""
+    module = sys.modules["mjfish.diagnosis.refit" if stage == "refined" else "mjfish.diagnosis.compared"]
+    honest = getattr(module, stage)
+
+    def late(refit: Refit, *given: Any, **more: Any) -> Refit:
+        if refit.names == (HIDDEN,):
+            raise PastLimitError("it took longer than the limit of 1 s")
+        return honest(refit, *given, **more)
+
+    monkeypatch.setattr(module, stage, late)
+    monkeypatch.setattr(Comparison, "retained", lambda _self, **_how: [])  # so that lower minima are looked for
+    result = _diagnosed(hidden=True)
+    _assert_told(result, HIDDEN, "it took longer than the limit of 1 s")
+    assert (HIDDEN,) in [row.names for row in result.table.rows]
+
+
+def test_what_is_the_fault_of_no_candidate_is_blamed_on_none() -> None:
+    """The time of whoever asks is up, or a cause of the model that they extend raises."""
+    dataset, candidates = _data(True), [find(name) for name in CANDIDATES]
+    problem = nominal_problem(dataset, dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
+    found = _fit_function(problem)
+    with noting(Parts()) as parts:
+        assert tried(["servo_lag"], lambda: _gathered_late(problem, found, candidates), "nothing") == "nothing"
+        assert [*parts.failures] == ["servo_lag"]
+        assert "longer than the limit" in parts.failures["servo_lag"]
+
+
+def _gathered_late(problem: Problem, found: Fit, candidates: list[Effect]) -> str:
+    with time_limit.limited(-1.0):
+        gather(problem, found, candidates)
+    return "evidence"
+
+
+def test_refits_after_a_failure_are_kept_apart_from_those_without_it(tmp_path: Path) -> None:
+    """Their steps have the same numbers, but go by other noise and other bests."""
+    dataset, effect = _data(True), find(HIDDEN)
+    problem = nominal_problem(dataset, dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
+    evidence = gather(problem, _fit_function(problem), [effect])
+    for failures in ({}, {"velocity_scale": "it took too long"}):
+        with noting(Parts(dict(failures))), executing(1, kept=Kept(tmp_path, "a")):
+            assert len([*extended(refit_with, [effect], evidence)]) == 1
+    assert len([*tmp_path.iterdir()]) == 2
 
 
 @pytest.mark.parametrize("at", ["reading", "drive", "priors"])

@@ -80,7 +80,7 @@ class Draws:
 
 def draws(fish: Fish, modes: tuple[str, ...] = MODES, duration: float = 10.4) -> Draws:
     """Simulate `INSIDE` and make what all draws share."""
-    posed = problem(swimming(fish, modes, values=INSIDE, noise=None, duration=duration), jobs=2)
+    posed = problem(swimming(fish, modes, values=INSIDE, noise=None, duration=duration))
     base = fit(posed, posed.start(INSIDE))
     sigma = np.sqrt(np.diag(base.covariance))
     slopes = [
