@@ -121,7 +121,7 @@ def find_small_addition(singles: Mapping[Names, Refit], candidates: Sequence[Eff
         added = sorted(enough, key=lambda effect: -after.worth(effect.name))[:_ADDED]
         coarse = [*extended(partial(refit_with, gained=base.gain), added, after)]
         for refit in followed(partial(to_optimum, least=base.fit.sse - excess), coarse):
-            names, mechanism = tuple(sorted(refit.names)), refit.effects[-1].mechanism
+            names, mechanism = _with(base, refit.effects[-1]), refit.effects[-1].mechanism
             beyond = [other for other in others if other.mechanism != mechanism]
             left = gather(refit.problem, refit.fit, beyond).saturated_excess()
             mended = refit.gain - most > MENDED and left < (1.0 - _MOST_OF_IT) * excess
@@ -172,7 +172,7 @@ def _extended(
         after = gather(base.problem, base.fit, [effect for effect in candidates if effect.mechanism not in taken])
         new = [effect for effect in shortlist(after) if _with(base, effect) not in known]
         for refit in extended(partial(refit_with, gained=base.gain), new, after):
-            names = tuple(sorted(refit.names))
+            names = _with(base, refit.effects[-1])
             if names not in found or refit.gain > found[names].gain:
                 found[names] = refit
     if found:

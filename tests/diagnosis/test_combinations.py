@@ -92,7 +92,7 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
         return Comparison(rows)
 
     monkeypatch.setattr(module, "_extended", extended)
-    monkeypatch.setattr(module, "followed", map)
+    monkeypatch.setattr(module, "followed", lambda make, refits, _names=None: map(make, refits))
     monkeypatch.setattr(module, "compared", compared)
     singles: Any = {(name,): _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
     found, _ = find_combinations(singles, (), HeldOut(None, ()), silent)  # type: ignore[arg-type]
