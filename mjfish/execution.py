@@ -10,9 +10,9 @@ import contextvars
 import math
 import os
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -61,7 +61,14 @@ def execution() -> Execution:
 def executing(
     jobs: int | None = None, executor: Executor | None = None, kept: Kept | None = None, limit: float | None = None
 ) -> Iterator[None]:
-    """Do all work of the block so, see `Execution`; None: as it is done outside of it."""
+    """Do the work of the block as these attributes of `Execution` say; one that is None stays as it is outside.
+
+    Example:
+        >>> from mjfish.execution import executing, execution
+        >>> with executing(jobs=2):
+        ...     execution().jobs
+        2
+    """
     given: dict[str, Any] = {"jobs": jobs, "executor": executor, "kept": kept, "limit": limit}
     here = replace(execution(), **{name: value for name, value in given.items() if value is not None})
     token = _CURRENT.set(here)
@@ -73,7 +80,7 @@ def executing(
 
 def completed(
     function: Callable[[T], R], tasks: Sequence[T], *, sent: bool = True
-) -> Iterator[tuple[int, Callable[[], R]]]:
+) -> Generator[tuple[int, Callable[[], R]]]:
     """Yield the place of each task and how to get what `function` returns of it, in the order of completion.
 
     Getting it raises `WorkerError` where a worker ended without an answer, and an error of `function` as it is. A task
@@ -94,8 +101,9 @@ def completed(
         yield from ((place, partial(context.copy().run, function, task)) for place, task in enumerate(tasks))
     else:
         with ThreadPoolExecutor(idle) as pool:
-            work = partial(_at_work, context, function)
-            yield from ((place, future.result) for place, future in fan_out(work, tasks, pool))
+            yield from (
+                (place, future.result) for place, future in fan_out(partial(_at_work, context, function), tasks, pool)
+            )
 
 
 def mapped(function: Callable[[T], R], tasks: Sequence[T], *, sent: bool = False) -> Iterator[R]:
@@ -103,15 +111,16 @@ def mapped(function: Callable[[T], R], tasks: Sequence[T], *, sent: bool = False
     return in_order(completed(function, tasks, sent=sent))
 
 
-def in_order(pairs: Iterable[tuple[int, Callable[[], R]]]) -> Iterator[R]:
-    """Yield the results of `completed` by their places; an error is raised in its place."""
+def in_order(pairs: Generator[tuple[int, Callable[[], R]]]) -> Iterator[R]:
+    """Yield the results of `completed` by their places; an error is raised in its place, when no thread works on."""
     early: dict[int, Callable[[], R]] = {}
     following = 0
-    for place, get in pairs:
-        early[place] = get
-        while following in early:
-            yield early.pop(following)()
-            following += 1
+    with closing(pairs):  # an error keeps its frames: threads would end whenever, and wherever, these are freed
+        for place, get in pairs:
+            early[place] = get
+            while following in early:
+                yield early.pop(following)()
+                following += 1
 
 
 def _at_work(context: contextvars.Context, function: Callable[[T], R], task: T) -> R:

@@ -51,6 +51,21 @@ def test_a_limit_holds_in_every_thread(jobs: int) -> None:
             list(mapped(task, range(2)))
 
 
+def test_where_a_task_raises_no_thread_works_on_while_the_error_is_kept() -> None:
+    """Its traceback keeps the frames; freed in one of these threads, they would make it wait for itself."""
+    before, go = threading.active_count(), threading.Event()
+
+    def task(number: int) -> None:
+        if number == 0:
+            raise ZeroDivisionError("first")
+        go.wait(0.2)
+
+    with executing(2), pytest.raises(ZeroDivisionError) as kept:
+        list(mapped(task, range(6)))
+    assert kept.value.__traceback__ is not None
+    assert threading.active_count() == before
+
+
 def test_a_block_goes_on_as_the_one_around_it_says(tmp_path: Path) -> None:
     """And tasks have its threads and its limit, yet neither executor nor folder: they are one worker of many."""
     kept = Kept(tmp_path, "a")

@@ -46,7 +46,7 @@ _RTOL = 1e-5
 
 
 def posed(names: Sequence[str], duration: float) -> Problem:
-    """Return the fit of synthetic trials, one a mode, on one thread."""
+    """Return the fit of synthetic trials, one a mode."""
     synthetic = generate(_PIKE, names, values=_TRUTH, noise=_SIGMA, rate=_RATE, duration=duration, seed=1)
     return Problem(Model(_PIKE), synthetic.trials, Noise.white(_SIGMA))
 

@@ -265,7 +265,7 @@ def _evidence(evidence: Evidence) -> Table:
     table.caption = (
         "LR: fall of the sum of squares; behind: by how much the best of its size explains more of all trials; "
         f"rival p: of that margin, a set stays from {limits.keep} on or less than {limits.close:.2g} behind; best: "
-        "in so many of the cases in which one of the runs is left out; remains: "
+        "how often it is the best when one run is left out; remains: "
         f"share left, little below {percent(limits.left)} ({percent(limits.exact)} without a form); fit p: of what is "
         f"left, nothing from {limits.goodness:g} on; held out: log-likelihood gained there. p of the nominal model: "
         f"{p_value(evidence.p_wrong)}, something is wrong below {limits.alarm}."

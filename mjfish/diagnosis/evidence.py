@@ -440,9 +440,12 @@ def _derived(
     try:
         return together(candidates, shapes)
     except Exception:
-        alone = [attempted([effect.name], partial(together, [effect], shapes)) for effect in candidates]
+        alone = [
+            attempted([effect.name], partial(together, [effect], None))
+            for effect in (candidates if noted() and shapes is None else ())  # else whoever asks says what failed
+        ]
         failures = [one for one in alone if isinstance(one, Failure)]
-        if not failures or len(failures) == len(alone) > 1 or shapes is not None or not noted():
+        if not failures or len(failures) == len(alone) > 1:
             raise  # it is the fault of none of them
         for failure in failures:
             note(failure)
@@ -466,7 +469,7 @@ def _derived_together(
     candidates: Sequence[Effect],
     shapes: Mapping[str, float] | None,
 ) -> tuple[T, list[str]]:
-    """Return what `_derived` does of candidates that have not failed."""
+    """Return what `_derived` returns where no candidate raises."""
     wide = replace(problem, model=replace(problem.model, effects=(*problem.model.effects, *candidates))).smoother
     null = {p.name: p.default for effect in candidates for p in effect.parameters}
     x = wide.start({**null, **(shapes or {}), **values})

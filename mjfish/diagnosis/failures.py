@@ -50,7 +50,7 @@ class Parts:
     failures: dict[str, str] = field(default_factory=dict)
 
     def run(self, part: str, make: Callable[[], T], otherwise: T) -> T:
-        """Return what `make` returns; where an effect raises in it or numbers go wrong, note it, return the other."""
+        """Return what `make` returns. Where an effect raises or numbers go wrong, note that and return the other."""
         try:
             return make()
         except PartFailedError:
@@ -115,7 +115,7 @@ def attempted(names: Sequence[str], make: Callable[[], T]) -> T | Failure:
 
 
 def tried(names: Sequence[str], make: Callable[[], T], otherwise: T) -> T:
-    """Return what `make` returns; where that fails in a diagnosis note it of the candidates, and return the other."""
+    """Return what `make` returns. Where it fails in a diagnosis, note the candidates as failed and return the other."""
     made = attempted(names, make) if noted() else make()
     if not isinstance(made, Failure):
         return made

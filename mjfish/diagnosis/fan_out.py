@@ -5,7 +5,7 @@ A refit is sent and kept as what it found; its residual and derivatives follow f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from typing import Any
@@ -88,7 +88,7 @@ def _side_by_side(
     if recorded:
         function = partial(_recorded, function, problem)
 
-    def made() -> Iterator[tuple[int, Callable[[], Any]]]:
+    def made() -> Generator[tuple[int, Callable[[], Any]]]:
         yield from ((place, always(known)) for place, known in enumerate(found) if known is not None)
         for k, get in completed(function, [left[place] for place in rest]):
             if (file := files[rest[k]]) is None:

@@ -84,8 +84,8 @@ class Row:
             the nominal model; None where it was not asked, or nothing is held out.
         status: how its fit ended.
         promise: what a step more may gain where the fit was stopped; the set stays as if it had gained that.
-        chosen: selection frequency: share of the fitted runs without which it would be the best, nothing fitted anew.
-            None where one run alone was fitted.
+        chosen: selection frequency. Each fitted run is left out in turn, and nothing is refitted: the share of these
+            cases in which the set is the best of its size. None where one run alone was fitted.
     """
 
     names: Names

@@ -101,6 +101,7 @@ class Score:
 
 def predict_held_out(fitted: Problem, values: Mapping[str, float], trials: tuple[Trial, ...]) -> Score:
     """Predict `trials` with the fitted model's values; their nuisance parameters come from their own first part."""
+    # In this process: to send all fitted runs along with one takes longer.
     found = [*mapped(partial(_predicted, fitted, values=values), trials)]
     return Score(*map(tuple, zip(*found, strict=True))) if found else Score((), (), ())
 
