@@ -35,12 +35,11 @@ def candidate_table(begun: Begun, evidence: Evidence, compared: Compared, held_o
 def _row(effect: Effect, evidence: Evidence, judged: Row | None, refit: Refit | None, held_out: HeldOut) -> Candidate:
     row = Candidate(effect.name, True) if effect.learned else _scored(effect, evidence)
     if refit is not None:
-        left = [channel_errors(refit.problem, refit.fit.x, index) for index in range(len(refit.problem.trials))]
         row = replace(
             row,
             statistic=max(refit.gain, 0.0),  # a formula may not have the nominal model in it
             degrees_of_freedom=refit.degrees_of_freedom,
-            error=pooled_error(left),
+            error=pooled_error(channel_errors(refit.problem, refit.fit.x)),
             held_out_error=pooled_error(held_out.score(refit).channels) if held_out.trials else None,
             parameters=Cause.of(effect, refit.fit, refit.problem.model).parameters,
             remark=_ROUGH if refit.fit.status != "converged" else "",

@@ -47,11 +47,15 @@ class ChannelError:
     ends: tuple[float, float]
 
 
-def channel_errors(problem: Problem, x: FloatArray, index: int) -> tuple[ChannelError, ...]:
-    """Return what a model leaves of the channels of one trial of a problem, counted samples only."""
+def channel_errors(problem: Problem, x: FloatArray) -> list[tuple[ChannelError, ...]]:
+    """Return what a model leaves of the channels of every trial of a problem, counted samples only."""
+    return [_channel_errors(problem, x, index, left) for index, left in enumerate(problem.raw(x))]
+
+
+def _channel_errors(problem: Problem, x: FloatArray, index: int, left: FloatArray) -> tuple[ChannelError, ...]:
     trial = problem.trials[index]
     if trial.measured.any():
-        mask, left = problem.mask(index), problem.raw(x)[index]
+        mask = problem.mask(index)
         return tuple(
             _channel_error(name, UNITS[name], trial.time[mask], trial.velocity[:, c], mask, left[:, c])
             for c, name in enumerate(CHANNELS)
@@ -114,7 +118,7 @@ def _predicted(
     x = alone.start() if first is alone else fit_or_raise(first, alone.start(), tolerance=1e-6, evaluations=_MOST).x
     return (
         alone.raw(x)[0], alone.predictions(x)[0], alone.residual(x)[: alone.measured], of_sensors(alone, x, 0),
-        channel_errors(alone, x, 0), x,
+        channel_errors(alone, x)[0], x,
     )  # fmt: skip
 
 
