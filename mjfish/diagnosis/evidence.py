@@ -229,9 +229,10 @@ class Evidence:
     def directed_p(self) -> float:
         """Return the family-wise p value of the largest candidate (Westfall-Young), on the scale of chi2 tails.
 
-        Candidates without a score are left out: their statistics are quotients of rounding errors. 1 without any other.
+        Candidates without a score are left out: their statistics are quotients of rounding errors. So are those that
+        are not smooth at their null: no size of them does what the derivative there says. 1 without any other.
         """
-        seen = [name for name in self.blocks if self.scored(name)]
+        seen = [effect.name for effect in self.candidates if effect.smooth and self.scored(effect.name)]
         if not seen:
             return 1.0
         observed = min(float(log_tail(self.statistic(name), self._degrees_of_freedom(name))) for name in seen)
