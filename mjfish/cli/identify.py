@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -231,14 +232,14 @@ def _words(result: Identification, profiles: Sequence[Profile]) -> Iterator[str]
             listed = ", ".join(f"{name} {number(tau, 2)}" for name, tau in scattered.items())
             yield f"- scatter from trial to trial beyond the errors (standard deviations): {listed}"
         tests, rank = assessment.residual_tests, assessment.criteria
-        if all(trial.measured.all() for trial in result.dataset.split()[0]):
-            yield (
-                f"- residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the "
-                f"drive {p_value(tests.p_independent)}"
-            )
+        yield (
+            f"- residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the "
+            f"drive {p_value(tests.p_independent)}"
+        )
+        if math.isfinite(rank.aic):
             yield f"- AICc {rank.aicc:.6g}, BIC {rank.bic:.6g}, FPE {rank.fpe:.4g} with {rank.parameters} parameters"
         else:
-            yield "- residuals: not tested, and no AICc, BIC, FPE: they are those of surge, sway and yaw rate together"
+            yield "- no AICc, BIC, FPE: they are those of surge, sway and yaw rate together"
         held = [r.trial for r in assessment.residuals if r.role == "held_out"]
         seen = (s.free_clock or s.kind in ("position", "heading") for trial in held for s in trial.sensors)
         if any(not trial.starts_at_rest for trial in held) or any(seen):

@@ -86,7 +86,7 @@ def assess(problem: Problem, fit: Fit, residuals: tuple[Residual, ...]) -> Asses
         weaknesses=weaknesses(fit),
         agreement=tuple(agreement(residuals)),
         table=table_iv(residuals),
-        residual_tests=residual_tests(problem, fit, own),
+        residual_tests=residual_tests(problem, fit),
         criteria=criteria(problem, fit, own),
         stability=stability(problem, fit),
     )

@@ -234,20 +234,23 @@ def highest_order(lengths: Sequence[int]) -> int:
 
 
 def lagged_products(blocks: Sequence[FloatArray], highest: int) -> FloatArray:
-    """Return the sums of lagged products (3, highest + 1) of zero-mean blocks (m, 3), lags 0..highest."""
+    """Return the sums of lagged products (c, highest + 1) of zero-mean blocks (m, c), lags 0..highest."""
     lags = range(highest + 1)
-    return np.array([[sum(b[k:, c] @ b[: len(b) - k, c] for b in blocks) for k in lags] for c in range(3)], dtype=float)
+    return np.array(
+        [[sum(b[k:, c] @ b[: len(b) - k, c] for b in blocks) for k in lags] for c in range(blocks[0].shape[1])],
+        dtype=float,
+    )
 
 
 def by_order(covariances: FloatArray, total: int) -> Autoregressive:
     """Solve the Yule-Walker equations of the autocovariances of every channel, order by BIC.
 
     Args:
-        covariances: (3, h + 1), lags 0..h; orders up to h are tried.
+        covariances: (c, h + 1) of the channels, lags 0..h; orders up to h are tried.
         total: samples that they were estimated from.
     """
     fits = [[_yule_walker(row, p) for row in covariances] for p in range(covariances.shape[1])]
-    cost = [sum(total * np.log(s) for _, s in row) + 3 * p * np.log(total) for p, row in enumerate(fits)]
+    cost = [sum(total * np.log(s) for _, s in row) + len(row) * p * np.log(total) for p, row in enumerate(fits)]
     chosen = fits[int(np.argmin(cost))]
     return Autoregressive(readonly(np.sqrt([s for _, s in chosen])), readonly(np.stack([phi for phi, _ in chosen])))
 

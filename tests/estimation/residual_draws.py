@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import signal
@@ -11,8 +11,6 @@ from synthetic_swimming import SIGMA, TRUTH, problem, swimming
 from mjfish.arrays import FloatArray
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.fit import Linearised, covariance
-from mjfish.estimation.residual import Residual
-from mjfish.estimation.residual_tests import Absorbed, absorbed
 from mjfish.fish import Fish
 
 
@@ -38,14 +36,10 @@ class Draws:
     """A linearised fit of noise-free trials, drawn from again and again."""
 
     problem: Problem
-    predicted: list[FloatArray]
-    span: FloatArray
-    absorbed: Absorbed
+    fit: Fit
 
-    def residuals(
-        self, rng: np.random.Generator, phi: float, hidden: dict[int, FloatArray] | None = None
-    ) -> list[Residual]:
-        """Draw noise, fit it (to first order, as the weights of the problem say), and return what is left.
+    def drawn(self, rng: np.random.Generator, phi: float, hidden: dict[int, FloatArray] | None = None) -> Fit:
+        """Draw noise, fit it (to first order, as the weights of the problem say), and return what is left, as a fit.
 
         Args:
             rng: to draw from.
@@ -57,19 +51,9 @@ class Draws:
             noises[index] = noises[index] + more
         masks = [self.problem.mask(i) for i in range(len(noises))]
         white = np.concatenate([(e[mask] / SIGMA).ravel() for e, mask in zip(noises, masks, strict=True)])
-        white -= self.span @ (self.span.T @ white)
-        result, first = [], 0
-        for trial, predicted, mask, noise in zip(self.problem.trials, self.predicted, masks, noises, strict=True):
-            last = first + 3 * int(mask.sum())
-            noise[mask] = white[first:last].reshape(-1, 3) * SIGMA
-            result.append(Residual(replace(trial, velocity=predicted + noise), "fit", predicted, mask, mask))
-            first = last
-        return result
+        return self.fit.having(residual=self.fit.jacobian.factors.basis.off(white))
 
 
 def draws(fish: Fish, modes: tuple[str, ...] = ("v1", "v5", "v3-t2"), duration: float = 6.4) -> Draws:
     posed = problem(swimming(fish, modes, noise=None, duration=duration))
-    x = posed.start(TRUTH)
-    one = at(posed, x)
-    span = np.linalg.svd(one.jacobian.dense(), full_matrices=False)[0]
-    return Draws(posed, posed.predictions(x), span, absorbed(posed, one))
+    return Draws(posed, at(posed, posed.start(TRUTH)))

@@ -12,9 +12,10 @@ import pytest
 
 from mjfish.arrays import readonly
 from mjfish.errors import InputError
-from mjfish.estimation import Noise
+from mjfish.estimation import Noise, fit
+from mjfish.estimation.identification import pose
 from mjfish.estimation.residual import Residual
-from mjfish.estimation.residual_tests import ResidualTests, examine
+from mjfish.estimation.residual_tests import ResidualTests, residual_tests
 from mjfish.fish import Fish
 from mjfish.reporting.html.figures import autocorrelation_figure, cross_correlation_figure, residual_figure
 from mjfish.reporting.html.identification import write_identification_figures
@@ -23,6 +24,7 @@ from mjfish.reporting.words import p_value
 from mjfish.simulation.synthetic import generate
 
 SIGMA = readonly([0.01, 0.01, 0.05])
+UNTESTED = ResidualTests((), (), np.nan, np.nan, "untested")
 EVIL = "</script><img src=x onerror=alert(1)>"
 
 
@@ -40,8 +42,11 @@ def residuals(pike: Fish) -> tuple[Residual, ...]:
 
 
 @pytest.fixture(scope="module")
-def tests_(residuals: tuple[Residual, ...], pike: Fish) -> ResidualTests:
-    return examine(residuals, Noise.white(SIGMA), pike.cpg)
+def tests_(pike: Fish) -> ResidualTests:
+    drawn = generate(pike, ("v1", "v1-v5"), duration=6.0, noise=SIGMA)
+    dataset = replace(drawn, trials=tuple(replace(trial, role="fit") for trial in drawn.trials))
+    posed = replace(pose(dataset), noise=Noise.white(SIGMA))
+    return residual_tests(posed, fit(posed, posed.start()))
 
 
 def _specs(html: str) -> list[dict]:
@@ -116,11 +121,9 @@ def test_a_file_asks_for_nothing_from_outside_and_what_users_wrote_is_text(
         assert "default-src 'none'" in own
 
 
-def test_rollouts_that_all_diverged_have_gaps_and_no_tests(
-    residuals: tuple[Residual, ...], pike: Fish, tmp_path: Path
-) -> None:
+def test_rollouts_that_all_diverged_have_gaps_and_no_tests(residuals: tuple[Residual, ...], tmp_path: Path) -> None:
     gone = [replace(r, predicted=np.full_like(r.predicted, np.nan)) for r in residuals]
-    files = write_identification_figures(tmp_path, "pool", gone, examine(gone, Noise.white(SIGMA), pike.cpg))
+    files = write_identification_figures(tmp_path, "pool", gone, UNTESTED)
     assert [f.name for f in files] == ["simulated.html"]
     assert "the rollout diverged" in files[0].read_text()
 

@@ -306,10 +306,11 @@ def profile_figure(profiles: Sequence[Profile]) -> go.Figure:
 
 def autocorrelation_figure(tests: Sequence[Autocorrelation]) -> go.Figure:
     """Return the autocorrelation of the residual of every channel over all trials, thin lines the trials alone."""
-    figure = panels(len(CHANNELS), height=165 * len(CHANNELS) + 60, shared_xaxes=True, vertical_spacing=0.08)
-    for k, channel in enumerate(CHANNELS):
+    channels = list(dict.fromkeys(test.channel for test in tests))
+    figure = panels(len(channels), height=165 * len(channels) + 60, shared_xaxes=True, vertical_spacing=0.08)
+    for k, channel in enumerate(channels):
         panel = Panel(figure, k + 1)
-        panel.heading(CHANNEL_NAMES[channel])
+        panel.heading(CHANNEL_NAMES.get(channel, html.escape(channel)))
         own = sorted((test for test in tests if test.channel == channel), key=lambda test: test.trial == ALL)
         for test in own:
             if test.trial == ALL:
@@ -317,25 +318,24 @@ def autocorrelation_figure(tests: Sequence[Autocorrelation]) -> go.Figure:
                 panel.marked(test.lag, test.value, "nominal", "all trials")
             else:
                 panel.curve(test.lag, test.value, "measured", "one trial", width=0.8)
-    return _with_zero(figure).update_xaxes(title_text="lag [samples]", row=len(CHANNELS))
+    return _with_zero(figure).update_xaxes(title_text="lag [samples]", row=len(channels))
 
 
 def cross_correlation_figure(tests: Sequence[CrossCorrelation], trial: str = ALL) -> go.Figure:
     """Return the cross-correlation of the residual with every input, a row a channel, of one trial or over all."""
-    rows, columns = len(CHANNELS), len(INPUT_NAMES)
+    own = {(test.channel, test.input): test for test in tests if test.trial == trial}
+    channels = list(dict.fromkeys(channel for channel, _ in own))
+    rows, columns = len(channels), len(INPUT_NAMES)
     figure = panels(
         rows, columns, height=165 * rows + 60, shared_xaxes=True, horizontal_spacing=0.08, vertical_spacing=0.08
     )
-    own = {(test.channel, test.input): test for test in tests if test.trial == trial}
-    for row, channel in enumerate(CHANNELS):
+    for row, channel in enumerate(channels):
         for column, (name, reads) in enumerate(INPUT_NAMES.items()):
-            panel, test = Panel(figure, row + 1, column + 1), own.get((channel, name))
-            heading = f"{CHANNEL_NAMES[channel]}, {reads}"
-            if test is not None:
-                heading += f": p {html.escape(p_value(test.p_value))}"
-                panel.band(test.lag, -test.band, test.band, "nominal-soft", "independent residual")
-                panel.curve(test.lag, test.value, "nominal", "residual", width=1.8)
-            panel.heading(heading)
+            panel, test = Panel(figure, row + 1, column + 1), own[channel, name]
+            panel.band(test.lag, -test.band, test.band, "nominal-soft", "independent residual")
+            panel.curve(test.lag, test.value, "nominal", "residual", width=1.8)
+            named = CHANNEL_NAMES.get(channel, html.escape(channel))
+            panel.heading(f"{named}, {reads}: p {html.escape(p_value(test.p_value))}")
     return _with_zero(figure).update_xaxes(title_text="residual behind the input [s]", row=rows)
 
 

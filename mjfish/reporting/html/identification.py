@@ -99,7 +99,9 @@ def _simulated(name: str, residuals: Sequence[Residual]) -> Section:
 
 def _autocorrelation(name: str, tests: ResidualTests) -> Section:
     found = [
-        f"{CHANNEL_NAMES[test.channel]} p {p_value(test.p_value)}" for test in tests.whiteness if test.trial == ALL
+        f"{CHANNEL_NAMES.get(test.channel, test.channel)} p {p_value(test.p_value)}"
+        for test in tests.whiteness
+        if test.trial == ALL
     ]
     return Section(
         f"{name}: is the residual white?",
