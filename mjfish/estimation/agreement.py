@@ -39,7 +39,7 @@ from mjfish.data import Role, Trial
 from mjfish.data.trial import seen_of
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.residual import Residual, fitted
+from mjfish.estimation.residual import Residual
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.noise import Autoregressive, Noise, estimate
 
@@ -208,43 +208,37 @@ class Criteria:
     fpe: float
 
 
-def criteria(
-    problem: Problem,
-    fit: Fit,
-    residuals: Sequence[Residual] | None = None,
-    *,
-    noise: Literal["estimated", "stated"] = "estimated",
-) -> Criteria:
+def criteria(problem: Problem, fit: Fit, *, noise: Literal["estimated", "stated"] = "estimated") -> Criteria:
     """Return the criteria of a fit.
 
     Args:
         problem: that was fitted.
         fit: its result. Parameters that rest on a bound are not counted: they were not fitted to the data.
-        residuals: of the fit, made here where they are not given.
         noise: ``stated``: the noise of the problem is known; compare only fits with the same one. ``estimated``: sigma
             of every channel is the root mean square of the innovations, which is its most likely value, and it and
             the autoregressive coefficients count as parameters.
     """
     free = int(np.count_nonzero(~fit.at_bound))
-    return of_residuals(residuals or fitted(problem, fit.x), problem.noise, free, stated=noise == "stated")
-
-
-def of_residuals(residuals: Sequence[Residual], noise: Noise, free: int, *, stated: bool) -> Criteria:
-    """Return the criteria of residuals of a model with `free` fitted parameters; see `criteria`."""
-    if any(residual.diverged or not residual.trial.measured.all() for residual in residuals):
+    if fit.lost or not problem.complete:
         return Criteria(0, free, *(np.nan,) * 5)
-    model = Autoregressive(noise.sigma, noise.phi)
-    parts = [model.innovations(residual.on_grid(residual.values)) for residual in residuals]
-    error, variance = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-    there = np.isfinite(error)
-    relative = np.where(there, variance, 1.0) / noise.sigma**2
-    counted = free
-    sigma = noise.sigma
+    masks = [problem.mask(i) for i in range(len(problem.trials))]
+    determinant = sum(problem.noise.log_determinant(t, mask) for t, mask in zip(problem.trials, masks, strict=True))
+    white = fit.residual[: problem.samples].reshape(-1, len(CHANNELS))
+    return of_whitened(white, problem.noise, determinant, free, stated=noise == "stated")
+
+
+def of_whitened(white: FloatArray, noise: Noise, determinant: float, free: int, *, stated: bool) -> Criteria:
+    """Return the criteria of whitened residuals (N, channels) of a model with `free` parameters; see `criteria`.
+
+    `determinant`: the logarithm of that of the noise's covariance.
+    """
+    counted, squares = free, float(np.sum(white**2))
     if not stated:
-        squares = np.where(there, error, 0.0) ** 2 / relative
-        sigma = np.sqrt(np.maximum(squares.sum(axis=0) / there.sum(axis=0), 1e-300))
-        counted += len(sigma) * (1 + noise.order)
-    n, likelihood = int(there.sum()), _log_likelihood(error, relative * sigma**2)
+        size = np.maximum(np.mean(white**2, axis=0), 1e-300)
+        determinant, squares = determinant + len(white) * float(np.sum(np.log(size))), float(white.size)
+        counted += len(size) * (1 + noise.order)
+    n = white.size
+    likelihood = -0.5 * (n * float(np.log(2.0 * np.pi)) + determinant + squares)
     aic = -2.0 * likelihood + 2.0 * counted
     spare = n - counted - 1
     return Criteria(
@@ -254,21 +248,13 @@ def of_residuals(residuals: Sequence[Residual], noise: Noise, free: int, *, stat
         aic=aic,
         aicc=aic + 2.0 * counted * (counted + 1) / spare if spare > 0 else np.inf,
         bic=-2.0 * likelihood + counted * float(np.log(n)),
-        fpe=final_prediction_error(error / np.sqrt(relative), free),
+        fpe=final_prediction_error(white * noise.sigma, free),
     )
 
 
 def final_prediction_error(innovation: FloatArray, parameters: int) -> float:
-    """Return det(S) (1 + d/N) / (1 - d/N) of innovations (N, channels); rows with a gap are left out."""
-    complete = innovation[np.all(np.isfinite(innovation), axis=1)]
-    ratio = parameters / max(len(complete), 1)
+    """Return det(S) (1 + d/N) / (1 - d/N) of innovations (N, channels)."""
+    ratio = parameters / max(len(innovation), 1)
     if ratio >= 1.0:
         return np.inf
-    return float(np.linalg.det(complete.T @ complete / len(complete)) * (1.0 + ratio) / (1.0 - ratio))
-
-
-def _log_likelihood(error: FloatArray, variance: FloatArray) -> float:
-    """Return log p of independent Gaussian innovations, where there are any."""
-    there = np.isfinite(error)
-    e, v = error[there], variance[there]
-    return float(-0.5 * np.sum(np.log(2.0 * np.pi * v) + e**2 / v))
+    return float(np.linalg.det(innovation.T @ innovation / len(innovation)) * (1.0 + ratio) / (1.0 - ratio))

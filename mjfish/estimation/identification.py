@@ -79,7 +79,6 @@ def assess(problem: Problem, fit: Fit, residuals: tuple[Residual, ...]) -> Asses
     """
     if fit.lost:
         return None
-    own = residuals[: len(problem.trials)]
     return Assessment(
         residuals=residuals,
         intervals=intervals(problem, fit),
@@ -87,7 +86,7 @@ def assess(problem: Problem, fit: Fit, residuals: tuple[Residual, ...]) -> Asses
         agreement=tuple(agreement(residuals)),
         table=table_iv(residuals),
         residual_tests=residual_tests(problem, fit),
-        criteria=criteria(problem, fit, own),
+        criteria=criteria(problem, fit),
         stability=stability(problem, fit),
     )
 

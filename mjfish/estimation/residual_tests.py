@@ -21,8 +21,8 @@ of what the fit takes out of the residual, w = (1 - Q Q') v of noise v,
 
     s = U' w,     var s = U' (1 - Q Q') Omega (1 - Q Q') U
 
-Omega is the covariance of the residual, of an autoregressive model of each channel that is estimated beside U: a line
-of the input in the residual would else pass for noise and hide itself. The input is periodic: it does not decay, and
+Omega is the covariance of v, of an autoregressive model of each channel that is estimated beside U: what follows the
+input in the residual would else pass for noise and hide itself. The input is periodic: it does not decay, and
 neither do the correlations between the s of different lags. So the p value is of all lags jointly, of the directions of
 U that matter (two for each frequency of the drive), without those that the fit has taken; F-distributed.
 
@@ -32,18 +32,17 @@ U that matter (two for each frequency of the drive), without those that the fit 
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from scipy import linalg, signal, stats
 
 from mjfish.arrays import FloatArray
-from mjfish.block_angular import Basis, IntArray, tall_svd
-from mjfish.data import Sensor, Trial
-from mjfish.errors import InputError
+from mjfish.block_angular import Basis, IntArray, span, tall_svd
+from mjfish.data import Trial
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.serial_correlation import Block, serial_blocks
@@ -104,6 +103,11 @@ class Series:
     column: int
 
     @property
+    def samples(self) -> int:
+        """Number of samples that count."""
+        return len(self.block.cells)
+
+    @property
     def values(self) -> FloatArray:
         """The residual (n,) on a grid of equal steps, NaN where no sample counts."""
         return np.where(self.block.counted, self.block.residual[:, self.column], np.nan)
@@ -140,26 +144,20 @@ def whiteness(series: Sequence[Series], order: int, *, lags: int = LAGS) -> tupl
     """Test every channel of every trial, then every channel over all trials.
 
     Args:
-        series: whitened residuals.
+        series: whitened residuals; one of too few samples to test a lag is left out.
         order: degrees of freedom that the noise model took.
         lags: m; fewer where the shortest trial has less than four samples a lag.
-
-    Raises:
-        InputError: no lag can be tested.
     """
-    m = min([lags, *(len(one.block.cells) // 4 for one in series)])
-    if m - order < 1:
-        raise InputError(
-            f"whiteness: {m} lags can be tested and the noise model took {order}; expected more lags than that; "
-            "record longer trials or ask for more lags"
-        )
     found = []
     for channel in dict.fromkeys(one.channel for one in series):
-        own = [one for one in series if one.channel == channel]
+        own = [one for one in series if one.channel == channel and one.samples // 4 > order]
+        if not own:
+            continue
+        m = min(lags, *(one.samples // 4 for one in own))
         parts = [_correlation(one.values, m) for one in own]
         found += [_tested(one.name, channel, *part, m - order) for one, part in zip(own, parts, strict=True)]
         values, variances, counts = (np.array(column) for column in zip(*parts, strict=True))
-        share = counts[:, None] / max(counts.sum(), 1)
+        share = counts[:, None] / counts.sum()
         pooled = np.sum(share * values, axis=0), np.sum(share**2 * variances, axis=0), int(counts.sum())
         found.append(_tested(ALL, channel, *pooled, m - order))
     return tuple(found)
@@ -236,152 +234,196 @@ class CrossCorrelation:
 
 
 @dataclass(frozen=True, eq=False)
-class _Products:
-    """Products of one input in one channel, by lag, in one trial or summed over trials.
+class _Scores:
+    """Scores of one input in one channel, of one trial or summed over trials.
+
+    With Q = (Q_r, Q_s), of parameters of the trial alone and of those that trials share, and A = (1 - Q_r Q_r') U,
+
+        var s = A' Omega A - A' Omega Q_s Q_s' U - (..)' + U' Q_s (Q_s' Omega Q_s) Q_s' U
 
     Attributes:
         score: (l,) s.
-        gram: (l, l) U'U.
-        own: (l, l) U' Omega U.
-        mixed: (l, rank) U' Omega Q.
-        inside: (l, rank) U' Q.
+        power: (l,) diagonal of U' U.
+        variance: (l,) diagonal of A' Omega A.
+        mixed: (l, k) A' Omega Q_s.
+        inside: (l, k) U' Q_s.
         energy: of the residual of the channel, scalar.
         samples: that it has.
-        quadratic: s' (var s)^+ s of each trial, and the rank, (2,).
+        along: (d, 1 + 2 k) score, mixed and inside of the main directions, in which A' Omega A is 1; those of the
+            trials below each other.
     """
 
     score: FloatArray
-    gram: FloatArray
-    own: FloatArray
+    power: FloatArray
+    variance: FloatArray
     mixed: FloatArray
     inside: FloatArray
     energy: float
     samples: int
-    quadratic: FloatArray = field(default_factory=lambda: np.zeros(2))
+    along: FloatArray
 
-    def __add__(self, other: _Products) -> _Products:
-        return _Products(*(mine + its for mine, its in zip(vars(self).values(), vars(other).values(), strict=True)))
+    def __add__(self, other: _Scores) -> _Scores:
+        summed = {name: value + getattr(other, name) for name, value in vars(self).items() if name != "along"}
+        return _Scores(**summed, along=np.concatenate([self.along, other.along]))
 
-    def covariance(self, spread: FloatArray) -> FloatArray:
-        """Return var s (l, l), of Q' Omega Q (rank, rank)."""
-        taken, there = self.mixed @ self.inside.T, np.flatnonzero(self.inside.any(axis=0))
-        inside = self.inside[:, there]
-        return np.asarray(self.own - taken - taken.T + inside @ spread[np.ix_(there, there)] @ inside.T)
+    def deviations(self, spread: FloatArray) -> FloatArray:
+        """Return the standard deviations (l,) of s; `spread`: (k, k) Q_s' Omega Q_s."""
+        shared = np.sum((self.inside @ spread - 2.0 * self.mixed) * self.inside, axis=1)
+        return np.asarray(np.sqrt(np.maximum(self.variance + shared, 0.0)))
 
-    def tested(self, spread: FloatArray) -> _Products:
-        """Return the products of one trial with `quadratic`: of main directions, without those that the fit took."""
-        power, directions = np.linalg.eigh(self.gram)
-        kept = directions[:, power > max(_MAIN**2 * power[-1], 0.0)]
-        if not kept.size:
-            return self
-        shares, axes = linalg.eigh(*(kept.T @ one @ kept for one in (self.covariance(spread), self.own)))
-        there = shares > _LEFT
-        statistic = np.sum((axes[:, there].T @ kept.T @ self.score) ** 2 / shares[there])
-        return replace(self, quadratic=np.array([statistic, np.count_nonzero(there)]))
+    def quadratic(self, spread: FloatArray) -> tuple[float, int]:
+        """Return s' (var s)^+ s and its rank, of main directions without those that the fit has taken.
+
+        The variance is 1 + Z K Z' with Z = (mixed, inside): its eigenvalues off 1 are those of a small matrix.
+        """
+        y, z = self.along[:, 0], self.along[:, 1:]
+        k = np.block([[0.0 * spread, -np.eye(len(spread))], [-np.eye(len(spread)), spread]])
+        q, r = np.linalg.qr(z)
+        shares, directions = np.linalg.eigh(np.eye(len(r)) + r @ k @ r.T)
+        inside, kept = q.T @ y, shares > _LEFT
+        turned = (directions.T @ inside)[kept]
+        statistic = float(y @ y - inside @ inside + np.sum(turned**2 / shares[kept]))
+        return statistic, len(y) - int(np.count_nonzero(~kept))
 
 
-def independence(problem: Problem, fit: Fit) -> tuple[CrossCorrelation, ...]:
+def independence(problem: Problem, fit: Fit, series: Sequence[Series]) -> tuple[CrossCorrelation, ...]:
     """Test every channel of a fit against every input, per trial and over all trials.
 
     Args:
         problem: that was fitted.
         fit: of it, which did not diverge.
+        series: its residuals; one with less than two samples for a direction of the inputs is left out.
     """
-    basis = fit.jacobian.chosen(~fit.at_bound).factors.basis
-    series = series_of(problem, serial_blocks(problem, fit.residual))
-    noises = _backgrounds(problem, series, basis)
-    spread = _spread(problem, series, noises, basis)
-    found = []
-    for channel in dict.fromkeys(one.channel for one in series):
-        own = [one for one in series if one.channel == channel]
+    places = dict.fromkeys((one.trial, one.block.series) for one in series)
+    waves = {(*place, name): lagged(problem, *place, name) for place in places for name in INPUTS}
+    directions = {place: sum(waves[*place, name].main.shape[1] for name in INPUTS) for place in places}
+    enough = [one for one in series if one.samples >= 2 * directions[one.trial, one.block.series]]
+    basis = span(fit.jacobian.above(problem.prior_root).chosen(~fit.at_bound))
+    setting = _Setting(problem, fit.residual, basis, waves, tuple(enough))
+    spread, found = setting.spread(), []
+    for channel in dict.fromkeys(one.channel for one in enough):
         for name in INPUTS:
-            total = None
-            for one in own:
-                part = _products(problem, one, name, fit, basis, noises).tested(spread)
-                found.append(_test(one.name, channel, name, part, spread))
-                total = part if total is None else total + part
+            total: _Scores | None = None
+            for one in (one for one in enough if one.channel == channel):
+                scores = setting.scores(one, name)
+                found.append(_test(one.name, channel, name, scores, spread))
+                total = scores if total is None else total + scores
             found += [] if total is None else [_test(ALL, channel, name, total, spread)]
     return tuple(found)
 
 
-#: Noise of every channel of every trial.
-Noises = dict[tuple[str, str], Autoregressive]
+@dataclass(frozen=True, eq=False)
+class _Setting:
+    """What all tests of independence share.
+
+    Attributes:
+        problem: that was fitted.
+        residual: (n,) of the fit.
+        basis: Q.
+        waves: of every trial and series, the inputs at all lags.
+        series: that are tested.
+    """
+
+    problem: Problem
+    residual: FloatArray
+    basis: Basis
+    waves: Mapping[tuple[int, str, str], Lagged]
+    series: tuple[Series, ...]
+
+    @cached_property
+    def noises(self) -> dict[tuple[str, str], Autoregressive]:
+        """The noise of every series beside the lines of the inputs, by trial and channel; one for a sampling rate."""
+        found, lost = dict[tuple[str, str], Autoregressive](), self.basis.rank / max(len(self.series), 1)
+        for one in self.series:
+            if (one.name, one.channel) not in found:
+                alike = [
+                    o
+                    for o in self.series
+                    if o.channel == one.channel and np.isclose(o.block.step, one.block.step, rtol=0.01)
+                ]
+                noise = background([o.values for o in alike], [*map(self._axes, alike)], lost * len(alike))
+                found.update({(o.name, o.channel): noise for o in alike})
+        return found
+
+    def _axes(self, series: Series) -> FloatArray:
+        """Return an orthonormal basis (n, d) of what the inputs do to a channel, on its grid."""
+        inputs = [self._whitened(series, self.waves[series.trial, series.block.series, name].main) for name in INPUTS]
+        left, singular, _ = tall_svd(series.on_grid(np.hstack(inputs), self.problem.trial_rows[series.trial]))
+        return left[:, singular > _ALL * singular.max(initial=0.0)]
+
+    def _whitened(self, series: Series, columns: FloatArray) -> FloatArray:
+        """Return columns (n, d) in a channel as whitened rows (m, d) of its trial."""
+        problem, index, d = self.problem, series.trial, columns.shape[1]
+        trial = problem.trials[index]
+        velocity = np.zeros((int(np.count_nonzero(problem.mask(index))), len(CHANNELS), d))
+        sensors = {sensor.name: np.zeros((*sensor.values.shape, d)) for sensor in trial.sensors}
+        {"": velocity, **sensors}[series.block.series][:, series.column] = columns
+        white = [problem.whitened(index, velocity), *problem.white_sensors(index, [*sensors.values()])]
+        return np.concatenate([block.reshape(block.shape[0] * block.shape[1], d) for block in white])
+
+    def _quadratic(self, trial: int, columns: FloatArray) -> FloatArray:
+        """Return C' Omega C (k, k) of columns C (m, k) in the rows of a trial."""
+        rows, found = self.problem.trial_rows[trial], np.zeros((columns.shape[1], columns.shape[1]))
+        for one in self.series:
+            if one.trial == trial and np.any(own := one.on_grid(columns, rows)):
+                shaped = coloured(self.noises[one.name, one.channel], own)
+                found += shaped.T @ shaped
+        return found
+
+    def spread(self) -> FloatArray:
+        """Return Q_s' Omega Q_s (k, k); Omega is 1 in the rows behind the measured ones, of what is known before."""
+        shared = self.basis.shared
+        known = shared[self.problem.measured :]
+        parts = (
+            self._quadratic(trial, shared[self.problem.trial_rows[trial]]) for trial in {o.trial for o in self.series}
+        )
+        return np.asarray(sum(parts, known.T @ known))
+
+    def scores(self, series: Series, name: str) -> _Scores:
+        """Return the scores of an input in one channel of a trial."""
+        rows, waves = self.problem.trial_rows[series.trial], self.waves[series.trial, series.block.series, name]
+        columns, (run, own, shared) = self._whitened(series, waves.basis), self.basis.at(rows)
+        taken, d, main = own.T @ columns, columns.shape[1], waves.main.shape[1]
+        cleared = columns - own @ taken
+        omega = self._quadratic(series.trial, np.hstack([columns, cleared, shared]))
+        before, after, mixed = omega[:main, :main], omega[d : 2 * d, d : 2 * d], omega[d : 2 * d, 2 * d :]
+        if run >= 0:  # what is known of the trial's own parameters
+            mine, q = self.basis.own[run]
+            behind = -q[mine >= self.problem.measured] @ taken
+            after = after + behind.T @ behind
+            mixed = mixed + behind.T @ self.basis.shared[mine[mine >= self.problem.measured]]
+        score, inside, turn = columns.T @ self.residual[rows], columns.T @ shared, waves.loading.T
+        along = np.zeros((0, 1 + 2 * shared.shape[1]))
+        if main:
+            shares, axes = linalg.eigh(after[:main, :main], before)
+            axes = axes[:, shares > _LEFT] / np.sqrt(shares[shares > _LEFT])
+            along = axes.T @ np.hstack([score[:main, None], mixed[:main], inside[:main]])
+        return _Scores(
+            score=turn @ score,
+            power=np.sum((turn @ (columns.T @ columns)) * turn, axis=1),
+            variance=np.sum((turn @ after) * turn, axis=1),
+            mixed=turn @ mixed,
+            inside=turn @ inside,
+            energy=float(np.nansum(series.values**2)),
+            samples=series.samples,
+            along=along,
+        )
 
 
-def _backgrounds(problem: Problem, series: Sequence[Series], basis: Basis) -> Noises:
-    """Estimate the noise of every channel beside the lines of the inputs, one model for trials of one sampling rate."""
-    found, lost = Noises(), basis.rank / max(len(series), 1)
-    for one in series:
-        if (one.name, one.channel) not in found:
-            alike = [
-                o for o in series if o.channel == one.channel and np.isclose(o.block.step, one.block.step, rtol=0.01)
-            ]
-            residuals, axes = ([f(o) for o in alike] for f in (lambda o: o.values, functools.partial(_axes, problem)))
-            noise = background(residuals, axes, lost * len(alike))
-            found.update({(o.name, o.channel): noise for o in alike})
-    return found
-
-
-def _axes(problem: Problem, series: Series) -> FloatArray:
-    """Return an orthonormal basis (n, d) of what the inputs do to a channel, on its grid."""
-    inputs = [_whitened(problem, series, lagged(problem, series, name).main) for name in INPUTS]
-    left, singular, _ = tall_svd(series.on_grid(np.hstack(inputs), problem.trial_rows[series.trial]))
-    return left[:, singular > _ALL * singular.max(initial=0.0)]
-
-
-def _spread(problem: Problem, series: Sequence[Series], noises: Noises, basis: Basis) -> FloatArray:
-    """Return Q' Omega Q (rank, rank); Omega is 1 in the rows behind the measured ones, of what is known before."""
-    known = basis.of_rows(np.arange(problem.measured, len(basis.shared)))
-    found = known.T @ known
-    for one in series:
-        rows = problem.trial_rows[one.trial]
-        own, places = _of_run(basis, rows)
-        shaped = coloured(noises[one.name, one.channel], one.on_grid(own, rows))
-        found[np.ix_(places, places)] += shaped.T @ shaped
-    return np.asarray(found)
-
-
-def _of_run(basis: Basis, rows: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return the columns of a basis in the rows of one run (m, k), and their places."""
-    run, own, shared = basis.at(rows)
-    return np.hstack([own, shared]), np.concatenate([basis.places_of(run), basis.places_of(None)])
-
-
-def _products(problem: Problem, of: Series, name: str, fit: Fit, basis: Basis, noises: Noises) -> _Products:
-    """Return the products of an input in one channel of a trial."""
-    rows, waves = problem.trial_rows[of.trial], lagged(problem, of, name)
-    columns, (taken, places) = _whitened(problem, of, waves.basis), _of_run(basis, rows)
-    both, d, turn = np.hstack([columns, taken]), columns.shape[1], waves.loading.T
-    shaped = coloured(noises[of.name, of.channel], of.on_grid(both, rows))
-    omega = shaped[:, :d].T @ shaped
-    mixed, inside = np.zeros((len(LAG), basis.rank)), np.zeros((len(LAG), basis.rank))
-    mixed[:, places], inside[:, places] = turn @ omega[:, d:], turn @ (columns.T @ taken)
-    return _Products(
-        score=turn @ (columns.T @ fit.residual[rows]),
-        gram=turn @ (columns.T @ columns) @ turn.T,
-        own=turn @ omega[:, :d] @ turn.T,
-        mixed=mixed,
-        inside=inside,
-        energy=float(np.nansum(of.values**2)),
-        samples=len(of.block.cells),
-    )
-
-
-def _test(trial: str, channel: str, name: str, products: _Products, spread: FloatArray) -> CrossCorrelation:
+def _test(trial: str, channel: str, name: str, scores: _Scores, spread: FloatArray) -> CrossCorrelation:
     """Return the test of one channel against one input."""
-    covariance = products.covariance(spread)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(products.gram) * products.energy, 1e-300))
-    statistic, rank = float(products.quadratic[0]), int(products.quadratic[1])
+    scale = 1.0 / np.sqrt(np.maximum(scores.power * scores.energy, 1e-300))
+    statistic, rank = scores.quadratic(spread)
     return CrossCorrelation(
         trial=trial,
         channel=channel,
         input=name,
         lag=LAG,
-        value=products.score * scale,
-        band=np.asarray(stats.norm.isf(BAND / 2.0) * np.sqrt(np.maximum(np.diag(covariance), 0.0)) * scale),
+        value=scores.score * scale,
+        band=np.asarray(stats.norm.isf(BAND / 2.0) * scores.deviations(spread) * scale),
         statistic=statistic,
         degrees_of_freedom=rank,
-        p_value=float(stats.f.sf(statistic / rank, rank, max(products.samples - rank, 1))) if rank else np.nan,
+        p_value=float(stats.f.sf(statistic / rank, rank, max(scores.samples - rank, 1))) if rank else np.nan,
     )
 
 
@@ -400,13 +442,20 @@ class Lagged:
     main: FloatArray
 
 
-def lagged(problem: Problem, series: Series, name: str) -> Lagged:
-    """Return an input at all lags, at the samples of a series; before the start and after the end it goes on as there.
+def lagged(problem: Problem, index: int, series: str, name: str) -> Lagged:
+    """Return an input at all lags; before the start of a trial and after its end it goes on as there.
 
-    Of velocities, the samples that count; of a sensor, all. There is no direction where no joint moves.
+    There is no direction where no joint moves.
+
+    Args:
+        problem: has the trial.
+        index: of the trial.
+        series: where it is sampled: the name of a sensor, all samples; empty: the velocities, those that count.
+        name: of the input.
     """
-    trial = problem.trials[series.trial]
-    time = _sensor(trial, series).time if series.block.series else trial.time[problem.mask(series.trial)]
+    trial = problem.trials[index]
+    sensors = {sensor.name: sensor.time for sensor in trial.sensors}
+    time = sensors[series] if series else trial.time[problem.mask(index)]
     motion = asked_motion(problem.model.fish.cpg, trial, STEP)
     moving = np.flatnonzero(np.ptp(motion.angle, axis=(0, 1)) > 0.0)
     values = np.zeros((len(time), len(LAG)))
@@ -415,23 +464,8 @@ def lagged(problem: Problem, series: Series, name: str) -> Lagged:
         when = np.clip(time[rows, None] - LAG, motion.time[0], motion.time[-1])
         values[rows] = INPUTS[name](motion.angle_at(when.ravel())[:, moving[-1]].reshape(when.shape))
     left, singular, right = tall_svd(values)
-    kept = (singular > _ALL * singular[0]) & (singular > 0.0)
-    return Lagged(left[:, kept], singular[kept, None] * right[kept], left[:, kept & (singular > _MAIN * singular[0])])
-
-
-def _sensor(trial: Trial, series: Series) -> Sensor:
-    return next(sensor for sensor in trial.sensors if sensor.name == series.block.series)
-
-
-def _whitened(problem: Problem, series: Series, columns: FloatArray) -> FloatArray:
-    """Return columns (n, d) in the channel of a series as whitened rows (m, d) of its trial."""
-    trial, d = problem.trials[series.trial], columns.shape[1]
-    velocity = np.zeros((int(np.count_nonzero(problem.mask(series.trial))), len(CHANNELS), d))
-    sensors = [np.zeros((*sensor.values.shape, d)) for sensor in trial.sensors]
-    mine = velocity if not series.block.series else sensors[trial.sensors.index(_sensor(trial, series))]
-    mine[:, series.column] = columns
-    white = [problem.whitened(series.trial, velocity), *problem.white_sensors(series.trial, sensors)]
-    return np.concatenate([block.reshape(block.shape[0] * block.shape[1], d) for block in white])
+    kept = (singular > _ALL * singular.max(initial=0.0)) & (singular > 0.0)
+    return Lagged(left[:, kept], singular[kept, None] * right[kept], left[:, kept & (singular > _MAIN * singular[:1])])
 
 
 def background(residuals: Sequence[FloatArray], bases: Sequence[FloatArray], lost: float = 0.0) -> Autoregressive:
@@ -456,10 +490,9 @@ def background(residuals: Sequence[FloatArray], bases: Sequence[FloatArray], los
         ((e := np.nan_to_num(series)) - basis @ (basis.T @ e))[:, None]
         for series, basis in zip(residuals, bases, strict=True)
     ]
-    taken = np.zeros(highest + 1)
+    products, taken = lagged_products(cleared, highest), np.zeros(highest + 1)
     for _ in range(_ROUNDS):
-        products = lagged_products(cleared, highest) + taken
-        noise = by_order(products / max(total - lost, 0.1 * total), total)
+        noise = by_order((products + taken) / max(total - lost, 0.1 * total), total)
         taken = np.sum([_expected(noise, basis, highest) for basis in bases], axis=0)
     return noise
 
@@ -499,7 +532,7 @@ class ResidualTests:
         p_independent: the same of the channels and inputs.
         status: ``passed``; ``coloured`` (independent of the input, not white: intervals that assume white noise are too
             narrow, the model may be right), ``dependent`` (the model misses something that the drive does) or
-            ``untested`` (the fit diverged).
+            ``untested`` (the fit diverged or failed, or no run is long enough).
     """
 
     whiteness: tuple[Autocorrelation, ...]
@@ -520,8 +553,10 @@ def residual_tests(problem: Problem, fit: Fit, *, lags: int = LAGS) -> ResidualT
     if fit.lost:
         return ResidualTests((), (), np.nan, np.nan, "untested")
     series = series_of(problem, serial_blocks(problem, fit.residual))
-    white, independent = whiteness(series, problem.noise.order, lags=lags), independence(problem, fit)
+    white, independent = whiteness(series, problem.noise.order, lags=lags), independence(problem, fit, series)
     p_white, p_independent = _least(white), _least(independent)
+    if not white or not independent:
+        return ResidualTests(white, independent, p_white, p_independent, "untested")
     status: Status = "dependent" if p_independent < LEVEL else "coloured" if p_white < LEVEL else "passed"
     return ResidualTests(white, independent, p_white, p_independent, status)
 

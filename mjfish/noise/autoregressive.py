@@ -116,20 +116,6 @@ class Autoregressive(Noise):
             return np.asarray(block / self.sigma.reshape(1, 3, *[1] * (block.ndim - 2)))
         return super().whiten(trial, mask, block)
 
-    def innovations(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return innovations (m, 3) of a residual (m, 3) on a grid of equal steps and their variances, NaN in gaps.
-
-        Where the model holds, each over the root of its variance is white and of variance 1, from the first sample on.
-        """
-        innovation, variance = np.full_like(residual, np.nan), np.full_like(residual, np.nan)
-        for c, series in enumerate(residual.T):
-            seen = np.isfinite(series)
-            filter_ = _filter(self.phi[c].tobytes(), float(self.sigma[c]), seen.tobytes())
-            root = filter_.root[seen, 0, 0]
-            innovation[seen, c] = whitened(filter_, seen, series[seen, None, None])[:, 0, 0] / root
-            variance[seen, c] = 1.0 / root**2
-        return innovation, variance
-
     def forecasts(self, residual: FloatArray, horizons: Sequence[int]) -> dict[int, FloatArray]:
         """Return forecasts of a residual from what was measured so many samples and more before.
 

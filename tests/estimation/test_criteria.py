@@ -9,25 +9,27 @@ import pytest
 from scipy import signal, stats
 from synthetic_swimming import SIGMA, TRUTH, problem, swimming
 
-from mjfish.arrays import readonly
+from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.effects import find
 from mjfish.estimation import Noise, fit
-from mjfish.estimation.agreement import criteria, final_prediction_error, of_residuals
-from mjfish.estimation.residual import Residual
+from mjfish.estimation.agreement import Criteria, criteria, final_prediction_error, of_whitened
 from mjfish.fish import Fish
 from mjfish.noise import Autoregressive
 
 
-def _residual(error: np.ndarray) -> Residual:
-    time, every = np.arange(len(error)) / 50.0, np.ones(len(error), dtype=np.bool_)
-    return Residual(Trial("v1", None, readonly(time), readonly(error)), "fit", np.zeros_like(error), every, every)
+def _of(error: FloatArray, noise: Noise, free: int, *, stated: bool) -> Criteria:
+    """Return the criteria of residuals (n, 3) of one trial without gaps."""
+    every = np.ones(len(error), dtype=np.bool_)
+    trial = Trial("v1", None, readonly(np.arange(len(error)) / 50.0), readonly(error))
+    white, determinant = noise.whiten(trial, every, error), noise.log_determinant(trial, every)
+    return of_whitened(white, noise, determinant, free, stated=stated)
 
 
 def test_with_a_stated_noise_they_are_those_of_the_gaussian_density() -> None:
     """White noise, by hand. Catches a missing 2 pi, samples counted by rows, K where K + 1 belongs."""
     error = np.random.default_rng(1).standard_normal((40, 3)) * SIGMA
-    found = of_residuals([_residual(error)], Noise.white(readonly(SIGMA)), 7, stated=True)
+    found = _of(error, Noise.white(readonly(SIGMA)), 7, stated=True)
     log_p = stats.norm.logpdf(error, scale=SIGMA).sum()
     assert (found.samples, found.parameters) == (120, 7)
     assert found.log_likelihood == pytest.approx(log_p)
@@ -41,7 +43,7 @@ def test_an_estimated_noise_is_the_most_likely_one_and_counts() -> None:
     error = np.random.default_rng(2).standard_normal((40, 3)) * SIGMA
     variance = np.mean(error**2, axis=0)
     for sigma in (SIGMA, 3.0 * SIGMA):
-        found = of_residuals([_residual(error)], Noise.white(readonly(sigma)), 7, stated=False)
+        found = _of(error, Noise.white(readonly(sigma)), 7, stated=False)
         assert found.parameters == 10
         assert -2.0 * found.log_likelihood == pytest.approx(np.sum(40 * (np.log(2 * np.pi * variance) + 1)))
 
@@ -59,8 +61,8 @@ def test_autoregressive_noise_has_the_exact_likelihood() -> None:
         for c in range(3)
     )
     noise = Autoregressive(readonly(SIGMA), readonly(phi[:, None]))
-    assert of_residuals([_residual(error)], noise, 2, stated=True).log_likelihood == pytest.approx(log_p)
-    assert of_residuals([_residual(error)], noise, 2, stated=False).parameters == 2 + 3 * 2
+    assert _of(error, noise, 2, stated=True).log_likelihood == pytest.approx(log_p)
+    assert _of(error, noise, 2, stated=False).parameters == 2 + 3 * 2
 
 
 def test_the_final_prediction_error_is_the_determinant_with_its_penalty() -> None:
@@ -73,13 +75,8 @@ def test_the_final_prediction_error_is_the_determinant_with_its_penalty() -> Non
 
 def test_too_few_samples_for_the_correction_make_it_infinite() -> None:
     error = np.random.default_rng(5).standard_normal((3, 3)) * SIGMA
-    found = of_residuals([_residual(error)], Noise.white(readonly(SIGMA)), 8, stated=True)
+    found = _of(error, Noise.white(readonly(SIGMA)), 8, stated=True)
     assert found.aicc == np.inf
-
-
-def test_a_rollout_that_diverged_has_none() -> None:
-    lost = replace(_residual(np.ones((9, 3))), predicted=np.full((9, 3), np.nan))
-    assert np.isnan(of_residuals([lost], Noise.white(readonly(SIGMA)), 1, stated=True).aic)
 
 
 @pytest.fixture(scope="module")
@@ -121,3 +118,8 @@ def test_parameters_on_a_bound_are_not_counted_and_nuisance_parameters_are(still
     one = fit(bound)
     assert bool(one.at_bound[0])
     assert criteria(bound, one, noise="stated").parameters == 9 + 2 - int(np.count_nonzero(one.at_bound))
+
+
+def test_a_fit_that_diverged_has_none(still: Dataset) -> None:
+    posed = problem(still)
+    assert np.isnan(criteria(posed, replace(fit(posed, evaluations=1), status="diverged")).aic)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hidden_cases import STRONG
-from residual_draws import Draws, draws
+from residual_draws import Draws, at, draws
 from scipy import stats
 from synthetic_swimming import SIGMA, TRUTH, problem, swimming
 
@@ -32,6 +32,10 @@ def null(pike: Fish) -> Draws:
     return draws(pike)
 
 
+def _tests(drawn: Draws, one: Fit) -> tuple[CrossCorrelation, ...]:
+    return independence(drawn.problem, one, series_of(drawn.problem, serial_blocks(drawn.problem, one.residual)))
+
+
 def _p(tests: Sequence[CrossCorrelation], *, pooled: bool) -> FloatArray:
     return np.array([t.p_value for t in tests if (t.trial == "all") == pooled])
 
@@ -41,7 +45,7 @@ def _p(tests: Sequence[CrossCorrelation], *, pooled: bool) -> FloatArray:
 def test_p_values_are_uniform_and_bands_hold_under_the_null(null: Draws, phi: float, count: int) -> None:
     """Fits of white and of drifting noise, 18 + 6 tests each. Catches R_e left out, the notch, the fit left out."""
     rng = np.random.default_rng(21)
-    drawn = [independence(null.problem, null.drawn(rng, phi)) for _ in range(count)]
+    drawn = [_tests(null, null.drawn(rng, phi)) for _ in range(count)]
     for pooled in (False, True):
         p = np.concatenate([_p(tests, pooled=pooled) for tests in drawn])
         assert stats.kstest(p, "uniform").pvalue > 1e-3
@@ -58,7 +62,7 @@ def test_a_residual_taken_for_one_that_was_not_fitted_seems_too_good(pike: Fish)
         one = short.drawn(rng, 0.0)
         unfitted = one.having(jacobian=one.jacobian.scaled(columns=np.zeros(one.jacobian.shape[1])))
         for aware, given in ((True, one), (False, unfitted)):
-            p[aware].append(_p(independence(short.problem, given), pooled=True))
+            p[aware].append(_p(_tests(short, given), pooled=True))
     assert stats.kstest(np.concatenate(p[True]), "uniform").pvalue > 1e-3
     assert stats.kstest(np.concatenate(p[False]), "uniform").pvalue < 1e-4
 
@@ -99,7 +103,7 @@ def test_a_line_of_the_input_does_not_pass_for_noise(null: Draws) -> None:
     time = null.problem.trials[1].time
     line = np.zeros((len(time), 3))
     line[:, 1] = 1.4 * SIGMA[1] * np.sin(26.0 * time)
-    tests = independence(null.problem, null.drawn(np.random.default_rng(24), 0.0, {1: line}))
+    tests = _tests(null, null.drawn(np.random.default_rng(24), 0.0, {1: line}))
     hit = {(t.trial, t.channel, t.input): t for t in tests}
     assert hit["v5", "sway", "beat"].p_value < 1e-12
     assert hit["all", "sway", "beat"].p_value < 1e-12
@@ -109,8 +113,7 @@ def test_a_line_of_the_input_does_not_pass_for_noise(null: Draws) -> None:
 
 def test_an_input_is_the_command_of_the_last_joint_and_lags_are_those_of_the_residual(null: Draws) -> None:
     """Catches lags of the wrong sign."""
-    series = series_of(null.problem, serial_blocks(null.problem, null.fit.residual))[0]
-    found = lagged(null.problem, series, "beat")
+    found = lagged(null.problem, 0, "", "beat")
     time = null.problem.trials[0].time[null.problem.mask(0)]
     values = found.basis @ found.loading
     now, behind = int(np.argmin(np.abs(LAG))), int(np.argmin(np.abs(LAG - 0.1)))
@@ -121,17 +124,16 @@ def test_an_input_is_the_command_of_the_last_joint_and_lags_are_those_of_the_res
 
 
 def test_the_input_of_a_long_run_is_taken_block_by_block(null: Draws, monkeypatch: pytest.MonkeyPatch) -> None:
-    series = series_of(null.problem, serial_blocks(null.problem, null.fit.residual))[0]
-    whole = lagged(null.problem, series, "double_beat")
+    whole = lagged(null.problem, 0, "", "double_beat")
     monkeypatch.setattr("mjfish.estimation.residual_tests._SAMPLES", 40)
-    parts = lagged(null.problem, series, "double_beat")
+    parts = lagged(null.problem, 0, "", "double_beat")
     np.testing.assert_allclose(parts.basis @ parts.loading, whole.basis @ whole.loading, atol=1e-12)
 
 
 def test_over_all_trials_the_variance_is_that_of_the_sum(null: Draws) -> None:
     """Against draws of white noise. Catches covariances between trials, by what they share, left out or doubled."""
     rng = np.random.default_rng(26)
-    drawn = [independence(null.problem, null.drawn(rng, 0.0)) for _ in range(40)]
+    drawn = [_tests(null, null.drawn(rng, 0.0)) for _ in range(40)]
     bands = [[one.band for one in tests if one.trial == "all"] for tests in drawn]
     values = [[one.value for one in tests if one.trial == "all"] for tests in drawn]
     share = np.std(values, axis=0) / (np.mean(bands, axis=0) / stats.norm.isf(0.005))
@@ -159,6 +161,27 @@ def test_a_film_is_tested_in_its_own_numbers(pike: Fish) -> None:
     hidden = residual_tests(*_filmed(pike, **{"servo_lag.time_constant": 0.02}))
     assert hidden.status == "dependent"
     assert hidden.p_independent < 1e-4
+
+
+def test_of_measured_joints_a_quarter_of_whose_error_reaches_every_channel(pike: Fish) -> None:
+    """Films whose joints were measured with an error: the whitening couples the channels. Catches rows left out."""
+    dataset = generate(
+        pike, ("v1", "v5"), duration=8.0, values=TRUTH, noise=(0.001, 0.001, 0.01), observe="pose", joints="measured",
+        joint_noise=0.02, seed=4,
+    )  # fmt: skip
+    posed = pose(dataset)
+    posed = with_sensor_noise(posed, posed.start(TRUTH))
+    assert posed.joint_errors is not None
+    drawn, rng = Draws(posed, at(posed, posed.start(TRUTH))), np.random.default_rng(29)
+    basis = drawn.fit.jacobian.factors.basis
+    tests = [
+        _tests(drawn, drawn.fit.having(residual=basis.off(rng.standard_normal(len(drawn.fit.residual)))))
+        for _ in range(30)
+    ]
+    for channel in {one.channel for one in tests[0]}:
+        p = np.array([one.p_value for each in tests for one in each if one.channel == channel])
+        assert np.mean(p < 0.05) < 0.12, channel
+        assert stats.kstest(p, "uniform").pvalue > 1e-3, channel
 
 
 def test_a_fit_that_diverged_is_not_tested(null: Draws) -> None:

@@ -7,6 +7,7 @@ import pytest
 from scipy import linalg, signal
 
 from mjfish.arrays import FloatArray, readonly
+from mjfish.data import Trial
 from mjfish.errors import InputError
 from mjfish.noise import Autoregressive, Noise
 
@@ -31,7 +32,10 @@ def test_a_forecast_is_the_gaussian_conditional_mean_across_gaps_and_at_the_star
     series = _draw(40)
     series[[0, 7, 8, 9, 20]] = np.nan
     found = NOISE.forecasts(series, [steps])[steps]
-    errors, variances = NOISE.innovations(series)
+    there = np.isfinite(series).all(axis=1)
+    trial = Trial("v1", None, readonly(np.arange(40) * 0.02), readonly(series))
+    white = np.full_like(series, np.nan)
+    white[there] = NOISE.whiten(trial, there, series[there])
     for channel in range(3):
         full = linalg.toeplitz(_autocovariance(channel, 40))
         for t in range(40):
@@ -40,9 +44,8 @@ def test_a_forecast_is_the_gaussian_conditional_mean_across_gaps_and_at_the_star
             assert found[t, channel] == pytest.approx(weights @ series[seen, channel], rel=1e-9, abs=1e-13)
             if steps == 1 and np.isfinite(series[t, channel]):
                 spread = full[t, t] - weights @ full[seen, t]
-                assert variances[t, channel] == pytest.approx(spread, rel=1e-9)
-                expected = series[t, channel] - found[t, channel]
-                np.testing.assert_allclose(errors[t, channel], expected, rtol=0.0, atol=1e-13)
+                expected = (series[t, channel] - found[t, channel]) / np.sqrt(spread)
+                assert white[t, channel] == pytest.approx(expected, rel=1e-9, abs=1e-11)
 
 
 @pytest.mark.parametrize("steps", [1, 5, 25])
@@ -67,9 +70,6 @@ def test_nothing_after_the_horizon_is_looked_at() -> None:
 
 def test_white_noise_has_no_forecast() -> None:
     assert not np.any(Noise.white(readonly(SIGMA)).forecasts(_draw(50), [1])[1])
-    errors, variances = Noise.white(readonly(SIGMA)).innovations(_draw(50))
-    np.testing.assert_allclose(errors, _draw(50), rtol=1e-14)
-    np.testing.assert_allclose(variances, np.tile(SIGMA**2, (50, 1)))
 
 
 def test_a_horizon_below_one_and_noise_without_bound_are_refused() -> None:

@@ -307,7 +307,7 @@ def profile_figure(profiles: Sequence[Profile]) -> go.Figure:
 def autocorrelation_figure(tests: Sequence[Autocorrelation]) -> go.Figure:
     """Return the autocorrelation of the residual of every channel over all trials, thin lines the trials alone."""
     channels = list(dict.fromkeys(test.channel for test in tests))
-    figure = panels(len(channels), height=165 * len(channels) + 60, shared_xaxes=True, vertical_spacing=0.08)
+    figure = panels(len(channels), height=165 * len(channels) + 60, shared_xaxes=True, vertical_spacing=_gap(channels))
     for k, channel in enumerate(channels):
         panel = Panel(figure, k + 1)
         panel.heading(CHANNEL_NAMES.get(channel, html.escape(channel)))
@@ -327,7 +327,12 @@ def cross_correlation_figure(tests: Sequence[CrossCorrelation], trial: str = ALL
     channels = list(dict.fromkeys(channel for channel, _ in own))
     rows, columns = len(channels), len(INPUT_NAMES)
     figure = panels(
-        rows, columns, height=165 * rows + 60, shared_xaxes=True, horizontal_spacing=0.08, vertical_spacing=0.08
+        rows,
+        columns,
+        height=165 * rows + 60,
+        shared_xaxes=True,
+        horizontal_spacing=0.08,
+        vertical_spacing=_gap(channels),
     )
     for row, channel in enumerate(channels):
         for column, (name, reads) in enumerate(INPUT_NAMES.items()):
@@ -337,6 +342,11 @@ def cross_correlation_figure(tests: Sequence[CrossCorrelation], trial: str = ALL
             named = CHANNEL_NAMES.get(channel, html.escape(channel))
             panel.heading(f"{named}, {reads}: p {html.escape(p_value(test.p_value))}")
     return _with_zero(figure).update_xaxes(title_text="residual behind the input [s]", row=rows)
+
+
+def _gap(channels: Sequence[str]) -> float:
+    """Return the space between rows of panels, of the height of the figure: less between many rows."""
+    return min(0.08, 0.5 / len(channels))
 
 
 def _with_zero(figure: go.Figure) -> go.Figure:

@@ -45,7 +45,7 @@ def write_identification_figures(
         profiles: of parameters, if any.
 
     Returns:
-        The files: ``simulated.html``; ``autocorrelation.html`` and ``cross_correlation.html`` where a rollout could be
+        The files: ``simulated.html``; ``autocorrelation.html`` and ``cross_correlation.html`` where residuals were
         tested; ``profiles.html`` where there are profiles.
 
     Raises:
