@@ -29,8 +29,6 @@ Found = tuple[Comparison | None, Mapping[Names, Refit]]
 LARGEST = 3
 #: Refits that are extended, and additions that are refitted for each.
 _BASES, _ADDED = 2, 3
-#: Where the best set leaves more than this share, no larger one is looked for.
-_FAR = 0.6
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
 #: and the set must explain this much beyond every smaller one, and `table.share_of` what it explains.
@@ -91,7 +89,7 @@ def _searched(
                     if all(beats_smaller_sets(refit, known) for refit in sufficient):
                         return best
                     return compared({**_of_size(size - 1, known), **parts}, goodness, held_out)
-        if not earned or best is None or min((row.left for row in best.staying()), default=1.0) > _FAR:
+        if not earned or best is None or min((row.left for row in best.staying()), default=1.0) > THRESHOLDS.resembles:
             return best
         bases = _best(earned.values())
     return best

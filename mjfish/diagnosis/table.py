@@ -35,6 +35,7 @@ class Thresholds:
         slight: below this share, what the tests of waves, sizes and coefficients by run see does not count: they see
             the slightest error of form. Rivals may leave as much, too.
         resembles: up to this share, a set is like the truth if nothing else is.
+            A pair that leaves more is not extended.
     """
 
     alarm: float = 0.012

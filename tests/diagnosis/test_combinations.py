@@ -88,7 +88,7 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
 
     def compared(sets: dict[Names, _Set], *_: Any) -> Comparison:
         top = max(one.gain for one in sets.values())
-        rows = {names: one.row(top - one.gain, float(one.gain > 530.0), 0.5) for names, one in sets.items()}
+        rows = {names: one.row(top - one.gain, float(one.gain > 530.0), 0.18) for names, one in sets.items()}
         return Comparison(rows)
 
     monkeypatch.setattr(module, "_extended", extended)
@@ -110,7 +110,7 @@ def test_no_third_cause_is_looked_for_where_the_best_pair_leaves_most(monkeypatc
 
     monkeypatch.setattr(module, "_extended", extended)
     monkeypatch.setattr(
-        module, "compared", lambda sets, *_: Comparison({n: one.row(0.0, 0.0, 0.7) for n, one in sets.items()})
+        module, "compared", lambda sets, *_: Comparison({n: one.row(0.0, 0.0, 0.35) for n, one in sets.items()})
     )
     singles: Any = {("drag",): _Set(("drag",), 425.0, gains=GAINS)}
     found, _ = find_combinations(singles, (), HeldOut(None, ()), silent)  # type: ignore[arg-type]
