@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -236,7 +235,7 @@ def _words(result: Identification, profiles: Sequence[Profile]) -> Iterator[str]
             f"- residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the "
             f"drive {p_value(tests.p_independent)}"
         )
-        if math.isfinite(rank.aic):
+        if rank.samples:
             yield f"- AICc {rank.aicc:.6g}, BIC {rank.bic:.6g}, FPE {rank.fpe:.4g} with {rank.parameters} parameters"
         else:
             yield "- no AICc, BIC, FPE: they are those of surge, sway and yaw rate together"

@@ -34,8 +34,8 @@ class Thresholds:
         exact: the same where all mechanisms are numbers without a form: there is no other one that could leave it.
         slight: below this share, what the tests of waves, sizes and coefficients by run see does not count: they see
             the slightest error of form. Rivals may leave as much, too.
-        resembles: up to this share, a set is like the truth if nothing else is.
-            A pair that leaves more is not extended.
+        resembles: up to this share, a set is like the truth if nothing else is. A pair that leaves more gets no third
+            cause.
     """
 
     alarm: float = 0.012

@@ -90,17 +90,20 @@ class Series:
 
     Attributes:
         trial: its place in the problem.
-        name: of the trial.
         channel: see `Autocorrelation`.
         block: that it is in.
         column: of the block.
     """
 
     trial: int
-    name: str
     channel: str
     block: Block
     column: int
+
+    @property
+    def name(self) -> str:
+        """Name of the trial."""
+        return self.block.trial
 
     @property
     def samples(self) -> int:
@@ -128,7 +131,7 @@ def series_of(problem: Problem, blocks: Sequence[Block]) -> list[Series]:
     for block in blocks:
         index = trials[block.trial]
         channels = _channels(problem.trials[index], block.series)
-        found += [Series(index, block.trial, name, block, column) for column, name in channels]
+        found += [Series(index, name, block, column) for column, name in channels]
     return found
 
 
@@ -262,9 +265,13 @@ class _Scores:
     samples: int
     along: FloatArray
 
-    def __add__(self, other: _Scores) -> _Scores:
-        summed = {name: value + getattr(other, name) for name, value in vars(self).items() if name != "along"}
-        return _Scores(**summed, along=np.concatenate([self.along, other.along]))
+    @classmethod
+    def summed(cls, parts: Sequence[_Scores]) -> _Scores:
+        """Return the scores of several trials."""
+        along = np.concatenate([part.along for part in parts])
+        return cls(
+            **{name: sum(getattr(p, name) for p in parts) for name in vars(parts[0]) if name != "along"}, along=along
+        )
 
     def deviations(self, spread: FloatArray) -> FloatArray:
         """Return the standard deviations (l,) of s; `spread`: (k, k) Q_s' Omega Q_s."""
@@ -276,8 +283,8 @@ class _Scores:
 
         The variance is 1 + Z K Z' with Z = (mixed, inside): its eigenvalues off 1 are those of a small matrix.
         """
-        y, z = self.along[:, 0], self.along[:, 1:]
-        k = np.block([[0.0 * spread, -np.eye(len(spread))], [-np.eye(len(spread)), spread]])
+        y, z, one = self.along[:, 0], self.along[:, 1:], np.eye(len(spread))
+        k = np.block([[np.zeros_like(spread), -one], [-one, spread]])
         q, r = np.linalg.qr(z)
         shares, directions = np.linalg.eigh(np.eye(len(r)) + r @ k @ r.T)
         inside, kept = q.T @ y, shares > _LEFT
@@ -296,19 +303,17 @@ def independence(problem: Problem, fit: Fit, series: Sequence[Series]) -> tuple[
     """
     places = dict.fromkeys((one.trial, one.block.series) for one in series)
     waves = {(*place, name): lagged(problem, *place, name) for place in places for name in INPUTS}
-    directions = {place: sum(waves[*place, name].main.shape[1] for name in INPUTS) for place in places}
+    directions = {place: sum(waves[*place, name].main for name in INPUTS) for place in places}
     enough = [one for one in series if one.samples >= 2 * directions[one.trial, one.block.series]]
     basis = span(fit.jacobian.above(problem.prior_root).chosen(~fit.at_bound))
     setting = _Setting(problem, fit.residual, basis, waves, tuple(enough))
     spread, found = setting.spread(), []
     for channel in dict.fromkeys(one.channel for one in enough):
+        own = [one for one in enough if one.channel == channel]
         for name in INPUTS:
-            total: _Scores | None = None
-            for one in (one for one in enough if one.channel == channel):
-                scores = setting.scores(one, name)
-                found.append(_test(one.name, channel, name, scores, spread))
-                total = scores if total is None else total + scores
-            found += [] if total is None else [_test(ALL, channel, name, total, spread)]
+            parts = [setting.scores(one, name) for one in own]
+            found += [_test(one.name, channel, name, part, spread) for one, part in zip(own, parts, strict=True)]
+            found.append(_test(ALL, channel, name, _Scores.summed(parts), spread))
     return tuple(found)
 
 
@@ -347,7 +352,8 @@ class _Setting:
 
     def _axes(self, series: Series) -> FloatArray:
         """Return an orthonormal basis (n, d) of what the inputs do to a channel, on its grid."""
-        inputs = [self._whitened(series, self.waves[series.trial, series.block.series, name].main) for name in INPUTS]
+        waves = (self.waves[series.trial, series.block.series, name] for name in INPUTS)
+        inputs = [self._whitened(series, one.basis[:, : one.main]) for one in waves]
         left, singular, _ = tall_svd(series.on_grid(np.hstack(inputs), self.problem.trial_rows[series.trial]))
         return left[:, singular > _ALL * singular.max(initial=0.0)]
 
@@ -383,7 +389,7 @@ class _Setting:
         """Return the scores of an input in one channel of a trial."""
         rows, waves = self.problem.trial_rows[series.trial], self.waves[series.trial, series.block.series, name]
         columns, (run, own, shared) = self._whitened(series, waves.basis), self.basis.at(rows)
-        taken, d, main = own.T @ columns, columns.shape[1], waves.main.shape[1]
+        taken, d, main = own.T @ columns, columns.shape[1], waves.main
         cleared = columns - own @ taken
         omega = self._quadratic(series.trial, np.hstack([columns, cleared, shared]))
         before, after, mixed = omega[:main, :main], omega[d : 2 * d, d : 2 * d], omega[d : 2 * d, 2 * d :]
@@ -434,12 +440,12 @@ class Lagged:
     Attributes:
         basis: (n, d) orthonormal, strongest direction first.
         loading: (d, l).
-        main: (n, m) the directions that matter.
+        main: number of directions that matter, the first ones.
     """
 
     basis: FloatArray
     loading: FloatArray
-    main: FloatArray
+    main: int
 
 
 def lagged(problem: Problem, index: int, series: str, name: str) -> Lagged:
@@ -464,8 +470,8 @@ def lagged(problem: Problem, index: int, series: str, name: str) -> Lagged:
         when = np.clip(time[rows, None] - LAG, motion.time[0], motion.time[-1])
         values[rows] = INPUTS[name](motion.angle_at(when.ravel())[:, moving[-1]].reshape(when.shape))
     left, singular, right = tall_svd(values)
-    kept = (singular > _ALL * singular.max(initial=0.0)) & (singular > 0.0)
-    return Lagged(left[:, kept], singular[kept, None] * right[kept], left[:, kept & (singular > _MAIN * singular[:1])])
+    kept, main = (int(np.count_nonzero((singular > share * singular[0]) & (singular > 0.0))) for share in (_ALL, _MAIN))
+    return Lagged(left[:, :kept], singular[:kept, None] * right[:kept], main)
 
 
 def background(residuals: Sequence[FloatArray], bases: Sequence[FloatArray], lost: float = 0.0) -> Autoregressive:

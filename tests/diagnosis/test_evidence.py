@@ -72,3 +72,13 @@ def test_a_derivative_that_is_not_finite_leaves_its_cause_without_a_score(monkey
     assert not broken.scored("com_offset")
     assert np.isfinite(broken.score).all()
     assert broken.statistic("time_offset") == whole.statistic("time_offset")
+
+
+def test_a_cause_that_is_not_smooth_at_its_null_raises_no_alarm_by_its_score() -> None:
+    """A servo with a lag: the derivative by it shows plainly, and it is refitted instead of scored."""
+    dataset = draw("servo_lag", "strong", trials=4).dataset
+    problem = Problem(Model(dataset.fish), dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
+    evidence = gather(problem, fit(problem), [find("servo_lag")])
+    assert evidence.scored("servo_lag")
+    assert evidence.statistic("servo_lag") > 100.0
+    assert evidence.directed_p() == 1.0

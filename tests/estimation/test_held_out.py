@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +12,12 @@ from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, shifted, swim
 
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
-from mjfish.estimation import Score, fit, held_out_covariance_root, identify, predict_held_out
+from mjfish.estimation import Problem, Score, fit, held_out_covariance_root, identify, predict_held_out
 from mjfish.estimation.problem import nuisances
-from mjfish.estimation.residual import PREFIX
+from mjfish.estimation.residual import PREFIX, channel_errors
 from mjfish.estimation.settings import Settings
 from mjfish.fish import Fish
-from mjfish.model import MARGIN
+from mjfish.model import MARGIN, Prediction
 
 
 @pytest.fixture(scope="module")
@@ -158,3 +159,18 @@ def test_the_doubt_about_a_prediction_is_that_of_the_fit(
     np.testing.assert_allclose(shared @ shared.T, j @ found.covariance @ j.T, atol=close * float(np.max(doubt**2)))
     assert len(doubt) == len(sides[0])
     assert doubt.shape[1] - len(COEFFICIENTS) == len(nuisances(trial, clock))
+
+
+def test_errors_of_all_runs_take_one_prediction_of_each(synthetic: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Catches time that grows with the square of the number of runs."""
+    posed, predicted = problem(synthetic), list[str]()
+    honest = Problem.prediction
+
+    def counted(self: Problem, trial: Trial, values: Mapping[str, float]) -> Prediction:
+        predicted.append(trial.name)
+        return honest(self, trial, values)
+
+    monkeypatch.setattr(Problem, "prediction", counted)
+    found = channel_errors(posed, posed.start(TRUTH))
+    assert len(found) == len(posed.trials) > 1
+    assert sorted(predicted) == sorted(trial.name for trial in posed.trials)

@@ -20,7 +20,7 @@ def _series(error: FloatArray, name: str = "v1") -> list[Series]:
     """Return the channels of a residual (n, 3) in units of the noise; samples without a number do not count."""
     cells = np.flatnonzero(np.all(np.isfinite(error), axis=1))
     block = Block(name, np.nan_to_num(error / SIGMA), np.arange(3 * len(cells)), cells, 0.02)
-    return [Series(0, name, channel, block, column) for column, channel in enumerate(CHANNELS)]
+    return [Series(0, channel, block, column) for column, channel in enumerate(CHANNELS)]
 
 
 def _white(rng: np.random.Generator, samples: int = 300) -> list[Series]:

@@ -22,7 +22,7 @@ from mjfish.diagnosis import Diagnosis, Overlay, SensorOverlay
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.residual_tests import ALL, Autocorrelation
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.reporting.words import CHANNEL_NAMES, p_value, unit
+from mjfish.reporting.words import CHANNEL_NAMES, channel_name, p_value, unit
 
 if TYPE_CHECKING:
     from mjfish.diagnosis.missing_force import MissingForce
@@ -310,7 +310,7 @@ def autocorrelation_figure(tests: Sequence[Autocorrelation]) -> go.Figure:
     figure = panels(len(channels), height=165 * len(channels) + 60, shared_xaxes=True, vertical_spacing=_gap(channels))
     for k, channel in enumerate(channels):
         panel = Panel(figure, k + 1)
-        panel.heading(CHANNEL_NAMES.get(channel, html.escape(channel)))
+        panel.heading(html.escape(channel_name(channel)))
         own = sorted((test for test in tests if test.channel == channel), key=lambda test: test.trial == ALL)
         for test in own:
             if test.trial == ALL:
@@ -339,8 +339,7 @@ def cross_correlation_figure(tests: Sequence[CrossCorrelation], trial: str = ALL
             panel, test = Panel(figure, row + 1, column + 1), own[channel, name]
             panel.band(test.lag, -test.band, test.band, "nominal-soft", "independent residual")
             panel.curve(test.lag, test.value, "nominal", "residual", width=1.8)
-            named = CHANNEL_NAMES.get(channel, html.escape(channel))
-            panel.heading(f"{named}, {reads}: p {html.escape(p_value(test.p_value))}")
+            panel.heading(html.escape(f"{channel_name(channel)}, {reads}: p {p_value(test.p_value)}"))
     return _with_zero(figure).update_xaxes(title_text="residual behind the input [s]", row=rows)
 
 

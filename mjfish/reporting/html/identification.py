@@ -20,7 +20,7 @@ from mjfish.reporting.html.figures import (
     residual_figure,
 )
 from mjfish.reporting.html.pages import Block, Section, write_figures
-from mjfish.reporting.words import CHANNEL_NAMES, p_value
+from mjfish.reporting.words import CHANNEL_NAMES, channel_name, p_value
 
 if TYPE_CHECKING:
     from mjfish.estimation.intervals import Profile
@@ -98,11 +98,7 @@ def _simulated(name: str, residuals: Sequence[Residual]) -> Section:
 
 
 def _autocorrelation(name: str, tests: ResidualTests) -> Section:
-    found = [
-        f"{CHANNEL_NAMES.get(test.channel, test.channel)} p {p_value(test.p_value)}"
-        for test in tests.whiteness
-        if test.trial == ALL
-    ]
+    found = [f"{channel_name(test.channel)} p {p_value(test.p_value)}" for test in tests.whiteness if test.trial == ALL]
     return Section(
         f"{name}: is the residual white?",
         "Autocorrelation of the residual over all trials (thick) and of each (thin). The band holds 99 % of the values "
