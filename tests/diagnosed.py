@@ -267,47 +267,27 @@ def row(names: tuple[str, ...], gain: float, behind: float, rival_p: float, fit_
 
 def _rows(verdict: Verdict) -> list[Row]:
     """Return rows of the candidates that were refitted."""
-    refitted = [one for one in _candidates(verdict) if one.rival_p is not None]
-    return [row((c.name,), c.statistic, 903.4 - c.statistic, float(c.rival_p or 0.0), c.fit_p) for c in refitted]
+    return [candidate.row for candidate in _candidates(verdict) if candidate.row is not None]
 
 
 def _candidates(verdict: Verdict) -> tuple[Candidate, ...]:
     """Return a best one, a rival, one that is ruled out, and one that does not apply."""
-    tried = verdict != "nothing_wrong"
+    visible = {f"{CAUSE}.time_constant": 5.8e-5}
+    wall = Candidate("ambient_current", False, remark="the heading was not recorded")
+    if verdict == "nothing_wrong":
+        return (Candidate(CAUSE, True, 0.3, 0.57, confounded=0.4, minimum_detectable=visible), wall)
+    close, fit_p = 0.4 if verdict == "cannot_tell" else 1e-7, 0.00005 if verdict == "unexplained" else 0.31
+    best = Candidate(CAUSE, True, 812.0, 1e-99, confounded=0.12, minimum_detectable=visible)
+
+    def alone(name: str, gain: float, rival_p: float, size: str, value: Estimate) -> Row:
+        own = row((name,), gain, 903.4 - gain, rival_p, fit_p if rival_p > 0.05 else None)
+        return replace(own, sizes={f"{name}.{size}": value})
+
     off = Estimate(-0.0195, -0.0201, -0.0189, "s")
     damping = Estimate(0.2, 0.2, 0.2, "N m s/rad", at_bound=True)
-    wall = Candidate("ambient_current", False, remark="the heading was not recorded")
-    if not tried:
-        visible = {f"{CAUSE}.time_constant": 5.8e-5}
-        return (Candidate(CAUSE, True, 0.3, 0.3, 1, 0.57, confounded=0.4, minimum_detectable=visible), wall)
-    close = 0.4 if verdict == "cannot_tell" else 1e-7
-    best = Candidate(
-        name=CAUSE,
-        applicable=True,
-        score=812.0,
-        statistic=903.4,
-        degrees_of_freedom=1,
-        p_value=1e-99,
-        rival_p=1.0,
-        fit_p=0.00005 if verdict == "unexplained" else 0.31,
-        held_out_gain=210.0,
-        confounded=0.12,
-        minimum_detectable={f"{CAUSE}.time_constant": 5.8e-5},
-        parameters={"time_constant": LAG},
-    )
     return (
-        best,
-        replace(
-            best,
-            name="time_offset",
-            statistic=640.0,
-            rival_p=close,
-            fit_p=best.fit_p if close > 0.05 else None,
-            confounded=0.97,
-            parameters={"offset": off},
-        ),
-        replace(
-            best, name="tail_compliance", statistic=88.0, rival_p=0.00025, fit_p=None, parameters={"damping": damping}
-        ),
+        replace(best, row=alone(CAUSE, 903.4, 1.0, "time_constant", LAG)),
+        replace(best, name="time_offset", confounded=0.97, row=alone("time_offset", 640.0, close, "offset", off)),
+        replace(best, name="tail_compliance", row=alone("tail_compliance", 88.0, 0.00025, "damping", damping)),
         wall,
     )

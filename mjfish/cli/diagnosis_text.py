@@ -245,11 +245,15 @@ def _gain(result: Diagnosis) -> Table:
     return table
 
 
+#: Columns of the table of evidence, behind the causes.
+_FIGURES = ("LR", "behind", "rival p", "best", "remains", "fit p", "held out", "error")
+
+
 def _evidence(evidence: Evidence) -> Table:
     """Return the table that the verdict is read from, a row for every set that was compared."""
     from mjfish.diagnosis.table import Thresholds
 
-    limits, headings = Thresholds(), ("causes", "LR", "behind", "rival p", "best", "remains", "fit p", "held out")
+    limits, headings = Thresholds(), ("causes", *_FIGURES)
     table = console.table("What the verdict is read from", headings, ("causes",), box=None, padding=(0, 1, 0, 0))
     for row in evidence.rows:
         tested = (percent(row.left), p_value(row.fit_p)) if row.tests else (NONE, NONE)
@@ -261,14 +265,15 @@ def _evidence(evidence: Evidence) -> Table:
             percent(row.chosen),
             *tested,
             number(row.held_out.gained if row.held_out else None),
+            percent(row.held_out_error),
         )
     table.caption = (
         "LR: fall of the sum of squares; behind: by how much the best of its size explains more of all trials; "
         f"rival p: of that margin, a set stays from {limits.keep} on or less than {limits.close:.2g} behind; best: "
         "how often it is the best when one run is left out; remains: "
         f"share left, little below {percent(limits.left)} ({percent(limits.exact)} without a form); fit p: of what is "
-        f"left, nothing from {limits.goodness:g} on; held out: log-likelihood gained there. p of the nominal model: "
-        f"{p_value(evidence.p_wrong)}, something is wrong below {limits.alarm}."
+        f"left, nothing from {limits.goodness:g} on; held out, error: log-likelihood gained there, and nRMSE. p of the "
+        f"nominal model: {p_value(evidence.p_wrong)}, something is wrong below {limits.alarm}."
     )
     return table
 

@@ -82,8 +82,8 @@ class FittedModels:
     @classmethod
     def of(cls, diagnosis: Diagnosis) -> FittedModels:
         """Return what a diagnosis found."""
-        tried = [candidate for candidate in diagnosis.candidates if candidate.applicable and candidate.parameters]
-        ranked = [candidate.name for candidate in sorted(tried, key=lambda candidate: -candidate.statistic)]
+        alone = [row for row in diagnosis.table.rows if len(row.names) == 1]
+        ranked = [row.names[0] for row in sorted(alone, key=lambda row: -row.gain)]
         named = [cause.name for cause in diagnosis.causes]
         question = _open_question(diagnosis.verdict, diagnosis.rivals, named, ranked)
         fits = {model.causes: model for model in diagnosis.fits}
@@ -175,7 +175,8 @@ def load_diagnosis(path: str | Path, dataset: Dataset, *, effects: Mapping[str, 
 
 
 def _restored(raw: Mapping[str, Any], dataset: Dataset, effects: Mapping[str, Effect]) -> FittedModels:
-    ranked = [c["name"] for c in sorted(raw["candidates"], key=lambda c: -c["statistic"]) if c["parameters"]]
+    alone = [row for row in raw["table"]["rows"] if len(row["names"]) == 1]
+    ranked = [row["names"][0] for row in sorted(alone, key=lambda row: -row["gain"])]
     named = list(raw["alternatives"][0]) if raw["causes"] else []  # a learned form goes by its mechanism there
     question = _open_question(raw["verdict"], raw["rivals"], named, ranked)
     models = TypeAdapter(list[FittedModel]).validate_python(raw["fits"])

@@ -1,8 +1,10 @@
 """Diagnosis: is anything wrong, where, which cause, and what naming it gains."""
 
 from mjfish.diagnosis.diagnosis import diagnose
-from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, Estimate, FittedModel, Overlay, SensorOverlay
+from mjfish.diagnosis.estimate import Estimate
+from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, FittedModel, Overlay, SensorOverlay
 from mjfish.diagnosis.splits import Share, Split, SplitMechanism, Splits, diagnose_splits
+from mjfish.diagnosis.table import Row, Table
 
 __all__ = [
     "Candidate",
@@ -11,11 +13,13 @@ __all__ = [
     "Estimate",
     "FittedModel",
     "Overlay",
+    "Row",
     "SensorOverlay",
     "Share",
     "Split",
     "SplitMechanism",
     "Splits",
+    "Table",
     "diagnose",
     "diagnose_splits",
 ]

@@ -17,6 +17,7 @@ from mjfish.diagnosis.candidate_table import candidate_table, failed_candidates,
 from mjfish.diagnosis.compared import Compared
 from mjfish.diagnosis.conclusion import Conclusion
 from mjfish.diagnosis.description import describe
+from mjfish.diagnosis.estimate import Estimate, estimates
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.fingerprint import fingerprint
 from mjfish.diagnosis.held_out import HeldOut, gain
@@ -24,7 +25,7 @@ from mjfish.diagnosis.isolability import Isolability, isolability
 from mjfish.diagnosis.missing_force import MissingForce, missing_force, with_velocities
 from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.refit_result import Refit
-from mjfish.diagnosis.result import Cause, Diagnosis, Estimate, FittedModel, Overlay, SensorOverlay, estimates
+from mjfish.diagnosis.result import Cause, Diagnosis, FittedModel, Overlay, SensorOverlay
 from mjfish.diagnosis.screening import Screening
 from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.diagnosis.verdict import Decision, withheld
@@ -52,7 +53,7 @@ def assemble(
     parts, evidence, best = begun.parts, screening.evidence, concluded.best
     dataset, shown = begun.dataset, best or evidence
     checks = checks.joined(Inspection.of(contradicted(shown.problem, shown.fit), begun.known))
-    candidates = candidate_table(begun, evidence, compared, held_out)
+    candidates = candidate_table(begun, evidence, compared)
     converged = {"the nominal model": evidence.fit.status, "the extended model": shown.fit.status}
     views, gained = _views(begun, screening, concluded), None
     if held_out.trials:

@@ -10,7 +10,7 @@ the data cannot tell apart are all kept (the lower boundary of [Ferrari2015]).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from operator import methodcaller
 
 from mjfish.diagnosis.evidence import Evidence, gather
@@ -27,8 +27,9 @@ from mjfish.effects.effect import Effect
 Found = tuple[Comparison | None, Mapping[Names, Refit]]
 #: Most causes that are claimed together.
 LARGEST = 3
-#: Refits that are extended, and additions that are refitted for each.
-_BASES, _ADDED = 2, 3
+#: Refits that are extended, and additions that are refitted for each: the best, and others whose score is this share of
+#: what all candidates explain there, beyond chance.
+_BASES, _ADDED, _SHARE_OF_IT = 2, 3, 1.0 / 3.0
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
 #: and the set must explain this much beyond every smaller one, and `table.share_of` what it explains.
@@ -72,11 +73,12 @@ def _searched(
     bases = _best(known.values())
     best: Comparison | None = None
     goodness = _goodness(candidates, held_out)
+    evidence = cache(partial(_beside, candidates))
     for size in range(2, LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
-        for grown in (_grown, _grown_by_nonsmooth):
-            known.update(found := grown(bases, candidates, known))
+        for grown in (_grown, _grown_by_unscored):
+            known.update(found := grown(bases, evidence, known))
             earned.update({names: refit for names, refit in found.items() if beats_smaller_sets(refit, known)})
             if earned:
                 best = compared(earned, goodness, held_out)
@@ -133,6 +135,13 @@ def find_small_addition(singles: Mapping[Names, Refit], candidates: Sequence[Eff
     return _confirmed(Comparison(kept), known, held_out) if kept else None, known
 
 
+def _beside(candidates: Sequence[Effect], base: Refit) -> Evidence:
+    """Return the evidence for further causes beside a refit."""
+    learnable = {effect.mechanism for effect in candidates if effect.learned}
+    taken = learnable.intersection(base.mechanisms)  # two forms of one mechanism are one cause
+    return gather(base.problem, base.fit, [effect for effect in candidates if effect.mechanism not in taken])
+
+
 def _best(refits: Iterable[Refit]) -> list[Refit]:
     """Return the refits to extend: those with formulas that explain most, and the best with a learned form."""
     ranked = sorted(refits, key=lambda refit: -refit.adjusted)
@@ -140,34 +149,34 @@ def _best(refits: Iterable[Refit]) -> list[Refit]:
     return [*formulas[:_BASES], *[refit for refit in ranked if refit.learned][:1]]
 
 
-def _grown(bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit]) -> dict[Names, Refit]:
+def _grown(
+    bases: Sequence[Refit], evidence: Callable[[Refit], Evidence], known: Mapping[Names, Refit]
+) -> dict[Names, Refit]:
     """Add what is seen best to the bases; then, to the best result less one member, what is seen best there."""
-    found = _extended(bases, candidates, known, _visible_additions)
+    found = _extended(bases, evidence, known, _visible_additions)
     if not found:
         return {}
     leader, known = max(found.values(), key=lambda refit: refit.gain), {**known, **found}
-    return {**found, **_extended(_without(leader, known), candidates, known, _visible_additions)}
+    return {**found, **_extended(_without(leader, known), evidence, known, _visible_additions)}
 
 
-def _grown_by_nonsmooth(
-    bases: Sequence[Refit], candidates: Sequence[Effect], known: Mapping[Names, Refit]
+def _grown_by_unscored(
+    bases: Sequence[Refit], evidence: Callable[[Refit], Evidence], known: Mapping[Names, Refit]
 ) -> dict[Names, Refit]:
-    """Add causes of which a score says little to the best base."""
-    return _extended(bases[:1], candidates, known, _nonsmooth_additions)
+    """Add causes of which a score says nothing to the best base."""
+    return _extended(bases[:1], evidence, known, _unscored_additions)
 
 
 def _extended(
     bases: Sequence[Refit],
-    candidates: Sequence[Effect],
+    evidence: Callable[[Refit], Evidence],
     known: Mapping[Names, Refit],
     shortlist: Callable[[Evidence], list[Effect]],
 ) -> dict[Names, Refit]:
-    """Refit the bases with the best few additions to each; those near the best to the optimum."""
+    """Refit the bases with the additions of a shortlist to each; those near the best to the optimum."""
     found: dict[Names, Refit] = {}
-    learnable = {effect.mechanism for effect in candidates if effect.learned}
     for base in bases:
-        taken = learnable.intersection(base.mechanisms)  # two forms of one mechanism are one cause
-        after = gather(base.problem, base.fit, [effect for effect in candidates if effect.mechanism not in taken])
+        after = evidence(base)
         new = [effect for effect in shortlist(after) if _with(base, effect) not in known]
         for refit in extended(partial(refit_with, gained=base.gain), new, after):
             names = _with(base, refit.effects[-1])
@@ -197,14 +206,17 @@ def _visible_additions(after: Evidence) -> list[Effect]:
     shown = [effect for effect in after.candidates if after.scored(effect.name)]
     if not shown or after.directed_p() > _SEEN:
         return []
-    return sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
+    first, *others = sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
+    least = _SHARE_OF_IT * after.saturated_excess()
+    return [first, *(effect for effect in others if after.statistic(effect.name) >= least)]
 
 
-def _nonsmooth_additions(after: Evidence) -> list[Effect]:
-    """Return additions of which a score says little, if anything is left to explain; of nested ones the narrowest."""
+def _unscored_additions(after: Evidence) -> list[Effect]:
+    """Return additions of which a score says nothing, if anything is left to explain; of nested ones the narrowest."""
     if min(after.saturated_p(), after.omnibus_p()) >= THRESHOLDS.goodness:
         return []
-    return [effect for effect in after.candidates if not (effect.smooth or effect.learned or effect.limits)]
+    formulas = (effect for effect in after.candidates if not (effect.smooth or effect.learned or effect.limits))
+    return [effect for effect in formulas if not after.scored(effect.name)]
 
 
 def _without(refit: Refit, known: Mapping[Names, Refit]) -> list[Refit]:

@@ -8,17 +8,19 @@ from functools import partial
 
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.combinations import find_combinations, find_small_addition, to_optimum
+from mjfish.diagnosis.estimate import estimates
 from mjfish.diagnosis.fan_out import followed
 from mjfish.diagnosis.forms import refit_learned_forms
-from mjfish.diagnosis.held_out import HeldOut
+from mjfish.diagnosis.held_out import HeldOut, pooled_error
 from mjfish.diagnosis.lone_run import lone_run
 from mjfish.diagnosis.progress import Progress, part
 from mjfish.diagnosis.refit import lowest
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.screening import Screening
 from mjfish.diagnosis.select import Goodness, compared
-from mjfish.diagnosis.table import Comparison, Names, Table
+from mjfish.diagnosis.table import Comparison, Names, Row, Table
 from mjfish.effects import Effect
+from mjfish.estimation.residual import channel_errors
 from mjfish.inspection import Finding
 
 #: Of how many formulas, the best, lower minima are looked for where none leaves nothing.
@@ -51,6 +53,21 @@ def compare(begun: Begun, screening: Screening, held_out: HeldOut, blocks: Seque
         held_out: what refits predict of the held-out trials.
         blocks: findings about the data with which no verdict is worth its words.
     """
+    found = _compared(begun, screening, held_out, blocks)
+    return replace(found, table=found.table.described(lambda row: _described(row, found.refits[row.names], held_out)))
+
+
+def _described(row: Row, refit: Refit, held_out: HeldOut) -> Row:
+    own = {p.name for effect in refit.effects for p in effect.parameters}
+    return replace(
+        row,
+        error=pooled_error(channel_errors(refit.problem, refit.fit.x)),
+        held_out_error=pooled_error(held_out.score(refit).channels) if held_out.trials else None,
+        sizes={name: value for name, value in estimates(refit.fit, refit.problem.model).items() if name in own},
+    )
+
+
+def _compared(begun: Begun, screening: Screening, held_out: HeldOut, blocks: Sequence[Finding]) -> Compared:
     refits: dict[Names, Refit] = {(name,): refit for name, refit in screening.refits.items()}
     table = Table(screening.p_wrong, blocks=tuple(block.message for block in blocks))
     if not refits:

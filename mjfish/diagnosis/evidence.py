@@ -257,11 +257,11 @@ class Evidence:
 
     def omnibus_p(self) -> float:
         """Return the p value of the omnibus basis, which knows no cause."""
-        return tail(*self._omnibus)
+        return tail(*self.omnibus)
 
     @cached_property
-    def _omnibus(self) -> tuple[float, int]:
-        """Statistic and rank of the omnibus basis."""
+    def omnibus(self) -> tuple[float, int]:
+        """Statistic of the omnibus basis, and its rank."""
         return self.waves.statistic(self.cleared)
 
     def common(self) -> tuple[float, int]:
@@ -299,7 +299,7 @@ class Evidence:
 
     def omnibus_excess(self) -> float:
         """Return what the omnibus basis explains beyond chance."""
-        statistic, rank = self._omnibus
+        statistic, rank = self.omnibus
         return statistic - rank
 
     @cached_property

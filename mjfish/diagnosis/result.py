@@ -11,28 +11,27 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Sensor, Trial
 from mjfish.diagnosis.curves import knots_of
 from mjfish.diagnosis.description import Description
+from mjfish.diagnosis.estimate import Estimate, estimates
 from mjfish.diagnosis.fingerprint import Measured
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.isolability import Isolability
 from mjfish.diagnosis.missing_force import MissingForce
-from mjfish.diagnosis.table import Table
+from mjfish.diagnosis.table import Row, Table
 from mjfish.diagnosis.where import Where
 from mjfish.effects import Effect
 from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Fit, Problem
-from mjfish.estimation.fit import Z95
 from mjfish.inspection import Inspection
 from mjfish.model import Model
 from mjfish.model.extended import Extended
 from mjfish.model.posterior import Posterior
-from mjfish.parameter import Parameter
 from mjfish.result import Result
-from mjfish.serialise import plain
+from mjfish.serialise import plain, unsaved
 
 Verdict = Literal["named", "nothing_wrong", "cannot_tell", "unexplained"]
 #: Of ``diagnosis.json``; a file of another schema is refused.
-SCHEMA = 2
+SCHEMA = 3
 _NEXT = {
     "named": "confirm the cause on the bench, and simulate with the extended model.",
     "nothing_wrong": "read from which sizes on causes would have been seen (`isolability`, `undetectable`).",
@@ -43,56 +42,6 @@ _NEXT = {
 }
 #: What to do next where a part failed.
 _MEND = "mend what failed (`failures`), or leave it out, and diagnose again."
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """An estimate with its 95 % interval.
-
-    Attributes:
-        estimate, low, high: it, and the ends of the interval.
-        unit: of all.
-        at_bound: whether it rests on a bound.
-        known: what was known of it beforehand; None: its bounds alone.
-    """
-
-    estimate: float
-    low: float
-    high: float
-    unit: str
-    at_bound: bool = False
-    known: KnownNumber | None = None
-
-
-@dataclass(frozen=True)
-class KnownNumber:
-    """What was known of a number: its mean and sd, and how many sds the estimate is away (`Parameter.deviation`)."""
-
-    mean: float
-    sd: float
-    deviation: float
-
-    @classmethod
-    def of(cls, p: Parameter, value: float) -> KnownNumber | None:
-        """Return what was known of a parameter, and how far a value is from it."""
-        return None if p.sd is None else cls(p.expected, p.sd, float(p.deviation(value)))
-
-
-def estimates(found: Fit, model: Model) -> dict[str, Estimate]:
-    """Return the model's estimates by name, without parameters of single trials.
-
-    A refit keeps an amplitude that cannot be negative slightly above zero; an interval that reaches this bound reaches
-    zero. A shape parameter to which these data are insensitive has its default.
-    """
-    result = {}
-    declared = {p.name: p for p in model.parameters}
-    for p, at_bound, length in zip(found.parameters, found.at_bound, found.lengths, strict=True):
-        if ":" not in p.name:
-            low, high = found.interval(p.name, Z95)
-            low = declared.get(p.name, p).low if low <= p.low else low
-            value = p.default if p.shape and length == 0.0 else found.values[p.name]
-            result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound), KnownNumber.of(p, value))
-    return result
 
 
 @dataclass(frozen=True)
@@ -112,46 +61,35 @@ class Cause:
 
 @dataclass(frozen=True)
 class Candidate:
-    """How one candidate fared.
+    """One candidate: whether the data can show it, its score, and its row in the table of evidence.
 
     Attributes:
         name: of the effect.
         applicable: whether this dataset can show it at all; `remark` says why not.
-        score: T of the score test at the baseline fit.
-        statistic: LR, the fall of the sum of squares when it is fitted together with the coefficients.
-        degrees_of_freedom: parameters it adds.
-        p_value: of the statistic, were the nominal model true.
-        rival_p: p value of the margin by which the best candidate beats it; it is in the set of rivals from 0.05 on.
-            None where nothing was refitted.
-        fit_p: p value of what is left once it is in the model; below `Thresholds.goodness` it is no
-            explanation. None where it was not computed: only those that the data cannot tell from the best are asked.
-        held_out_gain: log-likelihood gained on the held-out trials; None where it was not computed.
-        error, held_out_error: nRMSE over all channels of the fitted and of the held-out trials with this cause in the
-            model; None where it was not refitted, or nothing is held out.
+        score: T of the score test at the nominal fit; 0 of a learned form, which is not scored there.
+        score_p: p value of the score, were the nominal model true.
         confounded: share of its signature that a refit of the coefficients hides.
         minimum_detectable: size of each amplitude that would have shown; None where no score says: of what is not
             smooth at its null, and of what the coefficients hide.
-        parameters: estimates by short name.
         remark: in words.
         failure: why it could not be tried (`mjfish.diagnosis.failures`); empty where it was, or does not apply.
+        row: what its refit says, in the table of evidence; None where it was not refitted.
     """
 
     name: str
     applicable: bool
     score: float = 0.0
-    statistic: float = 0.0
-    degrees_of_freedom: float = 0
-    p_value: float = 1.0
-    rival_p: float | None = None
-    fit_p: float | None = None
-    held_out_gain: float | None = None
-    error: float | None = None
-    held_out_error: float | None = None
+    score_p: float = 1.0
     confounded: float = 0.0
     minimum_detectable: Mapping[str, float] | None = None
-    parameters: Mapping[str, Estimate] | None = None
     remark: str = ""
     failure: str = ""
+    row: Row | None = unsaved(default=None)
+
+    @property
+    def evidence(self) -> float:
+        """Fall of the sum of squares when it is fitted together with the coefficients; its score where it was not."""
+        return self.score if self.row is None else self.row.gain
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -93,17 +94,16 @@ class Goodness:
 
     def __init__(self, candidates: Sequence[Effect], held_out: tuple[Trial, ...] = ()) -> None:
         self.candidates, self.held_out = tuple(candidates), held_out
-        self.known: dict[Refit, tuple[dict[str, float], float]] = {}
+        self.known: dict[Refit, dict[str, Any]] = {}
 
     def of(self, refit: Refit, row: Row) -> Row:
         """Return the row of a refit with the tests of what it leaves."""
         if refit not in self.known:
-            self.known[refit] = tried(refit.names, lambda: self._tested(refit), (dict[str, float](), np.inf))
-        tests, excess = self.known[refit]
-        return replace(row, tests=tests, excess=excess)
+            self.known[refit] = tried(refit.names, lambda: self._tested(refit), dict[str, Any]())
+        return replace(row, **self.known[refit])
 
-    def _tested(self, refit: Refit) -> tuple[dict[str, float], float]:
-        """Return the p values of the tests, and what is left beyond chance.
+    def _tested(self, refit: Refit) -> dict[str, Any]:
+        """Return the p values of the tests and what is left beyond chance, by field of `Row`.
 
         Raises:
             FloatingPointError: one is no number.
@@ -111,8 +111,9 @@ class Goodness:
         sizes, (steady, steady_p) = self._by_run(refit)
         after = gather(refit.problem, refit.fit, self.candidates)
         common, (weighed, weighed_p) = after.common(), _drawn(after.weighed(), after.cleared, refit.gain)
-        beyond = [steady, weighed, *(statistic - rank for statistic, rank in (common, sizes))]
-        excess = max(after.saturated_excess(), after.omnibus_excess(), *beyond, 0.0)
+        seen = (after.saturated(), after.omnibus, common, sizes)
+        beyond = [(0.0, 0), (steady, 0), (weighed, 0), *((statistic - rank, rank) for statistic, rank in seen)]
+        excess, rank = max(beyond)
         saturated_p, omnibus_p = after.saturated_p(), after.omnibus_p()
         if saturated_p < THRESHOLDS.goodness:  # outliers of the noise may be what is left
             saturated_p = max(saturated_p, flipped_p(after.signatures, after.cleared))
@@ -128,7 +129,7 @@ class Goodness:
         }
         if np.isnan([excess, *tests.values()]).any():
             raise FloatingPointError("a test of what it leaves is no number")
-        return tests, excess
+        return {"tests": tests, "excess": excess, "rank": rank}
 
     def _by_run(self, refit: Refit) -> tuple[tuple[float, int], tuple[float, float]]:
         """Return the test of the sizes by run; what that of the coefficients sees beyond chance, and its p value."""

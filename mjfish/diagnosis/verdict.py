@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from mjfish.diagnosis.evidence import p_value_of
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.result import Verdict
 from mjfish.diagnosis.table import THRESHOLDS, Comparison, Names, Row, Table, Thresholds, one_mechanism
@@ -136,7 +135,7 @@ def _nearly(best: Row, comparison: Comparison, limits: Thresholds) -> Decision |
 def _alone(rows: Sequence[Row], limits: Thresholds) -> Decision:
     """Rule on the only set that stays, or on sets that are forms of the same mechanisms."""
     first = rows[0]
-    p = p_value_of(first.gain, first.degrees_of_freedom)
+    p = first.p_value
     if p < limits.keep:
         clean = first.clean(limits)
         left = "" if clean else f" It leaves {first.left:.1%} of the misfit: {_OTHERWISE}."

@@ -14,6 +14,7 @@ from mjfish.design import Menu, Question, fitted_models, load_diagnosis, plan
 from mjfish.design.fitted_models import FittedModels
 from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.result import SCHEMA, Verdict
+from mjfish.diagnosis.table import Comparison, Table
 from mjfish.errors import InputError, UnknownNameError
 
 
@@ -39,9 +40,9 @@ def test_the_question_is_what_the_verdict_leaves_open(
 
 def test_the_runner_up_is_the_one_that_explains_most_beside_the_named_cause() -> None:
     found = diagnosis("named")
-    first, second, third, *rest = found.candidates
-    ranked = replace(found, candidates=(replace(third, statistic=700.0), first, second, *rest))
-    question = FittedModels.of(ranked).question
+    rows = {row.names: row for row in found.table.rows}
+    third = {("tail_compliance",): replace(rows["tail_compliance",], gain=700.0)}
+    question = FittedModels.of(replace(found, table=Table(0.0, Comparison({**rows, **third})))).question
     assert question is not None
     assert question.names == ("servo_lag", "tail_compliance")
 

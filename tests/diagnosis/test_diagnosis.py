@@ -128,10 +128,11 @@ def test_the_closest_model_is_not_shown_where_it_misleads(
         assert run.extended == run.nominal
         assert "The nominal model is kept: its nRMSE on the held-out trials is smaller" in result.message
         (candidate,) = result.candidates
-        assert candidate.held_out_error is not None
-        assert f" % against {100.0 * candidate.held_out_error:.3g} %" in result.message
-        if candidate.held_out_gain is not None:  # the sentence has the sign that the table has
-            assert ("although its log-likelihood is" in result.message) == (candidate.held_out_gain > 0.0)
+        assert candidate.row is not None
+        assert candidate.row.held_out_error is not None
+        assert f" % against {100.0 * candidate.row.held_out_error:.3g} %" in result.message
+        if candidate.row.held_out is not None:  # the sentence has the sign that the table has
+            assert ("although its log-likelihood is" in result.message) == (candidate.row.held_out.gained > 0.0)
 
 
 def test_the_same_effect_on_the_list_is_named(pike: Fish) -> None:
@@ -166,7 +167,7 @@ def test_the_same_seed_gives_the_same_answer_for_any_number_of_jobs(named: Diagn
 def test_the_json_keeps_its_contract(named: Diagnosis, tmp_path: Path) -> None:
     named.save(tmp_path / "diagnosis.json")
     saved = json.loads((tmp_path / "diagnosis.json").read_text())
-    assert saved["schema"] == 2
+    assert saved["schema"] == 3
     assert saved["verdict"] == "named"
     cause = saved["causes"][0]
     assert cause["name"] == "time_offset"
@@ -175,7 +176,11 @@ def test_the_json_keeps_its_contract(named: Diagnosis, tmp_path: Path) -> None:
     assert offset["unit"] == "s"
     assert next(c["name"] for c in saved["candidates"]) == "time_offset"
     assert {c["name"] for c in saved["candidates"]} == set(QUICK)
-    assert all({"statistic", "p_value", "held_out_gain"} <= set(c) for c in saved["candidates"])
+    assert all({"score", "score_p", "confounded"} <= set(c) for c in saved["candidates"])
+    (row,) = (row for row in saved["table"]["rows"] if row["names"] == ["time_offset"])
+    assert row["sizes"]["time_offset.offset"] == offset
+    assert row["held_out_error"] == pytest.approx(saved["gain"]["held_out"]["extended"]["pooled"])
+    assert row["error"] > 0.0
     assert {"channel", "trial", "part"} <= set(saved["where"])
     held = saved["gain"]["held_out"]
     assert set(held["nominal"]) == set(held["extended"]) == {*CHANNELS, "pooled"}
@@ -294,7 +299,7 @@ def test_held_out_trials_do_not_touch_the_fit_and_rubbish_in_them_is_found(named
     ]
     result = diagnose(replace(named.dataset, trials=tuple(spoilt)), effects=QUICK, jobs=1, seed=3)
     assert result.nominal == named.nominal
-    assert [c.statistic for c in result.candidates] == [c.statistic for c in named.candidates]
+    assert [c.evidence for c in result.candidates] == [c.evidence for c in named.candidates]
     assert (result.verdict, result.causes, result.rivals) == ("cannot_tell", (), ())
     assert result.message.startswith("These data allow no verdict: trial ")
 

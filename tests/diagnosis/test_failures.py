@@ -76,7 +76,7 @@ def _assert_told(result: Diagnosis, part: str, reason: str) -> None:
     assert any(part in remark and reason in remark for remark in result.remarks)
     assert result.status != "ok"
     assert result.causes == ()
-    assert complaints("diagnosis-2", json.loads(json.dumps(result.to_dict()))) == []
+    assert complaints("diagnosis-3", json.loads(json.dumps(result.to_dict()))) == []
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +154,7 @@ def test_a_rival_whose_refit_fails_keeps_the_cause_from_being_named(monkeypatch:
     assert result.alternatives == ((HIDDEN,),)
     assert "The cause is time_offset" in result.message
     failed = next(candidate for candidate in result.candidates if candidate.name == "velocity_scale")
-    assert (failed.failure, failed.parameters) == (result.failures["velocity_scale"], None)
+    assert (failed.failure, failed.row) == (result.failures["velocity_scale"], None)
 
 
 @pytest.mark.parametrize("hidden", HIDDEN_OR_NOT)
@@ -167,7 +167,7 @@ def test_where_every_fit_fails_nothing_is_claimed(monkeypatch: pytest.MonkeyPatc
 
 def _assert_compared(result: Diagnosis, name: str) -> None:
     candidate = next(candidate for candidate in result.candidates if candidate.name == name)
-    assert candidate.parameters is not None
+    assert candidate.row is not None
     assert candidate.failure == ""
     assert name not in result.failures
 
@@ -396,7 +396,7 @@ def test_where_a_solver_fails_nothing_is_claimed(
     assert calls
     assert result.verdict not in CLAIMS
     assert result.failures
-    assert complaints("diagnosis-2", json.loads(json.dumps(result.to_dict()))) == []
+    assert complaints("diagnosis-3", json.loads(json.dumps(result.to_dict()))) == []
 
 
 @pytest.mark.slow

@@ -10,8 +10,7 @@ import pytest
 from hidden_cases import STRONG, draw, trace
 from scipy import stats
 
-from mjfish.diagnosis import Diagnosis, diagnose
-from mjfish.diagnosis.result import Estimate
+from mjfish.diagnosis import Diagnosis, Estimate, diagnose
 from mjfish.effects import catalogue, find
 from mjfish.estimation import fit
 

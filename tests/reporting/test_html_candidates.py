@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from diagnosed import diagnosis
 
-from mjfish.diagnosis import Diagnosis
+from mjfish.diagnosis import Candidate, Diagnosis
+from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.result import Verdict
 from mjfish.reporting.html.candidates import remark
 
@@ -31,9 +33,19 @@ def test_every_candidate_is_judged_in_words() -> None:
     assert _remarks("nothing_wrong")["servo_lag"].startswith("No sign of it; ")
 
 
+def _with_row(candidate: Candidate, **changed: Any) -> Candidate:
+    assert candidate.row is not None
+    return replace(candidate, row=replace(candidate.row, **changed))
+
+
+def _leaving(candidate: Candidate) -> Candidate:
+    """Return a candidate that leaves something systematic."""
+    return _with_row(candidate, tests={"waves": 1e-9})
+
+
 def test_a_candidate_that_fits_but_gains_nothing_is_said_to_do_so() -> None:
     found = diagnosis("unexplained")
-    best = replace(found.candidates[0], fit_p=0.5, held_out_gain=-3.0)
+    best = _with_row(found.candidates[0], tests={"waves": 0.5}, held_out=Confirmation(-3.0, 0.4))
     said = _said(replace(found, candidates=(best, *found.candidates[1:])))
     assert said["servo_lag"] == "Fits, but makes the held-out trials no better."
 
@@ -42,9 +54,9 @@ def test_what_was_not_refitted_is_said_to_be_so_and_not_to_be_absent() -> None:
     """Catches a cause with a trace, or one that is hidden, of which no sign is said to be."""
     found = diagnosis()
     best, second, *_ = found.candidates
-    screened = replace(second, name="munk_moment", p_value=1e-9, rival_p=None, confounded=0.2, parameters=None)
-    absent = replace(screened, name="fin_lift", p_value=0.3, minimum_detectable={"fin_lift.slope": 0.8})
-    hidden = replace(screened, name="mass_error", p_value=1.0, confounded=0.93)
+    screened = replace(second, name="munk_moment", score_p=1e-9, confounded=0.2, row=None)
+    absent = replace(screened, name="fin_lift", score_p=0.3, minimum_detectable={"fin_lift.slope": 0.8})
+    hidden = replace(screened, name="mass_error", score_p=1.0, confounded=0.93)
     said = _said(replace(found, candidates=(best, screened, absent, hidden)))
     assert said["munk_moment"] == "Not refitted: others have better scores."
     assert said["fin_lift"] == "No sign of it; the minimum detectable effect is slope 0.80."
@@ -55,11 +67,11 @@ def test_each_of_several_causes_is_said_to_be_one_whether_or_not_it_was_refitted
     found = diagnosis()
     best, second, third, _ = found.candidates
     pair = ("servo_lag", "munk_moment")
-    beside = replace(second, name="munk_moment", rival_p=None, fit_p=None, confounded=0.2, parameters=None)
+    beside = replace(second, name="munk_moment", confounded=0.2, row=None)
     cause = replace(found.causes[0], name="munk_moment")
     named = replace(
         found,
-        candidates=(replace(best, fit_p=1e-9), beside, third),
+        candidates=(_leaving(best), beside, third),
         causes=(*found.causes, cause),
         best=pair,
         certain=pair,
@@ -84,11 +96,11 @@ def test_what_leaves_something_is_not_said_to_leave_nothing() -> None:
     """A cause of another form than the model's is named, or possible, and what it leaves is said."""
     found = diagnosis()
     best, *rest = found.candidates
-    assert _said(replace(found, candidates=(replace(best, fit_p=1e-9), *rest)))["servo_lag"] == (
+    assert _said(replace(found, candidates=(_leaving(best), *rest)))["servo_lag"] == (
         "The cause: with it in the model something systematic is left."
     )
     found = diagnosis("cannot_tell")
-    best, second, *rest = (replace(c, fit_p=1e-9) if c.fit_p is not None else c for c in found.candidates)
+    best, second, *rest = (_leaving(c) if c.row is not None and c.row.tests else c for c in found.candidates)
     tied = _said(replace(found, candidates=(best, second, *rest)))
     assert "from its rivals, and with it something systematic is left." in tied["time_offset"]
     alone = replace(found, candidates=(best, *rest), rivals=(), alternatives=(("servo_lag",),))

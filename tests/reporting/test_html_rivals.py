@@ -47,7 +47,6 @@ def test_sets_of_several_causes_have_a_column_each_with_numbers_of_the_table() -
     first, second = rivals(several)
     assert (first.names, first.drawn, first.row) == (pairs[1], True, None)
     assert (second.names, second.drawn, second.row) == (pairs[0], False, known)
-    assert first.candidate is None
     assert "Rivals side by side" in render_diagnosis(several)
 
 

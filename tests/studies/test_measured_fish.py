@@ -12,6 +12,7 @@ from diagnosed import diagnosis
 from mjfish import tomlfile
 from mjfish.data.importers import HEADERS
 from mjfish.diagnosis import Candidate, Split, SplitMechanism, Splits
+from mjfish.diagnosis.table import Comparison, Table
 from mjfish.errors import InputError, UnknownNameError
 from studies.markdown import table
 from studies.measured_fish import __main__ as command
@@ -124,8 +125,9 @@ def test_scores_leave_out_what_start_velocities_were_fitted_to(settings: Setting
 def test_causes_rank_by_fall_or_score_and_coarse_refits_are_told_apart() -> None:
     """Catches a negative fall in the table, and a cause that ranks by its score but was not refitted left out."""
     best, second, third, _ = diagnosis().candidates
-    by_score = Candidate("wake_memory", True, score=200.0, statistic=200.0)
-    coarse = replace(third, score=151.0, statistic=-11.0)
+    by_score = Candidate("wake_memory", True, score=200.0)
+    assert third.row is not None
+    coarse = replace(third, score=151.0, row=replace(third.row, gain=-11.0))
     made = replace(diagnosis(), candidates=(best, coarse, by_score, second))
     assert [row[:3] for row in causes.rows(made)] == [
         (best.name, "903", "812"), (second.name, "640", "812"), ("wake_memory", "", "200"),
@@ -138,11 +140,12 @@ def test_what_held_out_runs_do_not_prefer_is_said() -> None:
     made = diagnosis()
     assert made.gain is not None
     own = made.gain.extended["pooled"]
-    best, second, third, _ = made.candidates
+    rows = [candidate.row for candidate in made.candidates if candidate.row is not None]
 
     def said(one: float, other: float) -> str:
-        scored = (replace(second, held_out_error=one * own), replace(third, held_out_error=other * own))
-        return causes.preferred(replace(made, candidates=(replace(best, held_out_error=own), *scored)))
+        errors = (own, one * own, other * own)
+        scored = [replace(row, held_out_error=error) for row, error in zip(rows, errors, strict=True)]
+        return causes.preferred(replace(made, table=Table(0.0, Comparison({row.names: row for row in scored}))))
 
     assert "smaller with time_offset" in said(0.99, 1.01)
     assert "larger by at most 2 % with tail_compliance" in said(0.99, 1.01)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mjfish.diagnosis import Candidate, Diagnosis
-from mjfish.diagnosis.table import THRESHOLDS
+from mjfish.diagnosis.table import THRESHOLDS, Row
 from mjfish.reporting.words import number, percent, unit
 
 #: With a larger confounded share a signature says little.
@@ -43,19 +43,19 @@ def judgement(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) 
     if candidate.name in diagnosis.certain:
         return _at_work(candidate, diagnosis)
     if any(candidate.name in group for group in diagnosis.rivals):
-        left = f", and with it {_left(candidate)}" if (candidate.name,) in diagnosis.alternatives else ""
+        left = f", and with it {_left(candidate.row)}" if (candidate.name,) in diagnosis.alternatives else ""
         return f"Possible: the data cannot tell it from its rivals{left}."
-    if candidate.parameters is None:
+    if (row := candidate.row) is None:
         return _not_refitted(candidate, diagnosis, sizes)
     if diagnosis.verdict == "cannot_tell" and (candidate.name,) in diagnosis.alternatives:
-        if _clean(candidate):
+        if _clean(row):
             return "Possible: it explains no more than chance might, and with it nothing systematic is left."
-        return f"Possible, and the closest: with it {_left(candidate)}."
-    if candidate.rival_p is not None and candidate.fit_p is None:
+        return f"Possible, and the closest: with it {_left(row)}."
+    if not row.tests:
         return _ruled_out(diagnosis)
-    if not _clean(candidate):
-        return f"Close, but with it in the model {_left(candidate)}."
-    if candidate.held_out_gain is not None and candidate.held_out_gain <= 0.0:
+    if not _clean(row):
+        return f"Close, but with it in the model {_left(row)}."
+    if row.held_out is not None and row.held_out.gained <= 0.0:
         return "Fits, but makes the held-out trials no better."
     return ""
 
@@ -66,7 +66,8 @@ def cautions(candidate: Candidate, diagnosis: Diagnosis) -> list[str]:
     if candidate.applicable and candidate.confounded > _CONFOUNDED and candidate.name not in diagnosis.undetectable:
         share = percent(candidate.confounded, 2)
         found.append(f"A refit of the coefficients removes {share} of its signature: these trials say little about it.")
-    stuck = [name for name, value in (candidate.parameters or {}).items() if value.at_bound]
+    sizes = {} if candidate.row is None else candidate.row.sizes
+    stuck = [name.rpartition(".")[2] for name, value in sizes.items() if value.at_bound]
     if stuck:
         found.append(f"On its bound: {', '.join(stuck)}.")
     if candidate.applicable and candidate.remark:
@@ -80,13 +81,13 @@ def _at_work(candidate: Candidate, diagnosis: Diagnosis) -> str:
     others = [cause.name for cause in diagnosis.causes if cause.name != candidate.name]
     if others:
         return f"One of the causes, beside {' and '.join(others)}."
-    return f"The cause: with it in the model {_left(candidate)}."
+    return f"The cause: with it in the model {_left(candidate.row)}."
 
 
 def _not_refitted(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) -> str:
     if candidate.name in diagnosis.undetectable:
         return f"Undetectable: {diagnosis.undetectable[candidate.name]}."
-    if candidate.p_value < THRESHOLDS.keep and any(other.parameters is not None for other in diagnosis.candidates):
+    if candidate.score_p < THRESHOLDS.keep and any(other.row is not None for other in diagnosis.candidates):
         return "Not refitted: others have better scores."
     if not sizes:
         return "No sign of it."
@@ -95,17 +96,17 @@ def _not_refitted(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[st
 
 def _ruled_out(diagnosis: Diagnosis) -> str:
     """Say by whom: single causes stand against the best single one, whether or not it needs company."""
-    leader = max(diagnosis.candidates, key=lambda other: other.rival_p or 0.0).name
+    leader = max(diagnosis.candidates, key=lambda other: other.row.rival_p if other.row else 0.0).name
     alone = " as the only cause" if any(len(names) > 1 for names in diagnosis.alternatives) else ""
     return f"Ruled out{alone}: {leader} explains the misfit better by more than chance allows."
 
 
-def _clean(candidate: Candidate) -> bool:
-    return candidate.fit_p is None or candidate.fit_p >= THRESHOLDS.goodness
+def _clean(row: Row | None) -> bool:
+    return row is None or not row.tests or row.clean()
 
 
-def _left(candidate: Candidate) -> str:
-    return f"{'nothing' if _clean(candidate) else 'something'} systematic is left"
+def _left(row: Row | None) -> str:
+    return f"{'nothing' if _clean(row) else 'something'} systematic is left"
 
 
 def possible(diagnosis: Diagnosis) -> set[str]:

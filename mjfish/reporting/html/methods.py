@@ -88,7 +88,7 @@ def _data(diagnosis: Diagnosis) -> Iterable[str]:
 
 def _tests(diagnosis: Diagnosis) -> Iterable[str]:
     tried = [candidate for candidate in diagnosis.candidates if candidate.applicable]
-    refitted = sum(candidate.parameters is not None for candidate in tried)
+    refitted = sum(candidate.row is not None for candidate in tried)
     p = p_value(diagnosis.p_wrong)
     yield (
         f"Whether anything systematic is left was tested by scores of {len(tried)} candidate causes against simulated "

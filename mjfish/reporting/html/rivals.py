@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mjfish.diagnosis import Candidate, Diagnosis
+from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.table import Row
 from mjfish.reporting.titles import cause_title
 
@@ -18,14 +18,12 @@ class Rival:
         titles: what they do, in words.
         drawn: whether it is the extended model of the figures.
         row: how it stands in the table of evidence.
-        candidate: its error and sizes, where it is one cause.
     """
 
     names: tuple[str, ...]
     titles: tuple[str, ...]
     drawn: bool
     row: Row | None
-    candidate: Candidate | None
 
 
 def rivals(diagnosis: Diagnosis) -> tuple[Rival, ...]:
@@ -33,14 +31,12 @@ def rivals(diagnosis: Diagnosis) -> tuple[Rival, ...]:
     if diagnosis.verdict != "cannot_tell" or len(diagnosis.alternatives) < 2:
         return ()
     rows = {frozenset(row.names): row for row in diagnosis.table.rows}
-    scored = {frozenset((candidate.name,)): candidate for candidate in diagnosis.candidates}
     every = (
         Rival(
             names=names,
             titles=tuple(cause_title(name, diagnosis.effects) for name in names),
             drawn=frozenset(names) == frozenset(diagnosis.best),
             row=rows.get(frozenset(names)),
-            candidate=scored.get(frozenset(names)),
         )
         for names in diagnosis.alternatives
     )

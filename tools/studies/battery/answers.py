@@ -118,6 +118,10 @@ def _draw(task: Task, *, rivals: bool = False) -> Case:
     )  # fmt: skip
 
 
+#: What of the row of a candidate is judged.
+_REFITTED = ("gain", "rival_p", "error", "held_out_error")
+
+
 def told(result: Diagnosis) -> dict[str, Any]:
     """Return what of a diagnosis is judged, as plain data."""
     plain = result.to_dict()
@@ -138,9 +142,9 @@ def told(result: Diagnosis) -> dict[str, Any]:
         "causes": {cause["name"]: cause["parameters"] for cause in plain["causes"]},
         "coefficients": plain["coefficients"]["extended"],
         "candidates": [
-            {key: one[key] for key in ("name", "score", "statistic", "rival_p", "fit_p", "error", "held_out_error")}
-            for one in plain["candidates"]
-            if one["applicable"]
+            {"name": one.name, "score": one.score, **{key: getattr(one.row, key, None) for key in _REFITTED}}
+            for one in result.candidates
+            if one.applicable
         ],
         "where": plain["where"]["channel"] if plain["where"] else None,
         "severity": plain["checks"]["severity"],

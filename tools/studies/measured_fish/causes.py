@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mjfish.diagnosis import Candidate, Diagnosis, Estimate
+from mjfish.diagnosis import Diagnosis, Estimate, Row
 from mjfish.effects import find
 
 HEAD = ("cause", "fall of the sum of squares", "score", "nRMSE fitted", "nRMSE held out", "size")
@@ -16,21 +16,24 @@ _ALIKE = 0.02
 
 def rows(found: Diagnosis) -> Iterator[tuple[str, ...]]:
     """Yield the first causes as cells under `HEAD`, by their fall, or by their score where they were not refitted."""
-    ranked = [candidate for candidate in found.candidates if candidate.applicable and candidate.statistic > 0.0]
-    for one in sorted(ranked, key=lambda one: -one.statistic)[:_FIRST]:
+    ranked = [candidate for candidate in found.candidates if candidate.applicable and candidate.evidence > 0.0]
+    for one in sorted(ranked, key=lambda one: -one.evidence)[:_FIRST]:
+        if (row := one.row) is None:
+            yield one.name, "", f"{one.score:.0f}", "", "", ""
+            continue
         yield (
             one.name,
-            f"{one.statistic:.0f}" if one.parameters else "",
+            f"{row.gain:.0f}",
             f"{one.score:.0f}",
-            "" if one.error is None else f"{one.error:.3f}",
-            "" if one.held_out_error is None else f"{one.held_out_error:.3f}",
-            ", ".join(f"{name} {value.estimate:.3g} {value.unit}" for name, value in _sizes(one).items()),
+            "" if row.error is None else f"{row.error:.3f}",
+            "" if row.held_out_error is None else f"{row.held_out_error:.3f}",
+            ", ".join(f"{name} {value.estimate:.3g} {value.unit}" for name, value in _sizes(row).items()),
         )
 
 
 def left_out(found: Diagnosis) -> str:
     """Say which refits ended no better than the nominal fit; empty where none did."""
-    coarse = [candidate for candidate in found.candidates if candidate.parameters and candidate.statistic <= 0.0]
+    coarse = [candidate for candidate in found.candidates if candidate.row and candidate.row.gain <= 0.0]
     if not coarse:
         return ""
     told = ", ".join(f"{one.name} (score {one.score:.0f})" for one in coarse)
@@ -42,11 +45,8 @@ def preferred(found: Diagnosis) -> str:
     if found.gain is None:
         return ""
     best, own = " and ".join(found.best), found.gain.extended["pooled"]
-    others = sorted(
-        (candidate.held_out_error, candidate.name)
-        for candidate in found.candidates
-        if candidate.held_out_error is not None and candidate.name not in found.best
-    )
+    rows = (row for row in found.table.rows if len(row.names) == 1 and row.names[0] not in found.best)
+    others = sorted((row.held_out_error, row.names[0]) for row in rows if row.held_out_error is not None)
     smaller = [f"{name} ({error:.3f})" for error, name in others if error < own]
     close = [f"{name} ({error:.3f})" for error, name in others if own <= error <= (1.0 + _ALIKE) * own]
     said = [f"Held out, nRMSE is {own:.3f} with {best} and {found.gain.nominal['pooled']:.3f} without any cause."]
@@ -61,7 +61,7 @@ def preferred(found: Diagnosis) -> str:
     return " ".join(said)
 
 
-def _sizes(candidate: Candidate) -> dict[str, Estimate]:
-    """Return the sizes of a cause without shapes, which say nothing of how large it is."""
-    shapes = {parameter.short for parameter in find(candidate.name).parameters if parameter.shape}
-    return {name: value for name, value in (candidate.parameters or {}).items() if name not in shapes}
+def _sizes(row: Row) -> dict[str, Estimate]:
+    """Return the sizes of a cause without shapes, which say nothing of how large it is, by short name."""
+    sizes = {p.short: row.sizes.get(p.name) for p in find(row.names[0]).parameters if not p.shape}
+    return {name: value for name, value in sizes.items() if value is not None}
