@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.data import Trial
+from mjfish.data import Dataset, Trial
 from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.candidate_table import candidate_table, failed_candidates, undetectable
@@ -72,12 +72,12 @@ def assemble(
             *failed_remarks(parts.failures),
             *remarks(screening.remark, evidence.fit, converged, held_out.trials),
             *joints,
-            *(f"{trial.name}: {own}" for trial in dataset.trials for sensor in trial.sensors for own in sensor.remarks),
+            *_of_sensors(dataset),
             *([] if evidence.problem.samples else [SMOOTHED]),
         ),
         checks=checks,
-        causes=tuple(Cause.of(effect, shown.fit, shown.problem.model) for effect in best.effects)
-        if best is not None and named
+        causes=tuple(Cause.of(effect, shown.fit, shown.problem.model) for effect in best.effects if named)
+        if best
         else (),
         mechanisms=concluded.mechanisms if named else (),
         domain=concluded.domain,
@@ -99,18 +99,25 @@ def assemble(
         posterior=drawn,
         overlays=tuple(_overlays(evidence, best, held_out)),
         problem=evidence.problem,
-        fits=(
-            FittedModel.of((), evidence.problem, evidence.fit),
-            *(
-                FittedModel.of(refit.names, refit.problem, refit.fit)
-                for refit in compared.refits.values()
-                if len(refit.names) == 1
-            ),
-        ),
+        fits=tuple(_fits(evidence, compared)),
         effects={effect.name: effect for effect in begun.candidates},
         provenance=provenance(dataset, begun.candidates, begun.seed),
         **views,
     )
+
+
+def _of_sensors(dataset: Dataset) -> Iterator[str]:
+    """Yield what is to be said of the sensors of every run."""
+    for trial in dataset.trials:
+        yield from (f"{trial.name}: {own}" for sensor in trial.sensors for own in sensor.remarks)
+
+
+def _fits(evidence: Evidence, compared: Compared) -> Iterator[FittedModel]:
+    """Yield the nominal model at its fit, then those with single causes."""
+    yield FittedModel.of((), evidence.problem, evidence.fit)
+    for refit in compared.refits.values():
+        if len(refit.names) == 1:
+            yield FittedModel.of(refit.names, refit.problem, refit.fit)
 
 
 def _views(begun: Begun, screening: Screening, concluded: Conclusion) -> dict[str, Any]:

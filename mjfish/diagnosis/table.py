@@ -35,7 +35,8 @@ class Thresholds:
             of a thousand cases at most; more often because its form differs a little from the catalogue's. At 1e-4
             three of 14 cases whose true mechanism was not in the catalogue had another one named, with p values of
             1.3e-4 to 4.5e-4; of the true sets of as many cases the least is 0.01 (docs/notes/041).
-        left: share of all there was to explain that a set may leave: a cause's form is a model, too.
+        left: share of all there was to explain that a set may leave: a cause's form is a model, too. Several causes may
+            leave no more even where no test sees it.
         exact: the same where all mechanisms are numbers without a form, or a form is learned: there is no other one
             that could leave it.
         slight: below this share, what the tests of waves, sizes and coefficients by run see does not count: they see
@@ -181,8 +182,12 @@ class Row:
         return self.fit_p >= limits.goodness
 
     def fits(self, limits: Thresholds = THRESHOLDS) -> bool:
-        """Return whether nothing systematic is left that matters."""
-        return self.clean(limits) or self.left < limits.tolerated(self)
+        """Return whether nothing systematic is left that matters.
+
+        Several causes imitate an unknown one more easily than one does: that tests see nothing is not enough of them.
+        """
+        clean = self.clean(limits) and (len(self.names) == 1 or self.left < limits.left)
+        return clean or self.left < limits.tolerated(self)
 
     def leaves_little(self) -> bool:
         """Return whether it leaves less than what a larger set would have to explain beyond it."""

@@ -139,24 +139,22 @@ def minimise(
                 message = f"a step changed the cost by less than {tolerance:g} of it"
             elif size < _SHORT * np.abs(lengths * x).max(initial=0.0):
                 message = f"a step was shorter than {_SHORT:g}"
-            if ratio < _POOR:
-                radius = _SHRINK * size
-            elif ratio > _GOOD and size > _HELD * radius:
-                radius *= _GROW
+            radius = _next_radius(radius, size, ratio)
         if not ahead:
             break
         x, here, cost = moved, there, new
         del jacobian  # not two at once
-    return Minimum(
-        x,
-        here[: len(here) - len(mean)],
-        jacobian,
-        gradient=-triangle.transposed_times(turned),
-        cost=cost,
-        evaluations=done,
-        status="converged" if message else "stopped",
-        message=message or f"the most evaluations were used, {evaluations}",
-    )
+    status: Literal["converged", "stopped"] = "converged" if message else "stopped"
+    message = message or f"the most evaluations were used, {evaluations}"
+    gradient = -triangle.transposed_times(turned)
+    return Minimum(x, here[: len(here) - len(mean)], jacobian, gradient, cost, done, status, message)
+
+
+def _next_radius(radius: float, size: float, ratio: float) -> float:
+    """Return the radius after a step of a size whose fall of the cost was this ratio of the one that was predicted."""
+    if ratio < _POOR:
+        return _SHRINK * size
+    return _GROW * radius if ratio > _GOOD and size > _HELD * radius else radius
 
 
 def _step(
