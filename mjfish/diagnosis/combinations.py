@@ -27,8 +27,8 @@ from mjfish.effects.effect import Effect
 Found = tuple[Comparison | None, Mapping[Names, Refit]]
 #: Most causes that are claimed together.
 LARGEST = 3
-#: Refits that are extended, and additions that are refitted for each: the best, and others whose score is this share of
-#: what all candidates explain there, beyond chance.
+#: Refits that are extended, and additions that are refitted for each: the best, and others whose score is `MEMBER` and
+#: this share of what all candidates explain there, beyond chance.
 _BASES, _ADDED, _SHARE_OF_IT = 2, 3, 1.0 / 3.0
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
@@ -207,7 +207,7 @@ def _visible_additions(after: Evidence) -> list[Effect]:
     if not shown or after.directed_p() > _SEEN:
         return []
     first, *others = sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
-    least = _SHARE_OF_IT * after.saturated_excess()
+    least = max(_SHARE_OF_IT * after.saturated_excess(), MEMBER)
     return [first, *(effect for effect in others if after.statistic(effect.name) >= least)]
 
 
