@@ -111,8 +111,7 @@ def find_small_addition(singles: Mapping[Names, Refit], candidates: Sequence[Eff
     borne_out: set[Names] = set()
     most = max((refit.gain for refit in singles.values()), default=0.0)
     for base in _best(refit for refit in singles.values() if refit.gain >= (1.0 - share_of(refit)) * most):
-        others = [effect for effect in candidates if effect.mechanism not in base.mechanisms]
-        after = gather(base.problem, base.fit, others)
+        after = _beside(candidates, base)
         excess = after.saturated_excess()
         if excess < MENDED:
             continue
@@ -122,7 +121,7 @@ def find_small_addition(singles: Mapping[Names, Refit], candidates: Sequence[Eff
         coarse = [*extended(partial(refit_with, gained=base.gain), added, after)]
         for refit in followed(partial(to_optimum, least=base.fit.sse - excess), coarse):
             names, mechanism = _with(base, refit.effects[-1]), refit.effects[-1].mechanism
-            beyond = [other for other in others if other.mechanism != mechanism]
+            beyond = [other for other in after.candidates if other.mechanism != mechanism]
             left = gather(refit.problem, refit.fit, beyond).saturated_excess()
             mended = refit.gain - most > MENDED and left < (1.0 - _MOST_OF_IT) * excess
             if mended and (names not in found or refit.gain > found[names].gain):
@@ -136,10 +135,11 @@ def find_small_addition(singles: Mapping[Names, Refit], candidates: Sequence[Eff
 
 
 def _beside(candidates: Sequence[Effect], base: Refit) -> Evidence:
-    """Return the evidence for further causes beside a refit."""
+    """Return the evidence for further causes beside a refit: of other mechanisms, and one learned form at most."""
     learnable = {effect.mechanism for effect in candidates if effect.learned}
     taken = learnable.intersection(base.mechanisms)  # two forms of one mechanism are one cause
-    return gather(base.problem, base.fit, [effect for effect in candidates if effect.mechanism not in taken])
+    left = [e for e in candidates if e.mechanism not in taken and not (base.learned and e.learned)]
+    return gather(base.problem, base.fit, left)
 
 
 def _best(refits: Iterable[Refit]) -> list[Refit]:
