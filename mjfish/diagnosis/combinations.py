@@ -29,15 +29,14 @@ Found = tuple[Comparison | None, Mapping[Names, Refit]]
 LARGEST = 3
 #: Refits that are extended, and additions that are refitted for each: the best, and others whose score is `MEMBER` and
 #: this share of what all candidates explain there, beyond chance.
-_BASES, _ADDED, _SHARE_OF_IT = 2, 3, 1.0 / 3.0
+_BASES, _ADDED, _HALF_OF_IT = 2, 3, 0.5
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
 #: and the set must explain this much beyond every smaller one, and `table.share_of` what it explains.
 MEMBER = 20.0
 #: Where less than the share of `table.share_of` is left: an addition must take so much, and this share of all that
-#: other mechanisms explain there, beyond chance, measured at its refit. It is refitted where its score is this share of
-#: that.
-MENDED, _MOST_OF_IT, _HALF_OF_IT = 200.0, 0.7, 0.5
+#: other mechanisms explain there, beyond chance, measured at its refit.
+MENDED, _MOST_OF_IT = 200.0, 0.7
 
 
 def find_combinations(
@@ -207,7 +206,7 @@ def _visible_additions(after: Evidence) -> list[Effect]:
     if not shown or after.directed_p() > _SEEN:
         return []
     first, *others = sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
-    least = max(_SHARE_OF_IT * after.saturated_excess(), MEMBER)
+    least = max(_HALF_OF_IT * after.saturated_excess(), MEMBER)
     return [first, *(effect for effect in others if after.statistic(effect.name) >= least)]
 
 
