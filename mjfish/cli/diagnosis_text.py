@@ -270,10 +270,10 @@ def _evidence(evidence: Evidence) -> Table:
     table.caption = (
         "LR: fall of the sum of squares; behind: by how much the best of its size explains more of all trials; "
         f"rival p: of that margin, a set stays from {limits.keep} on or less than {limits.close:.2g} behind; best: "
-        "how often it is the best when one run is left out; remains: "
-        f"share left, little below {percent(limits.left)} ({percent(limits.exact)} without a form); fit p: of what is "
-        f"left, nothing from {limits.goodness:g} on; held out, error: log-likelihood gained there, and nRMSE. p of the "
-        f"nominal model: {p_value(evidence.p_wrong)}, something is wrong below {limits.alarm}."
+        f"how often it is the best when one run is left out; remains: share left, little below {percent(limits.left)} "
+        f"({percent(limits.exact)} without a form, or with a learned one); fit p: of what is left, nothing from "
+        f"{limits.goodness:g} on; held out, error: log-likelihood gained there, and nRMSE. p of the nominal model: "
+        f"{p_value(evidence.p_wrong)}, something is wrong below {limits.alarm}."
     )
     return table
 
