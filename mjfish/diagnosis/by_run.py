@@ -17,12 +17,8 @@ from functools import cached_property
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.block_angular import Basis, BlockAngular, Part, explained, span
+from mjfish.block_angular import Basis, BlockAngular, explained, span
 from mjfish.diagnosis.sign_flips import tail_of_flips
-from mjfish.diagnosis.weighted_sum import Ridge, weighted_tail
-
-#: Sum of squares that drawn sizes explain on average.
-_DRAWN = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,64 +62,3 @@ class ByRun:
     def energy(self) -> tuple[FloatArray, ...]:
         """Diagonal (k_r,) of I in every run."""
         return tuple(np.diag(d) - np.sum(b**2, axis=1) for d, b in self.blocks)
-
-    def drawn(self, cleared: FloatArray, doubt: float = 0.0) -> Drawn:
-        """Return the test of sizes of all columns that are drawn alike (`mjfish.diagnosis.weighted_sum`).
-
-        Args:
-            cleared: (n,) residual.
-            doubt: of the size of the noise.
-        """
-        values, coupling, score = [], [], []
-        for part, (d, b) in zip(self.columns.parts, self.blocks, strict=True):
-            own, vectors = np.linalg.eigh(d)
-            values.append(np.maximum(own, 0.0))
-            coupling.append(vectors.T @ b)
-            score.append(vectors.T @ (part.block.T @ cleared[part.rows]))
-        if not values:
-            return Drawn(self, 1.0, 0.0, 0.0)
-        ridge = Ridge.of(np.concatenate(values), np.concatenate(coupling), _DRAWN)
-        statistic = ridge.statistic(np.concatenate(score))
-        beyond = (statistic - ridge.total) / max(ridge.largest, 1e-300)
-        p = weighted_tail(statistic, ridge, doubt)
-        if not np.isfinite([p, beyond, ridge.variance]).all():
-            raise FloatingPointError("the test of drawn sizes is no number")
-        return Drawn(self, p, beyond, ridge.variance)
-
-
-@dataclass(frozen=True, eq=False)
-class Drawn:
-    """The outcome of the test of drawn sizes.
-
-    Attributes:
-        columns: that were tested.
-        p: the p value.
-        beyond: a sum of squares that they explain beyond chance, at least.
-        variance: of the sizes.
-    """
-
-    columns: ByRun
-    p: float
-    beyond: float
-    variance: float
-
-    def flipped_p(self, cleared: FloatArray) -> float:
-        """Return the p value of the statistic over all flips of signs.
-
-        z' C z with C = H - Q Q', H the hat matrix of J and of W with rows 1 / a below: a ridge regression.
-        """
-        if not self.variance > 0.0:
-            return 1.0
-        both, count = self.columns.jacobian.beside(self.columns.columns), len(cleared)
-        first, ridge = self.columns.jacobian.shape[1], 1.0 / np.sqrt(self.variance)
-        parts, row = [], count
-        for part in both.parts:
-            own = np.flatnonzero(part.columns >= first)
-            below = np.zeros((len(own), part.block.shape[1]))
-            below[np.arange(len(own)), own] = ridge
-            rows = np.concatenate([part.rows, row + np.arange(len(own))])
-            parts.append(Part(rows, part.columns, np.concatenate([part.block, below])))
-            row += len(own)
-        shared = np.concatenate([both.shared, np.zeros((row - count, both.shared.shape[1]))])
-        hat = span(BlockAngular(shared, both.places, tuple(parts))).top(count)
-        return tail_of_flips(hat, self.columns.basis, cleared)

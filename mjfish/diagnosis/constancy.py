@@ -1,23 +1,22 @@
-"""Whether a cause has the same size, and the fish the same coefficients, in every run.
+"""Whether a cause has the same size, and the water the same coefficients, in every run.
 
-A cause has one size, and a coefficient one value. Where another cause is at work, which depends on how or when a run
-was swum, every run asks for values of its own. With the derivative of the whitened prediction along a number, d, its
-cuts d_r to single runs, and the projector M off all that is free in the fit,
+Where another cause is at work, which depends on how or when a run was swum, every run asks for sizes of its own. With
+the derivative of the whitened prediction along the size psi of a cause, d = J psi, or along all coefficients of added
+mass, of drag or of friction at once, its cuts d_r to single runs, and the projector M off all that is free in the fit,
 
     D = M (d_1 .. d_R),    z = M e
 
-tell. Of the size psi of each cause, d = J psi, and z' D (D'D)^+ D' z is chi-squared with one degree of freedom less
-than there are runs. The coefficients are many, and some hardly seen: theirs is the test of relative changes that are
-drawn alike (`mjfish.diagnosis.weighted_sum`).
+z' D (D'D)^+ D' z is chi-squared, with one degree of freedom less for each d than there are runs.
 
 The velocities of held-out runs take part, linearised at the fit: what they say of coefficients and sizes is taken out
-with M. A held-out run that no values of its own explain is left out.
+with M. A held-out run that no size of its own explains is left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -59,29 +58,30 @@ class Linearised:
 
     def sizes(self) -> tuple[float, int]:
         """Return the statistic of the sizes by run, and its degrees of freedom; 0 where nothing is to be compared."""
-        along = []
+        return self._by_run.statistic(self.cleared)
+
+    def flipped_p(self) -> float:
+        """Return the p value of the statistic over all flips of signs."""
+        return self._by_run.flipped_p(self.cleared)
+
+    @cached_property
+    def _by_run(self) -> ByRun:
+        along, named = [], [(p, float(v)) for p, v in zip(self.problem.parameters, self.x, strict=True)]
         for effect in self.refit.effects:
             null = {p.name: p.default for p in effect.amplitudes()}
-            sizes = [v - null.get(p.name, v) for p, v in zip(self.problem.parameters, self.x, strict=True)]
-            along.append(self.slopes @ np.array(sizes))
-        return self._cut([column[:, None] for column in along], along).statistic(self.cleared)
+            along.append(self.slopes @ np.array([v - null.get(p.name, v) for p, v in named]))
+        coefficients = self.problem.model.fish.coefficient_names
+        for kind in dict.fromkeys(name.partition(".")[0] for name in coefficients):
+            own = {name for name in coefficients if name.startswith(f"{kind}.")}
+            changed = [v * (p.name in own and free) for (p, v), free in zip(named, self.free, strict=True)]
+            along.append(self.slopes @ np.array(changed))
+        return self._cut(along)
 
-    def coefficients(self) -> ByRun:
-        """Return the derivatives by run of the coefficients that are not at a bound, each times its value."""
-        names = set(self.problem.model.fish.coefficient_names)
-        own = [p.name in names and free for p, free in zip(self.problem.parameters, self.free, strict=True)]
-        return self._cut([self.slopes.of_columns(np.flatnonzero(own).tolist()) * self.x[own]], [None])
-
-    def _cut(self, columns: Sequence[FloatArray], explaining: Sequence[FloatArray | None]) -> ByRun:
-        """Return the columns (n, k) cut to each run: held-out ones only if what explains them, (n,), does so alone.
-
-        None: all that is free in the run.
-        """
+    def _cut(self, along: Sequence[FloatArray]) -> ByRun:
+        """Return columns (n,) cut to each run: to held-out ones only where the column alone explains what is left."""
         blocks = []
         for i, rows in enumerate(self.problem.trial_rows):
-            kept = [
-                own[rows] for own, alone in zip(columns, explaining, strict=True) if self._predicted(i, rows, alone)
-            ]
+            kept = [own[rows, None] for own in along if self._predicted(i, rows, own)]
             blocks.append(np.concatenate([np.zeros((len(rows), 0)), *kept], axis=1))
         nothing = np.zeros((len(self.cleared), 0))
         by_run = ByRun(self.slopes.chosen(np.array(self.free)), self.span, BlockAngular.of(nothing))
@@ -93,12 +93,11 @@ class Linearised:
         solid = [block[:, own] for block, own in zip(blocks, seen, strict=True)]
         return replace(by_run, columns=block_angular(nothing, self.problem.trial_rows, solid))
 
-    def _predicted(self, i: int, rows: IntArray, alone: FloatArray | None) -> bool:
+    def _predicted(self, i: int, rows: IntArray, alone: FloatArray) -> bool:
         """Return whether a run counts."""
         if i < len(self.refit.problem.trials):
             return True
-        explaining = self.slopes.of_rows(rows) if alone is None else alone[rows, None]
-        return bool(np.mean(project_out(orthonormal(explaining), self.cleared[rows]) ** 2) < _PREDICTED)
+        return bool(np.mean(project_out(orthonormal(alone[rows, None]), self.cleared[rows]) ** 2) < _PREDICTED)
 
 
 def linearised(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Linearised:

@@ -21,7 +21,7 @@ from scipy import special, stats
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of, checked, principal_axes
 from mjfish.block_angular import Basis, BlockAngular, block_angular, span
-from mjfish.diagnosis.by_run import ByRun, Drawn
+from mjfish.diagnosis.by_run import ByRun
 from mjfish.diagnosis.failures import Failure, attempted, failed, note, noted
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
@@ -276,21 +276,6 @@ class Evidence:
             summed[part.rows, : own.shape[1]] = own
         beyond = self.coefficients.off(summed)
         return _quadratic(beyond.T @ self.cleared, beyond.T @ beyond)
-
-    def weighed(self) -> Drawn:
-        """Return the test of random sizes of the omnibus waves, alike in m/s or rad/s for all waves of a channel.
-
-        Under white noise it is the omnibus test. Where the noise is far smaller at some frequencies, it asks there.
-        """
-        waves = self.waves
-        energy = [own.reshape(-1, HATS * WAVES).mean(axis=1) for own in waves.energy]
-        most = max(map(len, energy))
-        mean = np.nanmean([np.pad(own, (0, most - len(own)), constant_values=np.nan) for own in energy], axis=0)
-        size = 1.0 / np.sqrt(np.maximum(mean, 1e-300))
-        for part in waves.columns.parts:  # in place: they were made for this test, and are large
-            part.block[:] *= np.repeat(size, HATS * WAVES)[: part.block.shape[1]]
-        # New objects: what the old ones derived from the columns no longer holds.
-        return replace(waves, columns=replace(waves.columns)).drawn(self.cleared, self.problem.noise.doubt)
 
     def saturated_excess(self) -> float:
         """Return what all candidates jointly explain beyond chance: their statistic less its rank."""

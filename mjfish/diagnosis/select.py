@@ -24,7 +24,6 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
-from mjfish.diagnosis.by_run import Drawn
 from mjfish.diagnosis.constancy import linearised
 from mjfish.diagnosis.evidence import gather, tail
 from mjfish.diagnosis.failures import finite, tried
@@ -74,16 +73,6 @@ def sharp_p(test: tuple[float, int], gain: float) -> float:
     return 1.0 if statistic - rank < THRESHOLDS.slight * gain else tail(statistic, rank)
 
 
-def _drawn(test: Drawn, cleared: FloatArray, gain: float) -> tuple[float, float]:
-    """Return what a test of random sizes sees beyond chance, and its p value.
-
-    This is 1 where it is slight beside the gain, that of flips if larger.
-    """
-    if test.beyond < THRESHOLDS.slight * gain:
-        return test.beyond, 1.0
-    return test.beyond, test.p if test.p >= THRESHOLDS.goodness else max(test.p, test.flipped_p(cleared))
-
-
 class Goodness:
     """The goodness of fit of refits, each computed once.
 
@@ -108,34 +97,29 @@ class Goodness:
         Raises:
             FloatingPointError: one is no number.
         """
-        sizes, (steady, steady_p) = self._by_run(refit)
+        by_run = linearised(refit, self.held_out)
+        sizes = by_run.sizes()
         after = gather(refit.problem, refit.fit, self.candidates)
-        common, (weighed, weighed_p) = after.common(), _drawn(after.weighed(), after.cleared, refit.gain)
+        common = after.common()
         seen = (after.saturated(), after.omnibus, common, sizes)
-        beyond = [(0.0, 0), (steady, 0), (weighed, 0), *((statistic - rank, rank) for statistic, rank in seen)]
-        excess, rank = max(beyond)
+        excess, rank = max([(0.0, 0), *((statistic - rank, rank) for statistic, rank in seen)])
         saturated_p, omnibus_p = after.saturated_p(), after.omnibus_p()
         if saturated_p < THRESHOLDS.goodness:  # outliers of the noise may be what is left
             saturated_p = max(saturated_p, flipped_p(after.signatures, after.cleared))
         if omnibus_p < THRESHOLDS.goodness:
             omnibus_p = max(omnibus_p, after.waves.flipped_p(after.cleared))
+        sizes_p = sharp_p(sizes, refit.gain)
+        if sizes_p < THRESHOLDS.goodness:
+            sizes_p = max(sizes_p, by_run.flipped_p())
         tests = {
             "candidates": saturated_p,
             "waves": omnibus_p,
             "common waves": sharp_p(common, refit.gain),
-            "weighed waves": weighed_p,
-            "sizes by run": sharp_p(sizes, refit.gain),
-            "coefficients by run": steady_p,
+            "sizes by run": sizes_p,
         }
         if np.isnan([excess, *tests.values()]).any():
             raise FloatingPointError("a test of what it leaves is no number")
         return {"tests": tests, "excess": excess, "rank": rank}
-
-    def _by_run(self, refit: Refit) -> tuple[tuple[float, int], tuple[float, float]]:
-        """Return the test of the sizes by run; what that of the coefficients sees beyond chance, and its p value."""
-        every = linearised(refit, self.held_out)
-        steady = every.coefficients().drawn(every.cleared, refit.problem.noise.doubt)
-        return every.sizes(), _drawn(steady, every.cleared, refit.gain)
 
 
 def compared(refits: Mapping[Names, Refit], goodness: Goodness, held_out: HeldOut) -> Comparison:

@@ -22,7 +22,7 @@ from mjfish.data import Trial
 from mjfish.data.trial import rows_of, seen_of
 from mjfish.errors import InputError
 from mjfish.noise.kalman import Gains, coloured, filtered_states, gains, whitened
-from mjfish.serialise import fields_of, unsaved
+from mjfish.serialise import fields_of
 
 #: Highest autoregressive order that is tried (0.4 s at 50 Hz).
 MAX_ORDER = 20
@@ -42,12 +42,10 @@ class Noise:
     Attributes:
         sigma: (3,) standard deviation of the innovations, or of the white part.
         phi: (3, p) autoregressive coefficients; p = 0 for other kinds of noise.
-        doubt: standard error of the logarithm of the variance at low frequencies; 0 where that of all is as well known.
     """
 
     sigma: FloatArray
     phi: FloatArray = field(default_factory=lambda: readonly(np.zeros((3, 0))))
-    doubt: float = unsaved(kw_only=True, default=0.0)
 
     @staticmethod
     def white(sigma: FloatArray) -> Autoregressive:

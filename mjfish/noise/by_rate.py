@@ -32,7 +32,7 @@ class NoiseByRate(Noise):
     def of(models: Mapping[float, Noise]) -> NoiseByRate:
         """Return the noise of these models by step."""
         sigma = np.sqrt(np.mean([model.sigma**2 for model in models.values()], axis=0))
-        return NoiseByRate(readonly(sigma), models=dict(models), doubt=max(model.doubt for model in models.values()))
+        return NoiseByRate(readonly(sigma), models=dict(models))
 
     def filters(self, trial: Trial, seen: BoolArray) -> list[Gains]:
         """Return the Kalman filters of the model of the trial's step, or of the nearest step there is."""

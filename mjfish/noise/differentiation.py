@@ -27,8 +27,6 @@ from mjfish.noise.sample import NoiseSample, spectrum
 WINDOWS, DEGREES, _SHARES = range(3, 23, 2), (2, 4), (0.02, 0.05, 0.1, 0.2)
 #: How far about one of them the likeliest is looked for, and how finely, in the logarithm.
 _NEAR, _FINE = 1.5, 0.03
-#: Step of the logarithm of rho over which the curvature of the likelihood is taken.
-_BESIDE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +116,7 @@ def sharpened(noise: DifferentiationNoise, left: NoiseSample) -> Differentiation
     bounds = (middle - _NEAR, middle + _NEAR)
     found = optimize.minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": _FINE})
     best = float(checked(np.asarray([found.x, found.fun]))[0])
-    curvature = (cost(best - _BESIDE) + cost(best + _BESIDE) - 2.0 * found.fun) / _BESIDE**2
-    return replace(rounded(best), doubt=float(min(2.0 / np.sqrt(max(curvature, 1e-300)), _NEAR)))
+    return rounded(best)
 
 
 def _scaled(left: NoiseSample, window: int, degree: int, rounding: float) -> tuple[DifferentiationNoise, float]:

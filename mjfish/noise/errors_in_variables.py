@@ -38,7 +38,7 @@ class ErrorsInVariables(Noise):
     @staticmethod
     def of(base: Noise, loadings: Callable[[Trial], FloatArray]) -> ErrorsInVariables:
         """Return noise `base` with errors of the angles on top."""
-        return ErrorsInVariables(base.sigma, base.phi, base=base, loadings=loadings, doubt=base.doubt)
+        return ErrorsInVariables(base.sigma, base.phi, base=base, loadings=loadings)
 
     def whiten(self, trial: Trial, mask: BoolArray, block: FloatArray) -> FloatArray:
         """Whiten columns (n, 3, ...) of the counted samples of a trial."""
