@@ -9,19 +9,18 @@ mass, of drag or of friction at once, its cuts d_r to single runs, and the proje
 z' D (D'D)^+ D' z is chi-squared, with one degree of freedom less for each d than there are runs.
 
 The velocities of held-out runs take part, linearised at the fit: what they say of coefficients and sizes is taken out
-with M. A held-out run that no size of its own explains is left out.
+with M. A held-out run that no values of its own explain is left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from mjfish.arrays import FloatArray, orthonormal, project_out
-from mjfish.block_angular import Basis, BlockAngular, IntArray, block_angular, span
+from mjfish.block_angular import Basis, BlockAngular, block_angular, span
 from mjfish.data import Trial
 from mjfish.diagnosis.by_run import ByRun
 from mjfish.diagnosis.refit_result import Refit
@@ -30,8 +29,6 @@ from mjfish.estimation.residual import own_parameters
 
 #: A held-out run that is left with a mean square above this, whatever its own numbers are, does not count.
 _PREDICTED = 1.25
-#: Share of a column's energy below which what is left of it is rounding.
-_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,29 +72,9 @@ class Linearised:
             own = {name for name in coefficients if name.startswith(f"{kind}.")}
             changed = [v * (p.name in own and free) for (p, v), free in zip(named, self.free, strict=True)]
             along.append(self.slopes @ np.array(changed))
-        return self._cut(along)
-
-    def _cut(self, along: Sequence[FloatArray]) -> ByRun:
-        """Return columns (n,) cut to each run: to held-out ones only where the column alone explains what is left."""
-        blocks = []
-        for i, rows in enumerate(self.problem.trial_rows):
-            kept = [own[rows, None] for own in along if self._predicted(i, rows, own)]
-            blocks.append(np.concatenate([np.zeros((len(rows), 0)), *kept], axis=1))
-        nothing = np.zeros((len(self.cleared), 0))
-        by_run = ByRun(self.slopes.chosen(np.array(self.free)), self.span, BlockAngular.of(nothing))
-        energy = [np.sum(block**2, axis=0) for block in blocks]
-        beyond = replace(by_run, columns=block_angular(nothing, self.problem.trial_rows, blocks)).energy
-        least = _ROUNDING * max((float(own.max(initial=0.0)) for own in energy), default=0.0)
-        found = iter(beyond)
-        seen = [next(found) > least if block.shape[1] else np.zeros(0, dtype=np.bool_) for block in blocks]
-        solid = [block[:, own] for block, own in zip(blocks, seen, strict=True)]
-        return replace(by_run, columns=block_angular(nothing, self.problem.trial_rows, solid))
-
-    def _predicted(self, i: int, rows: IntArray, alone: FloatArray) -> bool:
-        """Return whether a run counts."""
-        if i < len(self.refit.problem.trials):
-            return True
-        return bool(np.mean(project_out(orthonormal(alone[rows, None]), self.cleared[rows]) ** 2) < _PREDICTED)
+        columns = np.stack(along, axis=1)
+        blocks = block_angular(columns[:, :0], self.problem.trial_rows, [columns[r] for r in self.problem.trial_rows])
+        return ByRun(self.slopes.chosen(np.array(self.free)), self.span, blocks)
 
 
 def linearised(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Linearised:
@@ -110,5 +87,10 @@ def linearised(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Linearised:
     slopes = every.smoother.jacobian(x)
     resting = {p.name for p, at_bound in zip(refit.fit.parameters, refit.fit.at_bound, strict=True) if at_bound}
     free = [p.name not in resting for p in every.parameters]
+    residual, fitted = every.residual(x), len(refit.problem.trials)
+    for own, rows in zip(others, every.trial_rows[fitted:], strict=True):
+        left = project_out(orthonormal(slopes.of_rows(rows)), residual[rows])
+        if np.mean(left**2) > _PREDICTED:
+            return linearised(refit, tuple(trial for trial in held_out if trial.name != own.name))
     basis = span(slopes.chosen(np.array(free)))
-    return Linearised(refit, every, x, slopes, free, basis, basis.off(every.residual(x)))
+    return Linearised(refit, every, x, slopes, free, basis, basis.off(residual))
