@@ -1,7 +1,7 @@
 """Columns that single runs have, tested beyond what the free parameters explain, in time linear in runs.
 
 With the derivative J of the whitened prediction by the free parameters, an orthonormal basis Q of its span, and columns
-W_r of run r alone, W = diag(W_1 .. W_R): what J and W explain together, less what J does. Nothing of the size of W' W is
+W_r of run r alone, W = diag(W_1 .. W_R): what J and W explain together, less what J does. Nothing as large as W' W is
 kept.
 """
 

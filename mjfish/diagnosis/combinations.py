@@ -76,8 +76,9 @@ def _searched(
     for size in range(2, LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
+        whole = max(base.gain + evidence(base).saturated_excess() for base in bases)
         for grown in (_grown, _grown_by_unscored):
-            known.update(found := grown(bases, evidence, known))
+            known.update(found := grown(bases, evidence, known, whole))
             earned.update({names: refit for names, refit in found.items() if beats_smaller_sets(refit, known)})
             if earned:
                 best = compared(earned, goodness, held_out)
@@ -149,30 +150,37 @@ def _best(refits: Iterable[Refit]) -> list[Refit]:
 
 
 def _grown(
-    bases: Sequence[Refit], evidence: Callable[[Refit], Evidence], known: Mapping[Names, Refit]
+    bases: Sequence[Refit], evidence: Callable[[Refit], Evidence], known: Mapping[Names, Refit], whole: float
 ) -> dict[Names, Refit]:
     """Add what is seen best to the bases; then, to the best result less one member, what is seen best there."""
-    found = _extended(bases, evidence, known, _visible_additions)
-    if not found:
-        return {}
-    leader, known = max(found.values(), key=lambda refit: refit.gain), {**known, **found}
-    return {**found, **_extended(_without(leader, known), evidence, known, _visible_additions)}
+    found = _extended(bases, evidence, known, whole, _visible_additions)
+    leader = max(found.values(), key=lambda refit: refit.gain, default=None)
+    if leader is None or not _resembles(leader, whole):
+        return found
+    known = {**known, **found}
+    return {**found, **_extended(_without(leader, known), evidence, known, whole, _visible_additions)}
 
 
 def _grown_by_unscored(
-    bases: Sequence[Refit], evidence: Callable[[Refit], Evidence], known: Mapping[Names, Refit]
+    bases: Sequence[Refit], evidence: Callable[[Refit], Evidence], known: Mapping[Names, Refit], whole: float
 ) -> dict[Names, Refit]:
     """Add causes of which a score says nothing to the best base."""
-    return _extended(bases[:1], evidence, known, _unscored_additions)
+    return _extended(bases[:1], evidence, known, whole, _unscored_additions)
+
+
+def _resembles(refit: Refit, whole: float) -> bool:
+    """Return whether a refit may leave less than a third of all there is to explain."""
+    return refit.gain + refit.promise > (1.0 - THRESHOLDS.resembles) * whole
 
 
 def _extended(
     bases: Sequence[Refit],
     evidence: Callable[[Refit], Evidence],
     known: Mapping[Names, Refit],
+    whole: float,
     shortlist: Callable[[Evidence], list[Effect]],
 ) -> dict[Names, Refit]:
-    """Refit the bases with the additions of a shortlist to each; those near the best to the optimum."""
+    """Refit the bases with the additions of a shortlist to each; those near the best, and the truth, to the optimum."""
     found: dict[Names, Refit] = {}
     for base in bases:
         after = evidence(base)
@@ -185,7 +193,7 @@ def _extended(
         top = max(refit.gain for refit in found.values())
         floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
         least = min(refit.fit.sse for refit in found.values())
-        near = [refit for refit in found.values() if refit.gain >= floor]
+        near = [refit for refit in found.values() if refit.gain >= floor and _resembles(refit, whole)]
         found.update({tuple(sorted(refit.names)): refit for refit in followed(partial(to_optimum, least=least), near)})
     return found
 
