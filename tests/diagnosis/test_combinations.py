@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -33,8 +33,9 @@ class _Set:
     names: Names
     gain: float = 0.0
     degrees_of_freedom: int = 1
-    gains: Any = None
+    gains: Any = field(default=None, hash=False)
     learned: bool = False
+    promise: float = 0.0
 
     @property
     def effects(self) -> list[Any]:
@@ -73,6 +74,11 @@ GAINS = {
 }
 
 
+def _all_else(_candidates: Any, base: _Set) -> Any:
+    """Return evidence by which all that the best set explains beyond a base is seen beside it."""
+    return SimpleNamespace(saturated_excess=lambda: GAINS["drag", "stiff", "wake"] - base.gain)
+
+
 @pytest.mark.parametrize(("pair", "named"), [(593.0, ("stiff", "wake")), (540.0, ("drag", "stiff", "wake"))])
 def test_a_member_that_a_later_one_makes_redundant_is_dropped(
     monkeypatch: pytest.MonkeyPatch, pair: float, named: Names
@@ -81,7 +87,7 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
     gains = {**GAINS, ("stiff", "wake"): pair}
     came_by = {2: [("drag", "stiff")], 3: [("drag", "stiff", "wake")]}
 
-    def extended(bases: Any, _candidates: Any, _known: Any, shortlist: Any) -> dict[Names, _Set]:
+    def extended(bases: Any, _evidence: Any, _known: Any, _whole: float, shortlist: Any) -> dict[Names, _Set]:
         size = len(bases[0].names) + 1
         found = came_by[size] if shortlist is module._visible_additions else []
         return {names: _Set(names, gains[names], gains=gains) for names in found}
@@ -92,6 +98,7 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
         return Comparison(rows)
 
     monkeypatch.setattr(module, "_extended", extended)
+    monkeypatch.setattr(module, "_beside", _all_else)
     monkeypatch.setattr(module, "followed", lambda make, refits, _names=None: map(make, refits))
     monkeypatch.setattr(module, "compared", compared)
     singles: Any = {(name,): _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
@@ -104,11 +111,12 @@ def test_no_third_cause_is_looked_for_where_the_best_pair_leaves_most(monkeypatc
     """A pair that explains little is none, and three that hold it would be none either."""
     sizes = []
 
-    def extended(bases: Any, _candidates: Any, _known: Any, _shortlist: Any) -> dict[Names, _Set]:
+    def extended(bases: Any, _evidence: Any, _known: Any, _whole: float, _shortlist: Any) -> dict[Names, _Set]:
         sizes.append(len(bases[0].names) + 1)
         return {("drag", "stiff"): _Set(("drag", "stiff"), 489.0, gains=GAINS)}
 
     monkeypatch.setattr(module, "_extended", extended)
+    monkeypatch.setattr(module, "_beside", _all_else)
     monkeypatch.setattr(
         module, "compared", lambda sets, *_: Comparison({n: one.row(0.0, 0.0, 0.35) for n, one in sets.items()})
     )
@@ -134,3 +142,73 @@ def test_a_set_without_a_member_has_the_fit_that_never_had_it() -> None:
         assert less.fit.sse == pytest.approx(direct.sse, rel=1e-4)
         assert less.gain == pytest.approx(nominal.fit.sse - less.fit.sse)
         assert less.degrees_of_freedom == 1
+
+
+def _scored(scores: dict[str, float], excess: float) -> Any:
+    """Return the evidence of candidates with these scores, of all that they explain together."""
+    return SimpleNamespace(
+        candidates=[SimpleNamespace(name=name) for name in scores],
+        scored=lambda _: True,
+        directed_p=lambda: 0.0,
+        saturated_excess=lambda: excess,
+        statistic=scores.__getitem__,
+        worth=scores.__getitem__,
+    )
+
+
+@pytest.mark.parametrize(
+    ("scores", "added"),
+    [
+        ({"a": 90.0, "b": 60.0, "c": 40.0}, ["a", "b"]),
+        ({"a": 30.0, "b": 20.0, "c": 10.0}, ["a"]),  # the best one always
+        ({"a": 90.0, "b": 80.0, "c": 70.0, "d": 60.0}, ["a", "b", "c"]),
+    ],
+)
+def test_additions_explain_half_of_what_is_left(scores: dict[str, float], added: list[str]) -> None:
+    assert [effect.name for effect in module._visible_additions(_scored(scores, 100.0))] == added
+
+
+def test_an_addition_that_cannot_earn_its_place_is_not_refitted() -> None:
+    assert [effect.name for effect in module._visible_additions(_scored({"a": 19.0, "b": 18.0}, 20.0))] == ["a"]
+
+
+@pytest.mark.parametrize(("whole", "expected"), [(750.0, ["near"]), (1200.0, [])])
+def test_what_cannot_be_like_the_truth_is_not_followed(
+    monkeypatch: pytest.MonkeyPatch, whole: float, expected: list[str]
+) -> None:
+    """Catches a pair that leaves most, or is far behind another pair, and is fitted to its optimum all the same."""
+    gains, followed = {"near": 600.0, "far": 450.0}, []
+
+    class _Refitted(_Set):
+        fit = SimpleNamespace(sse=1.0)
+
+        @property
+        def effects(self) -> list[Any]:
+            return [SimpleNamespace(name=self.names[-1])]
+
+    def made(_make: Any, new: Any, _after: Any) -> list[_Set]:
+        return [_Refitted(("base", effect.name), gains[effect.name]) for effect in new]
+
+    def follow(_make: Any, refits: Any) -> list[Any]:
+        followed.extend(refit.names[-1] for refit in refits)
+        return []
+
+    monkeypatch.setattr(module, "extended", made)
+    monkeypatch.setattr(module, "followed", follow)
+    base: Any = _Set(("base",), 400.0)
+    beside = _scored({"near": 1.0, "far": 1.0}, 1.0)
+    module._extended([base], lambda _: beside, {}, whole, lambda after: after.candidates)
+    assert followed == expected
+
+
+def test_a_set_has_one_learned_form_at_most() -> None:
+    pike = load_fish("pike")
+    pool = generate(pike, ["v1", "v3"], noise=SIGMA, duration=3.0)
+    problem = Problem(Model(pike), pool.trials, Noise.white(SIGMA))
+    nominal = fit(problem)
+    lift, drag, linear = find("lift"), find("drag_law"), find("linear_drag")
+    learned = refit_with(gather(problem, nominal, [lift]), lift)
+    plain = refit_with(gather(problem, nominal, [linear]), linear)
+    candidates = [lift, drag, linear]
+    assert [effect.name for effect in module._beside(candidates, learned).candidates] == ["linear_drag"]
+    assert [effect.name for effect in module._beside(candidates, plain).candidates] == ["lift"]
