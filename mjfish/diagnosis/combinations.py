@@ -263,11 +263,13 @@ def _of_size(size: int, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
 def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit]) -> bool:
     """Return whether a combination explains more than every smaller set, of its members or of others, by a margin.
 
-    Two are subtracted for every further parameter: a cause of four parameters explains some noise.
+    Two are subtracted for every further parameter: a cause of four parameters explains some noise. A smaller set that
+    was stopped before its optimum counts as if it had gained what its next step promises.
     """
     smaller = [other for names, other in known.items() if len(names) < len(refit.names)]
     return all(
-        refit.adjusted - other.adjusted >= max(MEMBER, max(share_of(other), share_of(refit)) * refit.gain)
+        refit.adjusted - other.adjusted - other.promise
+        >= max(MEMBER, max(share_of(other), share_of(refit)) * refit.gain)
         for other in smaller
     )
 

@@ -79,6 +79,8 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, blocks: Seq
     learned = refit_learned_forms(screening.evidence, begun.learnable, clear, screening.refits)
     if learned:
         refits |= {(name,): refit for name, refit in learned.items()}
+        refits |= _caught_up(refits)
+        learned = {name: refits[name,] for name in learned}
         single = _singles(refits, goodness, held_out)
     if not single.retained(clean=True):
         leaders = sorted((refit for refit in refits.values() if not refit.learned), key=lambda refit: -refit.adjusted)

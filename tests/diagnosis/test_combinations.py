@@ -63,6 +63,13 @@ def test_a_further_cause_of_many_parameters_must_explain_more(gain: float, freed
     assert beats_smaller_sets(_Set(("lag", "other"), gain, freedom), known) is stays  # type: ignore[arg-type]
 
 
+def test_a_smaller_set_counts_with_what_its_next_step_promises() -> None:
+    """Catches a member that is only there because the set without it was not fitted to its optimum."""
+    pair: Any = _Set(("lag", "other"), 140.0)
+    assert beats_smaller_sets(pair, {("lag",): _Set(("lag",), 100.0)})  # type: ignore[dict-item]
+    assert not beats_smaller_sets(pair, {("lag",): _Set(("lag",), 100.0, promise=30.0)})  # type: ignore[dict-item]
+
+
 #: Drag stands in for the wake until the wake is added; alone, the stiffness shows little and is not refitted.
 GAINS = {
     ("drag",): 425.0,
