@@ -27,8 +27,8 @@ from mjfish.effects.effect import Effect
 Found = tuple[Comparison | None, Mapping[Names, Refit]]
 #: Most causes that are claimed together.
 LARGEST = 3
-#: Refits that are extended, and additions that are refitted for each: the best, and others whose score is `MEMBER` and
-#: this share of what all candidates explain there, beyond chance.
+#: Refits that are extended, and additions that are refitted for each: those whose score is `MEMBER` and this share of
+#: what all candidates explain there, beyond chance; a second cause, if it is the best, always.
 _BASES, _ADDED, _HALF_OF_IT = 2, 3, 0.5
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
@@ -213,9 +213,10 @@ def _visible_additions(after: Evidence) -> list[Effect]:
     shown = [effect for effect in after.candidates if after.scored(effect.name)]
     if not shown or after.directed_p() > _SEEN:
         return []
-    first, *others = sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
+    ranked = sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
     least = max(_HALF_OF_IT * after.saturated_excess(), MEMBER)
-    return [first, *(effect for effect in others if after.statistic(effect.name) >= least)]
+    second = ranked[:1] if len(after.problem.causes) < LARGEST - 1 else []
+    return [effect for effect in ranked if effect in second or after.statistic(effect.name) >= least]
 
 
 def _unscored_additions(after: Evidence) -> list[Effect]:

@@ -151,9 +151,10 @@ def test_a_set_without_a_member_has_the_fit_that_never_had_it() -> None:
         assert less.degrees_of_freedom == 1
 
 
-def _scored(scores: dict[str, float], excess: float) -> Any:
-    """Return the evidence of candidates with these scores, of all that they explain together."""
+def _scored(scores: dict[str, float], excess: float, causes: int = 1) -> Any:
+    """Return the evidence of candidates with these scores beside so many causes, of all that they explain together."""
     return SimpleNamespace(
+        problem=SimpleNamespace(causes=("cause",) * causes),
         candidates=[SimpleNamespace(name=name) for name in scores],
         scored=lambda _: True,
         directed_p=lambda: 0.0,
@@ -176,7 +177,10 @@ def test_additions_explain_half_of_what_is_left(scores: dict[str, float], added:
 
 
 def test_an_addition_that_cannot_earn_its_place_is_not_refitted() -> None:
-    assert [effect.name for effect in module._visible_additions(_scored({"a": 19.0, "b": 18.0}, 20.0))] == ["a"]
+    """But for the best second cause, whose score may be small because it is large."""
+    small = {"a": 19.0, "b": 18.0}
+    assert [effect.name for effect in module._visible_additions(_scored(small, 20.0))] == ["a"]
+    assert module._visible_additions(_scored(small, 20.0, causes=2)) == []
 
 
 @pytest.mark.parametrize(("whole", "expected"), [(750.0, ["near"]), (1200.0, [])])
