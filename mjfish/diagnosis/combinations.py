@@ -77,7 +77,7 @@ def _searched(
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
         whole = max(base.gain + evidence(base).saturated_excess() for base in bases)
-        for grown in (_grown, _grown_by_nonsmooth):
+        for grown in (_grown, _grown_by_unscored):
             known.update(found := grown(bases, evidence, known, whole))
             earned.update({names: refit for names, refit in found.items() if beats_smaller_sets(refit, known)})
             if earned:
@@ -161,11 +161,11 @@ def _grown(
     return {**found, **_extended(_without(leader, known), evidence, known, whole, _visible_additions)}
 
 
-def _grown_by_nonsmooth(
+def _grown_by_unscored(
     bases: Sequence[Refit], evidence: Callable[[Refit], Evidence], known: Mapping[Names, Refit], whole: float
 ) -> dict[Names, Refit]:
-    """Add causes of which a score says little to the best base."""
-    return _extended(bases[:1], evidence, known, whole, _nonsmooth_additions)
+    """Add causes of which a score says nothing to the best base."""
+    return _extended(bases[:1], evidence, known, whole, _unscored_additions)
 
 
 def _resembles(refit: Refit, whole: float) -> bool:
@@ -219,11 +219,10 @@ def _visible_additions(after: Evidence) -> list[Effect]:
     return [effect for effect in ranked if effect in second or after.statistic(effect.name) >= least]
 
 
-def _nonsmooth_additions(after: Evidence) -> list[Effect]:
-    """Return additions of which a score says little, if anything is left to explain; of nested ones the narrowest."""
-    if min(after.saturated_p(), after.omnibus_p()) >= THRESHOLDS.goodness:
-        return []
-    return [effect for effect in after.candidates if not (effect.smooth or effect.learned or effect.limits)]
+def _unscored_additions(after: Evidence) -> list[Effect]:
+    """Return additions of which a score says nothing; of nested ones the narrowest."""
+    formulas = (effect for effect in after.candidates if not (effect.smooth or effect.learned or effect.limits))
+    return [effect for effect in formulas if effect.starts_off_null() or not after.scored(effect.name)]
 
 
 def _without(refit: Refit, known: Mapping[Names, Refit]) -> list[Refit]:

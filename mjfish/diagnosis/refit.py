@@ -504,7 +504,7 @@ def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, flo
     if not effect.smooth:  # an optimum in another minimum is out of a fit's reach
         null = {p.name: p.default for p in amplitudes}
         found += [{**null, p.name: p.default + share * p.scale} for p in amplitudes for share in _GRID]
-    if any(p.start != p.default for p in amplitudes):  # declared where there is no gradient at the null
+    if effect.starts_off_null():
         found += [{p.name: p.default + share * (p.start - p.default) for p in amplitudes} for share in (1.0, 2.0)]
     return [_inside(effect, guess) for guess in found]
 

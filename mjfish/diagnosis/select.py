@@ -25,9 +25,10 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis.constancy import linearised
-from mjfish.diagnosis.evidence import gather, tail
+from mjfish.diagnosis.evidence import Evidence, gather, tail
 from mjfish.diagnosis.failures import finite, tried
 from mjfish.diagnosis.held_out import HeldOut
+from mjfish.diagnosis.refit import refit_nonsmooth
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.sign_flips import flipped_p
 from mjfish.diagnosis.table import THRESHOLDS, Comparison, Names, Row
@@ -73,6 +74,19 @@ def sharp_p(test: tuple[float, int], gain: float) -> float:
     return 1.0 if statistic - rank < THRESHOLDS.slight * gain else tail(statistic, rank)
 
 
+def _unseen(after: Evidence, gain: float) -> tuple[float, tuple[float, int]]:
+    """Return what causes explain that do nothing up to some size, by their refits: no score sees them.
+
+    The p value, 1 where it is slight beside the gain; and the largest fall of the sum of squares with its degrees of
+    freedom.
+    """
+    p, found = refit_nonsmooth(after, [e for e in after.candidates if e.starts_off_null() and not e.limits])
+    best = max(found.values(), key=lambda refit: refit.gain, default=None)
+    if best is None or best.gain < THRESHOLDS.slight * gain:
+        return 1.0, (0.0, 0)
+    return p, (best.gain, round(best.degrees_of_freedom) + 1)
+
+
 class Goodness:
     """The goodness of fit of refits, each computed once.
 
@@ -101,7 +115,8 @@ class Goodness:
         sizes = by_run.sizes()
         after = gather(refit.problem, refit.fit, self.candidates)
         common = after.common()
-        seen = (after.saturated(), after.omnibus, common, sizes)
+        unseen_p, unseen = _unseen(after, refit.gain)
+        seen = (after.saturated(), after.omnibus, common, sizes, unseen)
         excess, rank = max([(0.0, 0), *((statistic - rank, rank) for statistic, rank in seen)])
         saturated_p, omnibus_p = after.saturated_p(), after.omnibus_p()
         if saturated_p < THRESHOLDS.goodness:  # outliers of the noise may be what is left
@@ -116,6 +131,7 @@ class Goodness:
             "waves": omnibus_p,
             "common waves": sharp_p(common, refit.gain),
             "sizes by run": sizes_p,
+            "unseen causes": unseen_p,
         }
         if np.isnan([excess, *tests.values()]).any():
             raise FloatingPointError("a test of what it leaves is no number")

@@ -31,8 +31,8 @@ class Thresholds:
         keep: a set of causes stays beside the best where its p value against it is not below this. A set is named only
             if chance explains as much with a p value below it.
         close: or where its sum of squares, adjusted for parameters, is less than this above the best: 2 ln 10.
-        goodness: a set that fits worse than this in any of four tests leaves something. A true one does by chance in
-            four of a thousand cases at most; more often because its form differs a little from the catalogue's. At 1e-4
+        goodness: a set that fits worse than this in any of five tests leaves something. A true one does by chance in
+            five of a thousand cases at most; more often because its form differs a little from the catalogue's. At 1e-4
             three of 14 cases whose true mechanism was not in the catalogue had another one named, with p values of
             1.3e-4 to 4.5e-4; of the true sets of as many cases the least is 0.01 (docs/notes/041).
         left: share of all there was to explain that a set may leave: a cause's form is a model, too. Several causes may
@@ -89,7 +89,7 @@ class Row:
         behind: how far the sum of squares of all trials, so adjusted, is above that of the best set of its size.
         rival_p: p value of that margin, were this set the truth.
         tests: p values of what it leaves, by test: of all other candidates, of waves, of waves that all runs share, of
-            sizes by run. Empty where it was not asked: only of sets that the data cannot tell from the best.
+            sizes by run, of causes that no score sees. Empty where it was not asked: only of sets that the data cannot tell from the best.
         excess: remainder: what is left beyond chance, of the sum of squares.
         rank: degrees of freedom of the test that sees so much.
         held_out: what it does on the held-out trials, against the best set with one member less, a single cause against

@@ -242,6 +242,11 @@ class Effect(ABC):
         return tuple(p for p in cls.parameters if not p.shape)
 
     @classmethod
+    def starts_off_null(cls) -> bool:
+        """Return whether an amplitude is declared to start off its null value: it does nothing up to some size."""
+        return any(p.start != p.default for p in cls.amplitudes())
+
+    @classmethod
     def is_null(cls, values: Values) -> bool:
         """Return whether every amplitude is at its null value, so that the effect does nothing."""
         return all(values[p.short] == p.default for p in cls.amplitudes())
