@@ -89,7 +89,8 @@ class Row:
         behind: how far the sum of squares of all trials, so adjusted, is above that of the best set of its size.
         rival_p: p value of that margin, were this set the truth.
         tests: p values of what it leaves, by test: of all other candidates, of waves, of waves that all runs share, of
-            sizes by run, of causes that no score sees. Empty where it was not asked: only of sets that the data cannot tell from the best.
+            sizes by run, of causes that no score sees. Empty where it was not asked: only of sets that the data cannot
+            tell from the best.
         excess: remainder: what is left beyond chance, of the sum of squares.
         rank: degrees of freedom of the test that sees so much.
         held_out: what it does on the held-out trials, against the best set with one member less, a single cause against
