@@ -143,10 +143,13 @@ def _beside(candidates: Sequence[Effect], base: Refit) -> Evidence:
 
 
 def _best(refits: Iterable[Refit]) -> list[Refit]:
-    """Return the refits to extend: those with formulas that explain most, and the best with a learned form."""
+    """Return the refits to extend: those with formulas of other mechanisms that explain most, and the best learned."""
     ranked = sorted(refits, key=lambda refit: -refit.adjusted)
-    formulas = [refit for refit in ranked if not refit.learned]
-    return [*formulas[:_BASES], *[refit for refit in ranked if refit.learned][:1]]
+    formulas: dict[Names, Refit] = {}
+    for refit in ranked:
+        if not refit.learned:
+            formulas.setdefault(refit.mechanisms, refit)
+    return [*[*formulas.values()][:_BASES], *[refit for refit in ranked if refit.learned][:1]]
 
 
 def _grown(

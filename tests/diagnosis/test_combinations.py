@@ -42,6 +42,10 @@ class _Set:
         return [SimpleNamespace(name=name) for name in self.names]
 
     @property
+    def mechanisms(self) -> Names:
+        return self.names
+
+    @property
     def adjusted(self) -> float:
         return self.gain - 2.0 * (self.degrees_of_freedom - 1)
 
@@ -149,6 +153,13 @@ def test_a_set_without_a_member_has_the_fit_that_never_had_it() -> None:
         assert less.fit.sse == pytest.approx(direct.sse, rel=1e-4)
         assert less.gain == pytest.approx(nominal.fit.sse - less.fit.sse)
         assert less.degrees_of_freedom == 1
+
+
+def test_formulas_of_one_mechanism_are_extended_once() -> None:
+    sets: Any = {name: _Set((name,), gain) for name, gain in (("a", 9.0), ("b", 8.0), ("c", 7.0), ("curve", 6.0))}
+    alike = replace(sets["b"], names=("a",), gain=8.5)
+    sets["curve"] = replace(sets["curve"], learned=True)
+    assert module._best([*sets.values(), alike]) == [sets["a"], sets["b"], sets["curve"]]
 
 
 def _scored(scores: dict[str, float], excess: float, causes: int = 1) -> Any:
