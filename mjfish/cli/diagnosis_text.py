@@ -245,15 +245,12 @@ def _gain(result: Diagnosis) -> Table:
     return table
 
 
-#: Columns of the table of evidence, behind the causes.
-_FIGURES = ("LR", "behind", "rival p", "best", "remains", "fit p", "held out", "error")
-
-
 def _evidence(evidence: Evidence) -> Table:
     """Return the table that the verdict is read from, a row for every set that was compared."""
     from mjfish.diagnosis.table import Thresholds
 
-    limits, headings = Thresholds(), ("causes", *_FIGURES)
+    limits = Thresholds()
+    headings = ("causes", "LR", "behind", "rival p", "best", "remains", "fit p", "held out", "error")
     table = console.table("What the verdict is read from", headings, ("causes",), box=None, padding=(0, 1, 0, 0))
     for row in evidence.rows:
         tested = (percent(row.left), p_value(row.fit_p)) if row.tests else (NONE, NONE)

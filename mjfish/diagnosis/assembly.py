@@ -76,8 +76,8 @@ def assemble(
             *([] if evidence.problem.samples else [SMOOTHED]),
         ),
         checks=checks,
-        causes=tuple(Cause.of(effect, shown.fit, shown.problem.model) for effect in best.effects if named)
-        if best
+        causes=tuple(Cause.of(effect, shown.fit, shown.problem.model) for effect in best.effects)
+        if best is not None and named
         else (),
         mechanisms=concluded.mechanisms if named else (),
         domain=concluded.domain,

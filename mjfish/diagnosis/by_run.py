@@ -31,7 +31,7 @@ class ByRun:
     columns: BlockAngular
 
     def statistic(self, cleared: FloatArray) -> tuple[float, int]:
-        """Return u' I^+ u and the rank of I, of a residual (n,) that J explains nothing of."""
+        """Return what W explains of a residual (n,) that J explains nothing of, and the rank that W adds to J."""
         both, rank = explained(self.jacobian.beside(self.columns), cleared)
         return both, rank - self.basis.rank
 

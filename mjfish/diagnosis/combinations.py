@@ -115,9 +115,7 @@ def find_small_addition(singles: Mapping[Names, Refit], candidates: Sequence[Eff
         excess = after.saturated_excess()
         if excess < MENDED:
             continue
-        seen = [effect for effect in after.candidates if after.scored(effect.name)]
-        enough = [effect for effect in seen if after.statistic(effect.name) > _HALF_OF_IT * excess]
-        added = sorted(enough, key=lambda effect: -after.worth(effect.name))[:_ADDED]
+        added = [effect for effect in _ranked(after) if after.statistic(effect.name) > _HALF_OF_IT * excess]
         coarse = [*extended(partial(refit_with, gained=base.gain), added, after)]
         for refit in followed(partial(to_optimum, least=base.fit.sse - excess), coarse):
             names, mechanism = _with(base, refit.effects[-1]), refit.effects[-1].mechanism
@@ -183,7 +181,11 @@ def _extended(
     whole: float,
     shortlist: Callable[[Evidence], list[Effect]],
 ) -> dict[Names, Refit]:
-    """Refit the bases with the additions of a shortlist to each; those near the best, and the truth, to the optimum."""
+    """Refit the bases with the additions of a shortlist to each.
+
+    Those near the best result are followed to their optimum, if they may leave less than a third of `whole`, all there
+    is to explain.
+    """
     found: dict[Names, Refit] = {}
     for base in bases:
         after = evidence(base)
@@ -211,12 +213,17 @@ def to_optimum(refit: Refit, least: float) -> Refit:
     return made_smooth(refit, least) if refit.effects[-1].learned else refined(refit, least)
 
 
-def _visible_additions(after: Evidence) -> list[Effect]:
-    """Return the additions with the best scores, if any is seen."""
+def _ranked(after: Evidence) -> list[Effect]:
+    """Return the few additions with the best scores, the best first."""
     shown = [effect for effect in after.candidates if after.scored(effect.name)]
-    if not shown or after.directed_p() > _SEEN:
+    return sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
+
+
+def _visible_additions(after: Evidence) -> list[Effect]:
+    """Return the additions whose scores are large enough for a refit, if any is seen."""
+    ranked = _ranked(after)
+    if not ranked or after.directed_p() > _SEEN:
         return []
-    ranked = sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
     least = max(_HALF_OF_IT * after.saturated_excess(), MEMBER)
     second = ranked[:1] if len(after.problem.causes) < LARGEST - 1 else []
     return [effect for effect in ranked if effect in second or after.statistic(effect.name) >= least]

@@ -88,9 +88,9 @@ def linearised(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Linearised:
     resting = {p.name for p, at_bound in zip(refit.fit.parameters, refit.fit.at_bound, strict=True) if at_bound}
     free = [p.name not in resting for p in every.parameters]
     residual, fitted = every.residual(x), len(refit.problem.trials)
-    for own, rows in zip(others, every.trial_rows[fitted:], strict=True):
-        left = project_out(orthonormal(slopes.of_rows(rows)), residual[rows])
-        if np.mean(left**2) > _PREDICTED:
-            return linearised(refit, tuple(trial for trial in held_out if trial.name != own.name))
+    unexplained = [project_out(orthonormal(slopes.of_rows(r)), residual[r]) for r in every.trial_rows[fitted:]]
+    predicted = tuple(t for t, left in zip(held_out, unexplained, strict=True) if np.mean(left**2) <= _PREDICTED)
+    if len(predicted) < len(held_out):
+        return linearised(refit, predicted)
     basis = span(slopes.chosen(np.array(free)))
     return Linearised(refit, every, x, slopes, free, basis, basis.off(residual))

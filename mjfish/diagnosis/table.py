@@ -70,10 +70,6 @@ def share_of(one: Refit | Row) -> float:
     return _LEARNED_SHARE if one.learned else _SHARE
 
 
-#: What a row says of its remainder, as a share.
-_LEFT = ("left", "left_interval")
-
-
 @dataclass(frozen=True)
 class Row:
     """What speaks for one set of causes, fitted together with the coefficients.
@@ -156,7 +152,12 @@ class Row:
 
     @property
     def left_interval(self) -> tuple[float, float]:
-        """Its 95 % interval: a statistic of r degrees of freedom, e beyond chance, has the variance 2 r + 4 e."""
+        """Its 95 % interval: a statistic of r degrees of freedom, e beyond chance, has the variance 2 r + 4 e.
+
+        0 to 1 where it was not asked.
+        """
+        if np.isinf(self.excess):
+            return 0.0, 1.0
         half = Z95 * float(np.sqrt(2.0 * self.rank + 4.0 * self.excess))
         return self._share(max(self.excess - half, 0.0)), self._share(self.excess + half)
 
@@ -209,8 +210,8 @@ class Row:
     def to_dict(self) -> dict[str, Any]:
         """Return the row as ``diagnosis.json`` has it."""
         kept = {name: plain(value) for name, value in vars(self).items() if name not in ("causes", "adjusted")}
-        left = {"left": self.left, "left_interval": self.left_interval} if self.tests else dict.fromkeys(_LEFT)
-        return {**kept, **plain(left), "distances": self.distances()}
+        left, interval = (self.left, [*self.left_interval]) if self.tests else (None, None)
+        return {**kept, "left": left, "left_interval": interval, "distances": self.distances()}
 
 
 @dataclass(frozen=True)

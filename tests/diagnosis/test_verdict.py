@@ -101,6 +101,24 @@ def test_a_verdict_goes_by_its_thresholds_alone() -> None:
     assert "It leaves" not in decide(little, Thresholds(goodness=1e-6)).message
 
 
+def test_several_causes_may_leave_a_tenth_at_most_even_where_no_test_sees_it() -> None:
+    """Catches two causes that imitate an unknown one, and are claimed because the tests are blunt."""
+    pair = replace(_row("a", 90.0, GOOD), names=("a", "b"))
+    assert replace(pair, excess=9.0).fits()
+    assert not replace(pair, excess=11.0).fits()
+    assert _row("a", 90.0, {**GOOD, "excess": 30.0}).fits()
+
+
+def test_the_interval_of_the_remainder_is_that_of_a_noncentral_chi_squared() -> None:
+    """Catches another variance, an end below 0, and a number where nothing was asked."""
+    row = replace(_row("a", 100.0, GOOD), excess=50.0, rank=30)
+    drawn = stats.ncx2(30, 50.0).rvs(20000, random_state=np.random.default_rng(0)) - 30
+    low, high = (drawn.mean() + side * 1.96 * drawn.std() for side in (-1.0, 1.0))
+    assert row.left_interval == pytest.approx((low / (100.0 + low), high / (100.0 + high)), rel=0.03)
+    assert replace(row, excess=0.0).left_interval[0] == 0.0
+    assert _row("a", 100.0, BEATEN).left_interval == (0.0, 1.0)
+
+
 def test_a_row_says_how_far_its_figures_are_from_every_threshold() -> None:
     assert _row("a", 100.0, LITTLE).distances() == pytest.approx(
         {"keep": 20.0, "close": 0.0, "goodness": 0.01, "left": 0.2 / 1.02, "resembles": 0.06 / 1.02}
