@@ -247,9 +247,8 @@ def _gain(result: Diagnosis) -> Table:
 
 def _evidence(evidence: Evidence) -> Table:
     """Return the table that the verdict is read from, a row for every set that was compared."""
-    from mjfish.diagnosis.table import Thresholds
+    from mjfish.diagnosis.table import THRESHOLDS as LIMITS
 
-    limits = Thresholds()
     headings = ("causes", "LR", "behind", "rival p", "best", "remains", "fit p", "held out", "error")
     table = console.table("What the verdict is read from", headings, ("causes",), box=None, padding=(0, 1, 0, 0))
     for row in evidence.rows:
@@ -266,11 +265,11 @@ def _evidence(evidence: Evidence) -> Table:
         )
     table.caption = (
         "LR: fall of the sum of squares; behind: by how much the best of its size explains more of all trials; "
-        f"rival p: of that margin, a set stays from {limits.keep} on or less than {limits.close:.2g} behind; best: "
-        f"how often it is the best when one run is left out; remains: share left, little below {percent(limits.left)} "
-        f"({percent(limits.exact)} without a form, or with a learned one); fit p: of what is left, nothing from "
-        f"{limits.goodness:g} on; held out, error: log-likelihood gained there, and nRMSE. p of the nominal model: "
-        f"{p_value(evidence.p_wrong)}, something is wrong below {limits.alarm}."
+        f"rival p: of that margin, a set stays from {LIMITS.keep} on or less than {LIMITS.close:.2g} behind; best: "
+        f"how often it is the best when one run is left out; remains: share left, little below {percent(LIMITS.left)} "
+        f"({percent(LIMITS.exact)} without a form, or with a learned one); fit p: of what is left, nothing from "
+        f"{LIMITS.goodness:g} on; held out, error: log-likelihood gained there, and nRMSE. p of the nominal model: "
+        f"{p_value(evidence.p_wrong)}, something is wrong below {LIMITS.alarm}."
     )
     return table
 
