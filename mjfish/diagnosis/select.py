@@ -75,10 +75,10 @@ def sharp_p(test: tuple[float, int], gain: float) -> float:
 
 
 def _unseen(after: Evidence, gain: float) -> tuple[float, tuple[float, int]]:
-    """Return what causes explain that do nothing up to some size, by their refits: no score sees them.
+    """Refit the causes that do nothing up to some size, for no score sees them; return what they explain.
 
-    The p value, 1 where it is slight beside the gain; and the largest fall of the sum of squares with its degrees of
-    freedom.
+    That is a p value, 1 where the best explains little beside the gain, and the fall of the sum of squares by the best
+    with its degrees of freedom.
     """
     p, found = refit_nonsmooth(after, [e for e in after.candidates if e.starts_off_null() and not e.limits])
     best = max(found.values(), key=lambda refit: refit.gain, default=None)

@@ -185,7 +185,8 @@ class Row:
     def fits(self, limits: Thresholds = THRESHOLDS) -> bool:
         """Return whether nothing systematic is left that matters.
 
-        Several causes imitate an unknown one more easily than one does: that tests see nothing is not enough of them.
+        Two causes can imitate a third one that is not in the catalogue. So several causes must leave less than a tenth,
+        even where no test sees it.
         """
         clean = self.clean(limits) and (len(self.names) == 1 or self.left < limits.left)
         return clean or self.left < limits.tolerated(self)
