@@ -20,7 +20,7 @@ from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import made_smooth, refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.select import Goodness, compared
-from mjfish.diagnosis.table import THRESHOLDS, Comparison, Names, share_of
+from mjfish.diagnosis.table import THRESHOLDS, Comparison, Names, Row, share_of
 from mjfish.effects.effect import Effect
 
 #: Sets of causes, compared, or None; and all refits.
@@ -34,9 +34,10 @@ _BASES, _ADDED, _HALF_OF_IT = 2, 3, 0.5
 _SEEN = 0.01
 #: and the set must explain this much beyond every smaller one, and `table.share_of` what it explains.
 MEMBER = 20.0
-#: Where less than the share of `table.share_of` is left: an addition must take so much, and this share of all that
-#: other mechanisms explain there, beyond chance, measured at its refit.
-MENDED, _MOST_OF_IT = 200.0, 0.7
+#: A refit that was stopped gains at most so many times what its next step promises: 1.2 to 2 in 20 of them.
+_AT_MOST = 2.0
+#: Where a single cause leaves less than that share: a set must explain this much beyond every smaller one.
+MENDED = 200.0
 
 
 def find_combinations(
@@ -44,22 +45,40 @@ def find_combinations(
     candidates: Sequence[Effect],
     held_out: HeldOut,
     progress: Progress,
+    *,
+    small: bool = False,
 ) -> Found:
     """Find the smallest combinations of two or three causes that explain the misfit better than all smaller ones.
+
+    Where a single cause leaves next to nothing, the second one is small beside it. Whatever form the first has, its
+    error might be mended by a second cause that is not there; hardly all of it. So nothing systematic may be left, with
+    one exception: a learned form of a very strong cause has an error of its own that shows. Beside it something may be
+    left, if the held-out trials gain by the second cause what they would if it were true.
 
     Args:
         singles: refits of single causes.
         candidates: every cause.
         held_out: what refits predict of the held-out trials.
         progress: called with what is being done.
+        small: whether a single cause leaves next to nothing.
 
     Returns:
         The sets, compared, and all refits that were made; None in place of the sets where no second cause is to be
         seen, or no set has earned all its members.
     """
     known = dict(singles)
-    found = _searched(known, candidates, held_out, progress)
-    return None if found is None else _confirmed(found, known, held_out), known
+    found = _searched(known, candidates, held_out, progress, small)
+    if found is None:
+        return None, known
+    found = _confirmed(found, known, held_out)
+    if small:
+        found = Comparison({row.names: row for row in found.staying() if row.clean() or _borne_out(row)})
+    return found if found.rows else None, known
+
+
+def _borne_out(row: Row) -> bool:
+    """Return whether a set with a learned form leaves little, and held-out trials gain what they should."""
+    return row.learned and row.fits() and row.held_out is not None and row.held_out.borne_out
 
 
 def _searched(
@@ -67,19 +86,22 @@ def _searched(
     candidates: Sequence[Effect],
     held_out: HeldOut,
     progress: Progress,
+    small: bool,
 ) -> Comparison | None:
     """Return the sets, not yet looked at on the held-out trials; what was refitted is added to `known`."""
-    bases = _best(known.values())
+    most = max((refit.gain for refit in known.values()), default=0.0)
+    bases = _best(refit for refit in known.values() if not small or refit.gain >= (1.0 - share_of(refit)) * most)
     best: Comparison | None = None
     goodness = _goodness(candidates, held_out)
     evidence = cache(partial(_beside, candidates))
-    for size in range(2, LARGEST + 1):
+    pays = partial(beats_smaller_sets, small=small)
+    for size in range(2, LARGEST if small else LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
         whole = max(base.gain + evidence(base).saturated_excess() for base in bases)
         for grown in (_grown, _grown_by_unscored):
             known.update(found := grown(bases, evidence, known, whole))
-            earned.update({names: refit for names, refit in found.items() if beats_smaller_sets(refit, known)})
+            earned.update({names: refit for names, refit in found.items() if pays(refit, known)})
             if earned:
                 best = compared(earned, goodness, held_out)
                 sufficient = [earned[row.names] for row in best.staying() if row.clean()]
@@ -88,48 +110,13 @@ def _searched(
                     return best
                 if sufficient:
                     known.update(parts := _parts(sufficient, known))
-                    if all(beats_smaller_sets(refit, known) for refit in sufficient):
+                    if all(pays(refit, known) for refit in sufficient):
                         return best
                     return compared({**_of_size(size - 1, known), **parts}, goodness, held_out)
         if not earned or best is None or min((row.left for row in best.staying()), default=1.0) > THRESHOLDS.resembles:
             return best
         bases = _best(earned.values())
     return best
-
-
-def find_small_addition(singles: Mapping[Names, Refit], candidates: Sequence[Effect], held_out: HeldOut) -> Found:
-    """Find pairs of which the second cause is small beside the first, and takes nearly all that the first leaves.
-
-    Whatever form the first has, its error might be mended by a second cause that is not there; hardly all of it. A pair
-    must explain more than every single cause: its learned form, too. Nothing systematic may be left, with one
-    exception. A learned form of a very strong cause has an error of its own that shows. Beside it something may be
-    left, if the held-out trials gain by the second cause what they would if it were true.
-
-    Arguments and what is returned as of `find_combinations`.
-    """
-    found: dict[Names, Refit] = {}
-    borne_out: set[Names] = set()
-    most = max((refit.gain for refit in singles.values()), default=0.0)
-    for base in _best(refit for refit in singles.values() if refit.gain >= (1.0 - share_of(refit)) * most):
-        after = _beside(candidates, base)
-        excess = after.saturated_excess()
-        if excess < MENDED:
-            continue
-        added = [effect for effect in _ranked(after) if after.statistic(effect.name) > _HALF_OF_IT * excess]
-        coarse = [*extended(partial(refit_with, gained=base.gain), added, after)]
-        for refit in followed(partial(to_optimum, least=base.fit.sse - excess), coarse):
-            names, mechanism = _with(base, refit.effects[-1]), refit.effects[-1].mechanism
-            beyond = [other for other in after.candidates if other.mechanism != mechanism]
-            left = gather(refit.problem, refit.fit, beyond).saturated_excess()
-            mended = refit.gain - most > MENDED and left < (1.0 - _MOST_OF_IT) * excess
-            if mended and (names not in found or refit.gain > found[names].gain):
-                found[names] = refit
-                confirmation = held_out.confirmed(refit, base) if base.learned else None
-                borne_out |= {names} if confirmation is not None and confirmation.borne_out else set()
-    rows = compared(found, _goodness(candidates, held_out), held_out).staying()
-    kept = {row.names: row for row in rows if row.clean() or (row.names in borne_out and row.fits())}
-    known = {**singles, **found}
-    return _confirmed(Comparison(kept), known, held_out) if kept else None, known
 
 
 def _beside(candidates: Sequence[Effect], base: Refit) -> Evidence:
@@ -183,8 +170,8 @@ def _extended(
 ) -> dict[Names, Refit]:
     """Refit the bases with the additions of a shortlist to each.
 
-    Those near the best result are followed to their optimum, if they may leave less than a third of `whole`, all there
-    is to explain.
+    Those near the best result are followed to their optimum, if the new member may pay, and the set leave less than a
+    third of `whole`, all there is to explain.
     """
     found: dict[Names, Refit] = {}
     for base in bases:
@@ -197,8 +184,12 @@ def _extended(
     if found:
         top = max(refit.gain for refit in found.values())
         floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
-        least = min(refit.fit.sse for refit in found.values())
-        near = [refit for refit in found.values() if refit.gain >= floor and _resembles(refit, whole)]
+        least, earns = min(refit.fit.sse for refit in found.values()), max(base.gain for base in bases) + MEMBER
+        near = [
+            refit
+            for refit in found.values()
+            if refit.gain >= floor and refit.gain + _AT_MOST * refit.promise > earns and _resembles(refit, whole)
+        ]
         found.update({tuple(sorted(refit.names)): refit for refit in followed(partial(to_optimum, least=least), near)})
     return found
 
@@ -269,18 +260,18 @@ def _of_size(size: int, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
     }
 
 
-def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit]) -> bool:
+def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit], *, small: bool = False) -> bool:
     """Return whether a combination explains more than every smaller set, of its members or of others, by a margin.
 
     Two are subtracted for every further parameter: a cause of four parameters explains some noise. A smaller set that
     was stopped before its optimum counts as if it had gained what its next step promises.
     """
+
+    def margin(other: Refit) -> float:
+        return MENDED if small else max(MEMBER, max(share_of(other), share_of(refit)) * refit.gain)
+
     smaller = [other for names, other in known.items() if len(names) < len(refit.names)]
-    return all(
-        refit.adjusted - other.adjusted - other.promise
-        >= max(MEMBER, max(share_of(other), share_of(refit)) * refit.gain)
-        for other in smaller
-    )
+    return all(refit.adjusted - other.adjusted - other.promise >= margin(other) for other in smaller)
 
 
 def _goodness(candidates: Sequence[Effect], held_out: HeldOut) -> Goodness:

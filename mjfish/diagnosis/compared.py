@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from mjfish.diagnosis.begun import Begun
-from mjfish.diagnosis.combinations import find_combinations, find_small_addition, to_optimum
+from mjfish.diagnosis.combinations import find_combinations, to_optimum
 from mjfish.diagnosis.estimate import estimates
 from mjfish.diagnosis.fan_out import followed
 from mjfish.diagnosis.forms import refit_learned_forms
@@ -44,7 +44,9 @@ class Compared:
     odd: int | None = None
 
 
-def compare(begun: Begun, screening: Screening, held_out: HeldOut, blocks: Sequence[Finding]) -> Compared:
+def compare(
+    begun: Begun, screening: Screening, held_out: HeldOut, blocks: Sequence[Finding], corrections: Sequence[Row]
+) -> Compared:
     """Compare the candidates with each other, and on the held-out trials; where none suffices, combine them.
 
     Args:
@@ -52,8 +54,10 @@ def compare(begun: Begun, screening: Screening, held_out: HeldOut, blocks: Seque
         screening: of the nominal model.
         held_out: what refits predict of the held-out trials.
         blocks: findings about the data with which no verdict is worth its words.
+        corrections: rows of corrections of the data.
     """
-    found = _compared(begun, screening, held_out, blocks)
+    table = Table(screening.p_wrong, blocks=tuple(block.message for block in blocks), corrections=tuple(corrections))
+    found = _compared(begun, screening, held_out, table)
     return replace(found, table=found.table.described(lambda row: _described(row, found.refits[row.names], held_out)))
 
 
@@ -67,9 +71,8 @@ def _described(row: Row, refit: Refit, held_out: HeldOut) -> Row:
     )
 
 
-def _compared(begun: Begun, screening: Screening, held_out: HeldOut, blocks: Sequence[Finding]) -> Compared:
+def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Table) -> Compared:
     refits: dict[Names, Refit] = {(name,): refit for name, refit in screening.refits.items()}
-    table = Table(screening.p_wrong, blocks=tuple(block.message for block in blocks))
     if not refits:
         return Compared(table)
     refits |= _caught_up(refits)
@@ -126,11 +129,7 @@ def _combined(
 
     Where all that stay have a learned form and fail on the held-out trials, those of formulas alone are compared.
     """
-    found, own = (
-        find_small_addition(refits, candidates, held_out)
-        if single.exhausted()
-        else find_combinations(refits, candidates, held_out, progress)
-    )
+    found, own = find_combinations(refits, candidates, held_out, progress, small=single.exhausted())
     if found is None:
         return None, {}
     formulas = {names: refit for names, refit in refits.items() if not refit.learned}

@@ -17,6 +17,7 @@ from mjfish.diagnosis.assembly import assemble, unfinished_diagnosis
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.compared import compare
 from mjfish.diagnosis.conclusion import conclude
+from mjfish.diagnosis.corrections import weighed
 from mjfish.diagnosis.failures import NOMINAL, PartFailedError, Parts, noting, raised_in, tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.implausible_noise import bursts, too_large
@@ -24,7 +25,7 @@ from mjfish.diagnosis.progress import Progress, silent
 from mjfish.diagnosis.provenance import identity
 from mjfish.diagnosis.result import Diagnosis
 from mjfish.diagnosis.screening import Screening, screen
-from mjfish.diagnosis.table import THRESHOLDS
+from mjfish.diagnosis.table import THRESHOLDS, Row
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.errors import NUMERIC, InputError, MjfishError, reason_of
 from mjfish.estimation import Noise
@@ -149,9 +150,14 @@ def _diagnosed(begun: Begun) -> Diagnosis:
     checks = begun.parts.run("the tests of the data", lambda: inspect(begun.measured, begun.known), Inspection())
     screening = screen(begun.problem, begun.applicable, begun.stated, begun.progress)
     checks = checks.joined(_checks_of_fit(begun, screening, checks))
+    nothing = dict[Finding, Finding](), tuple[Row, ...]()
+    refuted, corrections = begun.parts.run(
+        "the corrections of the data", lambda: weighed(checks.blocks, begun.measured), nothing
+    )
+    checks = checks.changed(refuted)
     begun.progress("comparing the candidates", 0.75)
     held_out = HeldOut(screening.evidence, begun.dataset.split()[1])
-    compared = compare(begun, screening, held_out, checks.blocks)
+    compared = compare(begun, screening, held_out, checks.blocks, corrections)
     concluded = conclude(begun, screening, compared, held_out)
     begun.progress("looking at what is wrong", 0.96)
     result = assemble(begun, screening, checks, compared, concluded, held_out)

@@ -264,8 +264,9 @@ class Evidence:
         """Statistic of the omnibus basis, and its rank."""
         return self.waves.statistic(self.cleared)
 
-    def common(self) -> tuple[float, int]:
-        """Return statistic and rank of the omnibus waves that are the same in all runs, from start to end.
+    @cached_property
+    def common_waves(self) -> FloatArray:
+        """The omnibus waves (n, k) that are the same in all runs, from start to end, beside the free parameters.
 
         They are few, and see what is small in each run, yet there in every one.
         """
@@ -274,8 +275,11 @@ class Evidence:
         for part in waves.parts:
             own = part.block.reshape(len(part.rows), -1, HATS, WAVES).sum(axis=2).reshape(len(part.rows), -1)
             summed[part.rows, : own.shape[1]] = own
-        beyond = self.coefficients.off(summed)
-        return _quadratic(beyond.T @ self.cleared, beyond.T @ beyond)
+        return self.coefficients.off(summed)
+
+    def common(self) -> tuple[float, int]:
+        """Return statistic and rank of the common waves."""
+        return _quadratic(self.common_waves.T @ self.cleared, self.common_waves.T @ self.common_waves)
 
     def saturated_excess(self) -> float:
         """Return what all candidates jointly explain beyond chance: their statistic less its rank."""

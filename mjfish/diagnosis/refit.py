@@ -256,7 +256,7 @@ def _taken_on(evidence: Evidence, refit: Refit) -> Refit:
 
 
 def refined(refit: Refit, best: float) -> Refit:
-    """Follow a refit to its optimum. Where none fits, fit once more from the declared starts of the coefficients.
+    """Follow a refit to its optimum. Where no single cause fits, fit it again from the declared coefficients.
 
     A large effect biases the coefficients of the nominal model, and from there the optimum may be out of reach.
 
@@ -267,7 +267,7 @@ def refined(refit: Refit, best: float) -> Refit:
     result = refit.fit
     if result.status != "converged":
         result = converge(refit.problem, result.x, result.sse, best)
-    if min(best, result.sse) > _MISFIT * result.count:
+    if len(refit.effects) == 1 and min(best, result.sse) > _MISFIT * result.count:
         result = _restarted(refit, result, best)
     return _resolved(replace(refit, fit=result, gain=refit.gain + refit.fit.sse - result.sse), best)
 

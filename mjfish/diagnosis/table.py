@@ -287,6 +287,7 @@ class Table:
         several: sets of two or three; None where none was to be seen.
         others: single causes compared without those that failed on held-out trials; None where none did.
         blocks: findings about the data with which no verdict is worth its words.
+        corrections: of the data, that findings propose; each is compared with the data as they stand.
     """
 
     p_wrong: float = np.nan
@@ -294,12 +295,13 @@ class Table:
     several: Comparison | None = None
     others: Comparison | None = None
     blocks: tuple[str, ...] = ()
+    corrections: tuple[Row, ...] = ()
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """Every set, the smaller ones first, those of one size by how far they are behind."""
+        """Corrections of the data, then every set, the smaller ones first, those of one size by how far behind."""
         every = [*self.single.joined(self.others).rows.values(), *(self.several or Comparison()).rows.values()]
-        return tuple(sorted(every, key=lambda row: (len(row.names), row.behind)))
+        return (*self.corrections, *sorted(every, key=lambda row: (len(row.names), row.behind)))
 
     def described(self, describe: Callable[[Row], Row]) -> Table:
         """Return the table with every row as a function has it."""

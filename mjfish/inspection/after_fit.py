@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from mjfish.effects import Effect
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
 from mjfish.frames import CHANNELS
+from mjfish.inspection.correction import resumed
 from mjfish.inspection.finding import Finding
 from mjfish.inspection.nominal_simulation import costs, labels, sampled_enough
 from mjfish.inspection.result import Inspection
@@ -163,6 +165,7 @@ def clock(trial: Trial, shifted: FloatArray, sigma: FloatArray) -> Iterator[Find
             "times that go on evenly with the command",
             "number the frames by their time stamps and say gaps = true, or cut the run there",
             trials=(trial.name,),
+            corrected=partial(resumed, name=trial.name, at=when, by=jump * step) if jump > 0 else None,
         )
 
 

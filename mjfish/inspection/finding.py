@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from mjfish.serialise import fields_of
+from mjfish.data import Dataset
+from mjfish.serialise import fields_of, unsaved
 
 #: ``remark``: good to know; ``suspect``: look before you believe a verdict; ``blocks``: no verdict can be given.
 Severity = Literal["remark", "suspect", "blocks"]
@@ -30,6 +32,7 @@ class Finding:
         channels: names of the channels it is about; empty: all.
         cannot_tell: causes (names of effects, or ``*`` for all) that such data cannot show, or that look like what was
             found. `Inspection.of` fills it in from what the effects declare.
+        corrected: returns a dataset as it would be if the finding were true; None: nobody can say that.
     """
 
     code: str
@@ -41,6 +44,7 @@ class Finding:
     trials: tuple[str, ...] = ()
     channels: tuple[str, ...] = ()
     cannot_tell: tuple[str, ...] = ()
+    corrected: Callable[[Dataset], Dataset] | None = unsaved(default=None, compare=False, repr=False)
 
     @property
     def message(self) -> str:

@@ -20,6 +20,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from mjfish.data import Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS, UNITS
+from mjfish.inspection.correction import redriven, reread
 from mjfish.inspection.finding import Finding
 from mjfish.inspection.runs import beats
 from mjfish.model import Model
@@ -148,6 +150,11 @@ class Reading:
     swapped: bool
     signs: tuple[int, int, int]
 
+    @property
+    def order(self) -> tuple[int, int, int]:
+        """The column that each channel is in."""
+        return (1, 0, 2) if self.swapped else (0, 1, 2)
+
 
 AS_IS = Reading(False, (1, 1, 1))
 READINGS = tuple(
@@ -166,8 +173,7 @@ def scores(trial: Trial, guessed: Sequence[Guess | None]) -> dict[Reading, float
         theirs = np.sqrt(np.sum(guess.shifted**2, axis=1)) + 1e-12
         correlation = products / own[None, :, None] / theirs[:, None, :]
         for reading in READINGS:
-            order = (1, 0, 2) if reading.swapped else (0, 1, 2)
-            total = sum(reading.signs[c] * correlation[:, order[c], c] for c in range(3))
+            total = sum(reading.signs[c] * correlation[:, reading.order[c], c] for c in range(3))
             best[reading] = max(best[reading], float(np.max(total)))
     return best
 
@@ -200,6 +206,7 @@ def signs(found: Mapping[str, dict[Reading, float]]) -> Iterator[Finding]:
             _reading_remedy(reading),
             trials=() if everywhere else tuple(names),
             channels=channels,
+            corrected=partial(reread, trials=names, order=reading.order, factors=reading.signs),
         )
 
 
@@ -231,7 +238,12 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
             known[factor] if near else "check the unit and the drive",
             trials=() if everywhere else tuple(strange),
             channels=(name,),
+            corrected=partial(reread, trials=[*strange], order=range(3), factors=_only(channel, 1.0 / factor)),
         )
+
+
+def _only(channel: int, factor: float) -> list[float]:
+    return [factor if c == channel else 1.0 for c in range(len(CHANNELS))]
 
 
 def size(trial: Trial, guessed: Sequence[Guess | None]) -> FloatArray | None:
@@ -339,6 +351,7 @@ def labels(
             "each run to fit its own drive best",
             "swap the two files in dataset.toml, or their drives",
             trials=(trials[i].name, trials[j].name),
+            corrected=partial(redriven, drives={trials[i].name: drives[own[j]], trials[j].name: drives[own[i]]}),
         )
     for i, trial in enumerate(trials):
         if i in taken or own[i] < 0 or not np.isfinite(table[i, own[i]]):
@@ -357,6 +370,7 @@ def labels(
                 "each run to fit its own drive best",
                 "correct its drive or its file in dataset.toml",
                 trials=(trial.name,),
+                corrected=partial(redriven, drives={trial.name: drives[best]}),
             )
         elif table[i, own[i]] > _FOREIGN:
             yield from _beats_otherwise(trial)

@@ -60,6 +60,10 @@ class Inspection(Result):
             _ordered([*self.findings, *new]), self.compatibility or other.compatibility, self.repeats or other.repeats
         )
 
+    def changed(self, findings: Mapping[Finding, Finding]) -> Inspection:
+        """Return the inspection with other findings in the place of some."""
+        return replace(self, findings=_ordered(findings.get(finding, finding) for finding in self.findings))
+
     def summary(self) -> str:
         """Return how many findings there are, and the worst of them, a line each."""
         if not self.findings:

@@ -130,6 +130,7 @@ def test_outliers_of_the_noise_are_no_change_of_coefficients(pike: Fish) -> None
     refit = _refit(pike, tuple(spoiled))
     row = Goodness([find("time_offset")]).of(refit, Row.of(refit.names, refit, 0.0, 1.0))
     assert row.tests["sizes by run"] >= THRESHOLDS.goodness
+    assert row.clean()
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3])

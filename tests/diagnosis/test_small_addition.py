@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish.diagnosis.combinations import MENDED, find_small_addition
+from mjfish.diagnosis.combinations import MENDED, beats_smaller_sets, find_combinations
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import Confirmation, HeldOut
+from mjfish.diagnosis.progress import silent
 from mjfish.diagnosis.refit import refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects import find
@@ -38,7 +39,7 @@ def _with_offset(kappa: float, scale: float = 0.0) -> tuple[Evidence, Refit]:
 def test_only_what_mends_everything_is_added(kappa: float, scale: float, found: bool) -> None:
     """Nothing left, a second cause, or something else: only the second is a pair."""
     nominal, alone = _with_offset(kappa, scale)
-    pairs, refits = find_small_addition({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()))
+    pairs, refits = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), silent, small=True)
     assert (pairs is not None) is found
     if pairs is not None:
         assert [row.names for row in pairs.retained(clean=True)] == [("munk_moment", "time_offset")]
@@ -48,14 +49,12 @@ def test_only_what_mends_everything_is_added(kappa: float, scale: float, found: 
 def test_a_pair_must_explain_more_than_every_single_cause() -> None:
     """A learned form of the first that explains as much makes the second superfluous."""
     nominal, alone = _with_offset(1.0)
-    held_out = HeldOut(nominal, ())
-    pairs, refits = find_small_addition({("time_offset",): alone}, CANDIDATES, held_out)
-    assert pairs is not None
-    gain = refits["munk_moment", "time_offset"].gain
-    for more, found in ((-2.0 * MENDED, True), (0.5 * MENDED, False)):
-        other = replace(alone, effects=(find("marker_offset"),), gain=gain + more)
-        again, _ = find_small_addition({("time_offset",): alone, ("marker_offset",): other}, CANDIDATES, held_out)
-        assert (again is not None and ("munk_moment", "time_offset") in again.rows) is found
+    singles = {("time_offset",): alone}
+    _, refits = find_combinations(singles, CANDIDATES, HeldOut(nominal, ()), silent, small=True)
+    pair = refits["munk_moment", "time_offset"]
+    for more, pays in ((-2.0 * MENDED, True), (0.5 * MENDED, False)):
+        other = replace(alone, effects=(find("marker_offset"),), gain=pair.gain + more)
+        assert beats_smaller_sets(pair, {**singles, ("marker_offset",): other}, small=True) is pays
 
 
 @pytest.mark.parametrize(
@@ -70,7 +69,7 @@ def test_beside_a_learned_form_something_may_be_left_if_held_out_trials_agree(
     told = None if probability is None else Confirmation(30.0, probability)
     monkeypatch.setattr(Refit, "learned", property(lambda _refit: learned))
     monkeypatch.setattr(HeldOut, "confirmed", lambda *_: told)
-    pairs, _ = find_small_addition({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()))
+    pairs, _ = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), silent, small=True)
     assert (pairs is not None) is found
     if pairs is not None:
         assert [*pairs.rows] == [("munk_moment", "time_offset")]
