@@ -45,7 +45,6 @@ CALLS: Sequence[tuple[str, str, str]] = [
         ("diagnosis.evidence", "numpy.linalg", "pinv eigh"),
         ("diagnosis.held_out", "numpy.linalg", "svd"),
         ("diagnosis.select", "numpy.linalg", "eigh"),
-        ("diagnosis.lone_run", "numpy.linalg", "qr"),
         ("diagnosis.implausible_noise", "numpy.linalg", "eigh"),
         ("diagnosis.missing_force", "numpy.linalg", "solve lstsq"),
         ("diagnosis.fingerprint", "numpy.linalg", "lstsq inv"),

@@ -1,21 +1,17 @@
-"""Tests of the data that need the nominal fit: clocks, outlying runs, differentiated velocities, labels again.
+"""Tests of the data that need the nominal fit: clocks, differentiated velocities, labels again.
 
 Clock: the measured run is compared with the simulated one shifted by whole samples; the shift may be constant, change
 once, or drift. Lost frames make it change once by as many samples as were lost, which no force does.
-
-Outlying run: leaving run r out moves the estimates by one Gauss-Newton step, x_-r = x + (J_-r' J_-r)^-1 J_-r' e_-r, and
-the residuals with them. No fit is run.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, checked, project_out, robust_sigma
+from mjfish.arrays import FloatArray, robust_sigma
 from mjfish.data import Trial
 from mjfish.effects import Effect
 from mjfish.estimation.fit import Fit
@@ -35,14 +31,6 @@ SHARE = 0.6
 _FITS = 4.0
 #: Share of the samples that must lie to either side of a jump.
 _SIDE = 0.08
-#: A whitened residual counts as this many sigma at most: one far sample makes no bad run.
-_CAP = 4.0
-#: How many times worse than a run of the same drive, over the stretch they share, an odd run is.
-_SUSPECT = 4.0
-#: How many times worse than the next worst run an odd run is that no other run can be compared with.
-_REMARK = 5.0
-#: Samples over which two runs of one drive are compared at least.
-_COMPARED = 30
 
 
 def inspect_fit(problem: Problem, fit: Fit, effects: Mapping[str, Effect], held: Sequence[Trial] = ()) -> Inspection:
@@ -76,9 +64,7 @@ def _of_velocities(problem: Problem, fit: Fit, held: Sequence[Trial]) -> list[Fi
         if trial.name not in wrong:
             offset = values.get(f"{trial.name}:clock.offset", 0.0)
             found += clock(trial, _shifted(problem, trial, shared, offset), sigma)
-    wrong = {name for finding in found for name in finding.trials}
-    found += [finding for finding in outlying_run(problem, fit) if not wrong & set(finding.trials)]
-    if not wrong:
+    if not any(finding.trials for finding in found):
         found += differentiated(problem.noise)
     return found
 
@@ -183,120 +169,6 @@ def _drift(misfit: FloatArray) -> tuple[float, tuple[int, int]]:
             if here < best:
                 best, ends = here, (a, b)
     return best, ends
-
-
-def outlying_run(problem: Problem, fit: Fit) -> Iterator[Finding]:
-    """Find a run that is far worse than the rest."""
-    trials = problem.trials
-    if len(trials) < 3:
-        return
-    small = _Others.of(problem, fit)
-    worst = int(np.argmax([_size(small.residual(r, small.step(r))) for r in range(len(trials))]))
-    moved = small.step(worst)
-    residuals = [small.residual(r, moved) for r in range(len(trials))]
-    level = np.array([_size(residual) for residual in residuals])
-    twins = [(_shared(problem, residuals, worst, k), k) for k in range(len(trials)) if k != worst]
-    compared = [(ratio, k) for ratio, k in twins if ratio is not None]
-    if compared:
-        ratio, twin = min(compared)
-        if ratio > _SUSPECT:
-            yield Finding(
-                "outlying-run",
-                "suspect",
-                f"trial '{trials[worst].name}'",
-                f"its misfit is {ratio:.0f} times that of '{trials[twin].name}' under the same drive, with the "
-                "coefficients fitted without it",
-                "runs of one drive that differ by noise alone",
-                "look at this run: another clock, scale, charge of the battery, or something in its way; diagnose "
-                "without it",
-                trials=(trials[worst].name,),
-            )
-        return
-    others = np.delete(level, worst)
-    if level[worst] > _REMARK * others.max():
-        yield Finding(
-            "outlying-run-alone",
-            "remark",
-            f"trial '{trials[worst].name}'",
-            f"its misfit per sample is {level[worst] / np.median(others):.0f} times that of the other runs, with the "
-            "coefficients fitted without it; no other run has its drive",
-            "misfits of one size",
-            "repeat this run: alone, it cannot be told from a cause that shows only under its drive",
-            trials=(trials[worst].name,),
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _Others:
-    """A fit in few numbers by run, in which the parameters of that run alone are eliminated.
-
-    Attributes:
-        velocities: (m, 3) whitened residual of every run, and (3 m, s) its derivative by the shared parameters, both
-            less what its own parameters explain.
-        factors: of every run, the shared derivative (k, s) and the residual (k,) in an orthonormal basis.
-    """
-
-    velocities: tuple[tuple[FloatArray, FloatArray], ...]
-    factors: tuple[tuple[FloatArray, FloatArray], ...]
-
-    @classmethod
-    def of(cls, problem: Problem, fit: Fit) -> _Others:
-        jacobian = fit.jacobian.chosen(~fit.at_bound).top(problem.samples)
-        velocities, factors = [], []
-        for rows in problem.rows_by_trial():
-            own, shared = jacobian.at(np.arange(rows.start, rows.stop))
-            basis, _ = np.linalg.qr(own)
-            shared, e = project_out(basis, shared), project_out(basis, fit.residual[rows])
-            q, r = np.linalg.qr(shared)
-            velocities.append((e, shared))
-            factors.append((r, q.T @ e))
-        return cls(tuple(velocities), tuple(factors))
-
-    def residual(self, r: int, step: FloatArray) -> FloatArray:
-        """Return the residual (m, 3) of run r once the shared parameters have moved by a step (s,)."""
-        e, shared = self.velocities[r]
-        return np.asarray((e - shared @ step).reshape(-1, 3))
-
-    def step(self, without: int) -> FloatArray:
-        """Return how the shared parameters (s,) move without a run; a direction that no other run sees is not moved."""
-        kept = [pair for k, pair in enumerate(self.factors) if k != without]
-        design, left = (np.concatenate([pair[i] for pair in kept]) for i in (0, 1))
-        return checked(np.linalg.lstsq(design, left, rcond=1e-6)[0])
-
-
-def _size(residual: FloatArray) -> float:
-    return float(np.mean(np.minimum(residual**2, _CAP**2)))
-
-
-def _shared(problem: Problem, residuals: Sequence[FloatArray], worst: int, other: int) -> float | None:
-    """Return how many times worse `worst` is than `other` while both had one drive; None where they never had."""
-    until = _same_drive_until(problem.trials[worst], problem.trials[other])
-    if until is None:
-        return None
-    here = [residuals[k][_times(problem, k, len(residuals[k])) < until] for k in (worst, other)]
-    if min(len(part) for part in here) < _COMPARED:
-        return None
-    return _uncapped(here[0]) / max(_uncapped(here[1]), 1e-12)
-
-
-def _uncapped(residual: FloatArray) -> float:
-    """Mean square without the largest two per cent."""
-    squares = np.sort((residual**2).ravel())
-    return float(np.mean(squares[: max(int(0.98 * len(squares)), 1)]))
-
-
-def _times(problem: Problem, index: int, rows: int) -> FloatArray:
-    """Return the times (rows,) of the whitened rows of a trial; with gaps the first of each stretch are not counted."""
-    time = problem.trials[index].time[problem.mask(index)]
-    return np.asarray(time[len(time) - rows :])
-
-
-def _same_drive_until(a: Trial, b: Trial) -> float | None:
-    """Return until when two runs have the same drive from the start [s]; None where they differ at once."""
-    if not a.drive or not b.drive or a.drive[0] != b.drive[0]:
-        return None
-    ends = [trial.drive[1].start if len(trial.drive) > 1 else float(trial.time[-1]) for trial in (a, b)]
-    return float(a.time[-1]) if a.drive == b.drive else min(ends)
 
 
 def differentiated(noise: Noise) -> Iterator[Finding]:

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis import diagnose
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.lone_run import lone_run
+from mjfish.diagnosis.lone_run import lone_run, told
 from mjfish.effects import catalogue, of_fish
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish
@@ -44,6 +45,17 @@ def test_the_run_with_other_water_is_found(pike: Fish, odd: int | None) -> None:
     assert lone_run(_evidence(_recorded(pike, odd))) == odd
 
 
+def test_a_run_that_does_not_go_with_its_repeat_is_suspect(pike: Fish) -> None:
+    """The last run is scaled. Where no other has its drive, a cause that shows only there would do the same."""
+    for modes, severity in ((["v1", "v5", "v1-t1", "v1"], "suspect"), (["v1", "v5", "v1-t1", "v3"], "remark")):
+        data = generate(pike, [*modes, "v7"], noise=NOISE, duration=6.0, seed=4, held_out=["v7"])
+        scaled = replace(data.trials[3], velocity=readonly(1.15 * data.trials[3].velocity))
+        evidence = _evidence(replace(data, trials=(*data.trials[:3], scaled, data.trials[4])))
+        assert lone_run(evidence) == 3
+        found = told(evidence.problem.trials, 3)
+        assert (found.code, found.severity, found.trials) == ("outlying-run", severity, (scaled.name,))
+
+
 def test_of_three_runs_none_is_the_odd_one(pike: Fish) -> None:
     data = _recorded(pike, 0)
     fewer = replace(data, trials=(*data.trials[:3], *data.trials[4:]))
@@ -56,3 +68,4 @@ def test_nothing_is_named_for_what_one_run_has(pike: Fish) -> None:
     assert result.verdict in ("unexplained", "cannot_tell"), result.message
     if result.verdict == "unexplained":
         assert "in run v5 alone" in result.message
+        assert ("outlying-run", ("v5",)) in [(finding.code, finding.trials) for finding in result.checks.findings]

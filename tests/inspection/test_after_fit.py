@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bad_data import SIGMA, good, only, remarked, spoiled, velocity, wrong
+from bad_data import SIGMA, good, only, remarked, spoiled, wrong
 from true_values import TRUTH
 
 from mjfish.arrays import readonly
@@ -61,29 +61,6 @@ def test_a_swap_that_only_turns_show_is_found() -> None:
     swapped = spoiled(lambda t: replace(t, drive=by_name[drives[t.name]]), *drives)
     found = only(_after(swapped), "labels")
     assert set(found.trials) == set(drives)
-
-
-def test_a_run_that_does_not_go_with_its_repeat_is_suspect() -> None:
-    """v1.2 is scaled by 1.15. Catches a run whose own weight in the fit hides it, and its twin named."""
-    found = only(_after(spoiled(velocity(lambda v: 1.15 * v), "v1.2")), "outlying-run")
-    assert found.trials == ("v1.2",)
-    assert "'v1'" in found.found or "'v1-t1'" in found.found
-
-
-def test_a_run_that_nothing_can_be_compared_with_is_a_remark() -> None:
-    """v5 is scaled, alone at its drive: a cause that grows with frequency would do the same. Catches a verdict."""
-    found = _after(spoiled(velocity(lambda v: 1.2 * v), "v5"))
-    assert wrong(found) == []
-    assert [one.trials for one in remarked(found, "outlying-run")] == [("v5",)]
-
-
-def test_an_odd_run_is_looked_for_where_every_coefficient_rests_on_a_bound() -> None:
-    """Nothing is free, and nothing moves when a run is left out."""
-    fitted, held = good().split()
-    posed = Problem(Model(good().fish), fitted, Noise.white(readonly(SIGMA)))
-    found = fit(posed, posed.start(TRUTH), evaluations=1)
-    pinned = replace(found, at_bound=np.ones_like(found.at_bound))
-    assert wrong(inspect_fit(posed, pinned, catalogue(), held)) == []
 
 
 def test_differentiated_data_are_said_so() -> None:
