@@ -89,7 +89,8 @@ def diagnose(
     Example:
         >>> import mjfish
         >>> truth = {"servo_lag.time_constant": 0.03}
-        >>> pool = mjfish.generate("pike", ["v1", "v5-v1", "v3"], values=truth, noise=(0.006, 0.006, 0.04))
+        >>> noise = (0.006, 0.006, 0.04)
+        >>> pool = mjfish.generate("pike", ["v1", "v3", "v5"], values=truth, noise=noise, duration=4.0)
         >>> mjfish.diagnose(pool).verdict
         'named'
     """

@@ -20,8 +20,8 @@ from mjfish.inspection import Finding
 
 T = TypeVar("T")
 
-#: Fewest runs of which one can be the odd one, and how many are tried, those with the largest misfit: one that was swum
-#: as the odd one may be as far off.
+#: Fewest runs of which one can be the odd one, and how many are tried, those of which omnibus waves explain most: one
+#: that was swum as the odd one may be as far off.
 _FEWEST, _TRIED = 4, 2
 
 
@@ -34,7 +34,8 @@ def lone_run(evidence: Evidence) -> int | None:
     problem = evidence.problem
     if len(problem.trials) < _FEWEST:
         return None
-    left = [float(np.mean(evidence.fit.residual[rows] ** 2)) for rows in problem.trial_rows]
+    systematic = evidence.waves.fitted(evidence.cleared)
+    left = [float(np.sum(systematic[rows] ** 2)) for rows in problem.trial_rows]
     worst = sorted(range(len(left)), key=lambda index: -left[index])[:_TRIED]
     alone = [index for index in worst if _rest_fits(evidence, index)]
     return alone[0] if len(alone) == 1 else None

@@ -160,13 +160,17 @@ def _screened(
         noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1]().velocity, stated)
     else:
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
+    coarse: dict[str, Refit] = {}
+    if refitted and _same(problem, baseline, noise):
+        coarse, refitted = refitted, {}
     test = _NominalTest(candidates, slopes, progress)
     seen = test.run(problem, baseline, noise)
     if seen.p_wrong >= THRESHOLDS.alarm:  # patterns common to all runs may be taken for noise
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated)
         seen = test.repeat(seen, noise)
     if seen.p_wrong < THRESHOLDS.alarm:
-        refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), refitted, seen.refits)
+        known = {**seen.refits, **coarse}
+        refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), refitted, known)
     else:
         refitted = {}
     if not refitted:

@@ -47,6 +47,7 @@ def test_the_report_says_that_errors_of_the_joints_are_allowed_for(quiet: Diagno
     assert told in quiet.remarks
 
 
+@pytest.mark.slow
 def test_a_current_is_named_with_its_speed_and_lowers_the_error_of_the_path() -> None:
     found = mjfish.diagnose(_pool("commanded", CURRENT, seed=5))
     assert [cause.name for cause in found.causes] == ["ambient_current"], found.message
