@@ -48,7 +48,7 @@ def conclude(begun: Begun, screening: Screening, compared: Compared, held_out: H
     """
     parts, refits = begun.parts, compared.refits
     decision = decide(compared.table)
-    closest = compared.table.single.closest()
+    closest = None if compared.table.blocks else compared.table.single.closest()  # what fits misread data says nothing
     best = refits.get(decision.sets[0] if decision.sets else () if closest is None else closest.names)
     mechanisms: tuple[NamedMechanism, ...] = ()
     domain = _shared_domain(decision, {effect.name: effect for effect in begun.candidates})

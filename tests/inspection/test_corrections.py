@@ -85,6 +85,7 @@ def test_a_wrong_sign_is_a_row_of_the_table_that_the_verdict_is_read_from() -> N
     result = diagnose(dataset, effects={"time_offset": find("time_offset")}, jobs=1)
     assert result.verdict == "cannot_tell"
     assert result.message.startswith("These data allow no verdict: all trials, yaw_rate: yaw_rate has the wrong sign")
+    assert result.best == ()
     first, *others = result.table.to_dict()["rows"]
     assert first["names"] == ["signs-channel (all trials, yaw_rate)"]
     assert first["left"] < 1e-3
