@@ -32,11 +32,11 @@ LARGEST = 3
 _BASES, _ADDED, _HALF_OF_IT = 2, 3, 0.5
 #: An addition must be seen at this family-wise level,
 _SEEN = 0.01
-#: and the set must explain this much beyond every smaller one, and `table.share_of` what it explains.
+#: and the set must explain this much beyond every smaller one, and the share `table.share_of` of its gain.
 MEMBER = 20.0
-#: A refit that was stopped gains at most so many times what its next step promises: 1.2 to 2 in 20 of them.
+#: A refit that was stopped gains at most so many times what its next step promises: in 20 cases, 1.2 to 2 times.
 _AT_MOST = 2.0
-#: Where a single cause leaves less than that share: a set must explain this much beyond every smaller one.
+#: Where a single cause leaves less than `table.share_of`: a set must explain this much beyond every smaller one.
 MENDED = 200.0
 
 
@@ -60,11 +60,11 @@ def find_combinations(
         candidates: every cause.
         held_out: what refits predict of the held-out trials.
         progress: called with what is being done.
-        small: whether a single cause leaves next to nothing.
+        small: whether a single cause leaves next to nothing; pairs alone are looked for then.
 
     Returns:
         The sets, compared, and all refits that were made; None in place of the sets where no second cause is to be
-        seen, or no set has earned all its members.
+        seen, or no set has earned all its members, or a small one leaves something.
     """
     known = dict(singles)
     found = _searched(known, candidates, held_out, progress, small)
@@ -88,7 +88,7 @@ def _searched(
     progress: Progress,
     small: bool,
 ) -> Comparison | None:
-    """Return the sets, not yet looked at on the held-out trials; what was refitted is added to `known`."""
+    """Return the sets, not yet confirmed on the held-out trials; what was refitted is added to `known`."""
     most = max((refit.gain for refit in known.values()), default=0.0)
     bases = _best(refit for refit in known.values() if not small or refit.gain >= (1.0 - share_of(refit)) * most)
     best: Comparison | None = None
@@ -98,7 +98,7 @@ def _searched(
     for size in range(2, LARGEST if small else LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
-        whole = max(base.gain + evidence(base).saturated_excess() for base in bases)
+        whole = max((base.gain + evidence(base).saturated_excess() for base in bases), default=0.0)
         for grown in (_grown, _grown_by_unscored):
             known.update(found := grown(bases, evidence, known, whole))
             earned.update({names: refit for names, refit in found.items() if pays(refit, known)})
@@ -128,7 +128,7 @@ def _beside(candidates: Sequence[Effect], base: Refit) -> Evidence:
 
 
 def _best(refits: Iterable[Refit]) -> list[Refit]:
-    """Return the refits to extend: those with formulas of other mechanisms that explain most, and the best learned."""
+    """Return the refits to extend: the best formulas of different mechanisms, and the best learned form."""
     ranked = sorted(refits, key=lambda refit: -refit.adjusted)
     formulas: dict[Names, Refit] = {}
     for refit in ranked:
@@ -152,13 +152,13 @@ def _grown(
 def _grown_by_unscored(
     bases: Sequence[Refit], evidence: Callable[[Refit], Evidence], known: Mapping[Names, Refit], whole: float
 ) -> dict[Names, Refit]:
-    """Add causes of which a score says nothing to the best base."""
+    """Add causes of which a score says nothing to the first base, the best formula."""
     return _extended(bases[:1], evidence, known, whole, _unscored_additions)
 
 
 def _resembles(refit: Refit, whole: float) -> bool:
     """Return whether a refit may leave less than a third of all there is to explain."""
-    return refit.gain + refit.promise > (1.0 - THRESHOLDS.resembles) * whole
+    return refit.gain + _AT_MOST * refit.promise > (1.0 - THRESHOLDS.resembles) * whole
 
 
 def _extended(
@@ -247,17 +247,14 @@ def _parts(sufficient: Sequence[Refit], known: Mapping[Names, Refit]) -> dict[Na
         for out in refit.effects:
             names = _less(refit, out.name)
             if names not in known and names not in found:
-                found.update(zip([names], followed(methodcaller("less", out), [refit], [names]), strict=False))
+                for part in followed(methodcaller("less", out), [refit], [names]):
+                    found[names] = part
     return found
 
 
 def _of_size(size: int, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
     """Return the sets of this size that have earned all their members."""
-    return {
-        names: refit
-        for names, refit in known.items()
-        if len(names) == size and (size == 1 or beats_smaller_sets(refit, known))
-    }
+    return {names: refit for names, refit in known.items() if len(names) == size and beats_smaller_sets(refit, known)}
 
 
 def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit], *, small: bool = False) -> bool:

@@ -21,12 +21,12 @@ from mjfish.inspection import Finding
 T = TypeVar("T")
 
 #: Fewest runs of which one can be the odd one, and how many are tried, those of which omnibus waves explain most: one
-#: that was swum as the odd one may be as far off.
+#: of the same drive may be as far off.
 _FEWEST, _TRIED = 4, 2
 
 
 def lone_run(evidence: Evidence) -> int | None:
-    """Return the index of the fitted trial without which nothing contradicts the nominal model; None: of no other one.
+    """Return the index of the fitted trial without which nothing contradicts the nominal model; None: none, or two.
 
     Args:
         evidence: of the nominal model.
@@ -60,7 +60,7 @@ def _without(items: tuple[T, ...], index: int) -> tuple[T, ...]:
 def told(trials: Sequence[Trial], odd: int) -> Finding:
     """Return the finding about the run that holds all of the misfit."""
     name, drive = trials[odd].name, trials[odd].drive
-    repeated = sum(trial.drive == drive for trial in trials) > 1
+    repeated = drive != () and sum(trial.drive == drive for trial in trials) > 1
     return Finding(
         "outlying-run",
         "suspect" if repeated else "remark",

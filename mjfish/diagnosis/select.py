@@ -1,8 +1,8 @@
 """Which causes: the confidence set by test inversion, and the goodness of fit of its members.
 
 A set l of causes stays as long as, were l the truth, the best rival would beat it by the observed margin more often
-than in 5 % of cases; or as long as the likelihood of the best is less than ten times its own: where two causes that can
-be told apart are as likely as each other, the data are odd under both, and name neither. With whitened predictions
+than in 5 % of cases; or as long as the likelihood of the best is less than ten times its own: if two causes
+that can be told apart fit equally well, the data are odd under both, and neither is named. With whitened predictions
 eta_k at the refits and d_k = eta_k - eta_l,
 
     LR_k - LR_l = 2 d_k' eps - |d_k|^2,    eps ~ N(0, 1),    were l true,
@@ -16,7 +16,7 @@ that they have, given the fitted ones (docs/notes/018): often they were swum oth
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -74,11 +74,24 @@ def sharp_p(test: tuple[float, int], gain: float) -> float:
     return 1.0 if statistic - rank < THRESHOLDS.slight * gain else tail(statistic, rank)
 
 
+def excused(p: float, statistic: tuple[float, int], flipped: Callable[[], float]) -> tuple[float, tuple[float, int]]:
+    """Return a p value and a statistic with its rank; where outliers of the noise explain it, no statistic.
+
+    Args:
+        p: of the statistic.
+        statistic: with its rank.
+        flipped: returns the p value over all flips of the signs; asked for only if needed.
+    """
+    if p >= THRESHOLDS.goodness or (by_flips := flipped()) < p:
+        return p, statistic
+    return by_flips, ((0.0, 0) if by_flips >= THRESHOLDS.goodness else statistic)
+
+
 def _unseen(after: Evidence, gain: float) -> tuple[float, tuple[float, int]]:
     """Refit the causes that do nothing up to some size, for no score sees them; return what they explain.
 
-    That is a p value, 1 where the best explains little beside the gain, and the fall of the sum of squares by the best
-    with its degrees of freedom.
+    That is a p value and the fall of the sum of squares by the best with its degrees of freedom, one more for the
+    choice of its size; 1 and nothing where it explains little beside the gain.
     """
     p, found = refit_nonsmooth(after, [e for e in after.candidates if e.starts_off_null() and not e.limits])
     best = max(found.values(), key=lambda refit: refit.gain, default=None)
@@ -108,51 +121,41 @@ class Goodness:
     def _tested(self, refit: Refit) -> dict[str, Any]:
         """Return the p values of the tests and what is left beyond chance, by field of `Row`.
 
-        The cheapest test comes first. None is asked for once the set leaves something systematic that is too large to
-        resemble the truth; causes that no score sees are not, once it is too large to be named.
+        The cheapest test comes first. A set that fails one and leaves more than a third of the misfit is not tested
+        further; one that leaves more than a tenth is not tested for causes without a score.
 
         Raises:
             FloatingPointError: one is no number.
         """
         tests: dict[str, float] = {}
         most = 0.0, 0
-        stages = self._stages(refit)
-        for limit in (THRESHOLDS.resembles, THRESHOLDS.resembles, THRESHOLDS.left, 0.0):
-            names, seen = next(stages)
-            tests.update(names)
-            most = max([most, *((statistic - rank, rank) for statistic, rank in seen)])
-            if np.isnan([most[0], *names.values()]).any():
+        limits = (THRESHOLDS.resembles, THRESHOLDS.resembles, THRESHOLDS.left, THRESHOLDS.left)
+        for limit, stage in zip(limits, self._stages(refit), strict=True):
+            if np.isnan([(p, statistic) for p, (statistic, _) in stage.values()]).any():
                 raise FloatingPointError("a test of what it leaves is no number")
+            tests.update({name: p for name, (p, _) in stage.items()})
+            most = max([most, *((statistic - rank, rank) for _, (statistic, rank) in stage.values())])
             if min(tests.values()) < THRESHOLDS.goodness and most[0] >= limit * (refit.gain + most[0]):
                 break
         return {"tests": tests, "excess": most[0], "rank": most[1]}
 
-    def _stages(self, refit: Refit) -> Iterator[tuple[dict[str, float], list[tuple[float, int]]]]:
-        """Yield p values by test, and the statistics with their ranks, in four stages.
-
-        Where outliers of the noise may be what is left, a p value is that over all flips of signs.
-        """
+    def _stages(self, refit: Refit) -> Iterator[dict[str, tuple[float, tuple[float, int]]]]:
+        """Yield the p value and the statistic with its rank, by test, in four stages."""
         waves = gather(refit.problem, refit.fit, ())
-        common, omnibus_p = waves.common(), waves.omnibus_p()
-        common_p = sharp_p(common, refit.gain)
-        if omnibus_p < THRESHOLDS.goodness:
-            omnibus_p = max(omnibus_p, waves.waves.flipped_p(waves.cleared))
-        if common_p < THRESHOLDS.goodness:
-            common_p = max(common_p, flipped_p(waves.common_waves, waves.cleared))
-        yield {"waves": omnibus_p, "common waves": common_p}, [waves.omnibus, common]
+        common = waves.common()
+        yield {
+            "waves": excused(tail(*waves.omnibus), waves.omnibus, lambda: waves.waves.flipped_p(waves.cleared)),
+            "common waves": excused(
+                sharp_p(common, refit.gain), common, lambda: flipped_p(waves.common_waves, waves.cleared)
+            ),
+        }
         by_run = linearised(refit, self.held_out)
         sizes = by_run.sizes()
-        sizes_p = sharp_p(sizes, refit.gain)
-        if sizes_p < THRESHOLDS.goodness:
-            sizes_p = max(sizes_p, by_run.flipped_p())
-        yield {"sizes by run": sizes_p}, [sizes]
+        yield {"sizes by run": excused(sharp_p(sizes, refit.gain), sizes, by_run.flipped_p)}
         after = gather(refit.problem, refit.fit, self.candidates)
-        saturated_p = after.saturated_p()
-        if saturated_p < THRESHOLDS.goodness:
-            saturated_p = max(saturated_p, flipped_p(after.signatures, after.cleared))
-        yield {"candidates": saturated_p}, [after.saturated()]
-        unseen_p, unseen = _unseen(after, refit.gain)
-        yield {"unseen causes": unseen_p}, [unseen]
+        every = after.saturated()
+        yield {"candidates": excused(tail(*every), every, lambda: flipped_p(after.signatures, after.cleared))}
+        yield {"unseen causes": _unseen(after, refit.gain)}
 
 
 def compared(refits: Mapping[Names, Refit], goodness: Goodness, held_out: HeldOut) -> Comparison:

@@ -15,7 +15,7 @@ def reread(dataset: Dataset, trials: Sequence[str], order: Sequence[int], factor
 
     Args:
         dataset: as it was recorded.
-        trials: names of those that are concerned; empty: all.
+        trials: names of those that are concerned.
         order: (3,) the column that each channel is in.
         factors: (3,) of each channel.
     """
@@ -23,7 +23,7 @@ def reread(dataset: Dataset, trials: Sequence[str], order: Sequence[int], factor
     def of(trial: Trial) -> Trial:
         return replace(trial, velocity=readonly(trial.velocity[:, [*order]] * factors))
 
-    return _changed(dataset, {trial.name: of(trial) for trial in dataset.trials if not trials or trial.name in trials})
+    return _changed(dataset, {trial.name: of(trial) for trial in dataset.trials if trial.name in trials})
 
 
 def redriven(dataset: Dataset, drives: Mapping[str, tuple[DriveSegment, ...]]) -> Dataset:
@@ -32,9 +32,9 @@ def redriven(dataset: Dataset, drives: Mapping[str, tuple[DriveSegment, ...]]) -
 
 
 def resumed(dataset: Dataset, name: str, at: float, by: float) -> Dataset:
-    """Return the dataset with a trial in which frames were lost: its samples from a time on [s] are later by `by`."""
+    """Return the dataset with a trial in which frames were lost: its samples after a time [s] are later by `by`."""
     trial = next(trial for trial in dataset.trials if trial.name == name)
-    return _changed(dataset, {name: replace(trial, time=readonly(trial.time + by * (trial.time >= at)), gaps=True)})
+    return _changed(dataset, {name: replace(trial, time=readonly(trial.time + by * (trial.time > at)), gaps=True)})
 
 
 def _changed(dataset: Dataset, trials: Mapping[str, Trial]) -> Dataset:
