@@ -78,6 +78,8 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Tabl
     refits |= _caught_up(refits)
     goodness = Goodness(begun.applicable, held_out.trials)
     single = _singles(refits, goodness, held_out)
+    if table.blocks:  # whatever else is found, no verdict is given
+        return Compared(replace(table, single=single), refits)
     clear = {row.mechanisms[0] for row in single.retained(clean=True)}
     learned = refit_learned_forms(screening.evidence, begun.learnable, clear, screening.refits)
     if learned:
