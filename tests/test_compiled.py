@@ -47,6 +47,7 @@ def test_the_cache_folder_changes_with_any_compiled_source_and_with_nothing_else
     assert len(set(folders)) == 3
 
 
+@pytest.mark.slow
 def test_a_copy_of_the_package_elsewhere_finds_the_machine_code(tmp_path: Path) -> None:
     """A fresh clone has new dates and a new place; the code is the same."""
     source = Path(compiling.__file__).parent

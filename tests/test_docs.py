@@ -200,6 +200,7 @@ def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("diagnosed_once")
+@pytest.mark.slow
 def test_the_page_of_films_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its commands write the files that it names; small and short films do for that."""
     skip_without_gl()
@@ -215,6 +216,7 @@ def test_the_page_of_films_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
             assert (tmp_path / command.rpartition("--out ")[2].split()[0]).stat().st_size > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("diagnosed_once")
 def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
     """A clock or the servos: the data cannot tell, however they are divided, and the plan knows what would."""
@@ -245,6 +247,7 @@ def test_the_walk_through_a_diagnosis_runs(tmp_path: Path) -> None:
     assert "20 fish" in printed
 
 
+@pytest.mark.slow
 def test_the_page_of_long_diagnoses_runs(tmp_path: Path) -> None:
     """The second time, finished refits are found."""
     (tmp_path / "out").mkdir()

@@ -40,8 +40,9 @@ def test_formulas_are_compared_where_all_learned_sets_fail(
 ) -> None:
     """A set with a learned member that predicts badly makes room for one of formulas; one that holds stays."""
 
-    def find(refits: Any, candidates: Any, *_: Any) -> tuple[Comparison, dict[Any, Any]]:
+    def find(refits: Any, candidates: Any, *_: Any, small: bool) -> tuple[Comparison, dict[Any, Any]]:
         learned = any(refit.learned for refit in refits.values())
+        assert not small
         assert learned == any(effect.learned for effect in candidates)
         return _found(("roll", "lift"), ratio) if learned else _found(("roll", "current"), 0.9)
 

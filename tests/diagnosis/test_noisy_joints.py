@@ -31,6 +31,7 @@ def _explained(seed: int) -> float:
     return statistic / rank
 
 
+@pytest.mark.slow
 def test_noise_of_joints_is_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     """Along noisy joints the scores are 1.6 and 1.9 (p = 0.008, 0.0005), along the best guess 1.1 and 1.4."""
     best = [_explained(seed) for seed in (1, 2)]

@@ -67,6 +67,7 @@ def test_only_a_motion_that_was_smoothed_is_smoothed(lag: float, motion: bool) -
         assert findings.refits["servo_lag"].fit.values["servo_lag.time_constant"] == pytest.approx(lag, rel=0.03)
 
 
+@pytest.mark.slow
 def test_half_a_window_is_left_out_where_a_filter_has_less_to_go_on() -> None:
     """Savitzky and Golay's filter goes on with its last polynomial at the ends; errors are far larger there."""
     last, middle = (signal.savgol_coeffs(11, 4, deriv=1, pos=place) for place in (0, 5))

@@ -236,6 +236,7 @@ def test_a_strong_effect_is_named_in_every_split_that_has_the_numbers_for_it() -
     assert found.splits[2].gain == mjfish.diagnose(again, effects=_FEW, jobs=1).gain
 
 
+@pytest.mark.slow
 def test_the_example_runs() -> None:
     globs = {"mjfish": mjfish}
     example = doctest.DocTestParser().get_doctest(diagnose_splits.__doc__ or "", globs, "splits", None, 0)

@@ -41,16 +41,14 @@ def test_an_error_of_a_task_is_raised_in_its_place() -> None:
             next(results)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "by",
     [
         ("--jobs", "2"),
         pytest.param(
             ("--cluster", "local", "--jobs", "2"),
-            marks=[
-                pytest.mark.skipif(not DASK, reason="Dask is not installed (pip install 'mjfish[cluster]')"),
-                pytest.mark.slow,
-            ],
+            marks=pytest.mark.skipif(not DASK, reason="Dask is not installed (pip install 'mjfish[cluster]')"),
         ),
     ],
     ids=["processes", "dask"],
