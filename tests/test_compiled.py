@@ -125,6 +125,7 @@ def _run(script: Path, code: str) -> str:
     return done.stdout.strip()
 
 
+@pytest.mark.slow
 def test_a_second_process_loads_machine_code_and_adds_none(tmp_path: Path) -> None:
     """Loads are closures over what they call: their key must be the same in every process; a user's are not kept."""
     code = """

@@ -135,6 +135,7 @@ def test_the_closest_model_is_not_shown_where_it_misleads(
             assert ("although its log-likelihood is" in result.message) == (candidate.row.held_out.gained > 0.0)
 
 
+@pytest.mark.slow
 def test_the_same_effect_on_the_list_is_named(pike: Fish) -> None:
     result = diagnose(_fading(pike), effects={**QUICK, "fading_battery": FadingBattery()}, jobs=1)
     assert [cause.name for cause in result.causes] == ["fading_battery"]
@@ -228,6 +229,7 @@ def test_fifths_are_equal_parts_from_the_lowest_to_the_highest() -> None:
         assert sorted(values[labels == name]) == list(100.0 + 20.0 * k + np.arange(20.0))
 
 
+@pytest.mark.slow
 def test_a_misfit_that_no_candidate_could_show_is_still_unexplained(named: Diagnosis) -> None:
     """The coefficients hide a wrong mass wholly: with it as the only candidate there is nothing to refit."""
     result = diagnose(named.dataset, effects={"mass_error": find("mass_error")}, jobs=1)

@@ -182,6 +182,7 @@ def test_a_kept_refit_is_the_same_to_the_last_bit(
             assert [e.name for e in other.problem.model.effects] == [e.name for e in mine.problem.model.effects]
 
 
+@pytest.mark.slow
 def test_finished_refits_are_not_made_again(
     dataset: Dataset, answer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -219,6 +220,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_anything_is_fitted(datas
         diagnose(dataset, effects=QUICK, resume=tmp_path / "file" / "kept")
 
 
+@pytest.mark.slow
 def test_causes_of_a_user_can_be_sent_to_other_processes(dataset: Dataset) -> None:
     """With their compiled loads, and without their file."""
     sent = cloudpickle.dumps(catalogue((OWN,))["linear_damping"])

@@ -71,6 +71,7 @@ def test_a_formula_with_limits_begins_where_its_limit_ended(pike: Fish) -> None:
     assert found["sheared_current"].gain > found["ambient_current"].gain - 1.0
 
 
+@pytest.mark.slow
 def test_a_rolling_fish_leaves_a_wrong_minimum_by_fits_to_ever_longer_stretches() -> None:
     """From the wrong one, twenty times as high, fits to whole runs do not come away."""
     case, roll = draw("roll_loss", "middling", 1, trials=3), find("roll_loss")

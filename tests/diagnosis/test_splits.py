@@ -216,6 +216,7 @@ def test_a_folder_without_room_ends_all_splits(stub: Any) -> None:
         diagnose_splits(_pool(4, (3,)), count=4)
 
 
+@pytest.mark.slow
 def test_a_strong_effect_is_named_in_every_split_that_has_the_numbers_for_it() -> None:
     """No stub: each row is the diagnosis of the dataset divided so. The third run is too short to be fitted alone."""
     hidden = {"values": {"servo_lag.time_constant": 0.04}, "noise": (0.004, 0.004, 0.03), "seed": 2}

@@ -67,6 +67,7 @@ def test_draws_are_those_of_rejection() -> None:
         assert stats.ks_2samp(drawn[:, k] * drawn[:, 0], kept[:, k] * kept[:, 0]).pvalue > 1e-3
 
 
+@pytest.mark.slow
 def test_a_parameter_without_variance_stays_and_one_that_nothing_tells_fills_its_bounds() -> None:
     drawn = truncated_normal(
         np.array([0.3, 0.0]), np.diag([0.0, 1e8]), np.zeros(2), np.array([1.0, 2.0]), 500, np.random.default_rng(3)

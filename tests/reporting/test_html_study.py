@@ -54,6 +54,7 @@ def test_intervals_that_miss_the_truth_stand_out(figures: dict[str, Any]) -> Non
     assert block.remark == "the true value is in 1 of 2 intervals"
 
 
+@pytest.mark.slow
 def test_a_browser_draws_every_figure(tmp_path: Path) -> None:
     rows = (*ROWS, _row("tank", 3, 1.0, outcome="named", right="yes"))
     study.write_study(Collected(rows, {"c": "-"}, "4 of 4 pieces are done.\n", 0, ()), tmp_path / "study.html")
