@@ -22,7 +22,7 @@ from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.fingerprint import fingerprint
 from mjfish.diagnosis.held_out import HeldOut, gain
 from mjfish.diagnosis.isolability import Isolability, isolability
-from mjfish.diagnosis.lone_run import told
+from mjfish.diagnosis.lone_run import odd_run
 from mjfish.diagnosis.missing_force import MissingForce, missing_force, with_velocities
 from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.refit_result import Refit
@@ -53,7 +53,7 @@ def assemble(
     """Return the diagnosis with all that readers look at; a claim is taken back where a part failed."""
     parts, evidence, best = begun.parts, screening.evidence, concluded.best
     dataset, shown = begun.dataset, best or evidence
-    odd = [] if compared.odd is None else [told(evidence.problem.trials, compared.odd)]
+    odd = [] if compared.odd is None else [odd_run(evidence.problem.trials, compared.odd)]
     checks = checks.joined(Inspection.of([*contradicted(shown.problem, shown.fit), *odd], begun.known))
     candidates = candidate_table(begun, evidence, compared)
     converged = {"the nominal model": evidence.fit.status, "the extended model": shown.fit.status}

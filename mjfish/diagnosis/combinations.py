@@ -95,7 +95,7 @@ def _searched(
     goodness = _goodness(candidates, held_out)
     evidence = cache(partial(_beside, candidates))
     pays = partial(beats_smaller_sets, small=small)
-    for size in range(2, LARGEST if small else LARGEST + 1):
+    for size in (2,) if small else range(2, LARGEST + 1):
         progress(f"looking for {size} causes at once", 0.0)
         earned: dict[Names, Refit] = {}
         whole = max((base.gain + evidence(base).saturated_excess() for base in bases), default=0.0)

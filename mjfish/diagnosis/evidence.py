@@ -32,7 +32,7 @@ from mjfish.estimation.time_limit import check_time, limited
 from mjfish.execution import execution
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
-from mjfish.sized_cache import Remade
+from mjfish.sized_cache import Remade, always
 
 T = TypeVar("T")
 
@@ -317,32 +317,44 @@ def gather(
         candidates: effects to score; those already in the model are left out.
         known_signatures: returns their `signatures`, where they are known already.
     """
-    held = {effect.name for effect in problem.model.effects}
-    kept = tuple(effect for effect in candidates if effect.name not in held)
-    amplitudes = tuple(effect.amplitudes() for effect in kept)
+    return with_scores(unscored(problem, fit), candidates, known_signatures)
+
+
+def unscored(problem: Problem, fit: Fit) -> Evidence:
+    """Return the same without any candidate: what the omnibus basis says asks for none."""
     if problem.smoother is not problem:
         fit = replace(fit, linearised=Remade(partial(_linearised, problem, fit)))
     coefficients = span(fit.jacobian.chosen(~fit.at_bound))
-    z = coefficients.off(fit.residual)
+    return Evidence(
+        problem=problem,
+        fit=fit,
+        candidates=(),
+        amplitudes=(),
+        cleared=coefficients.off(fit.residual),
+        score=np.zeros(0),
+        information=np.zeros((0, 0)),
+        raws=always(np.zeros((fit.count, 0))),
+        coefficients=coefficients,
+    )
+
+
+def with_scores(
+    evidence: Evidence, candidates: Sequence[Effect], known_signatures: Callable[[], Slopes] | None = None
+) -> Evidence:
+    """Return an evidence with the scores of candidates, of which it had none; arguments as of `gather`."""
+    problem, fit, coefficients = evidence.problem, evidence.fit, evidence.coefficients
+    held = {effect.name for effect in problem.model.effects}
+    kept = tuple(effect for effect in candidates if effect.name not in held)
     known = None if known_signatures is None else problem.rows(known_signatures()).shared
     raw = signature_rows(problem, fit.values, _unfailing(kept)) if known is None else known
     raws = Remade(partial(signature_rows, problem, fit.values, _unfailing(kept)), raw)
     inside, score, information = coefficients.coordinates(raw), np.zeros(raw.shape[1]), np.zeros((raw.shape[1],) * 2)
     for rows in (*problem.trial_rows, *np.arange(problem.measured, len(raw))[:, None]):
         left = coefficients.off_at(rows, raw, inside)
-        score += left.T @ z[rows]
+        score += left.T @ evidence.cleared[rows]
         information += left.T @ left
-    return Evidence(
-        problem=problem,
-        fit=fit,
-        candidates=kept,
-        amplitudes=amplitudes,
-        cleared=z,
-        score=score,
-        information=information,
-        raws=raws,
-        coefficients=coefficients,
-    )
+    amplitudes = tuple(effect.amplitudes() for effect in kept)
+    return replace(evidence, candidates=kept, amplitudes=amplitudes, score=score, information=information, raws=raws)
 
 
 def _linearised(problem: Problem, fit: Fit) -> Linearised:

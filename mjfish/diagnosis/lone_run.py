@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -17,8 +16,6 @@ from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.estimation import fit
 from mjfish.inspection import Finding
-
-T = TypeVar("T")
 
 #: Fewest runs of which one can be the odd one, and how many are tried, those of which omnibus waves explain most: one
 #: of the same drive may be as far off.
@@ -43,9 +40,8 @@ def lone_run(evidence: Evidence) -> int | None:
 
 def _rest_fits(evidence: Evidence, index: int) -> bool:
     """Return whether nothing contradicts the nominal model, fitted without one trial."""
-    every = evidence.problem
-    windows = None if every.windows is None else _without(every.windows, index)
-    problem = replace(every, trials=_without(every.trials, index), windows=windows)
+    every = evidence.problem.trials
+    problem = replace(evidence.problem, trials=(*every[:index], *every[index + 1 :]), windows=None)
     found = fit(problem, problem.start(evidence.fit.values), tolerance=1e-6)
     if found.lost:
         return False
@@ -53,11 +49,7 @@ def _rest_fits(evidence: Evidence, index: int) -> bool:
     return min(after.saturated_p(), after.omnibus_p()) >= THRESHOLDS.goodness
 
 
-def _without(items: tuple[T, ...], index: int) -> tuple[T, ...]:
-    return (*items[:index], *items[index + 1 :])
-
-
-def told(trials: Sequence[Trial], odd: int) -> Finding:
+def odd_run(trials: Sequence[Trial], odd: int) -> Finding:
     """Return the finding about the run that holds all of the misfit."""
     name, drive = trials[odd].name, trials[odd].drive
     repeated = drive != () and sum(trial.drive == drive for trial in trials) > 1

@@ -160,17 +160,16 @@ def _screened(
         noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1]().velocity, stated)
     else:
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
-    coarse: dict[str, Refit] = {}
-    if refitted and _same(problem, baseline, noise):
-        coarse, refitted = refitted, {}
     test = _NominalTest(candidates, slopes, progress)
     seen = test.run(problem, baseline, noise)
     if seen.p_wrong >= THRESHOLDS.alarm:  # patterns common to all runs may be taken for noise
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated)
         seen = test.repeat(seen, noise)
     if seen.p_wrong < THRESHOLDS.alarm:
-        known = {**seen.refits, **coarse}
-        refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), refitted, known)
+        earlier, known = refitted, seen.refits
+        if seen.evidence.problem is problem:  # under the same noise, they are refits of this evidence already
+            earlier, known = {}, {**seen.refits, **refitted}
+        refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), earlier, known)
     else:
         refitted = {}
     if not refitted:

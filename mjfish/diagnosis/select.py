@@ -25,7 +25,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis.constancy import linearised
-from mjfish.diagnosis.evidence import Evidence, gather, tail
+from mjfish.diagnosis.evidence import Evidence, tail, unscored, with_scores
 from mjfish.diagnosis.failures import finite, tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import refit_nonsmooth
@@ -141,20 +141,23 @@ class Goodness:
 
     def _stages(self, refit: Refit) -> Iterator[dict[str, tuple[float, tuple[float, int]]]]:
         """Yield the p value and the statistic with its rank, by test, in four stages."""
-        waves = gather(refit.problem, refit.fit, ())
-        common = waves.common()
+        here = unscored(refit.problem, refit.fit)
+        common = here.common()
         yield {
-            "waves": excused(tail(*waves.omnibus), waves.omnibus, lambda: waves.waves.flipped_p(waves.cleared)),
+            "waves": excused(here.omnibus_p(), here.omnibus, lambda: here.waves.flipped_p(here.cleared)),
             "common waves": excused(
-                sharp_p(common, refit.gain), common, lambda: flipped_p(waves.common_waves, waves.cleared)
+                sharp_p(common, refit.gain), common, lambda: flipped_p(here.common_waves, here.cleared)
             ),
         }
         by_run = linearised(refit, self.held_out)
         sizes = by_run.sizes()
         yield {"sizes by run": excused(sharp_p(sizes, refit.gain), sizes, by_run.flipped_p)}
-        after = gather(refit.problem, refit.fit, self.candidates)
-        every = after.saturated()
-        yield {"candidates": excused(tail(*every), every, lambda: flipped_p(after.signatures, after.cleared))}
+        after = with_scores(here, self.candidates)
+        yield {
+            "candidates": excused(
+                after.saturated_p(), after.saturated(), lambda: flipped_p(after.signatures, after.cleared)
+            )
+        }
         yield {"unseen causes": _unseen(after, refit.gain)}
 
 

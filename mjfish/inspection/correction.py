@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from mjfish.arrays import readonly
+from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive.cpg import DriveSegment
 
 
-def reread(dataset: Dataset, trials: Sequence[str], order: Sequence[int], factors: Sequence[float]) -> Dataset:
+def reread(dataset: Dataset, trials: Sequence[str], order: Sequence[int], factors: FloatArray) -> Dataset:
     """Return the dataset with the velocities of some trials read from other columns, then multiplied.
 
     Args:

@@ -206,7 +206,7 @@ def signs(found: Mapping[str, dict[Reading, float]]) -> Iterator[Finding]:
             _reading_remedy(reading),
             trials=() if everywhere else tuple(names),
             channels=channels,
-            corrected=partial(reread, trials=names, order=reading.order, factors=reading.signs),
+            corrected=partial(reread, trials=names, order=reading.order, factors=np.array(reading.signs)),
         )
 
 
@@ -229,6 +229,7 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
         factor = min(known, key=lambda f: abs(np.log(size / f)))
         near = abs(np.log(size / factor)) < np.log(_NEAR_UNIT)
         everywhere = len(strange) == len(sizes)
+        factors = np.where(np.arange(len(CHANNELS)) == channel, 1.0 / factor, 1.0)
         yield Finding(
             "signs-unit",
             "blocks" if near else "suspect",  # far from any unit: a fish that hardly follows its drive is so, too
@@ -238,12 +239,8 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
             known[factor] if near else "check the unit and the drive",
             trials=() if everywhere else tuple(strange),
             channels=(name,),
-            corrected=partial(reread, trials=[*strange], order=range(3), factors=_only(channel, 1.0 / factor)),
+            corrected=partial(reread, trials=[*strange], order=range(3), factors=factors),
         )
-
-
-def _only(channel: int, factor: float) -> list[float]:
-    return [factor if c == channel else 1.0 for c in range(len(CHANNELS))]
 
 
 def size(trial: Trial, guessed: Sequence[Guess | None]) -> FloatArray | None:

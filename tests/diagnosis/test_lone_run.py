@@ -11,7 +11,7 @@ from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis import diagnose
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.lone_run import lone_run, told
+from mjfish.diagnosis.lone_run import lone_run, odd_run
 from mjfish.effects import catalogue, of_fish
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish
@@ -52,7 +52,7 @@ def test_a_run_that_does_not_go_with_its_repeat_is_suspect(pike: Fish) -> None:
         scaled = replace(data.trials[3], velocity=readonly(1.15 * data.trials[3].velocity))
         evidence = _evidence(replace(data, trials=(*data.trials[:3], scaled, data.trials[4])))
         assert lone_run(evidence) == 3
-        found = told(evidence.problem.trials, 3)
+        found = odd_run(evidence.problem.trials, 3)
         assert (found.code, found.severity, found.trials) == ("outlying-run", severity, (scaled.name,))
 
 
