@@ -321,7 +321,7 @@ def gather(
 
 
 def unscored(problem: Problem, fit: Fit) -> Evidence:
-    """Return the same without any candidate: what the omnibus basis says asks for none."""
+    """Return the evidence at a fit without candidates; the omnibus basis needs none."""
     if problem.smoother is not problem:
         fit = replace(fit, linearised=Remade(partial(_linearised, problem, fit)))
     coefficients = span(fit.jacobian.chosen(~fit.at_bound))
@@ -341,7 +341,7 @@ def unscored(problem: Problem, fit: Fit) -> Evidence:
 def with_scores(
     evidence: Evidence, candidates: Sequence[Effect], known_signatures: Callable[[], Slopes] | None = None
 ) -> Evidence:
-    """Return an evidence with the scores of candidates, of which it had none; arguments as of `gather`."""
+    """Add the scores of candidates to an evidence without any; arguments as of `gather`."""
     problem, fit, coefficients = evidence.problem, evidence.fit, evidence.coefficients
     held = {effect.name for effect in problem.model.effects}
     kept = tuple(effect for effect in candidates if effect.name not in held)

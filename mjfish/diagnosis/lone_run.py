@@ -23,7 +23,9 @@ _FEWEST, _TRIED = 4, 2
 
 
 def lone_run(evidence: Evidence) -> int | None:
-    """Return the index of the fitted trial without which nothing contradicts the nominal model; None: none, or two.
+    """Return the index of the fitted trial without which nothing contradicts the nominal model.
+
+    None where there is none, or two.
 
     Args:
         evidence: of the nominal model.

@@ -75,7 +75,7 @@ def sharp_p(test: tuple[float, int], gain: float) -> float:
 
 
 def excused(p: float, statistic: tuple[float, int], flipped: Callable[[], float]) -> tuple[float, tuple[float, int]]:
-    """Return a p value and a statistic with its rank; where outliers of the noise explain it, no statistic.
+    """Return a p value, and a statistic with its rank; the last two are 0 where outliers of the noise explain it.
 
     Args:
         p: of the statistic.
