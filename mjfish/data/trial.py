@@ -90,6 +90,7 @@ class Trial:
         errors: (modes, n, 3 + joints) what is known of the errors of `velocity` and `joint_angle`: their sum, each mode
             times an independent standard normal number (`mjfish.data.error_modes`); None: not known.
         sensors: what else was measured, each on its own clock.
+        walk: sizes of the modes of the walk of the drive's clock [s^0.5] (`mjfish.drive.walk`); none: it does not walk.
 
     Example:
         >>> import mjfish
@@ -115,6 +116,7 @@ class Trial:
     hold: Hold = "linear"
     from_rest: bool = False
     sensors: tuple[Sensor, ...] = ()
+    walk: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
         """Return one line: name, role, samples, duration, rate and what moves the joints."""
@@ -166,6 +168,11 @@ class Trial:
         A wave starts it from rest where it has a ramp; measured or commanded angles do where the dataset says so.
         """
         return self.from_rest or (self.joint_angle is None and (self.wave is None or self.wave.ramp > 0.0))
+
+    @property
+    def level_walk(self) -> bool:
+        """Whether phase and frequency of the drive are known of the whole run, so that its walk has no trend."""
+        return self.wave is not None and self.wave.free
 
     def waved(self, frequency: float, phase: float, scale: float = 1.0) -> Trial:
         """Return the trial with another wave.

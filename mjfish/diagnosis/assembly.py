@@ -78,9 +78,7 @@ def assemble(
             *([] if evidence.problem.samples else [SMOOTHED]),
         ),
         checks=checks,
-        causes=tuple(Cause.of(effect, shown.fit, shown.problem.model) for effect in best.effects)
-        if best is not None and named
-        else (),
+        causes=tuple(_causes(compared, best)) if named else (),
         mechanisms=concluded.mechanisms if named else (),
         domain=concluded.domain,
         rivals=decision.rivals,
@@ -106,6 +104,15 @@ def assemble(
         provenance=provenance(dataset, begun.candidates, begun.seed),
         **views,
     )
+
+
+def _causes(compared: Compared, best: Refit | None) -> Iterator[Cause]:
+    """Yield the causes that the extended model has, then random ones."""
+    if best is not None:
+        yield from (Cause.of(effect, best.fit, best.problem.model) for effect in best.effects)
+    for row in compared.table.random:
+        (name,) = row.names
+        yield Cause(name, row.causes[name], {full.partition(".")[2]: size for full, size in row.sizes.items()})
 
 
 def _of_sensors(dataset: Dataset) -> Iterator[str]:

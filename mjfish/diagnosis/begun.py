@@ -10,6 +10,7 @@ from mjfish.data import Dataset
 from mjfish.diagnosis.failures import Parts
 from mjfish.diagnosis.progress import Progress, silent
 from mjfish.effects import Effect
+from mjfish.effects.clock_wander import ClockWander
 from mjfish.estimation import Problem
 
 
@@ -47,7 +48,12 @@ class Begun:
     @property
     def applicable(self) -> tuple[Effect, ...]:
         """The formulas that the dataset can show."""
-        return tuple(e for e in self.known.values() if not (e.learned or self.reasons[e.name]))
+        return tuple(e for e in self.known.values() if not (e.learned or e.random or self.reasons[e.name]))
+
+    @property
+    def walks(self) -> bool:
+        """Whether it is asked if the clock of the drive wanders."""
+        return any(isinstance(e, ClockWander) and not self.reasons[e.name] for e in self.known.values())
 
     @property
     def learnable(self) -> tuple[Effect, ...]:

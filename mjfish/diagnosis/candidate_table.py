@@ -20,7 +20,7 @@ def candidate_table(begun: Begun, evidence: Evidence, compared: Compared) -> tup
     rows, found = {row.names: row for row in compared.table.rows}, []
     for effect in begun.known.values():
         row = rows.get((effect.name,))
-        if effect.learned:
+        if effect.learned or (effect.random and not begun.reasons[effect.name]):
             if row is not None:
                 found.append(Candidate(effect.name, True, remark=_remark(row), row=row))
         elif reason := begun.reasons[effect.name]:

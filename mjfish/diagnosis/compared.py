@@ -14,6 +14,7 @@ from mjfish.diagnosis.forms import refit_learned_forms
 from mjfish.diagnosis.held_out import HeldOut, pooled_error
 from mjfish.diagnosis.lone_run import lone_run
 from mjfish.diagnosis.progress import Progress, part
+from mjfish.diagnosis.random_cause import random_causes
 from mjfish.diagnosis.refit import lowest
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.screening import Screening
@@ -56,7 +57,9 @@ def compare(
         blocks: findings about the data with which no verdict is worth its words.
         corrections: rows of corrections of the data.
     """
-    table = Table(screening.p_wrong, blocks=tuple(block.message for block in blocks), corrections=tuple(corrections))
+    random = begun.parts.run("the walk of the clock", lambda: random_causes(screening.evidence, screening.p_wrong), ())
+    told = tuple(block.message for block in blocks)
+    table = Table(screening.p_wrong, blocks=told, corrections=tuple(corrections), random=random)
     found = _compared(begun, screening, held_out, table)
     return replace(found, table=found.table.described(lambda row: _described(row, found.refits[row.names], held_out)))
 

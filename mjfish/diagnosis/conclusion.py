@@ -15,7 +15,7 @@ from mjfish.diagnosis.held_out import HeldOut, pooled_error
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.screening import Screening
 from mjfish.diagnosis.table import Row
-from mjfish.diagnosis.verdict import Decision, decide, message_of
+from mjfish.diagnosis.verdict import Decision, decide_beside, message_of, with_random
 from mjfish.effects import Effect
 from mjfish.effects.mechanism import Domain
 
@@ -47,7 +47,7 @@ def conclude(begun: Begun, screening: Screening, compared: Compared, held_out: H
         held_out: what refits predict of the held-out trials.
     """
     parts, refits = begun.parts, compared.refits
-    decision = decide(compared.table)
+    decision = decide_beside(compared.table)
     closest = None if compared.table.blocks else compared.table.single.closest()  # what fits misread data says nothing
     best = refits.get(decision.sets[0] if decision.sets else () if closest is None else closest.names)
     mechanisms: tuple[NamedMechanism, ...] = ()
@@ -64,7 +64,7 @@ def conclude(begun: Begun, screening: Screening, compared: Compared, held_out: H
         domain = parts.run("the domain", lambda: explaining_domain(screening.evidence, begun.learnable), None)
         if best is not None and held_out.trials and (why := _misleading(best, held_out)):
             decision, best = replace(decision, message=decision.message + why), None
-    return Conclusion(decision, best, mechanisms, domain)
+    return Conclusion(with_random(decision, compared.table), best, mechanisms, domain)
 
 
 def _with_form(

@@ -130,7 +130,7 @@ def _begun(dataset: Dataset, effects: Mapping[str, Effect], parts: Parts) -> Beg
         reason = _PART if own.name in problem.nominal else tried([own.name], partial(own.not_applicable, dataset), "")
         candidates.append(own)
         reasons[own.name] = reason
-    if not parts.failures and all(reasons[effect.name] or effect.learned for effect in candidates):
+    if not parts.failures and all(reasons[e.name] or e.learned or e.random for e in candidates):
         raise InputError(f"{dataset.name}: none of the {len(candidates)} effects applies to this dataset; add one")
     check_enough(problem, dataset.name)
     return Begun(measured, dataset, tuple(candidates), reasons, parts, stated, problem)
@@ -149,7 +149,7 @@ def _diagnosed(begun: Begun) -> Diagnosis:
         raise PartFailedError(_WHOLE, "no candidate is left that could be tried")
     begun.progress("testing the data", 0.0)
     checks = begun.parts.run("the tests of the data", lambda: inspect(begun.measured, begun.known), Inspection())
-    screening = screen(begun.problem, begun.applicable, begun.stated, begun.progress)
+    screening = screen(begun.problem, begun.applicable, begun.stated, begun.progress, walks=begun.walks)
     checks = checks.joined(_checks_of_fit(begun, screening, checks))
     nothing = dict[Finding, Finding](), tuple[Row, ...]()
     refuted, corrections = begun.parts.run(

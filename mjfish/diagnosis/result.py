@@ -235,8 +235,11 @@ class Diagnosis(Result):
 
     @property
     def fish(self) -> Extended:
-        """The fish with the causes that explain most, at the estimates: `mjfish.simulate` takes it."""
-        return Extended(self.extended_model, {name: value.estimate for name, value in self.extended.items()})
+        """The fish with the causes that explain most, and random ones, at the estimates: `mjfish.simulate` takes it."""
+        model, sizes = self.extended_model, dict(self.extended)
+        for row in self.table.random:
+            model, sizes = model.extended(self.effects[row.names[0]]), sizes | dict(row.sizes)
+        return Extended(model, {name: value.estimate for name, value in sizes.items()})
 
     def summary(self) -> str:
         """Return verdict, causes with sizes and curves, gain, status and what to do next, in at most ten lines."""

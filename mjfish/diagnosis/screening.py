@@ -32,7 +32,8 @@ from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.table import THRESHOLDS
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
-from mjfish.estimation.noise_of_fit import noise_of, smoothing_of
+from mjfish.estimation.clock_wander import CLEAR, log_likelihood_gained, of_every_run, with_size
+from mjfish.estimation.noise_of_fit import noise_of, smoothing_of, walk_of
 from mjfish.estimation.problem import Slopes
 from mjfish.estimation.sensor_noise import having_noise_of, with_sensor_noise
 from mjfish.noise import DifferentiationNoise, GaussMarkov
@@ -45,7 +46,7 @@ _SAME = 0.1
 _DIRECTED, _OMNIBUS, _NONSMOOTH = 0.625, 0.125, 0.25
 #: P value below which uncertainty of the noise is no explanation.
 _BEYOND = 1e-12
-#: Rounds of estimating the noise of sensors before the nominal fit, and most evaluations of their fits.
+#: Rounds of estimating the noise of sensors before the nominal fit, and beside a walk; most evaluations of the former.
 _ROUNDS, _ROUGH = 2, 15
 #: Mean square under the stated noise below which a refit tells the noise, where the nominal model is far off.
 _FITTED = 1.5
@@ -75,6 +76,8 @@ def screen(
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
     progress: Progress,
+    *,
+    walks: bool,
 ) -> Screening:
     """Fit the nominal model, estimate the noise, test the residual, and refit with every candidate.
 
@@ -87,6 +90,7 @@ def screen(
         candidates: effects that apply to the dataset.
         stated: (3,) standard deviations of the noise that the dataset states; None: it states none.
         progress: called with what is being done.
+        walks: whether it is asked if the clock of the drive wanders.
     """
     progress("fitting the nominal model", 0.02)
     problem, start = resolved(problem)
@@ -107,7 +111,10 @@ def screen(
         if smoothing != problem.smoothing:
             problem = replace(problem, smoothing=smoothing)
             baseline, slopes = _fitted(problem, baseline.x, candidates)
-        results[problem.smoothing], smoothing = _screened(problem, baseline, slopes, candidates, stated, progress)
+        begun = problem, baseline, slopes
+        if walks and (size := walk_of(problem, baseline, slopes().velocity, stated)):
+            begun = _walking(problem, baseline, slopes, size, candidates, stated)
+        results[problem.smoothing], smoothing = _screened(*begun, candidates, stated, progress)
         if known:  # the dataset says through which filter its velocities went
             smoothing = problem.smoothing
     screening = results[smoothing]
@@ -153,7 +160,7 @@ def _screened(
 ) -> tuple[Screening, Filter | None]:
     """Screen with the smoothing of the problem; return the screening, and the suggested smoothing."""
     refitted: dict[str, Refit] = {}
-    if stated is not None:
+    if stated is not None and not problem.walk:
         refitted = _under_the_known_noise(problem, baseline, slopes, candidates, part(progress, 0.05, 0.1))
     if refitted:
         best = leader(refitted)
@@ -187,6 +194,36 @@ def _screened(
     if refitted:
         refitted = settled(refitted, part(progress, 0.6, 0.1))
     return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < THRESHOLDS.alarm, remark), smoothing
+
+
+def _walking(
+    problem: Problem,
+    baseline: Fit,
+    slopes: Remade[Slopes],
+    size: float,
+    candidates: tuple[Effect, ...],
+    stated: FloatArray | None,
+) -> tuple[Problem, Fit, Remade[Slopes]]:
+    """Return the problem with a walk of the drive's clock, its fit, and the signatures there.
+
+    Size and noise depend on each other. A walk that gains little is left out again.
+    """
+    walking, found, along = problem, baseline, slopes
+    for _ in range(_ROUNDS):
+        noise, _ = noise_of(walking, found, along().velocity, stated, patterns=False)
+        walking, found = with_size(replace(problem, noise=noise), found, size)
+        if not walking.walk:
+            return problem, baseline, slopes
+        size, along = walking.walk, _signatures(walking, found.values, candidates)
+    before = problem, baseline, slopes
+    if log_likelihood_gained(walking, found) < CLEAR or not of_every_run(walking, found):
+        return before
+    if far_off(baseline):  # what no linearised model explains of a large misfit may look like a walk
+        rivals = refits(gather(problem, baseline, candidates, slopes), candidates)
+        left = float(np.sum(replace(walking, noise=problem.noise).residual(found.x) ** 2))
+        if rivals and leader(rivals).fit.sse < left:
+            return before
+    return walking, found, along
 
 
 def _under_the_known_noise(

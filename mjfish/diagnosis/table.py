@@ -288,6 +288,8 @@ class Table:
         others: single causes compared without those that failed on held-out trials; None where none did.
         blocks: findings about the data with which no verdict is worth its words.
         corrections: of the data, that findings propose; each is compared with the data as they stand.
+        random: causes that are drawn anew for every run. Their sizes are a part of the noise, beside which all sets are
+            compared.
     """
 
     p_wrong: float = np.nan
@@ -296,12 +298,13 @@ class Table:
     others: Comparison | None = None
     blocks: tuple[str, ...] = ()
     corrections: tuple[Row, ...] = ()
+    random: tuple[Row, ...] = ()
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """Corrections of the data, then every set, the smaller ones first, those of one size by how far behind."""
+        """Corrections of the data, random causes, then every set, the smaller ones first, those of one size by how far behind."""
         every = [*self.single.joined(self.others).rows.values(), *(self.several or Comparison()).rows.values()]
-        return (*self.corrections, *sorted(every, key=lambda row: (len(row.names), row.behind)))
+        return (*self.corrections, *self.random, *sorted(every, key=lambda row: (len(row.names), row.behind)))
 
     def described(self, describe: Callable[[Row], Row]) -> Table:
         """Return the table with every row as a function has it."""

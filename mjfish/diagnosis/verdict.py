@@ -58,7 +58,7 @@ def shared(sets: Sequence[Names]) -> Names:
 
 
 def decide(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
-    """Decide, by the first of these rules that applies.
+    """Decide, by the first of these rules that applies. Random causes are added to what they say.
 
     - something about the data makes any verdict worthless: ``cannot_tell``;
     - the nominal model is not contradicted: ``nothing_wrong``;
@@ -79,6 +79,23 @@ def decide(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
         >>> decide(Table(p_wrong=0.4)).verdict
         'nothing_wrong'
     """
+    return with_random(decide_beside(table, limits), table)
+
+
+def with_random(decision: Decision, table: Table) -> Decision:
+    """Return a decision with the random causes of a table, beside which it was made."""
+    if not table.random or table.blocks:
+        return decision
+    names = tuple(name for row in table.random for name in row.names)
+    if decision.verdict == "nothing_wrong":
+        return Decision("named", (names,), message_of(table.random, claimed=True))
+    listed = " and ".join(f"{name} ({what})" for row in table.random for name, what in row.causes.items())
+    sets = tuple((*own, *names) for own in decision.sets)
+    return replace(decision, sets=sets, message=f"{decision.message} Beside it: {listed}.")
+
+
+def decide_beside(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
+    """Decide as `decide` does, random causes left out."""
     if table.blocks:
         return Decision("cannot_tell", (), f"These data allow no verdict: {table.blocks[0]}.")
     if table.p_wrong >= limits.alarm:

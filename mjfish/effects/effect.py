@@ -63,6 +63,7 @@ class Effect(ABC):
         mechanism: of which it is a form, by its name in `mjfish.effects.mechanism`; without one, it is its own.
         learned: whether its form is learned from the data: numbers of a curve, kept smooth by `priors`. It is
             asked for only where no formula of the catalogue explains the data, and to judge such formulas.
+        random: whether it is drawn anew for every run (`drawn`): its size is a part of the noise, and estimated so.
         summary: one line, as a reader would say it.
         parameters: its numbers; ``default`` is the null value at which it does nothing. At least one is no ``shape``.
         source: where the physics comes from.
@@ -97,6 +98,7 @@ class Effect(ABC):
     domain: ClassVar[Domain]
     mechanism: ClassVar[str] = ""
     learned: ClassVar[bool] = False
+    random: ClassVar[bool] = False
     summary: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     source: ClassVar[str]
@@ -133,6 +135,11 @@ class Effect(ABC):
         """Say why a simulated run cannot have this effect, whatever its size; empty where it can."""
         del trial
         return ""
+
+    def drawn(self, rng: np.random.Generator) -> dict[str, float]:
+        """Return numbers, by short name, that are drawn anew for every run; none: the cause is not random."""
+        del rng
+        return {}
 
     def constants(self, trial: Trial) -> tuple[float, ...]:
         """Return numbers of the trial that the load gets behind its parameters: where the walls are, say."""

@@ -35,6 +35,7 @@ _ALL = (
     Mechanism("camera_axes", "data", "the camera's axes are turned", "-"),
     Mechanism("lens", "data", "the camera's lens bends lines", "place"),
     Mechanism("tracked_point", "data", "another point is tracked", "-"),
+    Mechanism("clock_wander", "drive", "the clock of the drive wanders at random", "-"),
     Mechanism("servo_dynamics", "drive", "the joints follow their command late", "command and its rate"),
     Mechanism("servo_limit", "drive", "the joints end at other angles than they are told", "command"),
     Mechanism("servo_play", "drive", "the gears have play", "command"),

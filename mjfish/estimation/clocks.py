@@ -6,7 +6,7 @@ The phase is that in the middle of the record, where it does not trade with the 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,17 +14,28 @@ import numpy as np
 from mjfish.data import Dataset, Trial
 from mjfish.data.importers.smoothing import beat_frequency
 from mjfish.data.looking import for_looking
+from mjfish.drive.walk import MOST, count
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 from mjfish.model import Model
 from mjfish.parameter import Parameter
 
-FREQUENCY, PHASE, SCALE = "wave.frequency", "wave.phase", "wave.scale"
+FREQUENCY, PHASE, SCALE, WALK = "wave.frequency", "wave.phase", "wave.scale", "walk"
+#: Largest size of a mode of a walk, in units of that of the walk.
+_FAR = 8.0
 #: How far a frequency may be off [1], and how far a phase after `aligned` [rad]; scale of a phase [rad] and
 #: of the scale of angles.
 _OFF, _TURN, _PHASE_SCALE, _SCALE_SCALE = 0.05, 1.0, 0.05, 0.03
 #: Phases tried by `aligned`.
 _TRIED = 16
+
+
+def walk(trial: Trial, size: float) -> Iterator[Parameter]:
+    """Yield the modes of the walk of a trial's drive, of a size [s^0.5]; none where its joints were measured."""
+    if size > 0.0 and not trial.joints_measured:
+        for mode in range(count(float(trial.time[-1] - trial.time[0]))):
+            name = f"{trial.name}:{WALK}.{mode}"
+            yield Parameter(name, "s^0.5", 0.0, -_FAR * size, _FAR * size, 0.0, size, about="of the clock", sd=size)
 
 
 def parameters(trial: Trial) -> tuple[Parameter, ...]:
@@ -53,7 +64,10 @@ def scale(name: str) -> Parameter:
 
 
 def clocked(trial: Trial, values: Mapping[str, float]) -> Trial:
-    """Return the trial with the frequency, phase and scale that `values` have for its wave."""
+    """Return the trial with the frequency, phase and scale that `values` have for its wave, and the walk."""
+    modes = [values[name] for m in range(MOST) if (name := f"{trial.name}:{WALK}.{m}") in values]
+    if modes:
+        trial = replace(trial, walk=tuple(modes))
     if trial.wave is None:
         return trial
     known = trial.wave.frequency

@@ -28,6 +28,7 @@ from mjfish.data import Trial
 from mjfish.data.filters import Differentiator, Filter
 from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.effects import Effect
+from mjfish.estimation.clock_wander import LinearWalk, first_size
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.omnibus import omnibus
 from mjfish.estimation.problem import Problem
@@ -88,6 +89,20 @@ def noise_of(
     base, words = forced(left, jacobians()) if rest is not None else select(left, stated, jacobians, patterns=patterns)
     allowed = "errors of the measured joint angles are allowed for"
     return ErrorsInVariables.of(base, joints.loadings), f"{words}; {allowed}" if words else f"noise: {allowed}"
+
+
+def walk_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: FloatArray | None) -> float:
+    """Return the size of a walk of the drive's clock that the residual of a fit shows [s^0.5]; 0 where none is clear.
+
+    Args:
+        problem, fit, known, stated: as in `noise_of`.
+    """
+    left = saturated(problem, fit, known)
+    jacobians = functools.cache(lambda: state_jacobians(problem, fit.values))
+    chosen = functools.partial(select, stated=stated, jacobians=jacobians, patterns=False)
+    noise, _ = chosen(left)
+    white = isinstance(noise, Autoregressive) and noise.order == 0  # nothing wanders then
+    return 0.0 if white else first_size(LinearWalk(problem, fit.values), left, noise, chosen)
 
 
 def noise_sample(problem: Problem, residuals: Sequence[FloatArray]) -> NoiseSample:

@@ -107,6 +107,7 @@ class Problem:
         joint_errors: returns what whitens the sensors of a trial for the errors of its measured joint angles, of the
             sigma and the mask of each; None where they do not matter: its sensors have white noise alone then, and
             those of all trials where it is None.
+        walk: size of the walk of the drive's clock [s^0.5], whose modes are parameters of every trial; 0: there is none.
     """
 
     model: Model
@@ -123,11 +124,12 @@ class Problem:
     prior_sds: Mapping[str, float] = field(default_factory=dict)
     sensor_sigma: Mapping[str, FloatArray] = field(default_factory=dict)
     joint_errors: Callable[[Trial, Sequence[FloatArray], Sequence[BoolArray]], Whitening | None] | None = None
+    walk: float = 0.0
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The free parameters: the model's, then the nuisance parameters of every trial."""
-        own = (p for trial in self.trials for p in nuisances(trial, self.free_clock))
+        own = (p for trial in self.trials for p in nuisances(trial, self.free_clock, self.walk))
         scales = [clocks.SCALE, *(f"{trial.name}:{clocks.SCALE}" for trial in self.trials)]
         scaled = (clocks.scale(name) for name in scales if name in self.declared)
         every = (*self.model.parameters, *own, *scaled)
@@ -619,11 +621,11 @@ def left(trial: Trial, predicted: FloatArray) -> FloatArray:
     return np.where(trial.measured, trial.velocity - predicted, 0.0)
 
 
-def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:
+def nuisances(trial: Trial, free_clock: bool, walk: float = 0.0) -> tuple[Parameter, ...]:
     """Return what must be fitted in this trial alone.
 
     Start velocity unless at rest, clock offsets where they are free, frequency and phase of a wave with a clock of its
-    own, and what sensors see of the pose at the start.
+    own, the modes of its clock's walk, and what sensors see of the pose at the start.
     """
     declared = []
     if not trial.starts_at_rest:
@@ -637,7 +639,7 @@ def nuisances(trial: Trial, free_clock: bool) -> tuple[Parameter, ...]:
         declared.append(
             Parameter(f"{trial.name}:clock.offset", "s", 0.0, -0.25, 0.25, 0.0, _CLOCK_SCALE, about="clock offset")
         )
-    return (*declared, *clocks.parameters(trial), *_of_sensors(trial))
+    return (*declared, *clocks.parameters(trial), *clocks.walk(trial, walk), *_of_sensors(trial))
 
 
 def _of_sensors(trial: Trial) -> Iterator[Parameter]:

@@ -166,7 +166,7 @@ def _alone(fitted: Problem, values: Mapping[str, float], trial: Trial) -> tuple[
     """
     shared = {name: value for name, value in {**fitted.fixed, **values}.items() if ":" not in name}
     alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
-    if not nuisances(trial, fitted.free_clock):
+    if not nuisances(trial, fitted.free_clock, fitted.walk):
         return alone, alone
     counted = np.sort(np.concatenate([trial.time[alone.mask(0)], *_sensor_times(alone)]))
     split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))

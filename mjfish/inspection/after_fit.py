@@ -14,6 +14,7 @@ import numpy as np
 from mjfish.arrays import FloatArray, robust_sigma
 from mjfish.data import Trial
 from mjfish.effects import Effect
+from mjfish.estimation.clocks import clocked
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
 from mjfish.frames import CHANNELS
@@ -61,9 +62,9 @@ def _of_velocities(problem: Problem, fit: Fit, held: Sequence[Trial]) -> list[Fi
     found = _labels(problem, trials, shared, sigma)
     wrong = {name for finding in found for name in finding.trials}
     for trial in trials:
-        if trial.name not in wrong:
+        if trial.name not in wrong and not (problem.walk and trial in held):  # nobody knows its walk
             offset = values.get(f"{trial.name}:clock.offset", 0.0)
-            found += clock(trial, _shifted(problem, trial, shared, offset), sigma)
+            found += clock(trial, _shifted(problem, clocked(trial, values), shared, offset), sigma)
     if not any(finding.trials for finding in found):
         found += differentiated(problem.noise)
     return found

@@ -15,6 +15,7 @@ from mjfish.data import Trial
 from mjfish.drive import cpg as hopf
 from mjfish.drive import measured, wave
 from mjfish.drive.motion import JointMotion, cached
+from mjfish.drive.walk import walked
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Cpg, Fish, Link
@@ -181,7 +182,9 @@ class Model:
         return Prepared(
             active=active,
             fish=fish,
-            motion=joint_motion(asked_motion(self.fish.cpg, trial, step, self.penalty_share), trial, servos),
+            motion=by_clock(
+                joint_motion(asked_motion(self.fish.cpg, trial, step, self.penalty_share), trial, servos), trial
+            ),
             coefficients={name: values[name] for name in self.fish.coefficient_names},
             loads=loads_of(active, trial),
             velocity=begun,
@@ -302,6 +305,11 @@ def joint_motion(asked: JointMotion, trial: Trial, servos: Servos) -> JointMotio
     Measured joint angles are what the joints got; nothing comes in between.
     """
     return asked if trial.joints_measured or not servos else _driven(asked, servos)
+
+
+def by_clock(motion: JointMotion, trial: Trial) -> JointMotion:
+    """Return a joint motion by the clock of a trial's drive, which may walk."""
+    return walked(motion, trial.walk, level=trial.level_walk)
 
 
 def driven(motion: JointMotion, servos: Servos) -> JointMotion:

@@ -17,13 +17,14 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Sensor, Trial
 from mjfish.data.columns import POSE
 from mjfish.drive.motion import JointMotion
+from mjfish.drive.walk import along_mode
 from mjfish.effects.effect import Effect
 from mjfish.fish import Cpg, Fish
 from mjfish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
 from mjfish.model import Model, Prepared, asked_motion, headed, numbered, pose_of
-from mjfish.model.model import beginning, driven
+from mjfish.model.model import beginning, by_clock, driven, joint_motion
 from mjfish.model.sensing import Camera, Moments, distinct
 from mjfish.ode.equation import STATES, TAIL, tail_of
 from mjfish.ode.rollout import Conditions, Rollout
@@ -78,7 +79,7 @@ def with_sensors(
         names: parameters of the model; ``start.surge``, ``start.sway``, ``start.yaw_rate`` of the velocity at the
             start, ``start.x``, ``start.y``, ``start.yaw`` of the pose there; ``clock.offset`` of the clock, and that of
             a sensor (`mjfish.data.Sensor.clock`); ``wave.frequency``, ``wave.phase`` (mid-record) and ``wave.scale`` of
-            a wave, the last relative to the scale that it has. An effect may be at its null value, but where its hooks
+            a wave, the last relative to the scale that it has; ``walk.0`` and so on of the modes of a walk. An effect may be at its null value, but where its hooks
             of drive or body act on one side of it only (`one_sided`) it has no derivative there.
 
     Returns:
@@ -255,6 +256,9 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         return None, None
     if kind == "wave":
         return Direction(motion=_of_wave(Same(at.model.fish.cpg), at.trial, at.servos, short, at.run.step)), None
+    if kind == "walk":
+        due = joint_motion(asked_motion(at.model.fish.cpg, at.trial, at.run.step), at.trial, at.servos)
+        return Direction(motion=along_mode(due, at.trial.walk, int(short), level=at.trial.level_walk)), None
     effect = _owner(at.model, name)
     if effect is None and name not in at.model.fish.coefficient_names:
         return _of_number(at, name), None
@@ -280,7 +284,8 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         links, tail = rows[:, :-TAIL], rows[0, -TAIL:]
     if effect.overrides("drive") and not at.trial.joints_measured:
         servos = tuple(active for active in at.kept(effect) if active[0].domain == "drive")
-        motion = _of_drive(asked_motion(at.model.fish.cpg, at.trial, at.run.step), servos, p, at.values[name])
+        asked = asked_motion(at.model.fish.cpg, at.trial, at.run.step)
+        motion = _of_drive(asked, servos, p, at.values[name], at.trial)
     if effect.load is not None:
         loads = np.zeros((len(at.loaded), PARAMETERS))
         loads[at.loaded.index(effect.name), [own.short for own in effect.parameters].index(short)] = 1.0
@@ -340,9 +345,13 @@ def _rows_of_number(
 
 
 @sized_cache(lambda rates: rates.nbytes, 0.05e9)
-def _of_drive(asked: JointMotion, servos: Active, p: Parameter, value: float) -> FloatArray:
+def _of_drive(asked: JointMotion, servos: Active, p: Parameter, value: float, trial: Trial) -> FloatArray:
     """Return rates of angle, rate and acceleration (3, n, 3, joints)."""
-    return readonly(difference(lambda at_value: _stacked(driven(asked, _replaced(servos, p, at_value))), p, value))
+
+    def moves(at_value: float) -> FloatArray:
+        return _stacked(by_clock(driven(asked, _replaced(servos, p, at_value)), trial))
+
+    return readonly(difference(moves, p, value))
 
 
 def _stacked(motion: JointMotion) -> FloatArray:
@@ -355,7 +364,7 @@ def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Active, short: str, st
 
     def moves(by: float) -> FloatArray:
         moved = {"frequency": (by, 0.0, 1.0), "phase": (0.0, by, 1.0), "scale": (0.0, 0.0, 1.0 + by)}[short]
-        return _stacked(driven(asked_motion(cpg.thing, trial.waved(*moved), step), servos))
+        return _stacked(by_clock(driven(asked_motion(cpg.thing, trial.waved(*moved), step), servos), trial))
 
     return readonly(difference(moves, Parameter(f"wave.{short}", "-", 0.0, -1.0, 1.0, 0.0, _WAVE_SCALE), 0.0))
 

@@ -84,10 +84,10 @@ class NoiseSample:
     @property
     def columns(self) -> BlockAngular:
         """The columns (3 n, k) that were taken out, divided by `scale`: orthonormal but for rounding."""
-        span, apart = ([self._flat(block) for block in blocks] for blocks in (self.span, self.apart))
+        span, apart = ([self.flat(block) for block in blocks] for blocks in (self.span, self.apart))
         return block_angular(np.concatenate(span), self.rows, apart)
 
-    def _flat(self, block: FloatArray) -> FloatArray:
+    def flat(self, block: FloatArray) -> FloatArray:
         """Return columns (n, 3, k) divided by `scale` as (3 n, k)."""
         return np.asarray((block / self.scale[:, None]).reshape(3 * len(block), block.shape[2]))
 
@@ -128,7 +128,7 @@ class NoiseSample:
 
     def without_own_shapes(self) -> NoiseSample:
         """Return a sample whose likelihood is that of what the `shapes` leave, each trial having sizes of its own."""
-        flat = (self._flat(shape()) for shape in self.shapes or [])
+        flat = (self.flat(shape()) for shape in self.shapes or [])
         own = [orthonormal(block).reshape(len(block) // 3, 3, -1) * self.scale[:, None] for block in flat]
         return replace(self, own=own or None)
 

@@ -98,7 +98,7 @@ def generate(
     _check(sigma, modes, rate, duration, seed)
     model = Model(fish, with_named(effects, values or {}), step=STEP)
     truth = model.values(values)
-    rng = np.random.default_rng(seed)
+    rng, draws = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     time = np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate
     names = _trial_names(modes)
     for given in held_out:
@@ -115,6 +115,7 @@ def generate(
             sensors = (*_camera(time), *sensors)
         blank = Trial(trial_name, role, readonly(time), still, drive, pose=begin, tank=tank, sensors=sensors)
         check_can_act(model.effects, blank)
+        truth |= {f"{effect.name}.{k}": v for effect in model.effects for k, v in effect.drawn(draws).items()}
         predicted = model.predict(blank, truth)
         if predicted.status != "ok":
             raise InputError(f"{trial_name}: the simulated fish {predicted.message}")

@@ -1,0 +1,56 @@
+"""A drive whose clock gains and loses time at random."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from mjfish.data import Dataset
+from mjfish.drive.motion import JointMotion
+from mjfish.drive.walk import count, walked
+from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.mechanism import Domain
+from mjfish.parameter import Parameter
+
+#: Draws that are told apart.
+_DRAWS = 2**31
+
+
+class ClockWander(Effect):
+    """The clock of the drive wanders: what is due at t + w(t) is done at t, w a random walk, <w^2> = size^2 t.
+
+    The phase of a beat of frequency f wanders by 2 pi f w. A loaded controller does that, a servo without a crystal, or
+    a drive that a person restarts. Nobody can foretell the walk of the next run: the size is what there is to know. So
+    it is no curve to be fitted. Its size is estimated as part of the noise (`mjfish.estimation.clock_wander`). In a
+    simulation `draw` says which walk it is; `generate` draws one for every run.
+    """
+
+    name: ClassVar[str] = "clock_wander"
+    domain: ClassVar[Domain] = "drive"
+    random: ClassVar[bool] = True
+    summary: ClassVar[str] = "the clock of the drive wanders at random"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("clock_wander.size", "s^0.5", 0.0, 0.0, 0.3, 0.0, 0.005, about="rms of w after a second"),
+        Parameter("clock_wander.draw", "-", 0.0, 0.0, float(_DRAWS), 0.0, 1.0, about="which walk", shape=True),
+    )
+    source: ClassVar[str] = "Demir, Mehrotra and Roychowdhury, IEEE Trans. Circuits Syst. I 47 (2000): phase noise"
+    signature: ClassVar[str] = "the phase of the beat moves to and fro within a run, otherwise in every run"
+    confirm: ClassVar[str] = "log the command with the time stamps of the camera, or blink a light with every beat"
+    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=None, part="everywhere")
+    resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "repeats-differ")
+
+    def not_applicable(self, dataset: Dataset) -> str:
+        """Velocities show it."""
+        blind = "" if any(t.measured.any() for t in dataset.trials) else "no velocity was measured, in which it shows"
+        return super().not_applicable(dataset) or blind
+
+    def drawn(self, rng: np.random.Generator) -> dict[str, float]:
+        """Return the draw of a run."""
+        return {"draw": float(rng.integers(_DRAWS))}
+
+    def drive(self, motion: JointMotion, values: Values) -> JointMotion:
+        """Ask for the motion of t + w(t) at t."""
+        many = count(float(motion.time[-1] - motion.time[0]))
+        draw = np.random.default_rng(int(values["draw"])).standard_normal(many)
+        return walked(motion, tuple(map(float, values["size"] * draw)))
