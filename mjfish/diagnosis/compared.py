@@ -57,7 +57,9 @@ def compare(
         blocks: findings about the data with which no verdict is worth its words.
         corrections: rows of corrections of the data.
     """
-    random = begun.parts.run("the walk of the clock", lambda: random_causes(screening.evidence, screening.p_wrong), ())
+    none = tuple[Row, ...]()
+    walk = partial(random_causes, screening.evidence, screening.p_wrong)
+    random = begun.parts.run("the walk of the clock", walk, none)
     told = tuple(block.message for block in blocks)
     table = Table(screening.p_wrong, blocks=told, corrections=tuple(corrections), random=random)
     found = _compared(begun, screening, held_out, table)

@@ -302,7 +302,7 @@ class Table:
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """Corrections of the data, random causes, then every set, the smaller ones first, those of one size by how far behind."""
+        """Corrections of the data, random causes, then every set, the smaller first, those of one size by margin."""
         every = [*self.single.joined(self.others).rows.values(), *(self.several or Comparison()).rows.values()]
         return (*self.corrections, *self.random, *sorted(every, key=lambda row: (len(row.names), row.behind)))
 

@@ -32,21 +32,14 @@ def count(length: float) -> int:
     return int(np.clip(_RATE * length, _FEWEST, MOST))
 
 
-def modes(time: FloatArray, start: float, end: float, many: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return modes (..., m) of a walk of one s^0.5 from `start` to `end` [s], their rates and accelerations."""
-    wave = (np.arange(many) + 0.5) * np.pi / (end - start)
-    phase = (np.asarray(time)[..., None] - start) * wave
-    size = np.sqrt(2.0 / (end - start))
-    return size * np.sin(phase) / wave, size * np.cos(phase), -size * wave * np.sin(phase)
-
-
 def walk(
     time: FloatArray, start: float, end: float, sizes: Sequence[float], *, level: bool = False
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return w at times of any shape [s], its rate and acceleration: `modes` times sizes, as polynomials of a phase.
+    """Return w at times of any shape [s], its rate and acceleration, as polynomials of exp(i pi t / T).
 
     Args:
-        time, start, end: as in `modes`.
+        time: of any shape [s].
+        start, end: of the walk [s].
         sizes: a_m [s^0.5].
         level: the line nearest to w is taken off it, where phase and frequency are known of the whole run.
     """

@@ -28,7 +28,7 @@ from mjfish.data import Trial
 from mjfish.data.filters import Differentiator, Filter
 from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.effects import Effect
-from mjfish.estimation.clock_wander import LinearWalk, first_size
+from mjfish.estimation.clock_wander import first_size
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.omnibus import omnibus
 from mjfish.estimation.problem import Problem
@@ -98,11 +98,9 @@ def walk_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: Flo
         problem, fit, known, stated: as in `noise_of`.
     """
     left = saturated(problem, fit, known)
-    jacobians = functools.cache(lambda: state_jacobians(problem, fit.values))
-    chosen = functools.partial(select, stated=stated, jacobians=jacobians, patterns=False)
-    noise, _ = chosen(left)
+    noise, _ = select(left, stated, lambda: state_jacobians(problem, fit.values), patterns=False)
     white = isinstance(noise, Autoregressive) and noise.order == 0  # nothing wanders then
-    return 0.0 if white else first_size(LinearWalk(problem, fit.values), left, noise, chosen)
+    return 0.0 if white else first_size(problem, fit, left, noise)
 
 
 def noise_sample(problem: Problem, residuals: Sequence[FloatArray]) -> NoiseSample:

@@ -107,7 +107,7 @@ class Problem:
         joint_errors: returns what whitens the sensors of a trial for the errors of its measured joint angles, of the
             sigma and the mask of each; None where they do not matter: its sensors have white noise alone then, and
             those of all trials where it is None.
-        walk: size of the walk of the drive's clock [s^0.5], whose modes are parameters of every trial; 0: there is none.
+        walk: size of the walk of the drive's clock [s^0.5], whose modes are parameters of every trial; 0: none.
     """
 
     model: Model

@@ -79,8 +79,9 @@ def with_sensors(
         names: parameters of the model; ``start.surge``, ``start.sway``, ``start.yaw_rate`` of the velocity at the
             start, ``start.x``, ``start.y``, ``start.yaw`` of the pose there; ``clock.offset`` of the clock, and that of
             a sensor (`mjfish.data.Sensor.clock`); ``wave.frequency``, ``wave.phase`` (mid-record) and ``wave.scale`` of
-            a wave, the last relative to the scale that it has; ``walk.0`` and so on of the modes of a walk. An effect may be at its null value, but where its hooks
-            of drive or body act on one side of it only (`one_sided`) it has no derivative there.
+            a wave, the last relative to the scale that it has; ``walk.0`` and so on of a walk. An effect may be at its
+            null value, but where its hooks of drive or body act on one side of it only (`one_sided`) it has no
+            derivative there.
 
     Returns:
         (n, 3, k) at the trial's times, 0 where sensors alone measured, and (m, c, k) at those of each sensor; NaN
