@@ -21,7 +21,6 @@ from mjfish.diagnosis import (
 )
 from mjfish.diagnosis.curves import Axis, Band, MeasuredCurve
 from mjfish.diagnosis.description import Description, Term
-from mjfish.diagnosis.fingerprint import Measured
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.diagnosis.held_out import Confirmation, Gain
 from mjfish.diagnosis.isolability import Isolability
@@ -116,7 +115,6 @@ def diagnosis(
         closest=cause if verdict == "unexplained" else "",
         where=_where(names) if wrong else None,
         force=tuple(_force(trial) for trial in (overlay.trial for overlay in overlays)) if wrong else (),
-        fingerprint=Measured(1.04, 0.9, 1.2, 0.01, 0.4, find(cause).fingerprint) if wrong else None,
         description=Description((Term("a moment on every link ~ u v", -0.2, 0.9),), 0.6)
         if verdict == "unexplained"
         else None,

@@ -47,8 +47,6 @@ CALLS: Sequence[tuple[str, str, str]] = [
         ("diagnosis.select", "numpy.linalg", "eigh"),
         ("diagnosis.implausible_noise", "numpy.linalg", "eigh"),
         ("diagnosis.missing_force", "numpy.linalg", "solve lstsq"),
-        ("diagnosis.fingerprint", "numpy.linalg", "lstsq inv"),
-        ("diagnosis.fingerprint", "scipy.optimize", "curve_fit"),
         ("diagnosis.description", "numpy.linalg", "solve lstsq"),
         ("diagnosis.forms", "numpy.linalg", "eigh"),
     )

@@ -299,7 +299,7 @@ def _biased(result: Diagnosis) -> None:
 
 
 def _where(result: Diagnosis) -> None:
-    """Say where the misfit sits, how it scales, and what describes it where nothing explains it."""
+    """Say where the misfit sits, and what describes it where nothing explains it."""
     if (where := result.where) is not None:
         console.say(
             f"The misfit is densest in {_densest(result)}, {where.part}, {where.phase} of the beat, {where.speed} of "
@@ -311,16 +311,6 @@ def _where(result: Diagnosis) -> None:
             f"The missing force is {surge} in surge, {sway} in sway and {yaw} in yaw moment of what moves the fish "
             "(root mean squares, each in the trial where it is most)."
         )
-    if (measured := result.fingerprint) is not None and (measured.exponent is not None or measured.odd is not None):
-        parts = []
-        if measured.exponent is not None:
-            predicted = measured.predicted.exponent
-            expected = "" if predicted is None else f", predicted {predicted:g}"
-            ends = f"{number(measured.low, 2)} to {number(measured.high, 2)}"
-            parts.append(f"goes as frequency to the {number(measured.exponent, 2)} ({ends}{expected})")
-        if measured.odd is not None:
-            parts.append(f"{percent(measured.odd, 2)} of it breaks the left-right symmetry")
-        console.say(f"What the best explanation adds {'; '.join(parts)}.")
     if (described := result.description) is not None and described.terms:
         terms = "; ".join(f"{term.what} (size {number(term.size, 2)} SI per metre)" for term in described.terms)
         console.say(f"A description, not a cause, of {percent(described.explained, 2)} of the misfit: {terms}.")

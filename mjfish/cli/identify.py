@@ -157,7 +157,7 @@ def _show(result: Identification, profiles: Sequence[Profile]) -> None:
     """Print the coefficients with intervals and remarks, the agreement per trial, and what the data say in words."""
     console.show(_coefficients(result))
     if result.assessment is not None:
-        console.show(_agreement(result))
+        console.show(_agreement(result, result.assessment))
         console.show(_fits(result.assessment))
     if result.sensor_scores:
         console.show(_sensors(result))
@@ -176,22 +176,17 @@ def _coefficients(result: Identification) -> Table:
     return table
 
 
-def _agreement(result: Identification) -> Table:
-    from mjfish.estimation import table_iv
+def _agreement(result: Identification, assessment: Assessment) -> Table:
+    """RMSE and nRMSE of every velocity of whole trials."""
     from mjfish.frames import CHANNELS
-
-    measured = {trial.name: trial.measured for trial in result.dataset.trials}
-    anywhere = [any(there) for there in zip(*measured.values(), strict=True)]
 
     title = "simulated: RMSE / nRMSE, in m/s and rad/s, over the range"
     table = console.table(title, ("trial", "role", *CHANNELS), ("trial", "role"))
-    for row in [] if result.assessment is None else result.assessment.table:
-        there = measured.get(row.name, anywhere)
-        cells = (
-            table_iv.text(a, b) if seen else "not measured"
-            for a, b, seen in zip(row.rmse, row.nrmse, there, strict=True)
-        )
-        table.add_row(row.name, row.role, *cells)
+    found = {(a.trial, a.channel): a for a in assessment.agreement if a.part == "whole" and a.horizon is None}
+    for score in result.scores:
+        own = (found.get((score.trial, channel)) for channel in CHANNELS)
+        cells = ("not measured" if a is None else f"{a.rmse:.3f} / {a.nrmse:.3f}" for a in own)
+        table.add_row(score.trial, score.role, *cells)
     return table
 
 

@@ -23,19 +23,15 @@ def study(
     shard: Annotated[str, typer.Option(help="I/N: only the I-th of N shares of the pieces.")] = "1/1",
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     cluster: console.Cluster = None,
-    collect: Annotated[bool, typer.Option("--collect", help="Run nothing: write a table, a page, a summary.")] = False,
+    collect: Annotated[bool, typer.Option("--collect", help="Run nothing: write a table and a summary.")] = False,
 ) -> None:
     """Run the pieces of a study that are missing in a folder; the same command goes on where it was stopped."""
     from mjfish import study as studies
 
     cases = studies.read_cases(file)
     if collect:
-        from mjfish.reporting.html.study import write_study
-
         collected = studies.collect(cases, out)
-        write_study(collected, out / "study.html")
-        written = console.listed([*collected.files, out / "study.html"])
-        console.say(*collected.summary.splitlines(), f"wrote {written}")
+        console.say(*collected.summary.splitlines(), f"wrote {console.listed(collected.files)}")
         if collected.missing:
             raise typer.Exit(console.NOT_GOOD)
         return

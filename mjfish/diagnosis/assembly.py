@@ -19,7 +19,6 @@ from mjfish.diagnosis.conclusion import Conclusion
 from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.estimate import Estimate, estimates
 from mjfish.diagnosis.evidence import Evidence
-from mjfish.diagnosis.fingerprint import fingerprint
 from mjfish.diagnosis.held_out import HeldOut, gain
 from mjfish.diagnosis.isolability import Isolability, isolability
 from mjfish.diagnosis.lone_run import odd_run
@@ -131,7 +130,7 @@ def _fits(evidence: Evidence, compared: Compared) -> Iterator[FittedModel]:
 
 def _views(begun: Begun, screening: Screening, concluded: Conclusion) -> dict[str, Any]:
     """Return the views of what is wrong, by field of `Diagnosis`; one that fails is left out."""
-    parts, evidence, best = begun.parts, screening.evidence, concluded.best
+    parts, evidence = begun.parts, screening.evidence
     told = parts.run("what can be told apart", lambda: isolability(evidence, begun.learnable), Isolability())
     found: dict[str, Any] = {"isolability": told}
     if screening.p_wrong < THRESHOLDS.alarm:
@@ -140,10 +139,6 @@ def _views(begun: Begun, screening: Screening, concluded: Conclusion) -> dict[st
             found["force"] = parts.run(
                 "the missing force", partial(missing_force, looked, evidence.fit.values), tuple[MissingForce, ...]()
             )
-    if best is not None and (looked := with_velocities(best.problem, best.fit.values)) is not None:
-        found["fingerprint"] = parts.run(
-            "the fingerprint", partial(fingerprint, looked, best.effects, best.fit.values), None
-        )
     if concluded.decision.verdict == "unexplained":
         found["description"] = parts.run("the description", partial(describe, evidence.problem, evidence.fit), None)
     return found

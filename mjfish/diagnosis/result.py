@@ -12,7 +12,6 @@ from mjfish.data import Dataset, Sensor, Trial
 from mjfish.diagnosis.curves import knots_of
 from mjfish.diagnosis.description import Description
 from mjfish.diagnosis.estimate import Estimate, estimates
-from mjfish.diagnosis.fingerprint import Measured
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.isolability import Isolability
@@ -31,7 +30,7 @@ from mjfish.serialise import plain, unsaved
 
 Verdict = Literal["named", "nothing_wrong", "cannot_tell", "unexplained"]
 #: Of ``diagnosis.json``; a file of another schema is refused.
-SCHEMA = 3
+SCHEMA = 4
 _NEXT = {
     "named": "confirm the cause on the bench, and simulate with the extended model.",
     "nothing_wrong": "read from which sizes on causes would have been seen (`isolability`, `undetectable`).",
@@ -184,7 +183,6 @@ class Diagnosis(Result):
             refitted.
         where: where the discrepancy sits.
         force: the missing generalised force of every fitted trial, with its band; empty where nothing is wrong.
-        fingerprint: how the discrepancy of the best scales and which symmetry it breaks; None where nothing is wrong.
         description: forces that describe what no cause explains; only where it is ``unexplained``.
         gain: on held-out trials; None where there are none. Where nothing is wrong both models are the nominal one.
         table: every set of causes that was compared, with the numbers that the verdict was read from.
@@ -222,7 +220,6 @@ class Diagnosis(Result):
     closest: str = ""
     where: Where | None = None
     force: tuple[MissingForce, ...] = ()
-    fingerprint: Measured | None = None
     description: Description | None = None
     gain: Gain | None = None
     posterior: Posterior | None = None
@@ -285,7 +282,7 @@ class Diagnosis(Result):
         """Return the diagnosis as plain data, the content of ``diagnosis.json``."""
         kept = (
             "verdict", "message", "status", "remarks", "causes", "mechanisms", "domain", "rivals", "alternatives",
-            "certain", "candidates", "failures", "undetectable", "isolability", "checks", "fingerprint", "description",
+            "certain", "candidates", "failures", "undetectable", "isolability", "checks", "description",
             "p_wrong", "table", "where", "fits", "posterior", "provenance",
         )  # fmt: skip
         return {

@@ -7,11 +7,9 @@ from mjfish.estimation.optimiser_interface import residual_function
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import PREFIX, Score, held_out_covariance_root, predict_held_out
 from mjfish.estimation.settings import Settings
-from mjfish.estimation.table_iv import PAPER
 from mjfish.noise import Noise
 
 __all__ = [
-    "PAPER",
     "PREFIX",
     "Fit",
     "Identification",

@@ -1,7 +1,7 @@
 """How far the clock of the drive wanders: a walk of time w(t) whose modes are parameters of every run.
 
-Whether there is one is asked of the residual that coefficients and candidates leave, by restricted likelihood. If there
-is one, its modes are fitted, a_m ~ N(0, size^2), and the size is that of the largest marginal likelihood, by the step of
+Whether there is one is asked of the residual that coefficients and candidates leave, by restricted likelihood. If so,
+its modes are fitted, a_m ~ N(0, size^2), and the size is that of the largest marginal likelihood, by the step of
 [Wood2017] sec. 6.6 with the covariance C of the modes:
 
     size^2  <-  sum_m a_m^2 / sum_m (1 - C_mm / size^2)

@@ -28,7 +28,6 @@ from mjfish.estimation.residual_tests import ResidualTests, residual_tests
 from mjfish.estimation.sensor_noise import joints_in_words, with_sensor_noise
 from mjfish.estimation.settings import Loss, Settings
 from mjfish.estimation.stability import Stability, stability
-from mjfish.estimation.table_iv import Row, table_iv
 from mjfish.execution import executing
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
@@ -39,7 +38,7 @@ from mjfish.result import Result
 from mjfish.serialise import plain, unsaved
 
 #: Of the JSON of an identification.
-SCHEMA = 2
+SCHEMA = 3
 #: Most lines of a summary.
 _SUMMARY_LINES = 10
 
@@ -52,7 +51,6 @@ class Assessment:
         intervals: of the estimates, for residuals that are correlated in time, the plain ones beside them.
         weaknesses: what the data do not say, in words.
         agreement: per trial, channel, part of the trial and horizon.
-        table: in the layout of [Yu2016], Table IV.
         residual_tests: whether anything is left in the residuals of the fit.
         criteria: AIC, AICc, BIC, FPE.
         stability: whether one set of coefficients serves all trials.
@@ -62,7 +60,6 @@ class Assessment:
     intervals: Intervals
     weaknesses: tuple[Weakness, ...]
     agreement: tuple[Agreement, ...]
-    table: tuple[Row, ...]
     residual_tests: ResidualTests
     criteria: Criteria
     stability: Stability
@@ -84,7 +81,6 @@ def assess(problem: Problem, fit: Fit, residuals: tuple[Residual, ...]) -> Asses
         intervals=intervals(problem, fit),
         weaknesses=weaknesses(fit),
         agreement=tuple(agreement(residuals)),
-        table=table_iv(residuals),
         residual_tests=residual_tests(problem, fit),
         criteria=criteria(problem, fit),
         stability=stability(problem, fit),

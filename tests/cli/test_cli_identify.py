@@ -64,7 +64,7 @@ def test_everything_that_can_be_written_is(run: Run, pool: Path, tmp_path: Path)
         "--profile c_d.tail --json out.json --table out.parquet --figures figures --fish mine.toml"
     ).stdout
     told = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
-    assert not complaints("identification-2", told)
+    assert not complaints("identification-3", told)
     assert [one["name"] for one in told["profiles"]] == ["c_d.tail"]
     assert "profile of c_d.tail" in shown
     assert set(told["parameters"]) == {"c_m.body", "c_m.tail", "c_d.head", "c_d.body", "c_d.tail"}

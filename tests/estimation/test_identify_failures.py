@@ -44,7 +44,7 @@ def _assert_told(result: Identification, status: str, reason: str) -> None:
     assert result.fit.status == status
     assert reason in result.fit.message
     assert f": {status} after" in result.summary()
-    assert complaints("identification-2", json.loads(json.dumps(result.to_dict()))) == []
+    assert complaints("identification-3", json.loads(json.dumps(result.to_dict()))) == []
 
 
 def _raises(*_given: Any, **_options: Any) -> Any:

@@ -14,7 +14,6 @@ import jinja2
 import numpy as np
 
 from mjfish.drive import modes
-from mjfish.estimation import PAPER
 from mjfish.files import write_text
 from mjfish.mujoco import Trim
 from studies.markdown import table, wrapped
@@ -36,6 +35,7 @@ from studies.roll.runs import (
     mode,
     turn,
 )
+from studies.table_iv.ranges import PAPER
 
 #: [m/s2].
 _GRAVITY = 9.81
