@@ -208,14 +208,13 @@ def _walking(
 
     Size and noise depend on each other. A walk that gains little is left out again.
     """
-    walking, found, along = problem, baseline, slopes
+    walking, found, along = before = problem, baseline, slopes
     for _ in range(_ROUNDS):
         noise, _ = noise_of(walking, found, along().velocity, stated, patterns=False)
         walking, found = with_size(replace(problem, noise=noise), found, size)
         if not walking.walk:
-            return problem, baseline, slopes
+            return before
         size, along = walking.walk, _signatures(walking, found.values, candidates)
-    before = problem, baseline, slopes
     if log_likelihood_gained(walking, found) < CLEAR or not of_every_run(walking, found):
         return before
     if far_off(baseline):  # what no linearised model explains of a large misfit may look like a walk

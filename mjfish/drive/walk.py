@@ -115,8 +115,7 @@ def along_mode(due: JointMotion, sizes: tuple[float, ...], mode: int, *, level: 
     start, end, time = float(due.time[0]), float(due.time[-1]), motion.time
     stages = np.stack([time[:-1], 0.5 * (time[:-1] + time[1:]), time[1:]], axis=1)
     _, rate, second = (part[..., None] for part in walk(stages, start, end, sizes, level=level))
-    own = np.eye(len(sizes))[mode]
-    e, slope, bend = (part[..., None] for part in walk(stages, start, end, own, level=level))
+    e, slope, bend = (part[..., None] for part in walk(stages, start, end, np.eye(len(sizes))[mode], level=level))
     g = motion.rate / (1.0 + rate)
     turn = (motion.acceleration - g * second) / (1.0 + rate)
     third = np.gradient(turn, axis=1, edge_order=2) / (0.5 * np.diff(time)[:, None, None])

@@ -9,12 +9,9 @@ import numpy as np
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.drive.walk import count, walked
-from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.effect import Effect, Values
 from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
-
-#: Draws that are told apart.
-_DRAWS = 2**31
 
 
 class ClockWander(Effect):
@@ -32,12 +29,11 @@ class ClockWander(Effect):
     summary: ClassVar[str] = "the clock of the drive wanders at random"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("clock_wander.size", "s^0.5", 0.0, 0.0, 0.3, 0.0, 0.005, about="rms of w after a second"),
-        Parameter("clock_wander.draw", "-", 0.0, 0.0, float(_DRAWS), 0.0, 1.0, about="which walk", shape=True),
+        Parameter("clock_wander.draw", "-", 0.0, 0.0, 2.0**31, 0.0, 1.0, about="which walk", shape=True),
     )
     source: ClassVar[str] = "Demir, Mehrotra and Roychowdhury, IEEE Trans. Circuits Syst. I 47 (2000): phase noise"
     signature: ClassVar[str] = "the phase of the beat moves to and fro within a run, otherwise in every run"
     confirm: ClassVar[str] = "log the command with the time stamps of the camera, or blink a light with every beat"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=None, part="everywhere")
     resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "repeats-differ")
 
     def not_applicable(self, dataset: Dataset) -> str:
@@ -47,7 +43,7 @@ class ClockWander(Effect):
 
     def drawn(self, rng: np.random.Generator) -> dict[str, float]:
         """Return the draw of a run."""
-        return {"draw": float(rng.integers(_DRAWS))}
+        return {"draw": float(rng.integers(2**31))}
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Ask for the motion of t + w(t) at t."""

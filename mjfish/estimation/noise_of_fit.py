@@ -99,8 +99,7 @@ def walk_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: Flo
     """
     left = saturated(problem, fit, known)
     noise, _ = select(left, stated, lambda: state_jacobians(problem, fit.values), patterns=False)
-    white = isinstance(noise, Autoregressive) and noise.order == 0  # nothing wanders then
-    return 0.0 if white else first_size(problem, fit, left, noise)
+    return 0.0 if isinstance(noise, Autoregressive) and noise.order == 0 else first_size(problem, fit, left, noise)
 
 
 def noise_sample(problem: Problem, residuals: Sequence[FloatArray]) -> NoiseSample:

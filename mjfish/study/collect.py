@@ -26,14 +26,12 @@ class Collected:
 
     Attributes:
         rows: of the table, a piece each.
-        units: of the estimates in them, by full name.
         summary: a line a dataset and setting.
         missing: pieces that are not done, or whose file is damaged.
         files: that were written.
     """
 
     rows: tuple[dict[str, Any], ...]
-    units: dict[str, str]
     summary: str
     missing: int
     files: tuple[Path, ...]
@@ -51,7 +49,6 @@ def collect(cases: Sequence[Case], out: Path) -> Collected:
     """
     store = Store(out)
     rows: list[dict[str, Any]] = []
-    units: dict[str, str] = {}
     for case in cases:
         try:
             content = store.read(case.key)
@@ -59,7 +56,6 @@ def collect(cases: Sequence[Case], out: Path) -> Collected:
             content = None
         if content is not None:
             rows.append(_row(case, content, store.seconds(case.key)))
-            units |= {name: one["unit"] for name, one in content.get("result", {}).get("parameters", {}).items()}
     if not rows:
         raise InputError(f"{out}: holds no piece of this study that is done; run the study into this folder first")
     names = dict.fromkeys(name for row in rows for name in row)
@@ -67,7 +63,7 @@ def collect(cases: Sequence[Case], out: Path) -> Collected:
     files = (out / TABLE, out / SUMMARY)
     write_rows(files[0], [{name: row.get(name) for name in names} for row in rows])
     write_text(files[1], text)
-    return Collected(tuple(rows), units, text, len(cases) - len(rows), files)
+    return Collected(tuple(rows), text, len(cases) - len(rows), files)
 
 
 def _row(case: Case, content: dict[str, Any], seconds: float | None) -> dict[str, Any]:
