@@ -110,7 +110,7 @@ def test_a_diagnosis_without_a_key_or_with_another_one_is_refused() -> None:
         ({key: value for key, value in told.items() if key != "verdict"}, "'verdict' is a required property"),
         ({**told, "verdikt": "named"}, "'verdikt' was unexpected"),
         ({**told, "verdict": "wrong"}, "'wrong' is not one of"),
-        ({**told, "schema": 1}, "3 was expected"),
+        ({**told, "schema": 1}, "4 was expected"),
     ):
         (found,) = complaints("diagnosis-4", slip)
         assert complaint in found

@@ -75,7 +75,7 @@ def test_everything_that_can_be_written_is(run: Run, pool: Path, tmp_path: Path)
     assert mine.values["c_d.tail"] == told["parameters"]["c_d.tail"]["estimate"]
     assert mine.values["c_m.head"] == 0.4
     assert (tmp_path / "out.parquet").stat().st_size > 0
-    for part in ("intervals", "agreement", "table", "residual_tests", "criteria", "stability"):
+    for part in ("intervals", "agreement", "residual_tests", "criteria", "stability"):
         assert told["assessment"][part]
 
 

@@ -67,7 +67,7 @@ def test_a_first_sigma_comes_from_third_differences() -> None:
 
 def test_the_report_is_plain_data_with_every_estimate(found: Identification) -> None:
     told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-    assert told["schema"] == 2
+    assert told["schema"] == 3
     assert told["status"] == "converged"
     assert list(told["parameters"]) == list(COEFFICIENTS) == told["correlation"]["names"]
     for name, entry in told["parameters"].items():
