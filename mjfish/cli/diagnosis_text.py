@@ -14,7 +14,7 @@ from mjfish.reporting.words import NONE, channel_name, estimate, interval, named
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from mjfish.diagnosis import Diagnosis, Splits
+    from mjfish.diagnosis import Diagnosis, Estimate, Splits
     from mjfish.diagnosis.table import Table as Evidence
 
 #: Lines of a diagnosis, where not everything is asked for.
@@ -125,14 +125,18 @@ def _sizes(result: Diagnosis) -> Iterator[_Item]:
     knots = knots_of(result.effects.values())
     own = {name: value for name, value in result.extended.items() if name.partition(".")[0] in result.best}
     word = "size" if result.verdict == "named" else "rival" if result.rivals else "closest"
+    yield from (_size("size", *sized) for row in result.table.random for sized in row.sizes.items())
     for name, value in own.items():
         if name not in knots:
-            ends = interval(value)
-            known = f"({ends})" if ends else "(on its bound)"
-            sized = f"{estimate(value)} {unit(value.unit)}".rstrip()
-            yield _Item(_word(word), f"{name} {sized} {known}{'' if word == 'size' else ', not named'}")
+            yield _size(word, name, value)
     if unread := len(knots.intersection(own)):
         yield _Item(_word(word), f"and {unread} values of smooth curves, which --json writes")
+
+
+def _size(word: str, name: str, value: Estimate) -> _Item:
+    known = f"({ends})" if (ends := interval(value)) else "(on its bound)"
+    sized = f"{estimate(value)} {unit(value.unit)}".rstrip()
+    return _Item(_word(word), f"{name} {sized} {known}{'' if word == 'size' else ', not named'}")
 
 
 def _gain_item(result: Diagnosis) -> list[_Item]:

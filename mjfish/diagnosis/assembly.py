@@ -89,7 +89,7 @@ def assemble(
         undetectable=undetectable(candidates, evidence),
         best=() if best is None else best.names,
         closest=next(iter(decision.closest), ""),
-        p_wrong=screening.p_wrong,
+        p_wrong=min([screening.p_wrong, *(row.p_value for row in compared.table.random)]),
         gain=gained,
         nominal=estimates(evidence.fit, evidence.problem.model),
         extended=estimates(shown.fit, shown.problem.model),

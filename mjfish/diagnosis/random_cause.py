@@ -30,7 +30,6 @@ def random_causes(evidence: Evidence, p_wrong: float) -> tuple[Row, ...]:
     gain = 2.0 * log_likelihood_gained(problem, found)
     half = Z95 / np.sqrt(2.0 * determined)  # of the logarithm of an sd
     low, high = size * float(np.exp(-half)), size * float(np.exp(half))
-    statistic, rank = evidence.omnibus
     row = Row(
         names=(ClockWander.name,),
         causes={ClockWander.name: ClockWander.summary},
@@ -42,8 +41,8 @@ def random_causes(evidence: Evidence, p_wrong: float) -> tuple[Row, ...]:
         behind=np.nan,
         rival_p=np.nan,
         tests={"candidates and waves": p_wrong},
-        excess=max(statistic - rank, 0.0),
-        rank=rank,
+        excess=max(evidence.omnibus_excess(), 0.0),
+        rank=evidence.omnibus[1],
         status=found.status,
         sizes={ClockWander.parameters[0].name: Estimate(size, low, high, ClockWander.parameters[0].unit)},
     )

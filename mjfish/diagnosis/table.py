@@ -282,7 +282,7 @@ class Table:
     """All that a verdict is read from.
 
     Attributes:
-        p_wrong: p value of the nominal model.
+        p_wrong: p value of the nominal model, beside random causes.
         single: every candidate that was refitted, alone.
         several: sets of two or three; None where none was to be seen.
         others: single causes compared without those that failed on held-out trials; None where none did.

@@ -84,8 +84,8 @@ def test_the_jacobian_is_the_derivative_of_the_prediction(posed: Problem, column
 def test_the_jacobian_of_every_effect_is_the_derivative_of_the_prediction(synthetic: Dataset) -> None:
     """All formulas on at once, each by two scales, a limit by six: below it joints do not feel it.
 
-    Catches a hook that loses a derivative that went in. Left out are random causes, learned forms, which repeat them, and a second
-    form of the tail, whose damping takes the place of the first one's: tests/model/test_sensitivity.py.
+    Catches a hook that loses a derivative that went in. Left out are random causes; learned forms, which repeat them;
+    and a second form of the tail, whose damping takes the place of the first one's: tests/model/test_sensitivity.py.
     """
     causes = (
         effect
