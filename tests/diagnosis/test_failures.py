@@ -281,7 +281,7 @@ def test_refits_after_a_failure_are_kept_apart_from_those_without_it(tmp_path: P
 @pytest.mark.parametrize("at", ["reading", "drive", "priors"])
 def test_nothing_begins_anew_where_a_candidate_fails(monkeypatch: pytest.MonkeyPatch, at: str) -> None:
     begun, honest = [], DIAGNOSIS.screen
-    monkeypatch.setattr(DIAGNOSIS, "screen", lambda *given: (begun.append(given), honest(*given))[1])
+    monkeypatch.setattr(DIAGNOSIS, "screen", lambda *given, **asked: (begun.append(given), honest(*given, **asked))[1])
     _assert_told(_diagnosed(True, _broken(at, _raises)), "broken", "KeyError: 'no such gear'")
     assert len(begun) == 1
 

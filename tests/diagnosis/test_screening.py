@@ -121,7 +121,7 @@ def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None
         for trial, sign in zip(synthetic.trials, (1.0, -1.0), strict=True)
     ]
     problem = replace(_problem(synthetic), trials=tuple(moved))
-    findings = screen(problem, (find("inertia_error"),), None, silent)
+    findings = screen(problem, (find("inertia_error"),), None, silent, walks=True)
     assert (findings.p_wrong < 1e-6) is (off > 0.0)
 
 

@@ -244,11 +244,8 @@ def test_where_it_goes_wrong_is_listed_in_the_order_of_channels_and_swimming() -
     ]
 
 
-def test_how_the_misfit_scales_and_what_describes_it_is_told_below_where_it_sits() -> None:
-    named = _page(diagnosis()).text
-    assert "goes as the beat frequency to the power 1.0 (0.90 to 1.2; predicted 1.0)." in named
-    assert "1.0 % of what it adds in steady, straight swimming breaks" in named.replace("\N{NO-BREAK SPACE}", " ")
-    assert "A description, not a cause" not in named
+def test_what_describes_the_misfit_is_told_below_where_it_sits() -> None:
+    assert "A description, not a cause" not in _page(diagnosis()).text
     described = _page(diagnosis("unexplained")).text.replace("\N{NO-BREAK SPACE}", " ")
     assert "A description, not a cause, of 60 % of the misfit: a moment on every link ~ u v (size −0.20 SI" in described
 

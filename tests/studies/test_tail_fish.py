@@ -32,6 +32,7 @@ ANSWER = {
     "by_run": [RUN, RUN],
     "findings": ["mass.head: the data alone put it at 2 kg, expected 0.7 with an sd of 0.3 (4.0 sd away); measure it"],
     "wander": [0.2, 0.3],
+    "walk": [{"gain": 1758.2, "clock_wander.size": {"estimate": 0.04, "low": 0.0356, "high": 0.0442, "unit": "s^0.5"}}],
 }
 
 
@@ -54,6 +55,7 @@ def test_the_page_has_errors_coefficients_and_findings() -> None:
     assert "| c_d.head | 1.5 | - | 2 ± 2 | -0.4 |" in text
     assert "4.0 sd away" in text
     assert "0.25 rad" in text
+    assert "0.040 s (0.036 to 0.044) after a second" in " ".join(text.split())
 
 
 def test_where_the_files_are_must_be_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

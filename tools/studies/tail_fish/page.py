@@ -32,6 +32,7 @@ def page(answers: Mapping[str, Mapping[str, Any]]) -> str:
             verdicts=[(DIVISIONS[name], answer) for name, answer in answers.items()],
             coefficients=_coefficients(first),
             far=[message for message in first["findings"] if "sd away" in message],
+            walk=first["walk"],
             wander=f"{np.median(first['wander']):.2f}",
             most=f"{np.max(first['wander']):.2f}",
         )

@@ -15,6 +15,7 @@ from mjfish.data.importers import import_files
 from mjfish.diagnosis import Diagnosis
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
+from mjfish.serialise import plain as plain_of
 
 VARIABLE = "MJFISH_TAILFISH"
 _IMPORTER = Path(__file__).parents[2] / "importers" / "tail_fish.py"
@@ -68,7 +69,7 @@ def told(diagnosis: Diagnosis) -> dict[str, Any]:
     spreads = []
     for overlay in diagnosis.overlays:
         wave = overlay.trial.wave
-        if wave is not None and np.all(np.isfinite(overlay.nominal)):
+        if overlay.held_out and wave is not None and np.all(np.isfinite(overlay.nominal)):
             rates = overlay.trial.velocity[:, yaw], overlay.nominal[:, yaw]
             spreads.append(wander(overlay.trial.time, *rates, wave.frequency))
     kept = ("verdict", "message", "mechanisms", "domain", "remarks", "coefficients")
@@ -77,6 +78,7 @@ def told(diagnosis: Diagnosis) -> dict[str, Any]:
         "by_run": plain["gain"]["by_run"] if plain["gain"] else [],
         "findings": [finding["message"] for finding in plain["checks"]["findings"]],
         "wander": spreads,
+        "walk": [{"gain": row.gain, **plain_of(row.sizes)} for row in diagnosis.table.random],
     }
 
 
