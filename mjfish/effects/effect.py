@@ -63,7 +63,7 @@ class Effect(ABC):
         mechanism: of which it is a form, by its name in `mjfish.effects.mechanism`; without one, it is its own.
         learned: whether its form is learned from the data: numbers of a curve, kept smooth by `priors`. It is
             asked for only where no formula of the catalogue explains the data, and to judge such formulas.
-        random: whether it is drawn anew for every run (`drawn`): its size is a part of the noise, and estimated so.
+        random: whether it is drawn anew for every run (`drawn`). It is simulated, and no candidate that is refitted.
         summary: one line, as a reader would say it.
         parameters: its numbers; ``default`` is the null value at which it does nothing. At least one is no ``shape``.
         source: where the physics comes from.

@@ -181,6 +181,10 @@ def test_splits_are_told_with_their_errors_and_those_without_a_verdict_by_their_
         "| c (this page) | a, b | named | roll (form) | 0.031 to 0.012 | 62 % (57 to 66 %) |",
     ]
     assert not any(page._splits(Outcome(settings, None, made)).values())  # type: ignore[arg-type]
+    assert not any(page._without(Outcome(settings, None, made)).values())  # type: ignore[arg-type]
+    taken = page._without(Outcome(settings, None, made, None, made))  # type: ignore[arg-type]
+    assert made.message in taken["said_without"]
+    assert taken["taken"]
 
 
 @pytest.mark.slow

@@ -41,6 +41,17 @@ def test_the_runs_of_one_amplitude_are_held_out() -> None:
     assert runs.held_out(recorded, "amplitude") == ["Amp25Bias-20", "Amp25Bias0", "Amp25Bias20"]
 
 
+def test_files_that_are_no_division_or_of_another_robot_are_refused(tmp_path: Path) -> None:
+    recorded = [tmp_path / f"Amp15Bias{b}.txt" for b in (-20, 0, 20)]
+    with pytest.raises(InputError, match="0 of 3 files are the runs of 25 degrees, expected some of them and"):
+        runs.divided(recorded, "amplitude")
+    other = [tmp_path / name for name in ("Amp15Bias0.txt", "Amp25Bias0.txt")]
+    for path in other:
+        path.write_text("frame,x,y\n1,2,3\n")
+    with pytest.raises(InputError, match=r"Amp15Bias0.txt: .*expected rows of seven numbers: time"):
+        runs.divided(other, "amplitude")
+
+
 def test_the_wander_of_a_phase_is_measured() -> None:
     time = np.arange(0.0, 8.0, 1.0 / 30.0)
     beat = 2.0 * np.pi * 2.0 * time

@@ -52,6 +52,7 @@ def page(outcome: Outcome) -> str:
         "gains": _gains(outcome),
         "crossed": _scores(tuple(crossed(outcome))),
         **_splits(outcome),
+        **_without(outcome),
         "bound": _list([name for name, one in told(outcome).items() if one.at_bound]) or "none",
         "coefficients": _coefficients(outcome),
         "openings": "\n".join(f"{k}. {why[0].upper()}{why[1:]}." for k, why in enumerate(outcome.settings.openings, 1)),
@@ -90,6 +91,16 @@ def _results(outcome: Outcome) -> dict[str, str]:
         "sway_held": _list([_fall(every, run, 1) for run in outcome.settings.held_out]),
         "left_surge": _list([f"{100 * one.nrmse[0]:.0f} %" for one in every if one.model == "extended"]),
     }
+
+
+def _without(outcome: Outcome) -> dict[str, str]:
+    """Return what is said without the causes that were found; nothing where that was not asked."""
+    if outcome.without is None:
+        return {"taken": "", "said_without": "", "errors_without": ""}
+    found, gain = outcome.without, outcome.without.gain
+    errors = "" if gain is None else f"{gain.nominal['pooled']:.3f} to {gain.extended['pooled']:.3f}"
+    said = f"**{found.verdict.replace('_', ' ').capitalize()}.** {found.message}"
+    return {"taken": _list(sorted(outcome.diagnosis.best)), "said_without": said, "errors_without": errors}
 
 
 def _fall(every: Sequence[Score], run: str, channel: int) -> str:

@@ -83,12 +83,14 @@ class Outcome:
         tracks: what the importer says of the files, fitted ones first.
         diagnosis: of the runs.
         splits: the same with the runs divided anew; None where nobody asked.
+        without: the same without the mechanisms of what the extended model has; None where nobody asked.
     """
 
     settings: Settings
     tracks: ImportReport
     diagnosis: Diagnosis
     splits: Splits | None = None
+    without: Diagnosis | None = None
 
 
 @dataclass(frozen=True)
@@ -159,14 +161,17 @@ def run(
     jobs: int | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Outcome:
-    """Import and diagnose; with `splits`, again with the runs divided anew."""
+    """Import and diagnose; with `splits`, again with the runs divided anew, and without the causes that were found."""
     told = {} if progress is None else {"progress": progress}
     options = {"effects": settings.causes(), "seed": settings.seed, "jobs": jobs, **told}
     with threadpool_limits(1, "blas"):  # small matrices: on two cores more threads take three times as long
         made, tracks = dataset(settings, folder(settings))
         if splits:
             divided = diagnose_splits(made, settings.splits, **options)
-            return Outcome(settings, tracks, divided.diagnosis, divided)
+            taken = {find(name).mechanism for name in divided.diagnosis.best}
+            left = {name: one for name, one in settings.causes().items() if one.mechanism not in taken}
+            without = diagnose(made, **{**options, "effects": left}) if taken else None
+            return Outcome(settings, tracks, divided.diagnosis, divided, without)
         return Outcome(settings, tracks, diagnose(made, **options))
 
 

@@ -47,8 +47,18 @@ def held_out(recorded: Sequence[Path], division: str) -> list[str]:
 
 
 def divided(recorded: Sequence[Path], division: str) -> Dataset:
-    """Return the dataset of a division."""
-    dataset, _ = import_files(_IMPORTER, recorded, held_out(recorded, division))
+    """Return the dataset of a division.
+
+    Raises:
+        InputError: all runs would be fitted, or all held out; a file is of another robot.
+    """
+    held = held_out(recorded, division)
+    if not 0 < len(held) < len(recorded):
+        raise InputError(
+            f"{recorded[0].parent}: {len(held)} of {len(recorded)} files are {DIVISIONS[division]}, expected some of "
+            "them and some others; get the files of all amplitudes"
+        )
+    dataset, _ = import_files(_IMPORTER, recorded, held)
     return dataset
 
 
