@@ -18,6 +18,7 @@ import numpy as np
 from scipy import stats
 
 from mjfish.estimation import Fit, Problem
+from mjfish.estimation.clocks import WALK
 from mjfish.inspection.finding import Finding
 
 #: P value of any number, corrected for how many are asked, below which it is said.
@@ -35,14 +36,13 @@ def contradicted(problem: Problem, fit: Fit) -> Iterator[Finding]:
     """
     rows, deviations = fit.jacobian.of_rows(slice(problem.measured, None)), -fit.residual[problem.measured :]
     left = 1.0 - np.sum((rows @ fit.covariance) * rows, axis=1)
-    asked = left > 1.0 - _UNSEEN
+    told = [f":{WALK}." not in problem.parameters[i].name for i in problem.known]  # a walk is drawn, not known
+    asked = np.array(told, dtype=np.bool_) & (left > 1.0 - _UNSEEN)
     for i, deviation, share, seen in zip(problem.known, deviations, left, asked, strict=True):
         t = deviation / np.sqrt(share) if seen else 0.0
         if 2.0 * stats.norm.sf(abs(t)) * np.count_nonzero(asked) >= _LEVEL:
             continue
-        p = problem.parameters[i]
-        alone = p.at_deviation(float(deviation / share))
-        owner, _, _ = p.name.rpartition(":")
+        p, alone = problem.parameters[i], problem.parameters[i].at_deviation(float(deviation / share))
         yield Finding(
             code="far-from-known",
             severity="suspect",
@@ -50,5 +50,5 @@ def contradicted(problem: Problem, fit: Fit) -> Iterator[Finding]:
             found=f"the data alone put it at {min(max(alone, p.low), p.high):.3g} {p.unit}".removesuffix(" -"),
             expected=f"{p.expected:.3g} with an sd of {p.sd:.2g} ({abs(t):.1f} sd away)",
             remedy="measure it again, give it a larger sd, or look for a cause that it makes up for",
-            trials=(owner,) if owner else (),
+            trials=tuple(filter(None, [p.name.rpartition(":")[0]])),
         )
