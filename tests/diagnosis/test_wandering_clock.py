@@ -46,12 +46,12 @@ def test_without_it_in_the_catalogue_it_is_not_asked_for() -> None:
 
 @pytest.mark.slow
 def test_it_is_named_beside_another_cause() -> None:
-    found = diagnose(_pool({"clock_wander.size": 0.006, "linear_drag.across": 10.0}), jobs=2)
+    found = diagnose(_pool({"clock_wander.size": 0.006, "linear_drag.across": 40.0}), jobs=2)
     assert {cause.name for cause in found.causes} == {"clock_wander", "linear_drag"}, found.message
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("values", [{"servo_lag.time_constant": 0.03}, {"servo_backlash.gap": 0.05}])
+@pytest.mark.parametrize("values", [{"servo_lag.time_constant": 0.03}, {"servo_backlash.play": 0.05}])
 def test_a_servo_is_no_wandering_clock(values: dict[str, float]) -> None:
     found = diagnose(_pool(values), effects=catalogue(), jobs=2)
     assert not found.table.random
