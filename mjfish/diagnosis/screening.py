@@ -206,7 +206,7 @@ def _walking(
 ) -> tuple[Problem, Fit, Remade[Slopes]]:
     """Return the problem with a walk of the drive's clock, its fit, and the signatures there.
 
-    Size and noise depend on each other. A walk that gains little is left out again.
+    Size and noise depend on each other. A walk that gains little, or less than a candidate does, is left out again.
     """
     walking, found, along = before = problem, baseline, slopes
     for _ in range(_ROUNDS):
@@ -217,12 +217,10 @@ def _walking(
         size, along = walking.walk, _signatures(walking, found.values, candidates)
     if log_likelihood_gained(walking, found) < CLEAR or not of_every_run(walking, found):
         return before
-    if far_off(baseline):  # what no linearised model explains of a large misfit may look like a walk
-        rivals = refits(gather(problem, baseline, candidates, slopes), candidates)
-        left = float(np.sum(replace(walking, noise=problem.noise).residual(found.x) ** 2))
-        if rivals and leader(rivals).fit.sse < left:
-            return before
-    return walking, found, along
+    # what no linearised model explains of a large misfit may look like a walk
+    rivals = refits(gather(problem, baseline, candidates, slopes), candidates)
+    left = float(np.sum(replace(walking, noise=problem.noise).residual(found.x) ** 2))
+    return before if rivals and leader(rivals).fit.sse < left else (walking, found, along)
 
 
 def _under_the_known_noise(
