@@ -272,8 +272,9 @@ def _evidence(evidence: Evidence) -> Table:
         f"rival p: of that margin, a set stays from {LIMITS.keep} on or less than {LIMITS.close:.2g} behind; best: "
         f"how often it is the best when one run is left out; remains: share left, little below {percent(LIMITS.left)} "
         f"({percent(LIMITS.exact)} without a form, or with a learned one); fit p: of what is left, nothing from "
-        f"{LIMITS.goodness:g} on; held out, error: log-likelihood gained there, and nRMSE. p of the nominal model: "
-        f"{p_value(evidence.p_wrong)}, something is wrong below {LIMITS.alarm}."
+        f"{LIMITS.goodness:g} on; held out, error: log-likelihood gained there, and nRMSE. p of the nominal model"
+        f"{' beside random causes' if evidence.random else ''}: {p_value(evidence.p_wrong)}, something is wrong below "
+        f"{LIMITS.alarm}."
     )
     return table
 

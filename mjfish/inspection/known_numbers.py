@@ -40,7 +40,7 @@ def contradicted(problem: Problem, fit: Fit) -> Iterator[Finding]:
     asked = np.array(told, dtype=np.bool_) & (left > 1.0 - _UNSEEN)
     for i, deviation, share, seen in zip(problem.known, deviations, left, asked, strict=True):
         t = deviation / np.sqrt(share) if seen else 0.0
-        if 2.0 * stats.norm.sf(abs(t)) * np.count_nonzero(asked) >= _LEVEL:
+        if not seen or 2.0 * stats.norm.sf(abs(t)) * np.count_nonzero(asked) >= _LEVEL:
             continue
         p, alone = problem.parameters[i], problem.parameters[i].at_deviation(float(deviation / share))
         yield Finding(

@@ -33,6 +33,7 @@ def test_a_wandering_clock_is_named() -> None:
     assert row.gain > 100.0
     assert found.p_wrong < 1e-9 < 0.01 < found.table.p_wrong
     assert "clock_wander.size" in found.fish.values
+    assert {finding.code for finding in found.checks.findings} == {"design-no-turn"}
     assert mjfish.simulate(found.fish, duration=1.0).status == "ok"
     assert found.to_dict()["table"]["rows"][0]["names"] == ["clock_wander"]
 
