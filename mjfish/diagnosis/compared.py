@@ -57,11 +57,13 @@ def compare(
         blocks: findings about the data with which no verdict is worth its words.
         corrections: rows of corrections of the data.
     """
-    none = tuple[Row, ...]()
     walk = partial(random_causes, screening.evidence, screening.p_wrong)
-    random = begun.parts.run("the walk of the clock", walk, none)
-    told = tuple(block.message for block in blocks)
-    table = Table(screening.p_wrong, blocks=told, corrections=tuple(corrections), random=random)
+    table = Table(
+        screening.p_wrong,
+        blocks=tuple(block.message for block in blocks),
+        corrections=tuple(corrections),
+        random=begun.parts.run("the walk of the clock", walk, tuple[Row, ...]()),
+    )
     found = _compared(begun, screening, held_out, table)
     return replace(found, table=found.table.described(lambda row: _described(row, found.refits[row.names], held_out)))
 

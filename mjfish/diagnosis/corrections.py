@@ -78,18 +78,9 @@ def _likelihood(found: Fit, dataset: Dataset) -> float:
 def _row(finding: Finding, gain: float, found: Fit) -> Row:
     """Return the row of a correction; the choice counts as one parameter."""
     name, rank = f"{finding.code} ({finding.place})", found.count - len(found.x)
-    return Row(
-        names=(name,),
-        causes={name: finding.found},
-        mechanisms=(finding.code,),
-        learned=False,
-        gain=gain,
-        degrees_of_freedom=1,
-        adjusted=gain,
-        behind=np.nan,
-        rival_p=np.nan,
+    return replace(
+        Row.apart(name, finding.found, finding.code, gain, found.status),
         tests={"noise": tail(found.sse, rank)},
         excess=max(found.sse - rank, 0.0),
         rank=rank,
-        status=found.status,
     )

@@ -6,6 +6,8 @@ run better, for nobody knows the walk of the next one: so it has no held-out fig
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mjfish.diagnosis.estimate import Estimate
@@ -30,20 +32,11 @@ def random_causes(evidence: Evidence, p_wrong: float) -> tuple[Row, ...]:
     gain = 2.0 * log_likelihood_gained(problem, found)
     half = Z95 / np.sqrt(2.0 * determined)  # of the logarithm of an sd
     low, high = size * float(np.exp(-half)), size * float(np.exp(half))
-    row = Row(
-        names=(ClockWander.name,),
-        causes={ClockWander.name: ClockWander.summary},
-        mechanisms=(ClockWander.mechanism,),
-        learned=False,
-        gain=gain,
-        degrees_of_freedom=1,
-        adjusted=gain,
-        behind=np.nan,
-        rival_p=np.nan,
+    row = replace(
+        Row.apart(ClockWander.name, ClockWander.summary, ClockWander.mechanism, gain, found.status),
         tests={"candidates and waves": p_wrong},
         excess=max(evidence.omnibus_excess(), 0.0),
         rank=evidence.omnibus[1],
-        status=found.status,
         sizes={ClockWander.parameters[0].name: Estimate(size, low, high, ClockWander.parameters[0].unit)},
     )
     return (row,)

@@ -111,10 +111,9 @@ def screen(
         if smoothing != problem.smoothing:
             problem = replace(problem, smoothing=smoothing)
             baseline, slopes = _fitted(problem, baseline.x, candidates)
-        begun = problem, baseline, slopes
-        if walks and (size := walk_of(problem, baseline, slopes().velocity, stated)):
-            begun = _walking(problem, baseline, slopes, size, candidates, stated)
-        results[problem.smoothing], smoothing = _screened(*begun, candidates, stated, progress)
+        results[problem.smoothing], smoothing = _screened(
+            problem, baseline, slopes, candidates, stated, progress, walks=walks
+        )
         if known:  # the dataset says through which filter its velocities went
             smoothing = problem.smoothing
     screening = results[smoothing]
@@ -157,16 +156,20 @@ def _screened(
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
     progress: Progress,
+    *,
+    walks: bool,
 ) -> tuple[Screening, Filter | None]:
     """Screen with the smoothing of the problem; return the screening, and the suggested smoothing."""
+    noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
+    if walks and (size := walk_of(problem, baseline, slopes().velocity, noise)):
+        problem, baseline, slopes = _walking(problem, baseline, slopes, size, candidates, stated)
+        noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
     refitted: dict[str, Refit] = {}
     if stated is not None and not problem.walk:
         refitted = _under_the_known_noise(problem, baseline, slopes, candidates, part(progress, 0.05, 0.1))
     if refitted:
         best = leader(refitted)
         noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1]().velocity, stated)
-    else:
-        noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
     test = _NominalTest(candidates, slopes, progress)
     seen = test.run(problem, baseline, noise)
     if seen.p_wrong >= THRESHOLDS.alarm:  # patterns common to all runs may be taken for noise

@@ -140,6 +140,11 @@ class Row:
             promise=refit.promise,
         )
 
+    @classmethod
+    def apart(cls, name: str, what: str, mechanism: str, gain: float, status: str) -> Row:
+        """Return the row of a hypothesis of one parameter that is compared with no set of causes, nothing tested."""
+        return cls((name,), {name: what}, (mechanism,), False, gain, 1, gain, np.nan, np.nan, status=status)
+
     @property
     def p_value(self) -> float:
         """The p value of the gain, were the nominal model true."""

@@ -91,7 +91,7 @@ def with_random(decision: Decision, table: Table) -> Decision:
         return Decision("named", (names,), message_of(table.random, claimed=True))
     listed = " and ".join(f"{name} ({what})" for row in table.random for name, what in row.causes.items())
     sets = tuple((*own, *names) for own in decision.sets)
-    return replace(decision, sets=sets, message=f"{decision.message} Beside it: {listed}.")
+    return replace(decision, sets=sets, message=f"{decision.message} Also at work: {listed}.")
 
 
 def decide_beside(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:

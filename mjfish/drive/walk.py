@@ -22,14 +22,14 @@ from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion, cached
 
 #: Modes for every second of a run, at least and at most: a drive has no walk faster than one wave a second.
-_RATE, _FEWEST, MOST = 2.0, 8, 60
+_RATE, _FEWEST, _MOST = 2.0, 8, 60
 #: Newton's steps from the time when something is due to that when it is done.
 _INVERTED = 4
 
 
 def count(length: float) -> int:
     """Return the number of modes of a run of some length [s]."""
-    return int(np.clip(_RATE * length, _FEWEST, MOST))
+    return int(np.clip(_RATE * length, _FEWEST, _MOST))
 
 
 def walk(
@@ -109,7 +109,7 @@ def along_mode(due: JointMotion, sizes: tuple[float, ...], mode: int, *, level: 
     """Return rates of angle, rate and acceleration (3, n, 3, joints) of `walked` by a mode, at its times.
 
     With g = theta' / (1 + w'), by how much an angle moves as the clock goes on, they are (g e, (g e)', (g e)'') of the
-    mode e. That a step of the drive itself comes later is left out.
+    mode e. A step of the drive comes later, too; that part is left out.
     """
     motion = walked(due, sizes, level=level)
     start, end, time = float(due.time[0]), float(due.time[-1]), motion.time

@@ -17,10 +17,10 @@ from mjfish.parameter import Parameter
 class ClockWander(Effect):
     """The clock of the drive wanders: what is due at t + w(t) is done at t, w a random walk, <w^2> = size^2 t.
 
-    The phase of a beat of frequency f wanders by 2 pi f w. A loaded controller does that, a servo without a crystal, or
-    a drive that a person restarts. Nobody can foretell the walk of the next run: the size is what there is to know. So
-    it is no curve to be fitted. Its size is estimated as part of the noise (`mjfish.estimation.clock_wander`). In a
-    simulation `draw` says which walk it is; `generate` draws one for every run.
+    The phase of a beat of frequency f wanders by 2 pi f w. A controller under load does that, or a servo without a
+    crystal. The walk of the next run is not known, only its size. So a diagnosis does not refit this cause as it does
+    others: it estimates the size as a part of the noise (`mjfish.estimation.clock_wander`). In a simulation `draw` is
+    the seed of the walk; `generate` draws one for every run.
     """
 
     name: ClassVar[str] = "clock_wander"

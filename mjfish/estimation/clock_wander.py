@@ -15,7 +15,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish.block_angular import block_angular
 from mjfish.estimation.clocks import WALK
 from mjfish.estimation.fit import Fit, fit_or_raise
 from mjfish.estimation.problem import Problem
@@ -44,25 +43,24 @@ def first_size(problem: Problem, found: Fit, left: NoiseSample, plain: Noise) ->
     """
     wide = replace(problem, walk=1.0, free_clock=True)
     names = [p.name for p in wide.parameters if f":{WALK}." in p.name or p.name.endswith(":clock.offset")]
-    slopes = wide.slopes(wide.start(found.values), names).velocity
-    offsets, modes = [block[:, :, :1] for block in slopes], [block[:, :, 1:] for block in slopes]
-    times = (trial.time[mask][:, None, None] for trial, mask in zip(left.trials, left.masks, strict=True))
-    pairs = zip(offsets, times, strict=True)
-    levels = [left.flat(np.concatenate([block, block * time], axis=2)) for block, time in pairs]
-    left = left.without(block_angular(np.zeros((sum(map(len, levels)), 0)), left.rows, levels))
-    known = {
+    slopes = wide.slopes(wide.start(found.values), names).velocity  # by the offset, then by the modes
+    levels = [
+        [block[:, :, :1], trial.time[mask][:, None, None] * block[:, :, :1]]
+        for block, trial, mask in zip(slopes, left.trials, left.masks, strict=True)
+    ]
+    left = left.without_own([np.concatenate(pair, axis=2) for pair in levels])
+    modes = {
         trial.name: np.zeros((len(trial.time), *block.shape[1:]))
-        for trial, block in zip(left.trials, modes, strict=True)
+        for trial, block in zip(left.trials, slopes, strict=True)
     }
-    for trial, mask, block in zip(left.trials, left.masks, modes, strict=True):
-        known[trial.name][mask] = block
+    for trial, mask, block in zip(left.trials, left.masks, slopes, strict=True):
+        modes[trial.name][mask] = block
 
-    def gained(size: float) -> float:
-        walking = ErrorsInVariables.of(plain, lambda trial: size * known[trial.name])
-        return left.log_likelihood(walking) - left.log_likelihood(plain)
+    def likelihood(size: float) -> float:
+        return left.log_likelihood(ErrorsInVariables.of(plain, lambda trial: size * modes[trial.name][:, :, 1:]))
 
-    size = max(_TRIED, key=gained)
-    return size if gained(size) >= CLEAR else 0.0
+    most, size = max((likelihood(size), size) for size in _TRIED)
+    return size if most - left.log_likelihood(plain) >= CLEAR else 0.0
 
 
 def with_size(problem: Problem, found: Fit, size: float) -> tuple[Problem, Fit]:
@@ -91,8 +89,8 @@ def walk_size(problem: Problem, found: Fit, without: str = "") -> tuple[float, f
         problem, found: with a walk, and its fit.
         without: name of a run that does not take part.
     """
-    modes = [(i, p.name.partition(f":{WALK}.")) for i, p in enumerate(found.parameters)]
-    own = [i for i, (run, mode, _) in modes if mode and run != without]
+    parts = [p.name.partition(f":{WALK}.") for p in found.parameters]
+    own = [i for i, (run, mode, _) in enumerate(parts) if mode and run != without]
     determined = float(np.sum(1.0 - np.diag(found.covariance)[own] / problem.walk**2))
     return float(np.sqrt(np.sum(found.x[own] ** 2) / max(determined, 1e-9))), determined
 

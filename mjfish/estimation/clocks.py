@@ -14,7 +14,7 @@ import numpy as np
 from mjfish.data import Dataset, Trial
 from mjfish.data.importers.smoothing import beat_frequency
 from mjfish.data.looking import for_looking
-from mjfish.drive.walk import MOST, count
+from mjfish.drive.walk import count
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 from mjfish.model import Model
@@ -65,7 +65,9 @@ def scale(name: str) -> Parameter:
 
 def clocked(trial: Trial, values: Mapping[str, float]) -> Trial:
     """Return the trial with the frequency, phase and scale that `values` have for its wave, and the walk."""
-    modes = [values[name] for m in range(MOST) if (name := f"{trial.name}:{WALK}.{m}") in values]
+    modes: list[float] = []
+    while (name := f"{trial.name}:{WALK}.{len(modes)}") in values:
+        modes.append(values[name])
     if modes:
         trial = replace(trial, walk=tuple(modes))
     if trial.wave is None:

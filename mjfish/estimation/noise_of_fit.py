@@ -91,15 +91,16 @@ def noise_of(
     return ErrorsInVariables.of(base, joints.loadings), f"{words}; {allowed}" if words else f"noise: {allowed}"
 
 
-def walk_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], stated: FloatArray | None) -> float:
+def walk_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], noise: Noise) -> float:
     """Return the size of a walk of the drive's clock that the residual of a fit shows [s^0.5]; 0 where none is clear.
 
     Args:
-        problem, fit, known, stated: as in `noise_of`.
+        problem, fit, known: as in `noise_of`.
+        noise: that this returned; where it is white, nothing wanders.
     """
-    left = saturated(problem, fit, known)
-    noise, _ = select(left, stated, lambda: state_jacobians(problem, fit.values), patterns=False)
-    return 0.0 if isinstance(noise, Autoregressive) and noise.order == 0 else first_size(problem, fit, left, noise)
+    if isinstance(noise, Autoregressive) and noise.order == 0:
+        return 0.0
+    return first_size(problem, fit, saturated(problem, fit, known), noise)
 
 
 def noise_sample(problem: Problem, residuals: Sequence[FloatArray]) -> NoiseSample:

@@ -38,11 +38,12 @@ def contradicted(problem: Problem, fit: Fit) -> Iterator[Finding]:
     left = 1.0 - np.sum((rows @ fit.covariance) * rows, axis=1)
     told = [f":{WALK}." not in problem.parameters[i].name for i in problem.known]  # a walk is drawn, not known
     asked = np.array(told, dtype=np.bool_) & (left > 1.0 - _UNSEEN)
-    for i, deviation, share, seen in zip(problem.known, deviations, left, asked, strict=True):
-        t = deviation / np.sqrt(share) if seen else 0.0
-        if not seen or 2.0 * stats.norm.sf(abs(t)) * np.count_nonzero(asked) >= _LEVEL:
+    for row in np.flatnonzero(asked):
+        t = deviations[row] / np.sqrt(left[row])
+        if 2.0 * stats.norm.sf(abs(t)) * np.count_nonzero(asked) >= _LEVEL:
             continue
-        p, alone = problem.parameters[i], problem.parameters[i].at_deviation(float(deviation / share))
+        p = problem.parameters[problem.known[row]]
+        alone = p.at_deviation(float(deviations[row] / left[row]))
         yield Finding(
             code="far-from-known",
             severity="suspect",

@@ -182,8 +182,10 @@ class Model:
         return Prepared(
             active=active,
             fish=fish,
-            motion=by_clock(
-                joint_motion(asked_motion(self.fish.cpg, trial, step, self.penalty_share), trial, servos), trial
+            motion=walked(
+                joint_motion(asked_motion(self.fish.cpg, trial, step, self.penalty_share), trial, servos),
+                trial.walk,
+                level=trial.level_walk,
             ),
             coefficients={name: values[name] for name in self.fish.coefficient_names},
             loads=loads_of(active, trial),
@@ -305,11 +307,6 @@ def joint_motion(asked: JointMotion, trial: Trial, servos: Servos) -> JointMotio
     Measured joint angles are what the joints got; nothing comes in between.
     """
     return asked if trial.joints_measured or not servos else _driven(asked, servos)
-
-
-def by_clock(motion: JointMotion, trial: Trial) -> JointMotion:
-    """Return a joint motion by the clock of a trial's drive, which may walk."""
-    return walked(motion, trial.walk, level=trial.level_walk)
 
 
 def driven(motion: JointMotion, servos: Servos) -> JointMotion:

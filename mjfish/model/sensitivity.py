@@ -17,14 +17,14 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Sensor, Trial
 from mjfish.data.columns import POSE
 from mjfish.drive.motion import JointMotion
-from mjfish.drive.walk import along_mode
+from mjfish.drive.walk import along_mode, walked
 from mjfish.effects.effect import Effect
 from mjfish.fish import Cpg, Fish
 from mjfish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
 from mjfish.model import Model, Prepared, asked_motion, headed, numbered, pose_of
-from mjfish.model.model import beginning, by_clock, driven, joint_motion
+from mjfish.model.model import beginning, driven, joint_motion
 from mjfish.model.sensing import Camera, Moments, distinct
 from mjfish.ode.equation import STATES, TAIL, tail_of
 from mjfish.ode.rollout import Conditions, Rollout
@@ -286,7 +286,7 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
     if effect.overrides("drive") and not at.trial.joints_measured:
         servos = tuple(active for active in at.kept(effect) if active[0].domain == "drive")
         asked = asked_motion(at.model.fish.cpg, at.trial, at.run.step)
-        motion = _of_drive(asked, servos, p, at.values[name], at.trial)
+        motion = _of_drive(asked, servos, p, at.values[name], at.trial.walk, at.trial.level_walk)
     if effect.load is not None:
         loads = np.zeros((len(at.loaded), PARAMETERS))
         loads[at.loaded.index(effect.name), [own.short for own in effect.parameters].index(short)] = 1.0
@@ -346,11 +346,13 @@ def _rows_of_number(
 
 
 @sized_cache(lambda rates: rates.nbytes, 0.05e9)
-def _of_drive(asked: JointMotion, servos: Active, p: Parameter, value: float, trial: Trial) -> FloatArray:
+def _of_drive(
+    asked: JointMotion, servos: Active, p: Parameter, value: float, walk: tuple[float, ...], level: bool
+) -> FloatArray:
     """Return rates of angle, rate and acceleration (3, n, 3, joints)."""
 
     def moves(at_value: float) -> FloatArray:
-        return _stacked(by_clock(driven(asked, _replaced(servos, p, at_value)), trial))
+        return _stacked(walked(driven(asked, _replaced(servos, p, at_value)), walk, level=level))
 
     return readonly(difference(moves, p, value))
 
@@ -365,7 +367,8 @@ def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Active, short: str, st
 
     def moves(by: float) -> FloatArray:
         moved = {"frequency": (by, 0.0, 1.0), "phase": (0.0, by, 1.0), "scale": (0.0, 0.0, 1.0 + by)}[short]
-        return _stacked(by_clock(driven(asked_motion(cpg.thing, trial.waved(*moved), step), servos), trial))
+        got = driven(asked_motion(cpg.thing, trial.waved(*moved), step), servos)
+        return _stacked(walked(got, trial.walk, level=trial.level_walk))
 
     return readonly(difference(moves, Parameter(f"wave.{short}", "-", 0.0, -1.0, 1.0, 0.0, _WAVE_SCALE), 0.0))
 

@@ -84,10 +84,10 @@ class NoiseSample:
     @property
     def columns(self) -> BlockAngular:
         """The columns (3 n, k) that were taken out, divided by `scale`: orthonormal but for rounding."""
-        span, apart = ([self.flat(block) for block in blocks] for blocks in (self.span, self.apart))
+        span, apart = ([self._flat(block) for block in blocks] for blocks in (self.span, self.apart))
         return block_angular(np.concatenate(span), self.rows, apart)
 
-    def flat(self, block: FloatArray) -> FloatArray:
+    def _flat(self, block: FloatArray) -> FloatArray:
         """Return columns (n, 3, k) divided by `scale` as (3 n, k)."""
         return np.asarray((block / self.scale[:, None]).reshape(3 * len(block), block.shape[2]))
 
@@ -118,8 +118,12 @@ class NoiseSample:
 
     def without_levels(self) -> NoiseSample:
         """Return what is left when the mean of every channel of every trial is taken out."""
-        levels = [np.tile(np.eye(3), (len(block), 1)) for block in self.residuals]
-        return self.without(block_angular(np.zeros((sum(map(len, levels)), 0)), self.rows, levels))
+        return self.without_own([np.broadcast_to(np.eye(3), (len(block), 3, 3)) for block in self.residuals])
+
+    def without_own(self, blocks: Sequence[FloatArray]) -> NoiseSample:
+        """Return what is left when columns (n, 3, k) of every trial alone, in physical units, are taken out."""
+        own = [self._flat(block) for block in blocks]
+        return self.without(block_angular(np.zeros((sum(map(len, own)), 0)), self.rows, own))
 
     def without_shapes(self) -> NoiseSample:
         """Return what is left when the `shapes` that trials may share are taken out."""
@@ -128,7 +132,7 @@ class NoiseSample:
 
     def without_own_shapes(self) -> NoiseSample:
         """Return a sample whose likelihood is that of what the `shapes` leave, each trial having sizes of its own."""
-        flat = (self.flat(shape()) for shape in self.shapes or [])
+        flat = (self._flat(shape()) for shape in self.shapes or [])
         own = [orthonormal(block).reshape(len(block) // 3, 3, -1) * self.scale[:, None] for block in flat]
         return replace(self, own=own or None)
 

@@ -12,7 +12,7 @@ from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.clock_wander import CLEAR, log_likelihood_gained, of_every_run, walk_size, with_size
-from mjfish.estimation.noise_of_fit import walk_of
+from mjfish.estimation.noise_of_fit import noise_of, walk_of
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.model.sensitivity import sensitivities
 
@@ -31,7 +31,8 @@ def _fitted(pool: Dataset) -> tuple[Problem, Fit]:
 
 def _first_size(problem: Problem, found: Fit) -> float:
     nothing = [np.zeros((int(np.count_nonzero(problem.mask(i))), 3, 0)) for i in range(len(problem.trials))]
-    return walk_of(problem, found, nothing, SIGMA)
+    noise, _ = noise_of(problem, found, nothing, SIGMA, patterns=False)
+    return walk_of(problem, found, nothing, noise)
 
 
 @pytest.mark.parametrize("size", [0.003, 0.008])
