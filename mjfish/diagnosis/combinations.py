@@ -20,13 +20,11 @@ from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import made_smooth, refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.select import Goodness, compared
-from mjfish.diagnosis.table import THRESHOLDS, Comparison, Names, Row, share_of
+from mjfish.diagnosis.table import LARGEST, THRESHOLDS, Comparison, Names, Row, share_of
 from mjfish.effects.effect import Effect
 
 #: Sets of causes, compared, or None; and all refits.
 Found = tuple[Comparison | None, Mapping[Names, Refit]]
-#: Most causes that are claimed together.
-LARGEST = 3
 #: Refits that are extended, and additions that are refitted for each: those whose score is `MEMBER` and this share of
 #: what all candidates explain there, beyond chance; a second cause, if it is the best, always.
 _BASES, _ADDED, _HALF_OF_IT = 2, 3, 0.5
@@ -72,13 +70,15 @@ def find_combinations(
         return None, known
     found = _confirmed(found, known, held_out)
     if small:
-        found = Comparison({row.names: row for row in found.staying() if row.clean() or _borne_out(row)})
+        kept = (row for row in found.staying() if row.clean() or _borne_out(row, known[row.names]))
+        found = Comparison({row.names: row for row in kept})
     return found if found.rows else None, known
 
 
-def _borne_out(row: Row) -> bool:
-    """Return whether a set with a learned form leaves little, and held-out trials gain what they should."""
-    return row.learned and row.fits() and row.held_out is not None and row.held_out.borne_out
+def _borne_out(row: Row, refit: Refit) -> bool:
+    """Return whether a formula beside a learned form leaves little, and held-out trials gain what they should."""
+    formula = row.learned and not refit.effects[-1].learned
+    return formula and row.fits() and row.held_out is not None and row.held_out.borne_out
 
 
 def _searched(
@@ -103,7 +103,7 @@ def _searched(
             known.update(found := grown(bases, evidence, known, whole))
             earned.update({names: refit for names, refit in found.items() if pays(refit, known)})
             if earned:
-                best = compared(earned, goodness, held_out)
+                best = compared(earned, goodness)
                 sufficient = [earned[row.names] for row in best.staying() if row.clean()]
                 # unlike `Comparison.exhausted`, this asks neither whether they fit nor what held-out trials say
                 if not sufficient and any(row.leaves_little() for row in best.staying()):
@@ -112,7 +112,7 @@ def _searched(
                     known.update(parts := _parts(sufficient, known))
                     if all(pays(refit, known) for refit in sufficient):
                         return best
-                    return compared({**_of_size(size - 1, known), **parts}, goodness, held_out)
+                    return compared({**_of_size(size - 1, known), **parts}, goodness)
         if not earned or best is None or min((row.left for row in best.staying()), default=1.0) > THRESHOLDS.resembles:
             return best
         bases = _best(earned.values())
@@ -273,7 +273,7 @@ def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit], *, small: boo
 
 def _goodness(candidates: Sequence[Effect], held_out: HeldOut) -> Goodness:
     """Return the goodness of fit by the joint score of the formulas."""
-    return Goodness([effect for effect in candidates if not effect.learned], held_out.trials)
+    return Goodness([effect for effect in candidates if not effect.learned], held_out)
 
 
 def _confirmed(found: Comparison, known: Mapping[Names, Refit], held_out: HeldOut) -> Comparison:

@@ -83,7 +83,7 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Tabl
     if not refits:
         return Compared(table)
     refits |= _caught_up(refits)
-    goodness = Goodness(begun.applicable, held_out.trials)
+    goodness = Goodness(begun.applicable, held_out)
     single = _singles(refits, goodness, held_out)
     if table.blocks:  # whatever else is found, no verdict is given
         return Compared(replace(table, single=single), refits)
@@ -123,7 +123,7 @@ def _caught_up(refits: Mapping[Names, Refit]) -> dict[Names, Refit]:
 
 def _singles(refits: Mapping[Names, Refit], goodness: Goodness, held_out: HeldOut) -> Comparison:
     """Compare single causes with each other, and on the held-out trials."""
-    found = compared(refits, goodness, held_out)
+    found = compared(refits, goodness)
     return found.with_held_out({row.names: held_out.confirmed(refits[row.names], None) for row in found.staying()})
 
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.compared import Compared
 from mjfish.diagnosis.domain import explaining_domain
 from mjfish.diagnosis.forms import NamedMechanism, named_mechanisms, staying
-from mjfish.diagnosis.held_out import HeldOut, pooled_error
+from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.screening import Screening
 from mjfish.diagnosis.table import Row
-from mjfish.diagnosis.verdict import Decision, decide_beside, message_of, with_random
+from mjfish.diagnosis.verdict import Decision, decide_beside, failing, message_of, with_random
 from mjfish.effects import Effect
 from mjfish.effects.mechanism import Domain
 
@@ -88,20 +86,11 @@ def _with_form(
 
 
 def _misleading(closest: Refit, held_out: HeldOut) -> str:
-    """Say why the nominal model is shown, where the closest errs more on the held-out runs; else nothing.
-
-    By both measures of the table, which may disagree where noise is slow.
-    """
-    scores = [held_out.score(model) for model in (None, closest)]
-    nominal, extended = (pooled_error(score.channels) for score in scores)
-    if extended <= nominal:
+    """Say why the nominal model is shown, where the closest errs more on the held-out runs; else nothing."""
+    found = held_out.confirmed(closest, None)
+    if found is None or not (found.error_ratio > 1.0 or found.misses_speed):
         return ""
-    before, after = (float(np.sum(np.concatenate(score.whitened) ** 2)) for score in scores)
-    although = f", although its log-likelihood is {0.5 * (before - after):.3g} lower" if after < before else ""
-    return (
-        f" The nominal model is kept: its nRMSE on the held-out trials is smaller, {100.0 * nominal:.3g} % against "
-        f"{100.0 * extended:.3g} %{although}."
-    )
+    return f" The nominal model is kept: {closest.names[0]} {failing(found)}."
 
 
 def _shared_domain(decision: Decision, known: Mapping[str, Effect]) -> Domain | None:

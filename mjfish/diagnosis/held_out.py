@@ -26,9 +26,9 @@ _BLOCK = 0.7
 #: A cause fails on held-out trials where it loses likelihood there, with a probability below this if it were true.
 #: They bear it out where the probability of so small a gain is not below it.
 _FAILED = 0.001
-#: Or where its error there is this much larger than without it, whatever the likelihood allows for; within noise, that
-#: is chance.
-_WORSE = 1.1
+#: Or where its error there is this much larger than without it, whatever the likelihood allows for, or that of the mean
+#: speed tenfold; within noise, that is chance.
+_WORSE, _TENFOLD = 1.1, 10.0
 #: A trial is predicted to within noise where a model leaves a mean square below this. One that none predicts does not
 #: discriminate between them.
 _PREDICTED = 1.25
@@ -43,18 +43,25 @@ class Confirmation:
         probability: to gain so little, or less, were the extended model true.
         error_ratio: of the pooled nRMSE there to that without it.
         mean_square: of the whitened residual that it leaves there.
+        speed_ratio: of the error of the mean speed there to that without it; 1 where no speed was measured.
     """
 
     gained: float
     probability: float
     error_ratio: float = 1.0
     mean_square: float = np.inf
+    speed_ratio: float = 1.0
+
+    @property
+    def misses_speed(self) -> bool:
+        """Whether the mean speed is wrong by ten times as much as without the cause."""
+        return self.speed_ratio > _TENFOLD and self.mean_square > _PREDICTED
 
     @property
     def failed(self) -> bool:
         """Whether the cause predicts these trials worse than they are without it, by more than noise does."""
         worse = self.error_ratio > _WORSE and self.mean_square > _PREDICTED
-        return worse or (self.gained <= 0.0 and self.probability < _FAILED)
+        return worse or self.misses_speed or (self.gained <= 0.0 and self.probability < _FAILED)
 
     @property
     def borne_out(self) -> bool:
@@ -126,10 +133,20 @@ class HeldOut:
     def _confirmed(self, refit: Refit, against: Refit | None) -> Confirmation:
         scores = self.score(against), self.score(refit)
         before, after = (pooled_error(score.channels) for score in scores)
+        without, speed = (_speed_error(score.channels) for score in scores)
         found = confirmation(*scores, (self.covariance_root(against), self.covariance_root(refit)))
         finite("the held-out trials", found.gained, found.probability, before, after)
         left = float(np.mean(np.concatenate(scores[1].whitened) ** 2))
-        return replace(found, error_ratio=after / before, mean_square=left)
+        ratio = speed / without if without > 0.0 else 1.0
+        return replace(found, error_ratio=after / before, mean_square=left, speed_ratio=ratio)
+
+    def explained(self, refit: Refit, trials: Sequence[Trial]) -> float:
+        """Return the fall of the sum of squares on those held-out trials that are among some; 0 where it rises."""
+        names, fallen = {trial.name for trial in trials}, 0.0
+        for index in (index for index, trial in enumerate(self.trials) if trial.name in names):
+            before, after = (self.score(model).whitened[index] for model in (None, refit))
+            fallen += float(before @ before - after @ after)
+        return max(fallen, 0.0)
 
     def of_rivals(self, refits: Mapping[Key, Refit]) -> dict[Key, FloatArray]:
         """Return the residuals (n,) of rivals on the held-out trials that one of them predicts, to compare them.

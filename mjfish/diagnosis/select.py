@@ -23,9 +23,8 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.data import Trial
-from mjfish.diagnosis.constancy import linearised
-from mjfish.diagnosis.evidence import Evidence, tail, unscored, with_scores
+from mjfish.diagnosis.constancy import of_all_runs, sizes_by_run
+from mjfish.diagnosis.evidence import Evidence, gather, tail, with_scores
 from mjfish.diagnosis.failures import finite, tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import refit_nonsmooth
@@ -68,34 +67,32 @@ def _inner(residuals: FloatArray, index: int) -> FloatArray:
     return np.asarray(apart @ apart.T)
 
 
-def sharp_p(test: tuple[float, int], gain: float) -> float:
-    """Return the p value of a sharp test, a statistic with its rank; 1 where it is slight beside the gain."""
-    statistic, rank = test
-    return 1.0 if statistic - rank < THRESHOLDS.slight * gain else tail(statistic, rank)
-
-
-def excused(p: float, statistic: tuple[float, int], flipped: Callable[[], float]) -> tuple[float, tuple[float, int]]:
-    """Return a p value, and a statistic with its rank; the last two are 0 where outliers of the noise explain it.
+def excused(
+    statistic: tuple[float, int], flipped: Callable[[], float], slight: float = 0.0
+) -> tuple[float, tuple[float, int]]:
+    """Return the p value of a statistic, and it with its rank; 0 and 0 where outliers of the noise explain it.
 
     Args:
-        p: of the statistic.
         statistic: with its rank.
         flipped: returns the p value over all flips of the signs; asked for only if needed.
+        slight: what is less than this beyond chance does not count: the p value is 1.
     """
+    p = 1.0 if statistic[0] - statistic[1] < slight else tail(*statistic)
     if p >= THRESHOLDS.goodness or (by_flips := flipped()) < p:
         return p, statistic
     return by_flips, ((0.0, 0) if by_flips >= THRESHOLDS.goodness else statistic)
 
 
-def _unseen(after: Evidence, gain: float) -> tuple[float, tuple[float, int]]:
+def _unseen(refit: Refit, candidates: Sequence[Effect]) -> tuple[float, tuple[float, int]]:
     """Refit the causes that do nothing up to some size, for no score sees them; return what they explain.
 
     That is a p value and the fall of the sum of squares by the best with its degrees of freedom, one more for the
     choice of its size; 1 and nothing where it explains little beside the gain.
     """
-    p, found = refit_nonsmooth(after, [e for e in after.candidates if e.starts_off_null() and not e.limits])
+    after = gather(refit.problem, refit.fit, [e for e in candidates if e.starts_off_null() and not e.limits])
+    p, found = refit_nonsmooth(after, after.candidates)
     best = max(found.values(), key=lambda refit: refit.gain, default=None)
-    if best is None or best.gain < THRESHOLDS.slight * gain:
+    if best is None or best.gain < THRESHOLDS.slight * refit.gain:
         return 1.0, (0.0, 0)
     return p, (best.gain, round(best.degrees_of_freedom) + 1)
 
@@ -105,10 +102,10 @@ class Goodness:
 
     Args:
         candidates: causes whose joint score at a refit says whether it leaves anything.
-        held_out: trials in which causes should have the size that they have in the others.
+        held_out: what refits predict of trials in which they should leave nothing, either.
     """
 
-    def __init__(self, candidates: Sequence[Effect], held_out: tuple[Trial, ...] = ()) -> None:
+    def __init__(self, candidates: Sequence[Effect], held_out: HeldOut) -> None:
         self.candidates, self.held_out = tuple(candidates), held_out
         self.known: dict[Refit, dict[str, Any]] = {}
 
@@ -127,42 +124,40 @@ class Goodness:
         Raises:
             FloatingPointError: one is no number.
         """
+        every = of_all_runs(refit, self.held_out.trials)
+        beyond = self.held_out.explained(refit, every.problem.trials)
         tests: dict[str, float] = {}
         most = 0.0, 0
-        limits = (THRESHOLDS.resembles, THRESHOLDS.resembles, THRESHOLDS.left, THRESHOLDS.left)
-        for limit, stage in zip(limits, self._stages(refit), strict=True):
+        limits = (THRESHOLDS.resembles, THRESHOLDS.left, THRESHOLDS.left)
+        for limit, stage in zip(
+            limits, self._stages(refit, every, THRESHOLDS.slight * (refit.gain + beyond)), strict=True
+        ):
             if np.isnan([(p, statistic) for p, (statistic, _) in stage.values()]).any():
                 raise FloatingPointError("a test of what it leaves is no number")
             tests.update({name: p for name, (p, _) in stage.items()})
             most = max([most, *((statistic - rank, rank) for _, (statistic, rank) in stage.values())])
-            if min(tests.values()) < THRESHOLDS.goodness and most[0] >= limit * (refit.gain + most[0]):
+            share = most[0] / max(refit.gain + beyond + most[0], 1e-9)
+            if min(tests.values()) < THRESHOLDS.goodness and share >= limit:
                 break
-        return {"tests": tests, "excess": most[0], "rank": most[1]}
+        return {"tests": tests, "excess": most[0], "rank": most[1], "beyond": beyond}
 
-    def _stages(self, refit: Refit) -> Iterator[dict[str, tuple[float, tuple[float, int]]]]:
-        """Yield the p value and the statistic with its rank, by test, in four stages."""
-        here = unscored(refit.problem, refit.fit)
-        common = here.common()
+    def _stages(
+        self, refit: Refit, every: Evidence, slight: float
+    ) -> Iterator[dict[str, tuple[float, tuple[float, int]]]]:
+        """Yield the p value and the statistic with its rank, by test, in three stages; what is slight is left out."""
+        left, by_run = every.cleared, sizes_by_run(refit, every)
         yield {
-            "waves": excused(here.omnibus_p(), here.omnibus, lambda: here.waves.flipped_p(here.cleared)),
-            "common waves": excused(
-                sharp_p(common, refit.gain), common, lambda: flipped_p(here.common_waves, here.cleared)
-            ),
+            "waves": excused(every.omnibus, lambda: every.waves.flipped_p(left)),
+            "common waves": excused(every.common(), lambda: flipped_p(every.common_waves, left), slight),
+            "sizes by run": excused(by_run.statistic(left), lambda: by_run.flipped_p(left), slight),
         }
-        by_run = linearised(refit, self.held_out)
-        sizes = by_run.sizes()
-        yield {"sizes by run": excused(sharp_p(sizes, refit.gain), sizes, by_run.flipped_p)}
-        after = with_scores(here, self.candidates)
-        yield {
-            "candidates": excused(
-                after.saturated_p(), after.saturated(), lambda: flipped_p(after.signatures, after.cleared)
-            )
-        }
-        yield {"unseen causes": _unseen(after, refit.gain)}
+        after = with_scores(every, self.candidates)
+        yield {"candidates": excused(after.saturated(), lambda: flipped_p(after.signatures, left))}
+        yield {"unseen causes": _unseen(refit, self.candidates)}
 
 
-def compared(refits: Mapping[Names, Refit], goodness: Goodness, held_out: HeldOut) -> Comparison:
+def compared(refits: Mapping[Names, Refit], goodness: Goodness) -> Comparison:
     """Return the rows of sets of one size; only of those in the confidence set it is tested what they leave."""
-    refits = held_out.predicted(refits)
-    found = _rivalry(refits, held_out) if refits else {}
+    refits = goodness.held_out.predicted(refits)
+    found = _rivalry(refits, goodness.held_out) if refits else {}
     return Comparison({n: goodness.of(refits[n], row) if row.stays() else row for n, row in found.items()})

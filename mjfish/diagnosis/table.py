@@ -60,6 +60,8 @@ class Thresholds:
 
 
 THRESHOLDS = Thresholds()
+#: Most causes that are claimed together.
+LARGEST = 3
 #: A set must explain this share more than every smaller one; the second where one of both has a learned form: its basis
 #: has its limits, and it may mend much.
 _SHARE, _LEARNED_SHARE = 0.01, 0.03
@@ -87,8 +89,9 @@ class Row:
         tests: p values of what it leaves, by test: of all other candidates, of waves, of waves that all runs share, of
             sizes by run, of causes that no score sees. Empty where it was not asked: only of sets that the data cannot
             tell from the best.
-        excess: remainder: what is left beyond chance, of the sum of squares.
+        excess: remainder: what is left beyond chance, of the sum of squares of the fitted trials and of held-out ones.
         rank: degrees of freedom of the test that sees so much.
+        beyond: what the gain is on these held-out trials; 0 where the sum of squares rises there.
         held_out: what it does on the held-out trials, against the best set with one member less, a single cause against
             the nominal model; None where it was not asked, or nothing is held out.
         status: how its fit ended.
@@ -112,6 +115,7 @@ class Row:
     tests: Mapping[str, float] = field(default_factory=dict)
     excess: float = np.inf
     rank: int = 0
+    beyond: float = 0.0
     held_out: Confirmation | None = None
     status: str = "converged"
     promise: float = 0.0
@@ -167,7 +171,7 @@ class Row:
         return self._share(max(self.excess - half, 0.0)), self._share(self.excess + half)
 
     def _share(self, excess: float) -> float:
-        return 1.0 if np.isinf(excess) else excess / max(self.gain + excess, 1e-9)
+        return 1.0 if np.isinf(excess) else excess / max(self.gain + self.beyond + excess, 1e-9)
 
     @property
     def fit_p(self) -> float:
@@ -191,14 +195,15 @@ class Row:
         """Return whether nothing systematic is left that matters.
 
         Two causes can imitate a third one that is not in the catalogue. So several causes must leave less than a tenth,
-        even where no test sees it.
+        even where no test sees it; three, which are rarer than a cause that nobody listed, nothing that a test sees.
         """
-        clean = self.clean(limits) and (len(self.names) == 1 or self.left < limits.left)
-        return clean or self.left < limits.tolerated(self)
+        several = len(self.names)
+        clean = self.clean(limits) and (several == 1 or self.left < limits.left)
+        return clean or (several < LARGEST and self.left < limits.tolerated(self))
 
     def leaves_little(self) -> bool:
         """Return whether it leaves less than what a larger set would have to explain beyond it."""
-        return self.excess < share_of(self) * self.gain
+        return self.excess < share_of(self) * (self.gain + self.beyond)
 
     def distances(self, limits: Thresholds = THRESHOLDS) -> dict[str, float]:
         """Return every figure over its threshold, by threshold: at 1 the set passes from one side to the other."""
@@ -259,10 +264,10 @@ class Comparison:
 
         The misfit shows that the form of the set is not that of the truth. Rivals are granted the same tolerance.
         """
-        most = share * (first.gain + first.excess) - first.excess
+        most = share * (first.gain + first.beyond + first.excess) - first.excess
         others = (row for row in self.rows.values() if row is not first and not row.fails)
-        near = [row for row in others if first.adjusted - row.adjusted < most]
-        return [first, *sorted(near, key=lambda row: -row.adjusted)]
+        near = [row for row in others if row.behind - first.behind < most]
+        return [first, *sorted(near, key=lambda row: row.behind)]
 
     def joined(self, others: Comparison | None) -> Comparison:
         """Return this comparison with the rows of others for the sets that are in their confidence set."""

@@ -109,7 +109,7 @@ def decide_beside(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
         rows = comparison.retained(clean=clean, limits=limits)
         if comparison is single and not clean and rows and one_mechanism(rows):
             first = min(rows, key=lambda row: row.behind)
-            tolerance = min(limits.left, max(_TENFOLD * first.left, limits.slight))
+            tolerance = min(limits.left, _TENFOLD * first.left)
             alike = single.similar(first, tolerance)
             rows = [*rows, *(row for row in alike if row not in rows)]
         if rows and one_mechanism(rows):
@@ -118,7 +118,7 @@ def decide_beside(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
             return Decision("cannot_tell", _sets(rows), _tied(_sets(rows)))
     if table.others is not None and (rows := table.others.retained(clean=True, limits=limits)):
         failed = single.failed(limits)
-        why = _failing(failed[0].held_out) if failed else "fails on the held-out trials"
+        why = failing(failed[0].held_out) if failed else "fails on the held-out trials"
         choice = f"{_listed(_sets(failed))} fits best, but {why}; {_listed(_sets(rows))} explains the data too"
         return Decision("cannot_tell", _sets([*rows, *failed]), _undecided(choice))
     best = single.closest(limits)
@@ -199,13 +199,15 @@ def message_of(rows: Sequence[Row], *, claimed: bool) -> str:
 
 def _why(best: Row, limits: Thresholds) -> str:
     left = f"leaves {best.left:.0%} of the misfit, and what it leaves is systematic"
-    return left if not best.fits(limits) else _failing(best.held_out) if best.fails else "is rejected"
+    return left if not best.fits(limits) else failing(best.held_out) if best.fails else "is rejected"
 
 
-def _failing(confirmation: Confirmation | None) -> str:
+def failing(confirmation: Confirmation | None) -> str:
     """Say why a cause fails on the held-out trials, by both measures: they may disagree where noise is slow."""
     if confirmation is None:
         return "fails on the held-out trials"
+    if confirmation.misses_speed:
+        return f"fails on the held-out trials: its mean speed is {confirmation.speed_ratio:.0f} times further off there"
     change, gained = confirmation.error_ratio - 1.0, confirmation.gained
     error = f"its nRMSE on the held-out trials is {abs(change):.1%} {'larger' if change > 0.0 else 'smaller'}"
     link = "although" if (change > 0.0) == (gained > 0.0) else "and"

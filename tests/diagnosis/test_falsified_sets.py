@@ -29,6 +29,13 @@ def test_a_larger_held_out_error_within_noise_is_chance() -> None:
     assert Confirmation(-5.0, 1e-4, 1.2, 1.1).failed
 
 
+def test_a_set_fails_whose_mean_speed_is_ten_times_further_off() -> None:
+    """Catches a set that is a gain by nRMSE, and swims at another speed; within noise that is chance."""
+    assert not Confirmation(50.0, 0.5, 0.9, 1.4, 9.0).failed
+    assert Confirmation(50.0, 0.5, 0.9, 1.4, 11.0).failed
+    assert not Confirmation(50.0, 0.5, 0.9, 1.1, 11.0).failed
+
+
 def _found(names: tuple[str, ...], ratio: float) -> tuple[Comparison, dict[Any, Any]]:
     row = replace(STAYS, names=names, learned="lift" in names, held_out=Confirmation(10.0, 0.5, ratio))
     return Comparison({names: row}), {names: SimpleNamespace()}

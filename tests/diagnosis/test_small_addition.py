@@ -76,6 +76,20 @@ def test_beside_a_learned_form_something_may_be_left_if_held_out_trials_agree(
         assert pairs.retained(clean=True) == []
 
 
+@pytest.mark.parametrize("last_learned", [False, True])
+def test_beside_a_formula_a_small_learned_form_must_mend_everything(
+    monkeypatch: pytest.MonkeyPatch, last_learned: bool
+) -> None:
+    """Catches a learned lift that takes up what the formula of a very soft tail leaves, and is claimed."""
+    nominal, alone = _with_offset(1.0, 0.01)
+    monkeypatch.setattr(type(find("munk_moment")), "learned", last_learned)
+    monkeypatch.setattr(Refit, "learned", property(lambda refit: len(refit.names) > 1))
+    monkeypatch.setattr(HeldOut, "confirmed", lambda *_: Confirmation(30.0, 0.2))
+    pairs, refits = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), silent, small=True)
+    assert refits["munk_moment", "time_offset"].gain - alone.gain > MENDED
+    assert (pairs is None) is last_learned
+
+
 def test_a_signature_of_rounding_has_no_score() -> None:
     """Catches a family-wise p value that a cause without a derivative at its null makes a matter of rounding."""
     nominal, _ = _with_offset(0.4)
