@@ -251,7 +251,7 @@ def _gain(result: Diagnosis) -> Table:
 
 def _evidence(evidence: Evidence) -> Table:
     """Return the table that the verdict is read from, a row for every set that was compared."""
-    from mjfish.diagnosis.table import THRESHOLDS as LIMITS
+    from mjfish.diagnosis.thresholds import THRESHOLDS as LIMITS
 
     headings = ("causes", "LR", "behind", "rival p", "best", "remains", "fit p", "held out", "error")
     table = console.table("What the verdict is read from", headings, ("causes",), box=None, padding=(0, 1, 0, 0))

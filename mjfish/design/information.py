@@ -31,8 +31,9 @@ d is made of estimates: noise that the two fits do not share passes for a differ
 on average, and that is taken off (down to nothing; of the variance, in the same proportion).
 
 **Probability of a verdict.** A verdict drops l once its likelihood is a tenth of that of k
-(`mjfish.diagnosis.table.Thresholds.close`); that noise would lead so far in less than 5 % of cases, were l the truth,
-is then so too: 2 z sqrt(lambda) - lambda, z = 1.645, is 2.7 at most. With a gain of mean g and standard deviation s,
+(`mjfish.diagnosis.thresholds.Thresholds.close`); that noise would lead so far in less than 5 % of cases, were l the
+truth, is then so too: 2 z sqrt(lambda) - lambda, z = 1.645, is 2.7 at most. With a gain of mean g and standard
+deviation s,
 
     P_k = Phi((m + g - 2 ln 10) / s)
 
@@ -57,7 +58,7 @@ from mjfish.design.fitted_models import ModelEstimate
 from mjfish.design.menu import Run
 from mjfish.diagnosis.evidence import DETECTED
 from mjfish.diagnosis.isolability import Isolability, isolated
-from mjfish.diagnosis.table import THRESHOLDS
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
 from mjfish.parameter import Parameter

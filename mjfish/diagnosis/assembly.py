@@ -27,7 +27,7 @@ from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Cause, Diagnosis, FittedModel, Overlay, SensorOverlay
 from mjfish.diagnosis.screening import Screening
-from mjfish.diagnosis.table import THRESHOLDS
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.diagnosis.verdict import Decision, withheld
 from mjfish.diagnosis.where import locate
 from mjfish.estimation import Fit, Problem

@@ -20,7 +20,8 @@ from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import made_smooth, refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.select import Goodness, compared
-from mjfish.diagnosis.table import LARGEST, THRESHOLDS, Comparison, Names, Row, share_of
+from mjfish.diagnosis.table import Comparison, Names, Row, share_of
+from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS
 from mjfish.effects.effect import Effect
 
 #: Sets of causes, compared, or None; and all refits.
@@ -78,7 +79,7 @@ def find_combinations(
 def _borne_out(row: Row, refit: Refit) -> bool:
     """Return whether a formula beside a learned form leaves little, and held-out trials gain what they should."""
     formula = row.learned and not refit.effects[-1].learned
-    return formula and row.fits() and row.held_out is not None and row.held_out.borne_out
+    return formula and row.fits() and row.held_out is not None and row.held_out.borne_out()
 
 
 def _searched(

@@ -142,7 +142,7 @@ def _combined(
     if found is None:
         return None, {}
     formulas = {names: refit for names, refit in refits.items() if not refit.learned}
-    if all(row.learned and row.fails for row in found.staying()) and len(formulas) < len(refits):
+    if all(row.learned and row.fails() for row in found.staying()) and len(formulas) < len(refits):
         plain = [effect for effect in candidates if not effect.learned]
         again = _combined(single, formulas, plain, held_out, progress)
         return (found, own) if again[0] is None else again

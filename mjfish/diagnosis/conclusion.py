@@ -88,7 +88,7 @@ def _with_form(
 def _misleading(closest: Refit, held_out: HeldOut) -> str:
     """Say why the nominal model is shown, where the closest errs more on the held-out runs; else nothing."""
     found = held_out.confirmed(closest, None)
-    if found is None or not (found.error_ratio > 1.0 or found.misses_speed):
+    if found is None or not (found.error_ratio > 1.0 or found.misses_speed()):
         return ""
     return f" The nominal model is kept: {closest.names[0]} {failing(found)}."
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import tail
-from mjfish.diagnosis.table import THRESHOLDS, Row
+from mjfish.diagnosis.table import Row
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.estimation import Fit, Noise, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.identification import first_sigma

@@ -128,9 +128,9 @@ def describe(problem: Problem, fit: Fit) -> Description:
 
 def _left(evidence: Evidence, kept: Sequence[int]) -> float:
     """Return what the omnibus basis explains beyond chance of what the terms leave."""
-    statistic = evidence.omnibus_excess()
+    statistic, rank = evidence.omnibus
     size = np.linalg.solve(evidence.information[np.ix_(kept, kept)], evidence.score[list(kept)])
-    return statistic - float(size @ evidence.score[list(kept)])
+    return statistic - rank - float(size @ evidence.score[list(kept)])
 
 
 def _pursuit(score: FloatArray, information: FloatArray) -> list[int]:

@@ -25,7 +25,8 @@ from mjfish.diagnosis.progress import Progress, silent
 from mjfish.diagnosis.provenance import identity
 from mjfish.diagnosis.result import Diagnosis
 from mjfish.diagnosis.screening import Screening, screen
-from mjfish.diagnosis.table import THRESHOLDS, Row
+from mjfish.diagnosis.table import Row
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.errors import NUMERIC, InputError, MjfishError, reason_of
 from mjfish.estimation import Noise

@@ -21,7 +21,7 @@ from mjfish.arrays import FloatArray, blocks_of
 from mjfish.block_angular import Basis, BlockAngular, span
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.isolability import amplitude_signatures
-from mjfish.diagnosis.table import THRESHOLDS
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import Domain
 

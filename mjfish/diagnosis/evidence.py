@@ -251,17 +251,9 @@ class Evidence:
         """Return the statistic of all candidates jointly and its rank; compares the model with model + everything."""
         return _quadratic(self.score, self.information)
 
-    def saturated_p(self) -> float:
-        """Return the p value of `saturated`."""
-        return tail(*self.saturated())
-
-    def omnibus_p(self) -> float:
-        """Return the p value of the omnibus basis, which knows no cause."""
-        return tail(*self.omnibus)
-
     @cached_property
     def omnibus(self) -> tuple[float, int]:
-        """Statistic of the omnibus basis, and its rank."""
+        """Statistic of the omnibus basis, which knows no cause, and its rank."""
         return self.waves.statistic(self.cleared)
 
     @cached_property
@@ -284,11 +276,6 @@ class Evidence:
     def saturated_excess(self) -> float:
         """Return what all candidates jointly explain beyond chance: their statistic less its rank."""
         statistic, rank = self.saturated()
-        return statistic - rank
-
-    def omnibus_excess(self) -> float:
-        """Return what the omnibus basis explains beyond chance."""
-        statistic, rank = self.omnibus
         return statistic - rank
 
     @cached_property

@@ -15,6 +15,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.failures import finite, tried
 from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.thresholds import THRESHOLDS, Thresholds
 from mjfish.estimation.residual import ChannelError, Score, held_out_covariance_root, predict_held_out
 from mjfish.sized_cache import Remade
 
@@ -23,12 +24,6 @@ Key = TypeVar("Key", bound=Hashable)
 #: Draws of the block bootstrap of the gain, and the length of a block [s].
 _DRAWS = 2000
 _BLOCK = 0.7
-#: A cause fails on held-out trials where it loses likelihood there, with a probability below this if it were true.
-#: They bear it out where the probability of so small a gain is not below it.
-_FAILED = 0.001
-#: Or where its error there is this much larger than without it, whatever the likelihood allows for, or that of the mean
-#: speed tenfold; within noise, that is chance.
-_WORSE, _TENFOLD = 1.1, 10.0
 #: A trial is predicted to within noise where a model leaves a mean square below this. One that none predicts does not
 #: discriminate between them.
 _PREDICTED = 1.25
@@ -52,21 +47,18 @@ class Confirmation:
     mean_square: float = np.inf
     speed_ratio: float = 1.0
 
-    @property
-    def misses_speed(self) -> bool:
-        """Whether the mean speed is wrong by ten times as much as without the cause."""
-        return self.speed_ratio > _TENFOLD and self.mean_square > _PREDICTED
+    def misses_speed(self, limits: Thresholds = THRESHOLDS) -> bool:
+        """Return whether the mean speed is further off than without the cause, tenfold, and not by noise."""
+        return self.speed_ratio > limits.tenfold and self.mean_square > _PREDICTED
 
-    @property
-    def failed(self) -> bool:
-        """Whether the cause predicts these trials worse than they are without it, by more than noise does."""
-        worse = self.error_ratio > _WORSE and self.mean_square > _PREDICTED
-        return worse or self.misses_speed or (self.gained <= 0.0 and self.probability < _FAILED)
+    def failed(self, limits: Thresholds = THRESHOLDS) -> bool:
+        """Return whether the cause predicts these trials worse than they are without it, by more than noise does."""
+        worse = self.error_ratio > 1.0 + limits.left and self.mean_square > _PREDICTED
+        return worse or self.misses_speed(limits) or (self.gained <= 0.0 and self.probability < limits.goodness)
 
-    @property
     def borne_out(self) -> bool:
-        """Whether the cause gains there what it would if it were true, up to noise."""
-        return not self.failed and self.probability >= _FAILED
+        """Return whether the cause gains there what it would if it were true, up to noise."""
+        return not self.failed() and self.probability >= THRESHOLDS.goodness
 
 
 def confirmation(

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from mjfish.data import Trial
-from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.table import THRESHOLDS
+from mjfish.diagnosis.evidence import Evidence, gather, tail
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.estimation import fit
 from mjfish.inspection import Finding
 
@@ -48,7 +48,7 @@ def _rest_fits(evidence: Evidence, index: int) -> bool:
     if found.lost:
         return False
     after = gather(problem, found, evidence.candidates)
-    return min(after.saturated_p(), after.omnibus_p()) >= THRESHOLDS.goodness
+    return min(tail(*after.saturated()), tail(*after.omnibus)) >= THRESHOLDS.goodness
 
 
 def odd_run(trials: Sequence[Trial], odd: int) -> Finding:

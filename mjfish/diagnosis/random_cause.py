@@ -29,14 +29,15 @@ def random_causes(evidence: Evidence, p_wrong: float) -> tuple[Row, ...]:
     if not problem.walk:
         return ()
     size, determined = walk_size(problem, found)
+    left, rank = evidence.omnibus
     gain = 2.0 * log_likelihood_gained(problem, found)
     half = Z95 / np.sqrt(2.0 * determined)  # of the logarithm of an sd
     low, high = size * float(np.exp(-half)), size * float(np.exp(half))
     row = replace(
         Row.apart(ClockWander.name, ClockWander.summary, ClockWander.mechanism, gain, found.status),
         tests={"candidates and waves": p_wrong},
-        excess=max(evidence.omnibus_excess(), 0.0),
-        rank=evidence.omnibus[1],
+        excess=max(left - rank, 0.0),
+        rank=rank,
         sizes={ClockWander.parameters[0].name: Estimate(size, low, high, ClockWander.parameters[0].unit)},
     )
     return (row,)

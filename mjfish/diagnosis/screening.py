@@ -13,7 +13,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data.filters import Filter
-from mjfish.diagnosis.evidence import Evidence, gather, signatures, under
+from mjfish.diagnosis.evidence import Evidence, gather, signatures, tail, under
 from mjfish.diagnosis.failures import NOMINAL, finite, sound
 from mjfish.diagnosis.fan_out import followed
 from mjfish.diagnosis.integration_step import resolved
@@ -29,7 +29,7 @@ from mjfish.diagnosis.refit import (
     settled,
 )
 from mjfish.diagnosis.refit_result import Refit
-from mjfish.diagnosis.table import THRESHOLDS
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.clock_wander import CLEAR, log_likelihood_gained, of_every_run, with_size
@@ -313,7 +313,7 @@ class _NominalTest:
 
     def _p_values(self, evidence: Evidence) -> tuple[float, float]:
         """Return the p values of the directed test, and of it and the omnibus basis together."""
-        directed, omnibus = evidence.directed_p(), evidence.omnibus_p()
+        directed, omnibus = evidence.directed_p(), tail(*evidence.omnibus)
         finite("the test of the residual", directed, omnibus)
         return directed, min(1.0, directed / _DIRECTED, omnibus / _OMNIBUS)
 

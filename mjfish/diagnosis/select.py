@@ -30,11 +30,15 @@ from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import refit_nonsmooth
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.sign_flips import flipped_p
-from mjfish.diagnosis.table import THRESHOLDS, Comparison, Names, Row
+from mjfish.diagnosis.table import Comparison, Names, Row
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects.effect import Effect
 
 #: Random draws of a margin.
 DRAWS = 4000
+#: Below this share, what the tests of common waves and of sizes by run see does not count, nor what a cause without a
+#: score explains: they see the slightest error of form.
+_SLIGHT = 0.01
 #: Rows of residuals that are compared at a time.
 _ROWS = 2**16
 
@@ -92,7 +96,7 @@ def _unseen(refit: Refit, candidates: Sequence[Effect]) -> tuple[float, tuple[fl
     after = gather(refit.problem, refit.fit, [e for e in candidates if e.starts_off_null() and not e.limits])
     p, found = refit_nonsmooth(after, after.candidates)
     best = max(found.values(), key=lambda refit: refit.gain, default=None)
-    if best is None or best.gain < THRESHOLDS.slight * refit.gain:
+    if best is None or best.gain < _SLIGHT * refit.gain:
         return 1.0, (0.0, 0)
     return p, (best.gain, round(best.degrees_of_freedom) + 1)
 
@@ -129,9 +133,7 @@ class Goodness:
         tests: dict[str, float] = {}
         most = 0.0, 0
         limits = (THRESHOLDS.resembles, THRESHOLDS.left, THRESHOLDS.left)
-        for limit, stage in zip(
-            limits, self._stages(refit, every, THRESHOLDS.slight * (refit.gain + beyond)), strict=True
-        ):
+        for limit, stage in zip(limits, self._stages(refit, every, _SLIGHT * (refit.gain + beyond)), strict=True):
             if np.isnan([(p, statistic) for p, (statistic, _) in stage.values()]).any():
                 raise FloatingPointError("a test of what it leaves is no number")
             tests.update({name: p for name, (p, _) in stage.items()})

@@ -1,4 +1,4 @@
-"""The table of evidence: a row for every set of causes that was fitted, and the thresholds that a verdict goes by.
+"""The table of evidence: a row for every set of causes that was fitted.
 
 A verdict (`mjfish.diagnosis.verdict.decide`) is read from these numbers alone.
 """
@@ -15,6 +15,7 @@ from mjfish.diagnosis.estimate import Estimate
 from mjfish.diagnosis.evidence import p_value_of
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS, Thresholds
 from mjfish.effects.mechanism import without_form
 from mjfish.estimation.fit import Z95
 from mjfish.serialise import plain
@@ -22,46 +23,6 @@ from mjfish.serialise import plain
 Names = tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Thresholds:
-    """What a verdict goes by.
-
-    Attributes:
-        alarm: something is wrong where the nominal model's p value is below this: 1.2 false alarms in a hundred.
-        keep: a set of causes stays beside the best where its p value against it is not below this. A set is named only
-            if chance explains as much with a p value below it.
-        close: or where its sum of squares, adjusted for parameters, is less than this above the best: 2 ln 10.
-        goodness: a set that fits worse than this in any of five tests leaves something. A true one does by chance in
-            five of a thousand cases at most; more often because its form differs a little from the catalogue's. At 1e-4
-            three of 14 cases whose true mechanism was not in the catalogue had another one named, with p values of
-            1.3e-4 to 4.5e-4; of the true sets of as many cases the least is 0.01 (docs/notes/041).
-        left: share of all there was to explain that a set may leave: a cause's form is a model, too. Several causes may
-            leave no more even where no test sees it.
-        exact: the same where all mechanisms are numbers without a form, or a form is learned: there is no other one
-            that could leave it.
-        slight: below this share, what the tests of common waves and of sizes by run see does not count: they see the
-            slightest error of form. Rivals may leave as much, too.
-        resembles: up to this share, a set is like the truth if nothing else is. A pair that leaves more gets no third
-            cause.
-    """
-
-    alarm: float = 0.012
-    keep: float = 0.05
-    close: float = 2.0 * float(np.log(10.0))
-    goodness: float = 1e-3
-    left: float = 0.1
-    exact: float = 0.03
-    slight: float = 0.01
-    resembles: float = 1.0 / 3.0
-
-    def tolerated(self, row: Row) -> float:
-        """Return the share that the causes of a row may leave, systematic as it is."""
-        return self.exact if row.learned or all(without_form(name) for name in row.mechanisms) else self.left
-
-
-THRESHOLDS = Thresholds()
-#: Most causes that are claimed together.
-LARGEST = 3
 #: A set must explain this share more than every smaller one; the second where one of both has a learned form: its basis
 #: has its limits, and it may mend much.
 _SHARE, _LEARNED_SHARE = 0.01, 0.03
@@ -178,10 +139,13 @@ class Row:
         """The least p value of the tests of what it leaves; 0 where it was not asked."""
         return min(self.tests.values(), default=0.0)
 
-    @property
-    def fails(self) -> bool:
-        """Whether it is known to fail on the held-out trials."""
-        return self.held_out is not None and self.held_out.failed
+    def fails(self, limits: Thresholds = THRESHOLDS) -> bool:
+        """Return whether it is known to fail on the held-out trials."""
+        return self.held_out is not None and self.held_out.failed(limits)
+
+    def tolerated(self, limits: Thresholds = THRESHOLDS) -> float:
+        """Return the share that these causes may leave, systematic as it is."""
+        return limits.exact if self.learned or all(without_form(name) for name in self.mechanisms) else limits.left
 
     def stays(self, limits: Thresholds = THRESHOLDS) -> bool:
         """Return whether the data cannot tell it from the best."""
@@ -199,7 +163,7 @@ class Row:
         """
         several = len(self.names)
         clean = self.clean(limits) and (several == 1 or self.left < limits.left)
-        return clean or (several < LARGEST and self.left < limits.tolerated(self))
+        return clean or (several < LARGEST and self.left < self.tolerated(limits))
 
     def leaves_little(self) -> bool:
         """Return whether it leaves less than what a larger set would have to explain beyond it."""
@@ -209,7 +173,7 @@ class Row:
         """Return every figure over its threshold, by threshold: at 1 the set passes from one side to the other."""
         asked = {
             "goodness": self.fit_p / limits.goodness,
-            "left": self.left / limits.tolerated(self),
+            "left": self.left / self.tolerated(limits),
             "resembles": self.left / limits.resembles,
         }
         return {
@@ -241,8 +205,8 @@ class Comparison:
 
     def retained(self, *, clean: bool, limits: Thresholds = THRESHOLDS) -> list[Row]:
         """Return the sets in the confidence set that fit and do not fail on held-out trials, best first."""
-        kept = [r for r in self.staying(limits) if (r.clean(limits) if clean else r.fits(limits)) and not r.fails]
-        return sorted(kept, key=lambda row: (row.learned, row.behind))
+        fitting = (row for row in self.staying(limits) if (row.clean(limits) if clean else row.fits(limits)))
+        return sorted((row for row in fitting if not row.fails(limits)), key=lambda row: (row.learned, row.behind))
 
     def closest(self, limits: Thresholds = THRESHOLDS) -> Row | None:
         """Return the set that explains most of all trials, also of the held-out ones; None where there is none.
@@ -265,7 +229,7 @@ class Comparison:
         The misfit shows that the form of the set is not that of the truth. Rivals are granted the same tolerance.
         """
         most = share * (first.gain + first.beyond + first.excess) - first.excess
-        others = (row for row in self.rows.values() if row is not first and not row.fails)
+        others = (row for row in self.rows.values() if row is not first and not row.fails())
         near = [row for row in others if row.behind - first.behind < most]
         return [first, *sorted(near, key=lambda row: row.behind)]
 
@@ -275,7 +239,7 @@ class Comparison:
 
     def failed(self, limits: Thresholds = THRESHOLDS) -> list[Row]:
         """Return the sets in the confidence set that leave nothing, yet fail on the held-out trials."""
-        return [row for row in self.staying(limits) if row.clean(limits) and row.fails]
+        return [row for row in self.staying(limits) if row.clean(limits) and row.fails(limits)]
 
     def with_held_out(self, found: Mapping[Names, Confirmation | None]) -> Comparison:
         """Return the comparison with what some sets do on the held-out trials."""

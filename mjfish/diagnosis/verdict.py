@@ -7,13 +7,10 @@ from dataclasses import dataclass, replace
 
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.result import Verdict
-from mjfish.diagnosis.table import THRESHOLDS, Comparison, Names, Row, Table, Thresholds, one_mechanism
+from mjfish.diagnosis.table import Comparison, Names, Row, Table, one_mechanism
+from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS, Thresholds
 from mjfish.effects.mechanism import MECHANISMS
 
-#: A set that leaves something is like rivals that leave ten times its share.
-_TENFOLD = 10.0
-#: Most causes that something unexplained may be like.
-_FEW = 3
 #: Most failures that a message lists.
 _TOLD = 3
 
@@ -109,7 +106,7 @@ def decide_beside(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
         rows = comparison.retained(clean=clean, limits=limits)
         if comparison is single and not clean and rows and one_mechanism(rows):
             first = min(rows, key=lambda row: row.behind)
-            tolerance = min(limits.left, _TENFOLD * first.left)
+            tolerance = min(limits.left, limits.tenfold * first.left)
             alike = single.similar(first, tolerance)
             rows = [*rows, *(row for row in alike if row not in rows)]
         if rows and one_mechanism(rows):
@@ -138,10 +135,10 @@ def _undecided(choice: str) -> str:
 
 def _nearly(best: Row, comparison: Comparison, limits: Thresholds) -> Decision | None:
     """Rule where no single cause leaves little: if the best explains most, and few come near; None else."""
-    if best.left >= limits.resembles or best.fails:
+    if best.left >= limits.resembles or best.fails(limits):
         return None
     similar = comparison.similar(best, limits.resembles)
-    if len(similar) > _FEW:
+    if len(similar) > LARGEST:
         return None
     alike = one_mechanism(similar) and len(similar) > 1
     what = f"the mechanism {best.mechanisms[0]}" if alike else _listed(_sets(similar))
@@ -199,14 +196,14 @@ def message_of(rows: Sequence[Row], *, claimed: bool) -> str:
 
 def _why(best: Row, limits: Thresholds) -> str:
     left = f"leaves {best.left:.0%} of the misfit, and what it leaves is systematic"
-    return left if not best.fits(limits) else failing(best.held_out) if best.fails else "is rejected"
+    return left if not best.fits(limits) else failing(best.held_out) if best.fails(limits) else "is rejected"
 
 
 def failing(confirmation: Confirmation | None) -> str:
     """Say why a cause fails on the held-out trials, by both measures: they may disagree where noise is slow."""
     if confirmation is None:
         return "fails on the held-out trials"
-    if confirmation.misses_speed:
+    if confirmation.misses_speed():
         return f"fails on the held-out trials: its mean speed is {confirmation.speed_ratio:.0f} times further off there"
     change, gained = confirmation.error_ratio - 1.0, confirmation.gained
     error = f"its nRMSE on the held-out trials is {abs(change):.1%} {'larger' if change > 0.0 else 'smaller'}"

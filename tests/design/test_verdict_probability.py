@@ -8,7 +8,7 @@ from scipy import stats
 
 from mjfish.arrays import FloatArray
 from mjfish.design.information import NO_GAIN, Gain, Information, Separation, column, excluded, verdict_probability
-from mjfish.diagnosis.table import THRESHOLDS
+from mjfish.diagnosis.thresholds import THRESHOLDS
 
 DRAWS = 1500
 

@@ -17,7 +17,8 @@ from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.select import Goodness, excused
-from mjfish.diagnosis.table import THRESHOLDS, Row
+from mjfish.diagnosis.table import Row
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.omnibus import HATS
@@ -185,10 +186,10 @@ def test_common_waves_are_the_sums_of_those_of_runs(pike: Fish, share: float) ->
 def test_numbers_without_a_form_may_leave_less(name: str, tolerance: float) -> None:
     """What a law leaves may be due to its form; an angle has none."""
     alone = row((name,), 100.0, 0.0, 1.0)
-    assert THRESHOLDS.tolerated(alone) == tolerance
-    assert THRESHOLDS.tolerated(replace(alone, learned=True)) == 0.03
-    assert THRESHOLDS.tolerated(replace(alone, mechanisms=(find(name).mechanism, "drag_law"))) == 0.1
-    assert THRESHOLDS.tolerated(replace(alone, mechanisms=("of_a_user",))) == 0.1
+    assert alone.tolerated() == tolerance
+    assert replace(alone, learned=True).tolerated() == 0.03
+    assert replace(alone, mechanisms=(find(name).mechanism, "drag_law")).tolerated() == 0.1
+    assert replace(alone, mechanisms=("of_a_user",)).tolerated() == 0.1
 
 
 def test_what_is_slight_beside_the_gain_is_not_held_against_a_cause() -> None:

@@ -17,23 +17,23 @@ STAYS = Row((), {}, (), False, 100.0, 1, 100.0, 0.0, 1.0, {"waves": 0.5}, 0.0)
 
 def test_a_cause_that_makes_the_held_out_error_larger_fails_whatever_its_likelihood() -> None:
     """An uncertain prediction may gain likelihood and be far off."""
-    assert not Confirmation(50.0, 0.5).failed
-    assert not Confirmation(50.0, 0.5, 1.05).failed
-    assert Confirmation(50.0, 0.5, 1.2).failed
+    assert not Confirmation(50.0, 0.5).failed()
+    assert not Confirmation(50.0, 0.5, 1.05).failed()
+    assert Confirmation(50.0, 0.5, 1.2).failed()
 
 
 def test_a_larger_held_out_error_within_noise_is_chance() -> None:
     """Errors of commanded joints carry a path away, with the right cause as well as without it."""
-    assert not Confirmation(50.0, 0.5, 1.2, 1.1).failed
-    assert Confirmation(50.0, 0.5, 1.2, 1.4).failed
-    assert Confirmation(-5.0, 1e-4, 1.2, 1.1).failed
+    assert not Confirmation(50.0, 0.5, 1.2, 1.1).failed()
+    assert Confirmation(50.0, 0.5, 1.2, 1.4).failed()
+    assert Confirmation(-5.0, 1e-4, 1.2, 1.1).failed()
 
 
 def test_a_set_fails_whose_mean_speed_is_ten_times_further_off() -> None:
     """Catches a set that is a gain by nRMSE, and swims at another speed; within noise that is chance."""
-    assert not Confirmation(50.0, 0.5, 0.9, 1.4, 9.0).failed
-    assert Confirmation(50.0, 0.5, 0.9, 1.4, 11.0).failed
-    assert not Confirmation(50.0, 0.5, 0.9, 1.1, 11.0).failed
+    assert not Confirmation(50.0, 0.5, 0.9, 1.4, 9.0).failed()
+    assert Confirmation(50.0, 0.5, 0.9, 1.4, 11.0).failed()
+    assert not Confirmation(50.0, 0.5, 0.9, 1.1, 11.0).failed()
 
 
 def _found(names: tuple[str, ...], ratio: float) -> tuple[Comparison, dict[Any, Any]]:

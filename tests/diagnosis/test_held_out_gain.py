@@ -15,7 +15,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis import select
 from mjfish.diagnosis.conclusion import _misleading
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
-from mjfish.diagnosis.table import THRESHOLDS
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.diagnosis.verdict import failing
 from mjfish.estimation.residual import ChannelError, Score
 from mjfish.frames import CHANNELS, UNITS
@@ -114,7 +114,7 @@ def test_a_model_that_swims_at_another_speed_fails_whatever_its_error(trial: Tri
         assert confirmed is not None
         assert confirmed.error_ratio < 1.0
         assert confirmed.speed_ratio == pytest.approx(100.0 * error)
-        assert confirmed.failed is fails
+        assert confirmed.failed() is fails
         told = _misleading(refit, held_out)  # type: ignore[arg-type]
         assert told == (f" The nominal model is kept: slow {failing(confirmed)}." if fails else "")
         assert ("its mean speed is 40 times further off there" in told) is fails

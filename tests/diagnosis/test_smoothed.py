@@ -13,7 +13,7 @@ from mjfish.data import Trial
 from mjfish.data.filters import Differentiator
 from mjfish.diagnosis.progress import silent
 from mjfish.diagnosis.screening import screen
-from mjfish.diagnosis.table import THRESHOLDS
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem
 from mjfish.fish import load_fish

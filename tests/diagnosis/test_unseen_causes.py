@@ -9,7 +9,8 @@ from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import refined, refit_with
 from mjfish.diagnosis.select import Goodness
-from mjfish.diagnosis.table import THRESHOLDS, Row
+from mjfish.diagnosis.table import Row
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import load_fish

@@ -10,7 +10,8 @@ import pytest
 from scipy import stats
 
 from mjfish.diagnosis.held_out import Confirmation, confirmation
-from mjfish.diagnosis.table import Comparison, Row, Table, Thresholds
+from mjfish.diagnosis.table import Comparison, Row, Table
+from mjfish.diagnosis.thresholds import Thresholds
 from mjfish.diagnosis.verdict import Decision, decide
 from mjfish.estimation.residual import Score
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mjfish.diagnosis import Candidate, Diagnosis
-from mjfish.diagnosis.table import THRESHOLDS, Row
+from mjfish.diagnosis.table import Row
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.reporting.words import number, percent, unit
 
 #: With a larger confounded share a signature says little.

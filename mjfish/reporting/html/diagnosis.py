@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from mjfish.diagnosis import Diagnosis, Estimate, Splits
 from mjfish.diagnosis.curves import knots_of
-from mjfish.diagnosis.table import THRESHOLDS
+from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.diagnosis.where import FIFTHS
 from mjfish.files import write_text
 from mjfish.reporting.html import readings

@@ -1,0 +1,48 @@
+"""What a verdict goes by: eight numbers, each with its meaning and the figure that set it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Most causes that are claimed together, or that something unexplained may be like.
+LARGEST = 3
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What a verdict goes by.
+
+    Attributes:
+        alarm: something is wrong where the nominal model's p value is below this: 1.2 false alarms in a hundred.
+        keep: a set of causes stays beside the best where its p value against it is not below this. A set is named only
+            if chance explains as much with a p value below it.
+        close: or where its sum of squares, adjusted for parameters, is less than this above the best: 2 ln 10.
+        goodness: a set that fits worse than this in any of five tests leaves something. A true one does by chance in
+            five of a thousand cases at most; more often because its form differs a little from the catalogue's. At 1e-4
+            three of 14 cases whose true mechanism was not in the catalogue had another one named, with p values of
+            1.3e-4 to 4.5e-4; of the true sets of as many cases the least is 0.01 (docs/notes/041). A set fails, too,
+            that loses on the held-out trials what a true one would lose with a probability below this.
+        left: share of all there was to explain that a set may leave: a cause's form is a model, too. Several causes may
+            leave no more even where no test sees it. A set fails whose error on the held-out trials is larger by this
+            share than without it.
+        exact: the same where all mechanisms are numbers without a form, or a form is learned: there is no other one
+            that could leave it.
+        resembles: up to this share, a set is like the truth if nothing else is. A pair that leaves more gets no third
+            cause.
+        tenfold: rivals of a set that leaves something may leave so many times its share. A set fails whose mean speed
+            on the held-out trials is so many times further off than without it.
+    """
+
+    alarm: float = 0.012
+    keep: float = 0.05
+    close: float = 2.0 * float(np.log(10.0))
+    goodness: float = 1e-3
+    left: float = 0.1
+    exact: float = 0.03
+    resembles: float = 1.0 / 3.0
+    tenfold: float = 10.0
+
+
+THRESHOLDS = Thresholds()
