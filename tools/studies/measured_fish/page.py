@@ -55,7 +55,6 @@ def page(outcome: Outcome) -> str:
         **_without(outcome),
         "bound": _list([name for name, one in told(outcome).items() if one.at_bound]) or "none",
         "coefficients": _coefficients(outcome),
-        "openings": "\n".join(f"{k}. {why[0].upper()}{why[1:]}." for k, why in enumerate(outcome.settings.openings, 1)),
         **_results(outcome),
         **(_rolled(outcome) if "roll" in found.best else {}),
     }

@@ -59,7 +59,6 @@ class Settings(tomlfile.Table):
     seed: int = 0
     splits: Annotated[int, Field(ge=1)] = 10
     goal: Goal
-    openings: tuple[str, ...] = ()
 
     def causes(self) -> dict[str, Effect]:
         """Return the causes that are tried.
