@@ -71,15 +71,15 @@ def find_combinations(
         return None, known
     found = _confirmed(found, known, held_out)
     if small:
-        kept = (row for row in found.staying() if row.clean() or _borne_out(row, known[row.names]))
+        kept = (row for row in found.staying() if row.clean() or _borne_out(row, known))
         found = Comparison({row.names: row for row in kept})
     return found if found.rows else None, known
 
 
-def _borne_out(row: Row, refit: Refit) -> bool:
-    """Return whether a formula beside a learned form leaves little, and held-out trials gain what they should."""
-    formula = row.learned and not refit.effects[-1].learned
-    return formula and row.fits() and row.held_out is not None and row.held_out.borne_out()
+def _borne_out(row: Row, known: Mapping[Names, Refit]) -> bool:
+    """Return whether a formula beside a stronger learned form leaves little, and held-out trials gain by it."""
+    stronger = max((known[name,] for name in row.names if (name,) in known), key=lambda refit: refit.gain)
+    return stronger.learned and row.fits() and row.held_out is not None and row.held_out.borne_out()
 
 
 def _searched(

@@ -13,7 +13,7 @@ from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.screening import Screening
 from mjfish.diagnosis.table import Row
-from mjfish.diagnosis.verdict import Decision, decide_beside, failing, message_of, with_random
+from mjfish.diagnosis.verdict import Decision, decide_beside, errs, message_of, with_random
 from mjfish.effects import Effect
 from mjfish.effects.mechanism import Domain
 
@@ -61,7 +61,8 @@ def conclude(begun: Begun, screening: Screening, compared: Compared, held_out: H
             )
         domain = parts.run("the domain", lambda: explaining_domain(screening.evidence, begun.learnable), None)
         if best is not None and held_out.trials and (why := _misleading(best, held_out)):
-            decision, best = replace(decision, message=decision.message + why), None
+            told = "" if "fails on the held-out trials" in decision.message else why
+            decision, best = replace(decision, message=decision.message + told), None
     return Conclusion(with_random(decision, compared.table), best, mechanisms, domain)
 
 
@@ -90,7 +91,7 @@ def _misleading(closest: Refit, held_out: HeldOut) -> str:
     found = held_out.confirmed(closest, None)
     if found is None or not (found.error_ratio > 1.0 or found.misses_speed()):
         return ""
-    return f" The nominal model is kept: {closest.names[0]} {failing(found)}."
+    return f" The nominal model is kept, for with {closest.names[0]} {errs(found)}."
 
 
 def _shared_domain(decision: Decision, known: Mapping[str, Effect]) -> Domain | None:

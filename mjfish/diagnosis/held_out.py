@@ -24,6 +24,8 @@ Key = TypeVar("Key", bound=Hashable)
 #: Draws of the block bootstrap of the gain, and the length of a block [s].
 _DRAWS = 2000
 _BLOCK = 0.7
+#: A mean speed that is right to this share of it is right.
+_EXACT_SPEED = 0.01
 #: A trial is predicted to within noise where a model leaves a mean square below this. One that none predicts does not
 #: discriminate between them.
 _PREDICTED = 1.25
@@ -38,7 +40,8 @@ class Confirmation:
         probability: to gain so little, or less, were the extended model true.
         error_ratio: of the pooled nRMSE there to that without it.
         mean_square: of the whitened residual that it leaves there.
-        speed_ratio: of the error of the mean speed there to that without it; 1 where no speed was measured.
+        speed_ratio: of the error of the mean speed there to that without it, or to a hundredth of the speed where that
+            is larger: one of a few runs may be right by chance. NaN where no speed was measured.
     """
 
     gained: float
@@ -125,20 +128,12 @@ class HeldOut:
     def _confirmed(self, refit: Refit, against: Refit | None) -> Confirmation:
         scores = self.score(against), self.score(refit)
         before, after = (pooled_error(score.channels) for score in scores)
-        without, speed = (_speed_error(score.channels) for score in scores)
+        (without, speed), (error, _) = (_mean_speed(score.channels) for score in scores)
         found = confirmation(*scores, (self.covariance_root(against), self.covariance_root(refit)))
         finite("the held-out trials", found.gained, found.probability, before, after)
         left = float(np.mean(np.concatenate(scores[1].whitened) ** 2))
-        ratio = speed / without if without > 0.0 else 1.0
+        ratio = error / max(without, _EXACT_SPEED * speed, 1e-300)
         return replace(found, error_ratio=after / before, mean_square=left, speed_ratio=ratio)
-
-    def explained(self, refit: Refit, trials: Sequence[Trial]) -> float:
-        """Return the fall of the sum of squares on those held-out trials that are among some; 0 where it rises."""
-        names, fallen = {trial.name for trial in trials}, 0.0
-        for index in (index for index, trial in enumerate(self.trials) if trial.name in names):
-            before, after = (self.score(model).whitened[index] for model in (None, refit))
-            fallen += float(before @ before - after @ after)
-        return max(fallen, 0.0)
 
     def of_rivals(self, refits: Mapping[Key, Refit]) -> dict[Key, FloatArray]:
         """Return the residuals (n,) of rivals on the held-out trials that one of them predicts, to compare them.
@@ -235,9 +230,9 @@ def gain(nominal: Score, extended: Score, trials: tuple[Trial, ...], rng: np.ran
         relative_reduction=float(_reduction(sums.sum(axis=0)[None], ranges)[0]),
         low=float(low),
         high=float(high),
-        mean_speed_error=(_speed_error(nominal.channels), _speed_error(extended.channels)),
+        mean_speed_error=(_mean_speed(nominal.channels)[0], _mean_speed(extended.channels)[0]),
         by_run=tuple(
-            RunGain(trial.name, _table([before]), _table([after]), (_speed_error([before]), _speed_error([after])))
+            RunGain(trial.name, _table([before]), _table([after]), (_mean_speed([before])[0], _mean_speed([after])[0]))
             for trial, before, after in pairs
         ),
     )
@@ -276,17 +271,21 @@ def _errors(left: Left) -> dict[str, float]:
     }
 
 
-def _speed_error(left: Left) -> float:
-    """Return |mean speed simulated - measured| [m/s], mean over trials: of the surge, or of the way from end to end."""
+def _mean_speed(left: Left) -> tuple[float, float]:
+    """Return |mean speed simulated - measured| and the measured one [m/s], means over trials.
+
+    Of the surge, or of the way from end to end; NaN where neither was measured.
+    """
     found = []
     for trial in left:
         own = {error.name.rpartition(" ")[2]: error for error in trial}
         if "surge" in own:
-            found.append(abs(float(own["surge"].left.mean())))
+            found.append((abs(float(own["surge"].left.mean())), abs(float(own["surge"].measured.mean()))))
         elif {"x", "y"} <= own.keys():
-            ways = [_way(own["x"], own["y"], share) for share in (0.0, 1.0)]
-            found.append(abs(ways[0] - ways[1]) / float(np.ptp(own["x"].time)))
-    return float(np.mean(found)) if found else np.nan
+            ways = [_way(own["x"], own["y"], share) / float(np.ptp(own["x"].time)) for share in (0.0, 1.0)]
+            found.append((abs(ways[0] - ways[1]), ways[0]))
+    error, speed = np.mean(found, axis=0) if found else (np.nan, np.nan)
+    return float(error), float(speed)
 
 
 def _way(x: ChannelError, y: ChannelError, share: float) -> float:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.constancy import of_all_runs, sizes_by_run
 from mjfish.diagnosis.evidence import Evidence, gather, tail, with_scores
-from mjfish.diagnosis.failures import finite, tried
+from mjfish.diagnosis.failures import NOMINAL, finite, tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import refit_nonsmooth
 from mjfish.diagnosis.refit_result import Refit
@@ -72,7 +73,7 @@ def _inner(residuals: FloatArray, index: int) -> FloatArray:
 
 
 def excused(
-    statistic: tuple[float, int], flipped: Callable[[], float], slight: float = 0.0
+    statistic: tuple[float, int], flipped: Callable[[], float], slight: float = -np.inf
 ) -> tuple[float, tuple[float, int]]:
     """Return the p value of a statistic, and it with its rank; 0 and 0 where outliers of the noise explain it.
 
@@ -87,18 +88,19 @@ def excused(
     return by_flips, ((0.0, 0) if by_flips >= THRESHOLDS.goodness else statistic)
 
 
-def _unseen(refit: Refit, candidates: Sequence[Effect]) -> tuple[float, tuple[float, int]]:
+def _unseen(refit: Refit, candidates: Sequence[Effect], explained: float) -> tuple[float, tuple[float, int]]:
     """Refit the causes that do nothing up to some size, for no score sees them; return what they explain.
 
     That is a p value and the fall of the sum of squares by the best with its degrees of freedom, one more for the
-    choice of its size; 1 and nothing where it explains little beside the gain.
+    choice of its size; 1 and nothing where it explains little beside the gain. They are refitted to the fitted runs,
+    and taken to explain as much of what the refit explains of all.
     """
     after = gather(refit.problem, refit.fit, [e for e in candidates if e.starts_off_null() and not e.limits])
     p, found = refit_nonsmooth(after, after.candidates)
     best = max(found.values(), key=lambda refit: refit.gain, default=None)
     if best is None or best.gain < _SLIGHT * refit.gain:
         return 1.0, (0.0, 0)
-    return p, (best.gain, round(best.degrees_of_freedom) + 1)
+    return p, (best.gain * explained / refit.gain, round(best.degrees_of_freedom) + 1)
 
 
 class Goodness:
@@ -119,6 +121,16 @@ class Goodness:
             self.known[refit] = tried(refit.names, lambda: self._tested(refit), dict[str, Any]())
         return replace(row, **self.known[refit])
 
+    @cached_property
+    def _nominal(self) -> float:
+        """What the nominal model leaves in all runs; 0 where that fails."""
+
+        def left() -> float:
+            cleared = of_all_runs(self.held_out.evidence, self.held_out.trials).cleared
+            return float(cleared @ cleared)
+
+        return tried([NOMINAL], left, 0.0)
+
     def _tested(self, refit: Refit) -> dict[str, Any]:
         """Return the p values of the tests and what is left beyond chance, by field of `Row`.
 
@@ -129,25 +141,25 @@ class Goodness:
             FloatingPointError: one is no number.
         """
         every = of_all_runs(refit, self.held_out.trials)
-        beyond = self.held_out.explained(refit, every.problem.trials)
+        explained = max(self._nominal - float(every.cleared @ every.cleared), refit.gain)
         tests: dict[str, float] = {}
         most = 0.0, 0
         limits = (THRESHOLDS.resembles, THRESHOLDS.left, THRESHOLDS.left)
-        for limit, stage in zip(limits, self._stages(refit, every, _SLIGHT * (refit.gain + beyond)), strict=True):
+        for limit, stage in zip(limits, self._stages(refit, every, explained), strict=True):
             if np.isnan([(p, statistic) for p, (statistic, _) in stage.values()]).any():
                 raise FloatingPointError("a test of what it leaves is no number")
             tests.update({name: p for name, (p, _) in stage.items()})
             most = max([most, *((statistic - rank, rank) for _, (statistic, rank) in stage.values())])
-            share = most[0] / max(refit.gain + beyond + most[0], 1e-9)
+            share = most[0] / max(explained + most[0], 1e-9)
             if min(tests.values()) < THRESHOLDS.goodness and share >= limit:
                 break
-        return {"tests": tests, "excess": most[0], "rank": most[1], "beyond": beyond}
+        return {"tests": tests, "excess": most[0], "rank": most[1], "beyond": explained - refit.gain}
 
     def _stages(
-        self, refit: Refit, every: Evidence, slight: float
+        self, refit: Refit, every: Evidence, explained: float
     ) -> Iterator[dict[str, tuple[float, tuple[float, int]]]]:
-        """Yield the p value and the statistic with its rank, by test, in three stages; what is slight is left out."""
-        left, by_run = every.cleared, sizes_by_run(refit, every)
+        """Yield the p value and the statistic with its rank, by test, in three stages."""
+        left, by_run, slight = every.cleared, sizes_by_run(refit, every), _SLIGHT * explained
         yield {
             "waves": excused(every.omnibus, lambda: every.waves.flipped_p(left)),
             "common waves": excused(every.common(), lambda: flipped_p(every.common_waves, left), slight),
@@ -155,7 +167,7 @@ class Goodness:
         }
         after = with_scores(every, self.candidates)
         yield {"candidates": excused(after.saturated(), lambda: flipped_p(after.signatures, left))}
-        yield {"unseen causes": _unseen(refit, self.candidates)}
+        yield {"unseen causes": _unseen(refit, self.candidates, explained)}
 
 
 def compared(refits: Mapping[Names, Refit], goodness: Goodness) -> Comparison:

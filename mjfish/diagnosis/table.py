@@ -50,9 +50,9 @@ class Row:
         tests: p values of what it leaves, by test: of all other candidates, of waves, of waves that all runs share, of
             sizes by run, of causes that no score sees. Empty where it was not asked: only of sets that the data cannot
             tell from the best.
-        excess: remainder: what is left beyond chance, of the sum of squares of the fitted trials and of held-out ones.
+        excess: remainder: what is left beyond chance, of the sum of squares of all trials, held-out ones too.
         rank: degrees of freedom of the test that sees so much.
-        beyond: what the gain is on these held-out trials; 0 where the sum of squares rises there.
+        beyond: by how much the gain is larger once held-out trials count.
         held_out: what it does on the held-out trials, against the best set with one member less, a single cause against
             the nominal model; None where it was not asked, or nothing is held out.
         status: how its fit ended.
@@ -161,13 +161,13 @@ class Row:
         Two causes can imitate a third one that is not in the catalogue. So several causes must leave less than a tenth,
         even where no test sees it; three, which are rarer than a cause that nobody listed, nothing that a test sees.
         """
-        several = len(self.names)
-        clean = self.clean(limits) and (several == 1 or self.left < limits.left)
-        return clean or (several < LARGEST and self.left < self.tolerated(limits))
+        count = len(self.names)
+        clean = self.clean(limits) and (count == 1 or self.left < limits.left)
+        return clean or (count < LARGEST and self.left < self.tolerated(limits))
 
     def leaves_little(self) -> bool:
         """Return whether it leaves less than what a larger set would have to explain beyond it."""
-        return self.excess < share_of(self) * (self.gain + self.beyond)
+        return self.excess < share_of(self) * self.gain
 
     def distances(self, limits: Thresholds = THRESHOLDS) -> dict[str, float]:
         """Return every figure over its threshold, by threshold: at 1 the set passes from one side to the other."""
@@ -223,13 +223,13 @@ class Comparison:
         """Return whether a set that stays leaves so little that no larger one can earn its members beside it."""
         return any(row.leaves_little() for row in self.retained(clean=False))
 
-    def similar(self, first: Row, share: float) -> list[Row]:
+    def similar(self, first: Row, share: float, limits: Thresholds = THRESHOLDS) -> list[Row]:
         """Return a set that leaves a misfit, followed by the rivals that leave at most this share of all.
 
         The misfit shows that the form of the set is not that of the truth. Rivals are granted the same tolerance.
         """
         most = share * (first.gain + first.beyond + first.excess) - first.excess
-        others = (row for row in self.rows.values() if row is not first and not row.fails())
+        others = (row for row in self.rows.values() if row is not first and not row.fails(limits))
         near = [row for row in others if row.behind - first.behind < most]
         return [first, *sorted(near, key=lambda row: row.behind)]
 

@@ -107,7 +107,7 @@ def decide_beside(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
         if comparison is single and not clean and rows and one_mechanism(rows):
             first = min(rows, key=lambda row: row.behind)
             tolerance = min(limits.left, limits.tenfold * first.left)
-            alike = single.similar(first, tolerance)
+            alike = single.similar(first, tolerance, limits)
             rows = [*rows, *(row for row in alike if row not in rows)]
         if rows and one_mechanism(rows):
             return _alone(rows, limits)
@@ -115,7 +115,7 @@ def decide_beside(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
             return Decision("cannot_tell", _sets(rows), _tied(_sets(rows)))
     if table.others is not None and (rows := table.others.retained(clean=True, limits=limits)):
         failed = single.failed(limits)
-        why = failing(failed[0].held_out) if failed else "fails on the held-out trials"
+        why = failing(failed[0].held_out, limits) if failed else "fails on the held-out trials"
         choice = f"{_listed(_sets(failed))} fits best, but {why}; {_listed(_sets(rows))} explains the data too"
         return Decision("cannot_tell", _sets([*rows, *failed]), _undecided(choice))
     best = single.closest(limits)
@@ -137,7 +137,7 @@ def _nearly(best: Row, comparison: Comparison, limits: Thresholds) -> Decision |
     """Rule where no single cause leaves little: if the best explains most, and few come near; None else."""
     if best.left >= limits.resembles or best.fails(limits):
         return None
-    similar = comparison.similar(best, limits.resembles)
+    similar = comparison.similar(best, limits.resembles, limits)
     if len(similar) > LARGEST:
         return None
     alike = one_mechanism(similar) and len(similar) > 1
@@ -196,20 +196,23 @@ def message_of(rows: Sequence[Row], *, claimed: bool) -> str:
 
 def _why(best: Row, limits: Thresholds) -> str:
     left = f"leaves {best.left:.0%} of the misfit, and what it leaves is systematic"
-    return left if not best.fits(limits) else failing(best.held_out) if best.fails(limits) else "is rejected"
+    return left if not best.fits(limits) else failing(best.held_out, limits) if best.fails(limits) else "is rejected"
 
 
-def failing(confirmation: Confirmation | None) -> str:
-    """Say why a cause fails on the held-out trials, by both measures: they may disagree where noise is slow."""
-    if confirmation is None:
-        return "fails on the held-out trials"
-    if confirmation.misses_speed():
-        return f"fails on the held-out trials: its mean speed is {confirmation.speed_ratio:.0f} times further off there"
+def failing(confirmation: Confirmation | None, limits: Thresholds) -> str:
+    """Say that a cause fails on the held-out trials, and why."""
+    return f"fails on the held-out trials{'' if confirmation is None else f': {errs(confirmation, limits)}'}"
+
+
+def errs(confirmation: Confirmation, limits: Thresholds = THRESHOLDS) -> str:
+    """Say how a model errs on the held-out trials, by both measures: they may disagree where noise is slow."""
+    if confirmation.misses_speed(limits):
+        return f"its mean speed there is {confirmation.speed_ratio:.0f} times further off than without it"
     change, gained = confirmation.error_ratio - 1.0, confirmation.gained
     error = f"its nRMSE on the held-out trials is {abs(change):.1%} {'larger' if change > 0.0 else 'smaller'}"
     link = "although" if (change > 0.0) == (gained > 0.0) else "and"
     likelihood = f"{link} its log-likelihood is {abs(gained):.3g} {'higher' if gained > 0.0 else 'lower'}"
-    return f"fails on the held-out trials: {error} than without it, {likelihood}"
+    return f"{error} than without it, {likelihood}"
 
 
 def withheld(decision: Decision, failures: Mapping[str, str]) -> Decision:

@@ -16,7 +16,7 @@ from mjfish.diagnosis import select
 from mjfish.diagnosis.conclusion import _misleading
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.diagnosis.thresholds import THRESHOLDS
-from mjfish.diagnosis.verdict import failing
+from mjfish.diagnosis.verdict import errs
 from mjfish.estimation.residual import ChannelError, Score
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.sized_cache import always
@@ -101,32 +101,23 @@ class _Named:
 
 
 def test_a_model_that_swims_at_another_speed_fails_whatever_its_error(trial: Trial) -> None:
-    """Half the error, a constant speed too much: on average it swims 40 times further off than the nominal model."""
+    """Three quarters of the error, at another speed on average: so many times further off than the nominal model."""
     noise = np.random.default_rng(1).standard_normal(trial.velocity.shape)
     noise -= noise.mean(axis=0)
     refit: Any = _Named(("slow",))
-    for error, fails in ((0.4, True), (0.05, False)):
+    for error, fails in ((0.8, True), (0.1, False)):
         held_out, bias = HeldOut(None, (trial,)), np.array([1.0, 0.0, 0.0])  # type: ignore[arg-type]
-        for model, left in ((None, 2.0 * noise + 0.01 * bias), (refit, 1.5 * noise + error * bias)):
+        for model, left in ((None, 2.0 * noise + 0.02 * bias), (refit, 1.5 * noise + error * bias)):
             held_out.scores[model] = always(_score(left, trial))  # type: ignore[index]
             held_out.covariance_roots[model] = np.zeros((left.size, 0))  # type: ignore[index]
         confirmed = held_out.confirmed(refit, None)  # type: ignore[arg-type]
         assert confirmed is not None
         assert confirmed.error_ratio < 1.0
-        assert confirmed.speed_ratio == pytest.approx(100.0 * error)
+        assert confirmed.speed_ratio == pytest.approx(50.0 * error)
         assert confirmed.failed() is fails
         told = _misleading(refit, held_out)  # type: ignore[arg-type]
-        assert told == (f" The nominal model is kept: slow {failing(confirmed)}." if fails else "")
-        assert ("its mean speed is 40 times further off there" in told) is fails
-
-
-def test_what_held_out_trials_gain_counts_of_those_that_are_looked_at(trial: Trial) -> None:
-    held_out, refit = HeldOut(None, (trial, replace(trial, name="other"))), _Named(())
-    held_out.scores[None] = always(Score((), (), (np.array([3.0, 0.0]), np.array([2.0]))))
-    held_out.scores[refit] = always(Score((), (), (np.array([1.0, 1.0]), np.array([4.0]))))  # type: ignore[index]
-    assert held_out.explained(refit, (trial,)) == 7.0  # type: ignore[arg-type]
-    assert held_out.explained(refit, held_out.trials) == 0.0  # type: ignore[arg-type]
-    assert held_out.explained(refit, ()) == 0.0  # type: ignore[arg-type]
+        assert told == (f" The nominal model is kept, for with slow {errs(confirmed)}." if fails else "")
+        assert ("its mean speed there is 40 times further off" in told) is fails
 
 
 def _rivals(rng: np.random.Generator, strays: float = 0.0) -> tuple[dict[str, Any], HeldOut]:

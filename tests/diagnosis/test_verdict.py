@@ -119,8 +119,13 @@ def test_three_causes_may_leave_nothing_that_a_test_sees() -> None:
 
 def test_the_remainder_is_a_share_of_what_held_out_runs_gain_too() -> None:
     assert replace(_row("a", 60.0, LITTLE), beyond=38.0).left == pytest.approx(0.02)
-    assert replace(_row("a", 60.0, {**LITTLE, "excess": 0.8}), beyond=38.0).leaves_little()
-    assert not _row("a", 60.0, {**LITTLE, "excess": 0.8}).leaves_little()
+
+
+def test_rivals_that_fail_are_judged_by_the_same_thresholds() -> None:
+    worse = Confirmation(5.0, 0.5, 1.07, 2.0)
+    comparison = _with(_compared({"a": LITTLE, "b": {**BEATEN, "behind": 1.0}}), "b", held_out=worse)
+    assert _decided(comparison).sets == (("a",), ("b",))
+    assert decide(Table(1e-6, comparison), Thresholds(left=0.06)).sets == (("a",),)
 
 
 def test_the_interval_of_the_remainder_is_that_of_a_noncentral_chi_squared() -> None:
