@@ -17,33 +17,40 @@ TABLE, SETTINGS, RESULT = 128 * _MIB, 2 * _MIB, 64 * _MIB
 _BEGINNING = _MIB
 
 
-def read_text(path: Path, most: int, remedy: str, *, encoding: str = "utf-8", rows: bool = False) -> str:
-    r"""Return the text of a file, its lines ended by ``\n``.
+def read_text(path: Path, most: int, remedy: str, *, rows: bool = False) -> str:
+    r"""Return the UTF-8 text of a file, its lines ended by ``\n``.
 
     Args:
         path: the file.
         most: bytes it may have.
         remedy: for messages of a file that is none of these.
-        encoding: of the text.
         rows: whether it must have lines, as a table does.
 
     Raises:
         InputError: the file is larger, holds a byte of zero, or lacks lines.
         OSError: it cannot be read.
-        UnicodeDecodeError: it is no text of that encoding.
+        UnicodeDecodeError: it is no UTF-8 text.
     """
+    raw = read_bytes(path, most, remedy, rows=rows)
+    zero = raw.find(b"\0")
+    if zero >= 0:
+        raise InputError(
+            f"{path}: byte {zero + 1} is zero, as in a damaged or binary file, expected UTF-8 text; {remedy}"
+        )
+    return raw.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_bytes(path: Path, most: int, remedy: str, *, rows: bool = False) -> bytes:
+    """Return the bytes of a file; arguments and errors as of `read_text`, but that it need not be text."""
     with path.open("rb") as stream:
         raw = stream.read(_BEGINNING)
-        _check_bytes(raw, path, remedy)
         if rows and len(raw) == _BEGINNING and b"\n" not in raw and b"\r" not in raw:
             raise InputError(f"{path}: line 1 has more than {_size(_BEGINNING)}, expected the first row; {remedy}")
         if os.fstat(stream.fileno()).st_size <= most:  # of a pipe it is 0
-            rest = stream.read(most + 1 - len(raw))
-            _check_bytes(rest, path, remedy, len(raw))
-            raw += rest
+            raw += stream.read(most + 1 - len(raw))
         if len(raw) > most or os.fstat(stream.fileno()).st_size > most:
             raise InputError(f"{path}: has more than {_size(most)}, the most that is read; {remedy}")
-    return raw.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+    return raw
 
 
 def read_json(path: Path, remedy: str) -> Any:
@@ -70,14 +77,6 @@ def _finite(number: str) -> float:
     if not math.isfinite(value := float(number)):
         raise ValueError(f"{number} is no finite number")
     return value
-
-
-def _check_bytes(raw: bytes, path: Path, remedy: str, before: int = 0) -> None:
-    zero = raw.find(b"\0")
-    if zero >= 0:
-        raise InputError(
-            f"{path}: byte {before + zero + 1} is zero, as in a damaged or binary file, expected UTF-8 text; {remedy}"
-        )
 
 
 def _size(count: int) -> str:

@@ -22,21 +22,8 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         UnwritableError: the folder does not exist, `path` is one itself, or it cannot be written to.
     """
-    try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".partial")
-        partial = Path(name)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                stream.write(text)
-            partial.chmod(0o644)
-            partial.replace(path)
-        except BaseException:
-            partial.unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise UnwritableError(
-            f"{path}: cannot be written: {error.strerror}; choose a folder that you can write to"
-        ) from None
+    with whole(path) as partial:
+        partial.write_text(text, encoding="utf-8")
 
 
 @contextlib.contextmanager
@@ -55,7 +42,7 @@ def whole(path: Path) -> Iterator[Path]:
             partial.replace(path)
     except OSError as error:
         raise UnwritableError(
-            f"{path}: cannot be written: {error.strerror}; choose a file that you can write to"
+            f"{path}: cannot be written: {error.strerror or error}; choose a folder that you can write to"
         ) from None
 
 
@@ -87,6 +74,18 @@ def exists(path: Path) -> bool:
         return path.exists()
     except OSError:
         return False
+
+
+def check_suffix(path: Path, *suffixes: str) -> None:
+    """Refuse a file by its name.
+
+    Raises:
+        InputError: the name ends in none of the suffixes.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise InputError(
+            f"{path}: the name ends in '{path.suffix}', expected {' or '.join(suffixes)}; rename it, or convert it"
+        )
 
 
 def check_file(path: Path) -> None:

@@ -422,7 +422,7 @@ def read(name_or_path: str | Path, relative_to: Path | None = None) -> tuple[Fis
     """Load a fish that effects may extend like `load_fish`; return the table ``effects`` too, as it stands."""
     known = shipped()
     path = known.get(str(name_or_path), (relative_to or Path()) / name_or_path)
-    if path.suffix != ".toml" and not exists(path):
+    if path.suffix.lower() != ".toml" and not exists(path):
         raise UnknownNameError("fish", str(name_or_path), known, "or give the path of a fish TOML")
     if not (exists(path) and path.is_file()):
         raise InputError(f"{path}: no such fish file; shipped fish: {', '.join(known)}")

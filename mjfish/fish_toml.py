@@ -53,6 +53,5 @@ def write(
         InputError: another suffix, the file cannot be written, or the fish could not be read back.
     """
     path = Path(path)
-    if path.suffix != ".toml":
-        raise InputError(f"{path}: the name ends in '{path.suffix}', expected .toml; rename it")
+    files.check_suffix(path, ".toml")
     files.write_text(path, text(fish, comments, effects))

@@ -60,6 +60,13 @@ def test_a_file_in_no_folder_or_on_a_folder_is_refused(tmp_path: Path, write: ob
     assert _names(tmp_path) == ["file", "folder"]
 
 
+def test_a_name_of_another_kind_is_refused_in_upper_and_lower_case() -> None:
+    for name in ("a.csv", "a.CSV", "a.parquet"):
+        files.check_suffix(Path(name), ".csv", ".parquet")
+    with pytest.raises(InputError, match=r"a\.TXT: the name ends in '\.TXT', expected \.csv or \.parquet; rename it"):
+        files.check_suffix(Path("a.TXT"), ".csv", ".parquet")
+
+
 def test_a_file_that_can_be_written_passes_and_is_not_made(tmp_path: Path) -> None:
     files.check_file(tmp_path / "a.json")
     files.check_folder(tmp_path / "a" / "b")

@@ -116,13 +116,15 @@ def application() -> typer.Typer:
     }
     for name, command in commands.items():
         app.command(name, cls=_Command)(command)
-    own = typer.Typer(cls=_Group, help="Describe a fish, look at it.", no_args_is_help=True)
-    own.command("new", cls=_Command)(fish.new)
-    own.command("show", cls=_Command)(fish.show)
-    app.add_typer(own, name="fish")
-    measured = typer.Typer(cls=_Group, help="Make a dataset of your own recordings.", no_args_is_help=True)
-    measured.command("new", cls=_Command)(dataset.new)
-    app.add_typer(measured, name="dataset")
+    groups: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
+        "fish": ("Describe a fish, look at it.", {"new": fish.new, "show": fish.show}),
+        "dataset": ("Make a dataset of your own recordings.", {"new": dataset.new}),
+    }
+    for group, (about, own) in groups.items():
+        below = typer.Typer(cls=_Group, help=about, no_args_is_help=True)
+        for name, command in own.items():
+            below.command(name, cls=_Command)(command)
+        app.add_typer(below, name=group)
     return app
 
 

@@ -11,7 +11,7 @@ from rich import box
 
 import mjfish
 from mjfish.cli import console
-from mjfish.files import check_file
+from mjfish.files import check_suffix
 from mjfish.reporting.words import NONE, number
 
 if TYPE_CHECKING:
@@ -40,14 +40,12 @@ def compare(
     table: Annotated[Path | None, typer.Option(help="Write a row a trial, channel and part: .csv or .parquet.")] = None,
 ) -> None:
     """Compare measured trials with rollouts of any simulation: columns time [s], surge [m/s], sway [m/s], ..."""
-    from mjfish.data.tables import check_suffix
+    from mjfish.data.tables import SUFFIXES
     from mjfish.estimation.tables import write_rows
 
-    for path in (json_, table):
-        if path is not None:
-            check_file(path)
+    console.check_outputs(json_, table)
     if table is not None:
-        check_suffix(table)
+        check_suffix(table, *SUFFIXES)
     result = mjfish.compare(mjfish.load_dataset(dataset), against, bound=bound)
     _show(result)
     if json_ is not None:

@@ -24,9 +24,10 @@ from rich.table import Table
 from rich.text import Text
 
 from mjfish.errors import InputError
-from mjfish.files import check_file, json_text
+from mjfish.files import check_file, check_folder, json_text
 
 if TYPE_CHECKING:
+    from mjfish.effects import Effect
     from mjfish.result import Result
 
 #: Exit codes.
@@ -90,9 +91,7 @@ def show(shown: Table) -> None:
 
 def listed(paths: Sequence[Path]) -> str:
     """Return paths as text, those of one folder together."""
-    folders: dict[Path, list[str]] = {}
-    for path in paths:
-        folders.setdefault(path.parent, []).append(path.name)
+    folders = {path.parent: [own.name for own in paths if own.parent == path.parent] for path in paths}
     parts = (
         str(folder / names[0]) if len(names) == 1 else f"{folder}: {', '.join(names)}"
         for folder, names in folders.items()
@@ -128,10 +127,19 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Executor | None]:
         yield executor
 
 
-def check_json(path: Path | None) -> None:
-    """Refuse a JSON file that cannot be written; ``-`` is standard output."""
-    if path is not None and path != STDOUT:
-        check_file(path)
+def check_outputs(*files: Path | None, folders: Sequence[Path | None] = ()) -> None:
+    """Refuse files and folders that cannot be written; None stands for none, ``-`` for standard output."""
+    for check, paths in ((check_file, files), (check_folder, folders)):
+        for path in paths:
+            if path is not None and path != STDOUT:
+                check(path)
+
+
+def catalogue(files: Sequence[Path] | None) -> dict[str, Effect]:
+    """Return the causes that can be named by name, those of the user's files among them."""
+    from mjfish import effects
+
+    return dict(effects.catalogue(tuple(files or ())))
 
 
 def write_json(result: Result, path: Path | None) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast, get_args
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -26,9 +26,11 @@ def generate(
         list[str] | None, typer.Option(help="NAME:PARAM=VALUE[,PARAM=VALUE], see `mjfish effects`; repeatable.")
     ] = None,
     effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
-    observe: Annotated[str, typer.Option(help="velocity, or pose: places and headings of the nose.")] = "velocity",
+    observe: Annotated[
+        Literal["velocity", "pose"], typer.Option(help="Of pose: places and headings of the nose.")
+    ] = "velocity",
     joints: Annotated[
-        str, typer.Option(help="What is recorded of the joints: cpg, measured or commanded angles.")
+        Literal["cpg", "measured", "commanded"], typer.Option(help="What is recorded of the joints.")
     ] = "cpg",
     noise: Annotated[
         str | None,
@@ -49,16 +51,12 @@ def generate(
     import numpy as np
 
     from mjfish.data import save
-    from mjfish.effects import catalogue, find, of_fish
-    from mjfish.simulation.synthetic import Joints, Observed
+    from mjfish.effects import find, of_fish
 
-    for value, allowed, flag in ((observe, get_args(Observed), "--observe"), (joints, get_args(Joints), "--joints")):
-        if value not in allowed:
-            raise InputError(f"{flag}: found '{value}', expected one of {', '.join(allowed)}; correct it")
     noise = noise or ("0.01,0.01,0.05" if observe == "velocity" else "0.001,0.001,0.01")
     settings = console.effect_settings(effect or [])
     body = mjfish.load_fish(fish)
-    known = of_fish(catalogue(tuple(effects or ())), body)
+    known = of_fish(console.catalogue(effects), body)
     hidden = {name: find(name, known) for name in settings}
     values = {hidden[name].declaration(short).name: v for name, own in settings.items() for short, v in own.items()}
     _check_out(out, force=force)
@@ -73,8 +71,8 @@ def generate(
         seed=seed,
         held_out=held_out or (),
         name=out.resolve().name,
-        observe=cast("Observed", observe),
-        joints=cast("Joints", joints),
+        observe=observe,
+        joints=joints,
         joint_noise=joint_noise,
     )
     path = save(dataset, out)

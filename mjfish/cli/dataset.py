@@ -6,24 +6,30 @@ import glob
 import shlex
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
 from mjfish.cli import console
-from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors import InputError
 
 if TYPE_CHECKING:
     from mjfish.data import Dataset
+    from mjfish.data.dialect import Layout
     from mjfish.data.importers import ImportReport
     from mjfish.data.importers.headers import Kind
     from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
 
 #: Where the mapping of the columns stands, for messages.
 _PLACE = Path("mjfish dataset new")
-_UNITS = {"time": ("s", "ms"), "length": ("m", "cm", "mm"), "angle": ("rad", "deg"), "joint": ("rad", "deg")}
+_UNITS = {
+    "time": ("s", "ms", "us", "ns"),
+    "length": ("m", "cm", "mm"),
+    "angle": ("rad", "deg"),
+    "joint": ("rad", "deg"),
+}
 _FLAGS = {
     "time": "--time", "surge": "--surge", "sway": "--sway", "yaw_rate": "--yaw-rate", "x": "--x", "y": "--y",
     "yaw": "--heading",
@@ -79,7 +85,9 @@ def new(
         bool,
         typer.Option("--synchronised", help="Drive and record have one clock; else frequency and phase are fitted."),
     ] = False,
-    time_unit: Annotated[str | None, typer.Option(help="s or ms.", show_default="named in the header, or s")] = None,
+    time_unit: Annotated[
+        str | None, typer.Option(help="s, ms, us or ns.", show_default="named in the header, or s")
+    ] = None,
     length_unit: Annotated[
         str | None, typer.Option(help="m, cm or mm, also per second.", show_default="named in the headers")
     ] = None,
@@ -92,6 +100,12 @@ def new(
             help="Unit of joints, amplitude and phase.", show_default="named in the headers, or the angle unit"
         ),
     ] = None,
+    separator: Annotated[str | None, typer.Option(help="Of columns: , ; tab or |.", show_default="recognised")] = None,
+    decimal: Annotated[str | None, typer.Option(help="Mark in numbers: . or ,", show_default="recognised")] = None,
+    encoding: Annotated[
+        str | None, typer.Option(help="Of the text, e.g. cp1252, utf-16-le.", show_default="recognised")
+    ] = None,
+    skip: Annotated[int | None, typer.Option(help="Lines above the header.", show_default="recognised")] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -105,6 +119,7 @@ def new(
     from mjfish.data import save
     from mjfish.data.importers.headers import units as unit_names
     from mjfish.data.importers.tables import import_mapped
+    from mjfish.data.sheet import DATES
     from mjfish.files import check_new_folder
     from mjfish.fish import load_fish
 
@@ -113,14 +128,15 @@ def new(
     paths = list(files or ())
     if not paths and questions.asking:
         paths = _files(_prompt("CSV files, one a run", "*.csv" if any(Path().glob("*.csv")) else None))
-    headers = _headers(paths)
+    dialect = {"separator": separator, "decimal": decimal, "encoding": encoding, "skip": skip}
+    layout = _layout(paths, dialect)
+    headers = layout.headers
     named = questions.ask(fish, None, "Fish: a TOML, or a shipped one", "--fish")
     given = {
         "time": time, "surge": surge, "sway": sway, "yaw_rate": yaw_rate, "x": x, "y": y, "yaw": heading,
     }  # fmt: skip
     columns = _columns(headers, given, questions, paths[0])
     drive = _drive(headers, joints, {"frequency": frequency, "amplitude": amplitude, "phase": phase}, questions)
-    _check_columns([*columns.of.values(), *drive.joints], headers, paths[0])
     stated = {"time": time_unit, "length": length_unit, "angle": angle_unit, "joint": joint_unit}
     units = _units(columns.of, drive, stated, questions)
     if held_out is None and questions.everything and questions.asking:
@@ -129,15 +145,23 @@ def new(
     questions.check(headers)
     options = {"joints.are": joints_are, "joints.hold": hold, "from_rest": "true" if from_rest else None}
     told = [f"{key}={value}" for key, value in options.items() if value is not None]
-    table = _mapping(columns, units, drive, paths, synchronised=synchronised, other=[*told, *(set_ or ())])
+    table = _mapping(
+        columns, units, drive, paths, synchronised=synchronised, other=[*told, *(set_ or ())], dialect=dialect
+    )
     dataset, report = import_mapped(paths, held_out or (), table, load_fish(named), _PLACE)
-    assumed = time_unit is None and not unit_names({"time": columns.of["time"]})
-    taken = [*_taken(columns, drive, units, assumed=assumed), *_joints_taken(table, dataset, joints_are), _signs(table)]
-    taken.append(_held_out(dataset, held_out))
-    taken.append(f"fish      {named}")
+    dates = [note for note in report.files[0].notes if note.startswith(DATES)]
+    assumed = time_unit is None and not dates and not unit_names({"time": columns.of["time"]})
+    taken = [
+        *_taken(columns, drive, units, assumed=assumed),
+        *_joints_taken(table, dataset, joints_are),
+        _signs(table),
+        _held_out(dataset, held_out),
+        f"fish      {named}",
+        *(f"files     {note}" for note in (*layout.notes, *dates)),
+    ]
     files_named = shlex.join(str(path) for path in paths)
     comments = [f"Made by mjfish dataset new of {files_named}, whose columns are:", *(f"  {line}" for line in taken)]
-    path = save(_named(dataset, folder), folder, comments=[*comments, *_CHANGES])
+    path = save(replace(dataset, name=folder.resolve().name), folder, comments=[*comments, *_CHANGES])
     console.say(f"wrote {folder / path.name} with {len(dataset.trials)} trials", *(f"  {line}" for line in taken))
     console.say(*_cut(report), f"next: {console.program()} inspect {folder}")
 
@@ -150,13 +174,11 @@ class _Questions:
         asking: whether somebody is there to answer.
         everything: whether to ask for what is clear, too.
         lacking: what nobody said.
-        guessed: answers that were taken from headers.
     """
 
     asking: bool
     everything: bool
     lacking: list[str] = field(default_factory=list)
-    guessed: set[str] = field(default_factory=set)
 
     def ask(self, given: str | None, guessed: str | None, question: str, flag: str, choices: Sequence[str] = ()) -> str:
         """Return what was given, else what is clear, else the answer; empty where there is none."""
@@ -165,15 +187,11 @@ class _Questions:
                 raise InputError(f"{flag}: found '{given}', expected {' or '.join(choices)}; correct it")
             return given
         if guessed is not None and not (self.asking and self.everything):
-            self.guessed.add(guessed)
             return guessed
         if not self.asking:
             self.lacking.append(f"{question} ({flag}{' ' + '|'.join(choices) if choices else ''})")
             return ""
-        answer = _prompt(question, guessed, choices)
-        if answer == guessed:
-            self.guessed.add(answer)
-        return answer
+        return _prompt(question, guessed, choices)
 
     def check(self, headers: Sequence[str]) -> None:
         """Refuse to go on where something is lacking."""
@@ -199,30 +217,24 @@ def _prompt(question: str, default: str | None = None, choices: Sequence[str] = 
 
 def _files(answer: str) -> list[Path]:
     """Return the files of an answer, in which patterns are expanded."""
-    parts = shlex.split(answer)
-    return [Path(path) for part in parts for path in sorted(glob.glob(part)) or [part]]  # noqa: PTH207 - may be absolute
+    paths = (sorted(glob.glob(part)) or [part] for part in shlex.split(answer))  # noqa: PTH207 - may be absolute
+    return [Path(path) for found in paths for path in found]
 
 
-def _headers(paths: Sequence[Path]) -> list[str]:
-    """Return the headers of the first file."""
-    from mjfish.data.importers import unknown
+def _layout(paths: Sequence[Path], dialect: Mapping[str, Any]) -> Layout:
+    """Return how the first file is laid out, by what is stated of it."""
+    from mjfish import tomlfile
+    from mjfish.data.dialect import Dialect, recognise
+    from mjfish.data.importers.unknown import check_once, check_text
 
     if not paths:
         raise InputError(
             "no files, expected one CSV file a run; name them behind the folder, or run this in a terminal"
         )
+    check_once(paths)
     for path in paths:
-        if paths.count(path) > 1:
-            raise InputError(f"{path}: given twice, expected every file once; remove one")
-        if not path.is_file() or unknown.foreign(path) is not None:
-            raise InputError(f"{path}: {unknown.describe(path)}")
-    with paths[0].open("rb") as stream:
-        headers = unknown.columns(stream.read(65536))
-    if headers is None:
-        raise InputError(f"{paths[0]}: {unknown.describe(paths[0])}")
-    if all(map(unknown.is_number, headers)):
-        raise InputError(f"{paths[0]}: line 1 names no columns; put a line with their names above the numbers")
-    return headers
+        check_text(path)
+    return recognise(paths[0], tomlfile.parse(dialect, Dialect, str(_PLACE)))
 
 
 @dataclass(frozen=True)
@@ -234,7 +246,7 @@ class _Columns:
     guessed: frozenset[str]
 
 
-def _columns(headers: list[str], given: Mapping[str, str | None], questions: _Questions, path: Path) -> _Columns:
+def _columns(headers: Sequence[str], given: Mapping[str, str | None], questions: _Questions, path: Path) -> _Columns:
     from mjfish.data.importers.headers import KEYS, guess, named
 
     found = guess(headers)
@@ -265,20 +277,12 @@ def _columns(headers: list[str], given: Mapping[str, str | None], questions: _Qu
     return _Columns(kind, of, frozenset(guessed))
 
 
-def _check_columns(names: Sequence[str], headers: Sequence[str], path: Path) -> None:
-    for name in names:
-        if name and name not in headers:
-            raise UnknownNameError(f"column in {path}", name, headers)
-
-
 @dataclass(frozen=True)
 class _Drive:
-    """How the joints move: columns of their angles, or frequency, amplitudes and phases, once or once a file."""
+    """How the joints move: columns of their angles, or frequency, amplitude and phase, once or once a file."""
 
     joints: tuple[str, ...] = ()
-    frequency: tuple[float, ...] = ()
-    amplitude: tuple[tuple[float, ...], ...] = ()
-    phase: tuple[tuple[float, ...], ...] = ()
+    wave: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     guessed: bool = False
 
 
@@ -309,25 +313,18 @@ def _drive(
     told = {name: wave[name] or [questions.ask(None, None, text, f"--{name}")] for name, text in asked.items()}
     if questions.lacking:
         return _Drive()
-    return _Drive(
-        frequency=tuple(map(_hertz, told["frequency"])),
-        amplitude=tuple(tuple(_row(text, "--amplitude")) for text in told["amplitude"]),
-        phase=tuple(tuple(_row(text, "--phase")) for text in told["phase"]),
-    )
+    return _Drive(wave={name: [_stated(text, f"--{name}") for text in texts] for name, texts in told.items()})
 
 
-def _hertz(text: str) -> float:
-    """Return a frequency, or say how to give one a file."""
-    if "," in text:
-        repeated = " ".join(f"--frequency {part.strip()}" for part in text.split(","))
-        raise InputError(
-            f"--frequency: found '{text}', expected one number; repeat the option for every file: {repeated}"
-        )
-    return console.numbers(text, 1, "--frequency")[0]
-
-
-def _row(text: str, flag: str) -> list[float]:
-    return console.numbers(text, text.count(",") + 1, flag)
+def _stated(text: str, flag: str) -> Any:
+    """Return a frequency, or amplitudes or phases of the joints; or say how to give a frequency a file."""
+    count = text.count(",") + 1
+    if flag != "--frequency":
+        return console.numbers(text, count, flag)
+    if count > 1:
+        repeated = " ".join(f"{flag} {part.strip()}" for part in text.split(","))
+        raise InputError(f"{flag}: found '{text}', expected one number; repeat the option for every file: {repeated}")
+    return console.numbers(text, 1, flag)[0]
 
 
 def _units(
@@ -346,11 +343,10 @@ def _units(
                 f"headers name the units {' and '.join(own)} of one kind, expected one; convert a column, or give "
                 f"--{kind}-unit"
             )
-        if kind == "joint" and not units["angle"] and stated["joint"] is None and not own:
-            units["joint"] = ""  # that of the other angles is lacking, and said to be
-            continue
-        if questions.lacking and stated[kind] is None and not own:
-            units[kind] = ""  # the headers of columns that are lacking may name it
+        # The unit of the other angles may be lacking, or the headers of columns that are lacking may name it.
+        lacking = questions.lacking or (kind == "joint" and not units["angle"])
+        if lacking and stated[kind] is None and not own:
+            units[kind] = ""
             continue
         known = own[0] if own else defaults.get(kind) or (units.get("angle") if kind == "joint" else None)
         units[kind] = questions.ask(stated[kind], known or None, f"Unit of {kind}s", f"--{kind}-unit", choices)
@@ -365,12 +361,13 @@ def _mapping(
     *,
     synchronised: bool,
     other: Sequence[str],
+    dialect: Mapping[str, Any],
 ) -> PosesMap | VelocitiesMap:
     """Return the mapping of the columns, with other keys ``KEY=VALUE`` as a mapping file has them."""
     from mjfish import tomlfile
     from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
 
-    raw: dict[str, Any] = {"schema": 1, "kind": columns.kind, "fish": "-", **columns.of}
+    raw: dict[str, Any] = {"schema": 1, "kind": columns.kind, "fish": "-", **dialect, **columns.of}
     raw |= {f"{kind}_unit": units[kind] for kind in ("time", "length", "angle")}
     more = _other(other)
     joints, wave = more.pop("joints", {}), more.pop("wave", {})
@@ -384,12 +381,10 @@ def _mapping(
         raw["joints"] = {"columns": drive.joints, "unit": units["joint"], **joints}
     else:
         common = {"unit": units["joint"], "free": not synchronised, **wave}
-        rows = zip(
-            *(_per_file(getattr(drive, name), name, paths) for name in ("frequency", "amplitude", "phase")), strict=True
-        )
+        laws = {name: _per_file(values, name, paths) for name, values in drive.wave.items()}
         raw["waves"] = {
-            glob.escape(path.name): {"frequency": hertz, "amplitude": size, "phase": phase, **common}
-            for path, (hertz, size, phase) in zip(paths, rows, strict=True)
+            glob.escape(path.name): {**{name: values[number] for name, values in laws.items()}, **common}
+            for number, path in enumerate(paths)
         }
     raw |= more
     if columns.kind == "poses":
@@ -407,26 +402,30 @@ def _per_file(values: Sequence[Any], name: str, paths: Sequence[Path]) -> Sequen
 
 def _other(texts: Sequence[str]) -> dict[str, Any]:
     """Return keys of a mapping file, as TOML has them; text may stand without its quotes."""
-    result: dict[str, Any] = {}
+    given: dict[str, str] = {}
     for text in texts:
         key, equals, value = (part.strip() for part in text.partition("="))
         if not equals:
             raise InputError(f"--set: found '{text}', expected KEY=VALUE, e.g. sway_to=starboard")
-        for written in (value, f'"{value}"'):
-            try:
-                parsed = tomllib.loads(f"{key} = {written}")
-                break
-            except tomllib.TOMLDecodeError:
-                continue
-        else:
-            raise InputError(f"--set: '{text}' is no KEY=VALUE of a mapping file, e.g. sway_to=starboard; correct it")
-        for name, own in parsed.items():
-            if name in ("joints", "wave") and not isinstance(own, dict):
-                example = "--joints-are commanded, or joints.sign=-1" if name == "joints" else "wave.ramp=0.5"
-                raise InputError(f"--set: '{text}', but {name} is a table, expected one of its keys: {example}")
-            merged = isinstance(own, dict) and isinstance(result.get(name), dict)
-            result[name] = {**result[name], **own} if merged else own
+        given[key] = value if _is_toml(f"{key} = {value}") else f'"{value}"'
+    table = "\n".join(f"{key} = {value}" for key, value in given.items())
+    if not _is_toml(table):
+        raise InputError(f"--set: '{table}' is no KEY=VALUE of a mapping file, e.g. sway_to=starboard; correct it")
+    result = tomllib.loads(table)
+    for name, example in (("joints", "--joints-are commanded, or joints.sign=-1"), ("wave", "wave.ramp=0.5")):
+        if not isinstance(result.get(name, {}), dict):
+            raise InputError(
+                f"--set: '{name}={result[name]}', but {name} is a table, expected one of its keys: {example}"
+            )
     return result
+
+
+def _is_toml(text: str) -> bool:
+    try:
+        tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return False
+    return True
 
 
 def _taken(columns: _Columns, drive: _Drive, units: Mapping[str, str], *, assumed: bool) -> list[str]:
@@ -443,7 +442,7 @@ def _taken(columns: _Columns, drive: _Drive, units: Mapping[str, str], *, assume
         how = "guessed from their headers" if drive.guessed else "as given"
         lines.append(f"joints    {', '.join(drive.joints)} in {units['joint']}, {how}")
     else:
-        hertz = ", ".join(f"{value:g}" for value in dict.fromkeys(drive.frequency))
+        hertz = ", ".join(f"{value:g}" for value in dict.fromkeys(drive.wave["frequency"]))
         lines.append(f"drive     a wave of {hertz} Hz, amplitude and phase in {units['joint']}, as given")
     return lines
 
@@ -453,8 +452,7 @@ def _joints_taken(table: PosesMap | VelocitiesMap, dataset: Dataset, stated: str
     from mjfish.data.importers.mapping import told
 
     assumed = "" if stated else ", which is assumed: --joints-are commanded, if the servos were told them"
-    for line in told(table, dataset.trials[0]):
-        yield f"          {line}{assumed}"
+    yield from (f"          {line}{assumed}" for line in told(table, dataset.trials[0]))
     yield f"start     {'at rest in the water, as given' if table.from_rest else 'free (--from-rest: at rest)'}"
 
 
@@ -467,23 +465,14 @@ def _signs(table: PosesMap | VelocitiesMap) -> str:
     else:
         up = "anticlockwise" if table.port_positive else "clockwise"
         told = f"{table.axes}, heading {up} from {table.yaw_zero:g} along x"
-    tracked = "somewhere on the head, fitted (--set behind_nose=METRES fixes it)"
-    if table.behind_nose is not None:
-        tracked = f"{table.behind_nose:g} m behind the nose"
-    return f"positive  {told}; tracked {tracked}"
+    fitted, place = "somewhere on the head, fitted (--set behind_nose=METRES fixes it)", table.behind_nose
+    return f"positive  {told}; tracked {fitted if place is None else f'{place:g} m behind the nose'}"
 
 
 def _held_out(dataset: Dataset, stated: Sequence[str] | None) -> str:
     names = ", ".join(trial.name for trial in dataset.split()[1])
-    if not names:
-        return "held out  nothing, for there is one run"
-    return f"held out  {names}{'' if stated else ' (every third run)'}"
-
-
-def _named(dataset: Dataset, folder: Path) -> Dataset:
-    from dataclasses import replace
-
-    return replace(dataset, name=folder.resolve().name)
+    how = "" if stated else " (every third run)"
+    return f"held out  {names}{how}" if names else "held out  nothing, for there is one run"
 
 
 def _cut(report: ImportReport) -> list[str]:

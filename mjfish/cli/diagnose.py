@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,12 +14,10 @@ from rich.table import Table
 import mjfish
 from mjfish.cli import console
 from mjfish.cli.diagnosis_text import show, show_splits
-from mjfish.errors import InputError
-from mjfish.files import check_file, check_folder, make_folder
+from mjfish.files import check_folder, check_suffix, make_folder
 
 if TYPE_CHECKING:
     from mjfish.diagnosis import Diagnosis, Splits
-    from mjfish.effects import Effect
 
 #: The datasets that ship with the package; what is hidden in them is not said here.
 DEMO = Path(__file__).parents[1] / "demo"
@@ -66,16 +65,10 @@ def diagnose(
     quiet: Annotated[bool, typer.Option("--quiet", help="Show nothing but errors.")] = False,
 ) -> None:
     """Find what the simulation gets wrong on measured data, name the cause, and measure the gain on held-out trials."""
-    known = _catalogue(effects)
-    for file in (report, rrd, extended):
-        if file is not None:
-            check_file(file)
-    console.check_json(json_)
-    for folder in (curves, out, resume):
-        if folder is not None:
-            check_folder(folder)
-    if extended is not None and extended.suffix != ".toml":
-        raise InputError(f"--extended: {extended} ends in '{extended.suffix}', expected .toml; rename it")
+    known = console.catalogue(effects)
+    console.check_outputs(report, rrd, extended, json_, folders=(curves, out, resume))
+    if extended is not None:
+        check_suffix(extended, ".toml")
     with console.stoppable() as written:
         with (
             console.progress_bar("reading the data", quiet=quiet) as tell,
@@ -152,7 +145,7 @@ def demo(
 
 def effects(effects: Own = None) -> None:
     """List the causes that can be named, with their parameters."""
-    for effect in _catalogue(effects).values():
+    for effect in console.catalogue(effects).values():
         console.out.print(f"{effect.name}: {effect.summary}", style="bold")
         rows = Table.grid(padding=(0, 2))
         rows.add_column(no_wrap=True)
@@ -162,12 +155,6 @@ def effects(effects: Own = None) -> None:
         rows.add_row("leaves in the residual", effect.signature)
         rows.add_row("would be confirmed by", effect.confirm)
         console.out.print(Padding(rows, (0, 0, 1, 2)))
-
-
-def _catalogue(files: list[Path] | None) -> dict[str, Effect]:
-    from mjfish.effects import catalogue
-
-    return dict(catalogue(tuple(files or ())))
 
 
 def _files(folder: Path, result: Diagnosis) -> tuple[Path | None, ...]:
@@ -196,18 +183,17 @@ def _write(result: Diagnosis, files: Sequence[Path | None], written: list[Path],
     json_, report, rrd, extended = files
     on_stdout = console.write_json(result, json_)
     written += [json_] if json_ is not None and not on_stdout else []
-    if report is not None:
-        (splits or result).report(report)
-        written.append(report)
-    if rrd is not None:
-        result.log(rrd)
-        written.append(rrd)
-    if extended is not None:
-        from mjfish.model.extended import write
-
-        write(extended, result.fish.model, result.fish.values, _origin(result))
-        written.append(extended)
+    for path, write in ((report, (splits or result).report), (rrd, result.log), (extended, partial(_extend, result))):
+        if path is not None:
+            write(path)
+            written.append(path)
     return on_stdout
+
+
+def _extend(result: Diagnosis, path: Path) -> None:
+    from mjfish.model.extended import write
+
+    write(path, result.fish.model, result.fish.values, _origin(result))
 
 
 def _origin(result: Diagnosis) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -67,13 +68,9 @@ def show(
         console.complain(result.status, _REMEDIES.get(result.status, "take the numbers with care"))
     first = [_Item(result.verdict, result.message, f"bold {_COLOURS[result.verdict]}")]
     gain = _gain_item(result)
-    last = [_Item(_word("next"), _next(result, dataset))]
-    last.append(
-        _Item(_word("wrote"), console.listed(written))
-        if written
-        else _Item(_word("wrote"), "nothing; --out DIR writes report, numbers, curves, log and the extended fish")
-    )
-    last += [_Item(_word(word), text) for word, text in then]
+    nothing = "nothing; --out DIR writes report, numbers, curves, log and the extended fish"
+    wrote = console.listed(written) or nothing
+    last = [_Item(_word(w), text) for w, text in (("next", _next(result, dataset)), ("wrote", wrote), *then)]
     sizes, remarks = list(_sizes(result)), list(_remarks(result))
     if verbose:
         _print([*first, *sizes, *gain, *remarks, *last])
@@ -100,13 +97,8 @@ def _print(items: Sequence[_Item]) -> None:
 
 def _fitting(items: Sequence[_Item], room: int) -> list[_Item]:
     """Return the first items that take so many lines together."""
-    kept: list[_Item] = []
-    for item in items:
-        room -= item.lines()
-        if room < 0:
-            break
-        kept.append(item)
-    return kept
+    taken = accumulate(item.lines() for item in items)
+    return [item for item, lines in zip(items, taken, strict=True) if lines <= room]
 
 
 def _sizes(result: Diagnosis) -> Iterator[_Item]:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError
+from mjfish.files import check_suffix, make_folder
 
+if TYPE_CHECKING:
+    from mjfish.fish import Fish
+
+#: Of files of a fish.
+SUFFIXES = (".xml", ".toml")
 #: What a new fish says of itself at the top of its file.
 _COMMENTS = (
     "A first fish: length, mass, joints and height are measured, everything else is in proportion to a robotic pike.",
@@ -36,7 +43,6 @@ def new(
 ) -> None:
     """Write a fish TOML from a few measurements, to be corrected."""
     from mjfish import fish_toml
-    from mjfish.files import make_folder
 
     name = name.removesuffix(".toml")
     body = mjfish.new_fish(name, length=length, mass=mass, joints=joints, height=height, width=width, density=density)
@@ -46,6 +52,23 @@ def new(
     make_folder(out)
     fish_toml.write(path, body, _COMMENTS)
     console.say(f"wrote {path}", f"next: correct it, then {console.program()} fish show {path}")
+
+
+def write(path: Path, body: Fish, comments: Sequence[str], *, free: bool = False) -> None:
+    """Write a fish by the suffix of its file: a TOML, or an MJCF, there also of a fish that is free to roll and sink.
+
+    Raises:
+        InputError: another suffix, or it cannot be written.
+    """
+    check_suffix(path, *SUFFIXES)
+    if path.suffix.lower() == ".toml":
+        from mjfish import fish_toml
+
+        fish_toml.write(path, body, comments)
+    else:
+        from mjfish.mujoco import Trim, export
+
+        export.write(path, body, free=Trim() if free else None, comments=comments)
 
 
 def show(fish: Annotated[str, typer.Argument(help="A shipped fish or a fish TOML.")]) -> None:

@@ -10,8 +10,10 @@ import typer
 
 import mjfish
 from mjfish.cli import console
+from mjfish.cli.fish import SUFFIXES as FISH
+from mjfish.cli.fish import write
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.files import check_file, write_json
+from mjfish.files import check_suffix, write_json
 from mjfish.reporting.words import number, p_value, percent
 
 if TYPE_CHECKING:
@@ -44,18 +46,15 @@ def identify(
     cluster: console.Cluster = None,
 ) -> None:
     """Fit the hydrodynamic coefficients to all fit trials at once, say what the data say, score held-out trials."""
-    from mjfish.data.tables import check_suffix
+    from mjfish.data.tables import SUFFIXES
     from mjfish.estimation.identification import pose
     from mjfish.estimation.settings import Settings
     from mjfish.execution import executing
 
-    for file in (json_, table, fish):
+    console.check_outputs(json_, table, fish)
+    for file, suffixes in ((fish, FISH), (table, SUFFIXES)):
         if file is not None:
-            check_file(file)
-    if fish is not None and fish.suffix not in (".toml", ".xml"):
-        raise InputError(f"--fish: {fish} ends in '{fish.suffix}', expected .toml or .xml; rename it")
-    if table is not None:
-        check_suffix(table)
+            check_suffix(file, *suffixes)
     settings = Settings(
         free=tuple(free or ("*",)),
         fixed=_fixed(fix or []),
@@ -85,9 +84,8 @@ def identify(
 
 
 def _fixed(texts: list[str]) -> dict[str, float | None]:
-    bare = [text.strip() for text in texts if "=" not in text]
     return {
-        **dict.fromkeys(bare),
+        **dict.fromkeys(text.strip() for text in texts if "=" not in text),
         **console.assignments([text for text in texts if "=" in text], "--fix"),
     }
 
@@ -139,18 +137,11 @@ def _write(result: Identification, profiles: list[Profile], outputs: dict[str, P
 
 
 def _write_fish(result: Identification, file: Path) -> None:
-    from mjfish import fish_toml
     from mjfish.estimation.identification import identified_fish, origin
 
     fixed = result.problem.fixed if result.problem is not None else {}
     fish = identified_fish(result.dataset.fish, result.fit, fixed)
-    comments = origin(result.dataset.fish, result.dataset.name, result.fit, fixed)
-    if file.suffix == ".toml":
-        fish_toml.write(file, fish, comments)
-    else:
-        from mjfish.mujoco import export
-
-        export.write(file, fish, comments=comments)
+    write(file, fish, origin(result.dataset.fish, result.dataset.name, result.fit, fixed))
 
 
 def _show(result: Identification, profiles: Sequence[Profile]) -> None:

@@ -9,7 +9,7 @@ import typer
 
 import mjfish
 from mjfish.cli import console
-from mjfish.files import check_folder, make_folder
+from mjfish.files import make_folder
 from mjfish.reporting.words import number
 
 if TYPE_CHECKING:
@@ -29,16 +29,13 @@ def inspect(
     effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
 ) -> None:
     """Show what is in a dataset, what blocks a diagnosis, and which causes the runs cannot show. Nothing is fitted."""
-    from mjfish.effects import catalogue
     from mjfish.inspection import report_on
 
-    if out is not None:
-        check_folder(out)
-    console.check_json(json_)
+    console.check_outputs(json_, folders=[out])
     with console.progress_bar("reading the data") as tell:
         measured = mjfish.load_dataset(dataset)
         tell("testing the data", 0.0)
-        report = report_on(measured, catalogue(tuple(effects or ())))
+        report = report_on(measured, console.catalogue(effects))
     if out is not None:
         make_folder(out)
         report.report(out / "inspection.html")
@@ -71,11 +68,9 @@ def show(report: DataReport) -> None:
         else "velocities are those of the smoothed path, for looking"
     )
     console.show(table)
-    reasons: dict[str, list[str]] = {}
-    for name, reason in report.undetectable.items():
-        reasons.setdefault(reason, []).append(name)
-    for reason, names in reasons.items():
-        console.item("cannot show", f"{', '.join(names)}: {reason}")
+    for reason in dict.fromkeys(report.undetectable.values()):
+        names = ", ".join(name for name, own in report.undetectable.items() if own == reason)
+        console.item("cannot show", f"{names}: {reason}")
     for code, unclear in report.unclear.items():
         told = "any cause" if len(unclear) + len(report.undetectable) == len(report.causes) else ", ".join(unclear)
         console.item("cannot tell", f"{told}: {code}, see below")

@@ -10,7 +10,7 @@ import typer
 import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError
-from mjfish.files import check_file, check_new_folder
+from mjfish.files import check_new_folder
 from mjfish.reporting.words import number
 
 if TYPE_CHECKING:
@@ -42,15 +42,13 @@ def plan(
 ) -> None:
     """Rank runs and calibrations by how well they would tell rival causes apart, per second of recording."""
     from mjfish.design import Menu, load_diagnosis, write_next_run
-    from mjfish.effects import catalogue
 
-    known = catalogue(tuple(effects or ()))
+    known = console.catalogue(effects)
     slow, fast = console.numbers(omega, 2, "--omega") if omega is not None else (0.0, 0.0)
     menu = Menu(duration, (slow, fast) if omega is not None else None, pause)
     if rivals is not None and (diagnosis is not None or causes is not None):
         raise InputError("--rivals: found with --diagnosis or --causes, expected alone; drop one")
-    if json_ is not None:
-        check_file(json_)
+    console.check_outputs(json_)
     if generate_ is not None:
         check_new_folder(generate_)
     measured = mjfish.load_dataset(dataset)

@@ -10,7 +10,7 @@ import typer
 import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.files import check_file
+from mjfish.files import check_file, check_suffix
 
 if TYPE_CHECKING:
     from mjfish.reporting.film import Stretch
@@ -40,8 +40,7 @@ def render(
     from mjfish.reporting import film
 
     check_file(out)
-    if out.suffix not in film.SUFFIXES:
-        raise InputError(f"{out}: the name ends in '{out.suffix}', expected {', '.join(film.SUFFIXES)}; rename it")
+    check_suffix(out, *film.SUFFIXES)
     log = _log(Path(what))
     with console.progress_bar() as tell:
         tell("looking at what swims", 0.0)
@@ -98,7 +97,7 @@ def _of_log(log: Path, trial: str | None, out: Path) -> Stretch:
 def _beats(out: Path) -> int:
     from mjfish.reporting import film
 
-    return film.BEATS_OF_STILL if out.suffix == ".png" else film.BEATS
+    return film.BEATS_OF_STILL if out.suffix.lower() == ".png" else film.BEATS
 
 
 def _chosen(drawings: list[Drawing], trial: str | None) -> Drawing:

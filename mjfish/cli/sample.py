@@ -22,11 +22,10 @@ def sample(
     effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
 ) -> None:
     """Draw fish whose coefficients and effects have the error of the fit and the scatter from run to run."""
-    from mjfish.effects import catalogue
     from mjfish.model.posterior import write_draws
 
     check_new_folder(out)
-    draws = mjfish.sample(diagnosis, n, seed=seed, effects=catalogue(tuple(effects or ())))
+    draws = mjfish.sample(diagnosis, n, seed=seed, effects=console.catalogue(effects))
     origin = f"Drawn by mjfish sample from {diagnosis.name}, {n} draws, seed {seed}."
     files = write_draws(out, draws, [origin])
     console.say(

@@ -12,9 +12,10 @@ from rich.text import Text
 
 import mjfish
 from mjfish.cli import console
+from mjfish.cli.fish import write
 from mjfish.drive.modes import DURATION, MODES
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.files import check_file, check_folder, make_folder, write_json
+from mjfish.files import make_folder, write_json
 from mjfish.reporting.words import NONE
 
 if TYPE_CHECKING:
@@ -80,9 +81,8 @@ def simulate(
         raise InputError(
             f"--viewer: found with {'--out' if draws is None else '--draws'}, but writes nothing; drop one"
         )
-    if out is not None:
-        check_folder(out)
-    known = causes.of_fish(causes.catalogue(tuple(effects or ())), read_fish(fish)[0])
+    console.check_outputs(folders=[out])
+    known = causes.of_fish(console.catalogue(effects), read_fish(fish)[0])
     values = console.assignments(set_ or [], "--set")
     for name, settings in console.effect_settings(effect or []).items():
         values |= {causes.find(name, known).declaration(short).name: value for short, value in settings.items()}
@@ -155,17 +155,15 @@ def check(
 ) -> None:
     """Cross-check MuJoCo with the fluid force against the head-frame ODE, on the joint motion that MuJoCo realised."""
     from mjfish.drive.modes import drive
-    from mjfish.effects import catalogue
     from mjfish.model import extended
     from mjfish.serialise import fields_of
 
-    extended_fish = extended.load(fish, catalogue(tuple(effects or ())))
+    extended_fish = extended.load(fish, console.catalogue(effects))
     console.say(*extended_fish.described())
     names = tuple(mode or (() if all_ else CHECKED))
     for name in names:
         drive(name)  # refuses an unknown mode before any work is done
-    if json_ is not None:
-        check_file(json_)
+    console.check_outputs(json_)
     results = _check_engines(extended_fish, names, reference) if all_ else _check_servos(extended_fish, names, coriolis)
     passed = all(result.passed for result in results)
     if json_ is not None:
@@ -248,19 +246,9 @@ def export(
     """Write a fish as an MJCF with its water, which MuJoCo loads (mjfish.StripFluid lets it act), or as a TOML."""
     body = mjfish.load_fish(fish).with_values(console.assignments(set_ or [], "--set"))
     comments = [f"The fish {body.name}, written by mjfish {mjfish.__version__}.", body.about]
-    if out.suffix == ".toml":
-        if free:
-            raise InputError("--free: a fish TOML is neither planar nor free; write an .xml, or leave out --free")
-        from mjfish import fish_toml
-
-        fish_toml.write(out, body, comments[:1])
-    elif out.suffix == ".xml":
-        from mjfish.mujoco import Trim
-        from mjfish.mujoco import export as mjcf
-
-        mjcf.write(out, body, free=Trim() if free else None, comments=comments)
-    else:
-        raise InputError(f"{out}: the name ends in '{out.suffix}', expected .xml or .toml; rename it")
+    if free and out.suffix.lower() == ".toml":
+        raise InputError("--free: a fish TOML is neither planar nor free; write an .xml, or leave out --free")
+    write(out, body, comments[:1] if out.suffix.lower() == ".toml" else comments, free=free)
     console.say(f"wrote {out}")
 
 

@@ -11,9 +11,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from mjfish.arrays import BoolArray, FloatArray
-from mjfish.data import Trial, columns, read_table, validation
-from mjfish.data.tables import SUFFIXES, check_suffix
+from mjfish.data import Trial, columns, read_table
+from mjfish.data.cells import check_increasing
+from mjfish.data.tables import SUFFIXES
 from mjfish.errors import InputError
+from mjfish.files import check_suffix
 from mjfish.frames import CHANNELS
 
 #: A file of this name, as `mjfish simulate` writes it, is called by its folder.
@@ -77,7 +79,7 @@ def read(path: Path) -> SimulatedRun:
         )
     if len(table["time"]) < 2:
         raise InputError(f"{path}: has 1 row, expected a run over the time of its trial; simulate longer")
-    validation.check_increasing(table["time"], path)
+    check_increasing(table["time"], path)
     return SimulatedRun(path, table["time"], np.stack([table[name] for name in channels], axis=1), channels)
 
 
@@ -124,7 +126,7 @@ def _files(path: Path) -> list[Path]:
         return here + sorted(path.glob(f"*/{_ANONYMOUS}.csv")) + sorted(path.glob(f"*/{_ANONYMOUS}.parquet"))
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; name a folder of rollouts, or the files")
-    check_suffix(path)
+    check_suffix(path, *SUFFIXES)
     return [path]
 
 

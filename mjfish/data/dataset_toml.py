@@ -10,12 +10,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from mjfish.data.filters import Differentiator, Filter, GaussianFilter
+from mjfish.data.filters import Filter, GaussianFilter, restored_filter
 from mjfish.data.sensor import Kind
 from mjfish.data.trial import Clock, Hold, Role
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import KINDS, Fish
 from mjfish.known import Beforehand
+from mjfish.serialise import fields_of
 from mjfish.tomlfile import Table
 
 #: Name of the file that makes a folder a dataset.
@@ -25,21 +26,9 @@ _SAFE_NAME = re.compile(r"\w(?:[\w .+-]{0,98}[\w+-])?")
 Number = Annotated[float, Field(strict=True)]
 
 
-def _positive(value: float) -> float:
-    if value <= 0.0:
-        raise ValueError("must be above 0; correct it")
-    return value
-
-
-def _not_negative(value: float) -> float:
-    if value < 0.0:
-        raise ValueError("must be at least 0; correct it")
-    return value
-
-
 def _sigma(value: float) -> float:
     if value <= 0.0:
-        raise ValueError("must be above 0; leave out [noise] to have it estimated from the data")
+        raise ValueError("must be above 0; leave out [noise], or sigma of a sensor, to have it estimated from the data")
     return value
 
 
@@ -61,12 +50,6 @@ def _safe_sensor(name: str) -> str:
     return name
 
 
-def _sensor_sigma(value: float) -> float:
-    if value <= 0.0:
-        raise ValueError("must be above 0; leave out sigma to have it estimated from the data")
-    return value
-
-
 def _path(name: str) -> str:
     if not name or "\0" in name:
         raise ValueError("expected the name of a file; correct it")
@@ -77,8 +60,8 @@ def _path(name: str) -> str:
 
 
 Sigma = Annotated[Number, AfterValidator(_sigma)]
-Positive = Annotated[Number, AfterValidator(_positive)]
-NotNegative = Annotated[Number, AfterValidator(_not_negative)]
+Positive = Annotated[Number, Field(gt=0.0)]
+NotNegative = Annotated[Number, Field(ge=0.0)]
 
 
 class Noise(Table):
@@ -150,7 +133,7 @@ class SensorTable(Table):
     file: Annotated[str, AfterValidator(_path)]
     columns: Annotated[dict[str, str], Field(default_factory=dict)]
     place: PlaceTable | None = None
-    sigma: tuple[Annotated[Number, AfterValidator(_sensor_sigma)], ...] = ()
+    sigma: tuple[Sigma, ...] = ()
     clock: Clock = "synchronised"
 
     @property
@@ -235,12 +218,9 @@ def _flat(raw: object) -> object:
     """Let ``c_f.tail = ..`` mean ``"c_f.tail" = ..``, and a bare number a start value."""
     if not isinstance(raw, Mapping):
         return raw
-    flat: dict[str, Any] = {}
-    for key, value in raw.items():
-        if key in KINDS and isinstance(value, Mapping):
-            flat.update({f"{key}.{group}": entry for group, entry in value.items()})
-        else:
-            flat[key] = value
+    groups = {key: key in KINDS and isinstance(value, Mapping) for key, value in raw.items()}
+    flat = {key: value for key, value in raw.items() if not groups[key]}
+    flat |= {f"{key}.{group}": entry for key, own in raw.items() if groups[key] for group, entry in own.items()}
     return {key: value if isinstance(value, Mapping) else {"start": value} for key, value in flat.items()}
 
 
@@ -271,16 +251,13 @@ class DifferentiatedTable(Table):
 
 def filter_of(table: GaussianTable | DifferentiatedTable | None) -> Filter | None:
     """Return the filter that recorded velocities went through."""
-    if isinstance(table, DifferentiatedTable):
-        return Differentiator(table.window, table.degree, table.turned)
-    return None if table is None else GaussianFilter(table.sd)
+    return None if table is None else restored_filter(table.model_dump(exclude={"kind"}))
 
 
 def filter_table(used: Filter | None) -> dict[str, Any]:
     """Return the table of a filter, empty where none was used."""
-    if isinstance(used, Differentiator):
-        return {"kind": "differentiated", "window": used.window, "degree": used.degree, "turned": used.turned}
-    return {} if used is None else {"kind": "gaussian", "sd": float(used.sd)}
+    kind = "gaussian" if isinstance(used, GaussianFilter) else "differentiated"
+    return {} if used is None else {"kind": kind, **fields_of(used)}
 
 
 class DatasetTable(Table):

@@ -23,11 +23,6 @@ from mjfish.frames import CHANNELS
 _LEFT_OUT = 1e-3
 
 
-def file_name(name: str) -> str:
-    """Return the name of the file of a trial's modes; nobody edits them, and Parquet keeps them small."""
-    return f"{name}.errors.parquet"
-
-
 def principal_modes(root: FloatArray) -> FloatArray:
     """Return the principal modes (modes, n, series) of errors, without those that hold a thousandth of the variance.
 

@@ -126,9 +126,8 @@ Filter = Differentiator | GaussianFilter
 
 def restored_filter(fields: Mapping[str, Any] | None) -> Filter | None:
     """Return the filter whose fields these are."""
-    if not fields:
-        return None
-    return GaussianFilter(**fields) if "sd" in fields else Differentiator(**fields)
+    kind = GaussianFilter if fields and "sd" in fields else Differentiator
+    return kind(**fields) if fields else None
 
 
 def _integral(time: FloatArray, columns: FloatArray) -> FloatArray:

@@ -48,17 +48,17 @@ def load_dataset(path: str | Path) -> Dataset:
         file = file / dataset_toml.FILE
         if not file.is_file():
             tables = any(own.suffix.lower() == ".csv" for own in Path(path).iterdir())
-            remedy = f"make one of its CSV files by 'mjfish dataset new DIR {path}/*.csv', or " if tables else ""
             raise InputError(
-                f"{path}: has no {dataset_toml.FILE}, expected the folder of a dataset; {remedy}give another folder"
+                f"{path}: has no {dataset_toml.FILE}, expected the folder of a dataset; "
+                + (f"make one of its CSV files by 'mjfish dataset new DIR {path}/*.csv', or " if tables else "")
+                + "give another folder"
             )
     if file.suffix.lower() in SUFFIXES:
-        remedy = "name the folder that it is in, if that has one"
-        if file.suffix.lower() == ".csv":
-            remedy = f"make one of it by 'mjfish dataset new DIR {path}'"
+        is_csv = file.suffix.lower() == ".csv"
         raise InputError(
             f"{path}: is a {file.suffix[1:].upper()} file, expected the folder of a dataset, with its "
-            f"{dataset_toml.FILE}; {remedy}"
+            f"{dataset_toml.FILE}; "
+            + (f"make one of it by 'mjfish dataset new DIR {path}'" if is_csv else "name its folder, if that has one")
         )
     table = tomlfile.read(file, DatasetTable)
     dataset_toml.check(table, file)

@@ -11,7 +11,8 @@ from mjfish.arrays import FloatArray
 from mjfish.data import columns
 from mjfish.data.dataset_toml import SensorTable
 from mjfish.data.sensor import CHANNELS_OF, ON_HEAD, PLACED, Sensor, cleaned
-from mjfish.data.tables import read_columns, read_table
+from mjfish.data.sheet import read_sheet
+from mjfish.data.tables import read_table
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 
@@ -39,12 +40,32 @@ def read_sensor(entry: SensorTable, fish: Fish, source: Path, key: str) -> Senso
             f"{key}.columns: {', '.join(map(repr, unknown or unnamed))} {'unknown' if unknown else 'missing'}, "
             f"expected the header of each of {', '.join(wanted)}; correct it"
         )
-    found = read_columns(source, [entry.columns[name] for name in wanted], header=True, fewest=2, missing=True)
-    return build_sensor(entry, {name: found[entry.columns[name]] for name in wanted}, fish, source, key)
+    sheet = read_sheet(source)
+    numbers = {name: sheet.numbers(entry.columns[name], missing=name != "time") for name in wanted}
+    return build_sensor(entry, numbers, fish, source, key, sheet.layout.first_line)
 
 
-def build_sensor(entry: SensorTable, numbers: Mapping[str, FloatArray], fish: Fish, source: Path, key: str) -> Sensor:
-    """Put a sensor together from its entry and its columns by name; arguments and errors as in `read_sensor`."""
+def build_sensor(
+    entry: SensorTable,
+    numbers: Mapping[str, FloatArray],
+    fish: Fish,
+    source: Path,
+    key: str,
+    first_line: int | None = None,
+) -> Sensor:
+    """Put a sensor together from its entry and its columns by name.
+
+    Args:
+        entry: see `read_sensor`.
+        numbers: columns (n,) by name; the time increases.
+        fish: see `read_sensor`.
+        source: its file.
+        key: see `read_sensor`.
+        first_line: of the numbers in the file, see `row_name`.
+
+    Raises:
+        InputError: as `read_sensor`.
+    """
     channels, (link, station) = CHANNELS_OF[entry.kind], _place(entry, fish, key)
     for name in ("time", *channels):
         if name not in numbers:
@@ -53,9 +74,6 @@ def build_sensor(entry: SensorTable, numbers: Mapping[str, FloatArray], fish: Fi
                 f"{source}: column '{columns.header(name)}' is missing; found {found}; add it, or say in {key}.columns "
                 "which header it has"
             )
-    lost = np.flatnonzero(np.isnan(numbers["time"]))
-    if len(lost):
-        raise InputError(f"{source}: row {lost[0] + 1}: the time is missing; fill it in or remove the row")
     if entry.sigma and len(entry.sigma) != len(channels):
         raise InputError(
             f"{key}.sigma: {len(entry.sigma)} numbers, expected one for each of {', '.join(channels)}; "
@@ -73,7 +91,7 @@ def build_sensor(entry: SensorTable, numbers: Mapping[str, FloatArray], fish: Fi
         free_clock=entry.clock == "free",
         source=source,
     )
-    return cleaned(sensor, source)
+    return cleaned(sensor, source, first_line)
 
 
 def _place(entry: SensorTable, fish: Fish, key: str) -> tuple[int, float]:

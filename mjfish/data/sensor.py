@@ -16,7 +16,7 @@ from scipy import signal
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import columns
-from mjfish.data.tables import row_name
+from mjfish.data.cells import check_increasing
 from mjfish.errors import InputError
 
 Kind = Literal["position", "heading", "imu", "gyro"]
@@ -120,7 +120,7 @@ class Sensor:
         return replace(self, time=self.time[chosen], values=self.values[chosen], remarks=(*self.remarks, said))
 
 
-def cleaned(sensor: Sensor, source: Path) -> Sensor:
+def cleaned(sensor: Sensor, source: Path, first_line: int | None = None) -> Sensor:
     """Return a sensor without dropouts and repeated samples, its heading without jumps of a turn.
 
     A sample is repeated where a time comes twice, or where all channels stand still: a slower sensor, logged faster.
@@ -129,17 +129,12 @@ def cleaned(sensor: Sensor, source: Path) -> Sensor:
     Args:
         sensor: as read; values may be NaN.
         source: its file, for messages.
+        first_line: of the numbers in it, see `row_name`.
 
     Raises:
         InputError: times that run backwards, or hardly any sample.
     """
-    backwards = np.flatnonzero(np.diff(sensor.time) < 0.0)
-    if len(backwards):
-        row = int(backwards[0]) + 1
-        raise InputError(
-            f"{row_name(source, row)}, column 'time [s]': {sensor.time[row]:.9g} s is before the "
-            f"{sensor.time[row - 1]:.9g} s of row {row}, expected increasing times; sort the rows by time"
-        )
+    check_increasing(sensor.time, source, first_line, repeated=True)
     sensor = sensor.kept(np.all(np.isfinite(sensor.values), axis=1), "a value is missing")
     fresh = np.ones(len(sensor.time), dtype=np.bool_)
     fresh[1:] = np.diff(sensor.time) > 0.0

@@ -60,10 +60,8 @@ class Tank:
 
     def distance(self, pose: FloatArray) -> FloatArray:
         """Return the distances (n,) [m] of places (n, 2 or more) to the nearest wall, negative outside."""
-        gaps = [pose[:, i] - low for i, (low, _) in enumerate((self.x, self.y))]
-        gaps += [high - pose[:, i] for i, (_, high) in enumerate((self.x, self.y))]
-        nearest: FloatArray = np.min(gaps, axis=0)
-        return nearest
+        low, high = np.transpose((self.x, self.y))
+        return np.asarray(np.minimum(pose[:, :2] - low, high - pose[:, :2]).min(axis=1))
 
 
 @dataclass(frozen=True, eq=False)

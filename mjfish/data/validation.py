@@ -10,7 +10,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import columns
-from mjfish.data.tables import row_name
+from mjfish.data.cells import check_increasing, row_name
 from mjfish.data.trial import Dataset, Tank
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
@@ -80,7 +80,8 @@ def check_times(time: FloatArray, path: Path, *, gaps: bool = False) -> None:
     """
     if len(time) < 2:
         raise InputError(f"{path}: has 1 row, expected a recording of at least one beat; record longer")
-    steps = check_increasing(time, path)
+    check_increasing(time, path)
+    steps = np.diff(time)
     median = float(np.median(steps))
     wide = np.flatnonzero(steps > GAP * median)
     if wide.size and not gaps:
@@ -91,23 +92,6 @@ def check_times(time: FloatArray, path: Path, *, gaps: bool = False) -> None:
             f"there into two trials, fill in the missing rows, or, where a CPG drives the fish, say gaps = true in its "
             f"entry ({wide.size} gaps in the file)"
         )
-
-
-def check_increasing(time: FloatArray, path: Path) -> FloatArray:
-    """Refuse times (n,) [s] that do not increase or repeat; return the steps (n - 1,) between them."""
-    with np.errstate(over="ignore"):
-        steps = np.diff(time)
-    wrong = np.flatnonzero(steps <= 0.0)
-    if wrong.size:
-        index = int(wrong[0]) + 1
-        before, here = time[index - 1], time[index]
-        how = "repeats that of" if here == before else f"is before the {before:.9g} s of"
-        what = "remove one of the two rows" if here == before else "sort the rows by time"
-        raise InputError(
-            f"{row_name(path, index)}, column 'time [s]': {here:.9g} s {how} row {index}, expected increasing times; "
-            f"{what}"
-        )
-    return np.asarray(steps)
 
 
 def check_angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
@@ -194,18 +178,8 @@ def check_cpg_time(time: FloatArray, drive: tuple[DriveSegment, ...], path: Path
         path: the file, for messages.
         key: of the drive in its file, for messages.
     """
-    if time[0] < 0.0:
-        raise InputError(
-            f"{row_name(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for the CPG starts at "
-            "0 s; remove the rows before, or shift the times"
-        )
-    period = 2.0 * math.pi / drive[0].omega
-    # One step more: the samples of one whole beat span a step less than the beat.
-    if time[-1] - time[0] + float(np.median(np.diff(time))) < (1.0 - 1e-9) * period:
-        raise InputError(
-            f"{path}: lasts {time[-1] - time[0]:.4g} s, expected one beat of {period:.4g} s "
-            f"(omega = {drive[0].omega:g} rad/s) or more; record longer"
-        )
+    _check_start(time, "the CPG", path)
+    _check_beat(time, 2.0 * math.pi / drive[0].omega, f"omega = {drive[0].omega:g} rad/s", path)
     if drive[-1].start >= time[-1]:
         raise InputError(
             f"{key}.{len(drive)}.start: {drive[-1].start:g} s is not before the end of {path} at {time[-1]:g} s; "
@@ -222,21 +196,31 @@ def check_wave(time: FloatArray, wave: Wave, path: Path, key: str) -> None:
         path: the file, for messages.
         key: of the drive in its file, for messages.
     """
-    if wave.ramp > 0.0 and time[0] < 0.0:
-        raise InputError(
-            f"{row_name(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for a wave with a ramp "
-            "starts at 0 s; remove the rows before, or shift the times"
-        )
+    if wave.ramp > 0.0:
+        _check_start(time, "a wave with a ramp", path)
     far = [number for number, angle in enumerate(wave.amplitude, start=1) if abs(angle) > np.pi]
     if far:
         raise InputError(
             f"{key}.amplitude: {wave.amplitude[far[0] - 1]:g} rad at joint {far[0]} is more than half a turn, expected "
             "radians; if these are degrees, multiply by pi/180"
         )
-    if time[-1] - time[0] + float(np.median(np.diff(time))) < (1.0 - 1e-9) / wave.frequency:
+    _check_beat(time, 1.0 / wave.frequency, f"frequency = {wave.frequency:g} Hz", path)
+
+
+def _check_start(time: FloatArray, what: str, path: Path) -> None:
+    if time[0] < 0.0:
         raise InputError(
-            f"{path}: lasts {time[-1] - time[0]:.4g} s, expected one beat of {1.0 / wave.frequency:.4g} s (frequency = "
-            f"{wave.frequency:g} Hz) or more; record longer"
+            f"{row_name(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for {what} starts at "
+            "0 s; remove the rows before, or shift the times"
+        )
+
+
+def _check_beat(time: FloatArray, period: float, stated: str, path: Path) -> None:
+    # One step more: the samples of one whole beat span a step less than the beat.
+    if time[-1] - time[0] + float(np.median(np.diff(time))) < (1.0 - 1e-9) * period:
+        raise InputError(
+            f"{path}: lasts {time[-1] - time[0]:.4g} s, expected one beat of {period:.4g} s ({stated}) or more; "
+            "record longer"
         )
 
 
@@ -257,15 +241,7 @@ def check_comparable(dataset: Dataset, what: str) -> None:
 
     `what` needs that.
     """
-    for trial in dataset.trials:
-        absent = [columns.header(name) for name, there in zip(CHANNELS, trial.measured, strict=True) if not there]
-        seen = {sensor.kind for sensor in trial.sensors} & {"position", "heading"}
-        if absent and (len(absent) < len(CHANNELS) or not seen):
-            raise InputError(
-                f"{dataset.name}: trial '{trial.name}' has no {', '.join(absent)}, and {what} rests on surge, sway and "
-                "yaw rate in every trial, or on sensors of kind 'position' and 'heading'; add what is missing, leave "
-                "the trial out, or fit the coefficients with `mjfish identify`"
-            )
+    check_velocities(dataset, what, poses=True)
     moving = [trial.name for trial in dataset.trials if trial.measured.any()]
     if moving and len(moving) < len(dataset.trials):
         raise InputError(
@@ -274,12 +250,14 @@ def check_comparable(dataset: Dataset, what: str) -> None:
         )
 
 
-def check_velocities(dataset: Dataset, what: str) -> None:
-    """Refuse a dataset where a trial has not all three velocities, which `what` needs."""
+def check_velocities(dataset: Dataset, what: str, *, poses: bool = False) -> None:
+    """Refuse a dataset where a trial has not all three velocities, nor `poses` of sensors alone; `what` needs them."""
     for trial in dataset.trials:
         absent = [columns.header(name) for name, there in zip(CHANNELS, trial.measured, strict=True) if not there]
-        if absent:
+        seen = poses and {sensor.kind for sensor in trial.sensors} & {"position", "heading"}
+        if absent and (len(absent) < len(CHANNELS) or not seen):
             raise InputError(
                 f"{dataset.name}: trial '{trial.name}' has no {', '.join(absent)}, and {what} rests on surge, sway and "
-                "yaw rate in every trial; add what is missing, or leave the trial out"
+                f"yaw rate in every trial{', or on sensors of kind position and heading' if poses else ''}; add what "
+                f"is missing, or leave the trial out{' (mjfish identify takes it)' if poses else ''}"
             )

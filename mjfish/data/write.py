@@ -14,15 +14,18 @@ from mjfish import files, fish_toml, tomlfile
 from mjfish import fish as fishes
 from mjfish.arrays import FloatArray
 from mjfish.data import columns, dataset_toml, error_modes
+from mjfish.data.cells import check_finite
 from mjfish.data.dataset_toml import Bounds, DatasetTable
 from mjfish.data.read import build_trial
 from mjfish.data.read_sensor import build_sensor
 from mjfish.data.sensor import Sensor
-from mjfish.data.tables import check_finite, write_table
+from mjfish.data.tables import write_table
 from mjfish.data.trial import Dataset, Trial
 from mjfish.errors import InputError, MjfishError, located
 from mjfish.fish import Fish, load_fish
 from mjfish.frames import CHANNELS
+from mjfish.parameter import Parameter
+from mjfish.serialise import plain
 
 #: First line of every dataset.toml written here: a folder with it may be overwritten, one made by hand may not.
 MARK = "# Written by mjfish. SI units and radians; velocities are those of the nose: x forward, y to port, z up."
@@ -100,12 +103,9 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
             "joints": "commanded" if trial.commanded else None,
             "hold": trial.hold if trial.commanded else None,
             "from_rest": trial.from_rest,
-            "errors": None if trial.errors is None else error_modes.file_name(trial.name),
-            "drive": [
-                {"start": float(part.start), "omega": float(part.omega), "bias": [float(bias) for bias in part.bias]}
-                for part in trial.drive
-            ]
-            or _wave(trial),
+            # Nobody edits the modes, and Parquet keeps them small.
+            "errors": None if trial.errors is None else f"{trial.name}.errors.parquet",
+            "drive": plain(trial.drive) or (None if trial.wave is None else {"kind": "wave", **plain(trial.wave)}),
             "sensors": [_sensor(trial, sensor, dataset.fish, suffix) for sensor in trial.sensors],
         }
         for trial in dataset.trials
@@ -122,53 +122,38 @@ def _raw(dataset: Dataset, suffix: str) -> dict[str, Any]:
 
 def _sensor(trial: Trial, sensor: Sensor, fish: Fish, suffix: str) -> dict[str, Any]:
     """Return the entry of a sensor."""
-    table: dict[str, Any] = {
+    known = {} if sensor.placed else {"known": False}
+    table = {
         "kind": sensor.kind, "name": sensor.name, "file": f"{trial.name}.{sensor.name}{suffix}",
-        "place": {"link": fish.links[sensor.link].name, "station": float(sensor.station)},
+        "place": {"link": fish.links[sensor.link].name, "station": float(sensor.station), **known},
+        "sigma": plain(sensor.sigma), "clock": "free" if sensor.free_clock else None,
     }  # fmt: skip
-    if not sensor.placed:
-        table["place"]["known"] = False
-    if sensor.sigma is not None:
-        table["sigma"] = [float(sigma) for sigma in sensor.sigma]
-    return {**table, "clock": "free"} if sensor.free_clock else table
+    return {key: value for key, value in table.items() if value is not None}
 
 
-def _tank(dataset: Dataset) -> dict[str, list[float]] | None:
+def _tank(dataset: Dataset) -> Any:
     """Return the table of the one tank that all trials swam in."""
     tanks = {trial.tank for trial in dataset.trials}
     if len(tanks) > 1:
         raise InputError(
             "the dataset cannot be saved: its trials have different tanks, a file has one; save them apart"
         )
-    tank = next(iter(tanks), None)
-    return None if tank is None else {"x": [float(v) for v in tank.x], "y": [float(v) for v in tank.y]}
-
-
-def _wave(trial: Trial) -> dict[str, Any]:
-    """Return the table of a wave, empty where none drives."""
-    if trial.wave is None:
-        return {}
-    wave = trial.wave
-    table: dict[str, Any] = {"kind": "wave", "frequency": float(wave.frequency)}
-    for name in ("amplitude", "phase", "bias"):
-        table[name] = [float(value) for value in getattr(wave, name)]
-    return {**table, "ramp": float(wave.ramp), "free": wave.free}
+    return plain(next(iter(tanks), None))
 
 
 def _fish_entry(fish: Fish) -> tuple[str, dict[str, dict[str, float]]]:
     """Return a shipped fish's name and what ``[start]`` must say to make it this one, or the name of a fish file."""
     if fish.name in fishes.shipped():
         shipped = load_fish(fish.name)
-        start = {}
-        for old, new in zip(shipped.parameters, fish.parameters, strict=True):
-            bounds = {
-                key: getattr(new, key) for key in ("start", "low", "high") if getattr(new, key) != getattr(old, key)
-            }
-            if bounds:
-                start[new.name] = bounds
+        pairs = zip(shipped.parameters, fish.parameters, strict=True)
+        start = {new.name: changed for old, new in pairs if (changed := _changed(old, new))}
         if dataset_toml.with_start(shipped, {name: Bounds(**bounds) for name, bounds in start.items()}, Path()) == fish:
             return fish.name, start
     return _FISH_FILE, {}
+
+
+def _changed(old: Parameter, new: Parameter) -> dict[str, float]:
+    return {key: getattr(new, key) for key in ("start", "low", "high") if getattr(new, key) != getattr(old, key)}
 
 
 def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, FloatArray]]:
@@ -184,7 +169,7 @@ def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, Flo
             own, key = _columns(trial), f"{file}: trials.{number}"
             tables[str(entry.file)] = own
             for name, values in own.items():
-                check_finite(name, values, Path(str(entry.file)))
+                check_finite(values, Path(str(entry.file)), f"column '{columns.header(name)}'")
             sensors = []
             for place, (told, sensor) in enumerate(zip(entry.sensors, trial.sensors, strict=True), start=1):
                 tables[told.file] = dict(zip(("time", *sensor.channels), (sensor.time, *sensor.values.T), strict=True))
@@ -224,11 +209,9 @@ def _columns(trial: Trial) -> dict[str, FloatArray]:
 
 def _replaceable(folder: Path) -> list[Path]:
     """Return the files of the dataset in `folder`; refuse a folder that holds anything but one of ours."""
-    if not folder.exists():
-        return []
-    if not folder.is_dir():
+    if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, expected a folder; choose another name")
-    if not any(folder.iterdir()):
+    if not folder.exists() or not any(folder.iterdir()):
         return []
     file = folder / dataset_toml.FILE
     remedy = "choose another folder, or empty this one yourself"

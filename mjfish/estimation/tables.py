@@ -10,10 +10,11 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from mjfish.data.tables import atomic_file, check_suffix
+from mjfish.data.tables import SUFFIXES
 from mjfish.errors import InputError
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.intervals import Intervals
+from mjfish.files import check_suffix, whole
 
 
 def coefficient_rows(fit: Fit, intervals: Intervals | None = None) -> list[dict[str, Any]]:
@@ -65,10 +66,10 @@ def write_rows(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
         InputError: no rows, rows of unlike keys, a wrong suffix, or the file cannot be written.
     """
     path = Path(path)
-    check_suffix(path)
+    check_suffix(path, *SUFFIXES)
     if not rows or any(tuple(row) != tuple(rows[0]) for row in rows):
         raise InputError(f"{path}: {len(rows)} rows, expected one or more with the same columns; correct the rows")
     table = pa.Table.from_pylist([dict(row) for row in rows])
     write = pa.csv.write_csv if path.suffix.lower() == ".csv" else pa.parquet.write_table
-    with atomic_file(path) as file:
+    with whole(path) as file:
         write(table, file)

@@ -28,7 +28,7 @@ import numpy as np
 
 from mjfish import bounded, files, tomlfile
 from mjfish.arrays import FloatArray
-from mjfish.data.tables import LARGEST
+from mjfish.data.cells import LARGEST
 from mjfish.effects import catalogue, of_fish
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, UnknownNameError

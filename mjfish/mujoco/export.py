@@ -19,7 +19,6 @@ import numpy as np
 
 from mjfish import files
 from mjfish.arrays import FloatArray
-from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.mujoco import mjcf
 from mjfish.mujoco.custom_numerics import PROFILES, ROW, numerics_of
@@ -53,8 +52,7 @@ def write(
         InputError: another suffix than ``.xml``, the file cannot be written, or MuJoCo cannot have such a fish.
     """
     path = Path(path)
-    if path.suffix != ".xml":
-        raise InputError(f"{path}: the name ends in '{path.suffix}', expected .xml; rename it")
+    files.check_suffix(path, ".xml")
     files.write_text(path, text(fish, free=free, step=step, integrator=integrator, comments=comments))
 
 

@@ -24,7 +24,8 @@ import numpy as np
 
 from mjfish import ode
 from mjfish.arrays import FloatArray, readonly
-from mjfish.data import Trial, columns, read_table, validation
+from mjfish.data import Trial, columns, read_table
+from mjfish.data.cells import check_increasing
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
@@ -420,5 +421,5 @@ def _read(folder: Path | None, case: Case) -> FloatArray | None:
     for name in ("time", *CHANNELS):
         if name not in table:
             raise InputError(f"{path}: column '{columns.header(name)}' is missing; add it")
-    validation.check_increasing(table["time"], path)
+    check_increasing(table["time"], path)
     return np.stack([table[name] for name in ("time", *CHANNELS)], axis=1)

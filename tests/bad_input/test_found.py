@@ -129,7 +129,7 @@ FOUND: dict[str, tuple[str, Edit, str]] = {
     "a first line that csv cannot read": (
         "run_1.csv",
         lambda raw: b"x" * 200_000,
-        "line 1 cannot be read: field larger",
+        "has a cell of more than 131072 characters",
     ),
     "a body part is there twice": ("track.csv", lambda raw: raw.replace(b"part1", b"part0"), "2 columns 'part0 x'"),
     "markers that were never seen at once": (

@@ -206,6 +206,55 @@ def test_in_a_terminal_with_files_only_what_is_not_clear_is_asked_for(
     assert "[mm]" not in shown
 
 
+def _written(path: Path, separator: str, above: str = "", encoding: str = "utf-8") -> None:
+    """Write the recording with other separators, decimal commas, lines above the header, and a degree sign in it."""
+    rows = [separator.join(f"{value:.17g}".replace(".", ",") for value in row) for row in FOREIGN]
+    header = separator.join(("t [ms]", "u (mm/s)", "v (mm/s)", "Yaw rate (°/s)", "servo1_deg", "servo2_deg"))
+    path.write_bytes((above + "\n".join([header, *rows])).encode(encoding))
+
+
+def test_how_files_are_written_is_recognised_and_said(laboratory: Run, tmp_path: Path) -> None:
+    _written(tmp_path / "lab.csv", ";", "Recording 3;\n\n", "latin-1")
+    shown = laboratory("dataset new tank lab.csv --fish trout.toml").stdout
+    _same(tmp_path / "tank")
+    for text in (
+        "text read as cp1252",
+        "columns separated by semicolons",
+        "2 lines above the header",
+        "decimal commas",
+    ):
+        assert f"  files     {text}" in shown
+        assert f"files     {text}" in (tmp_path / "tank" / "dataset.toml").read_text(encoding="utf-8")
+    assert "files  " not in laboratory("dataset new plain slow.csv --fish trout.toml").stdout
+
+
+def test_how_files_are_written_is_given_by_options(
+    laboratory: Run, refuse: Callable[[str], str], tmp_path: Path
+) -> None:
+    above = "\t".join("123456") + "\n"
+    _written(tmp_path / "lab.csv", "\t", above, "utf-16-le")
+    line = "dataset new tank lab.csv --fish trout.toml"
+    assert "give --encoding" in refuse(line)
+    assert "give --skip" in refuse(f"{line} --encoding utf-16-le")
+    assert "row 36 (line 38), column 't [ms]': '350,00000000000006' is not a number such as -0.25" in refuse(
+        f"{line} --encoding utf-16-le --skip 1 --decimal ."
+    )
+    assert "separator: expected ',', ';', 'tab' or '|'" in refuse(f"{line} --encoding utf-16-le --separator space")
+    laboratory(f"{line} --encoding utf-16-le --skip 1 --decimal , --separator tab")
+    _same(tmp_path / "tank")
+
+
+def test_dates_are_said_and_their_unit_is_not_assumed(laboratory: Run, tmp_path: Path) -> None:
+    dates = np.datetime64("2024-05-01T12:00:00", "us") + np.round(1e6 * TIME).astype("timedelta64[us]")
+    rows = [f"{date}," + ",".join(map(str, row[1:])) for date, row in zip(dates, FOREIGN, strict=True)]
+    header = "time,u (mm/s),v (mm/s),Yaw rate (deg/s),servo1_deg,servo2_deg"
+    (tmp_path / "dates.csv").write_text("\n".join([header, *rows]), encoding="utf-8")
+    shown = laboratory("dataset new tank dates.csv --fish trout.toml").stdout
+    _same(tmp_path / "tank")
+    assert "files     times are dates: they count from the first row, 2024-05-01T12:00:00.000 UTC" in shown
+    assert "its unit is assumed" not in shown
+
+
 REFUSED = {
     "unclear": ("odd.csv --fish trout.toml", "not given and not clear from the headers a, b, c, d, e, f:"),
     "no fish": ("slow.csv", "Fish: a TOML, or a shipped one (--fish)"),
@@ -244,7 +293,7 @@ REFUSED = {
     "no key": ("slow.csv --fish trout.toml --set sway_to", "--set: found 'sway_to', expected KEY=VALUE"),
     "held out": ("slow.csv fast.csv --fish trout.toml --held-out last", "unknown trial to hold out 'last'"),
     "two units": ("mixed.csv --fish trout.toml", "headers name the units m and mm of one kind, expected one"),
-    "no header": ("bare.csv --fish trout.toml", "bare.csv: line 1 names no columns"),
+    "no header": ("bare.csv --fish trout.toml", "bare.csv: looks like a CSV file of 6 columns without a header line"),
 }  # fmt: skip
 
 

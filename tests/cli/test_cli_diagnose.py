@@ -99,5 +99,5 @@ def test_a_folder_gets_an_extended_fish_only_where_the_model_was_extended(
 
 def test_a_fish_that_could_not_be_written_is_refused_before_the_work(refuse: Callable[[str], str], run: Run) -> None:
     run("generate --modes v1,v3 --duration 2 --out a")
-    assert "extended.xml ends in '.xml', expected .toml" in refuse("diagnose a --extended extended.xml")
+    assert "extended.xml: the name ends in '.xml', expected .toml" in refuse("diagnose a --extended extended.xml")
     assert "there is no folder" in refuse("diagnose a --extended absent/extended.toml")

@@ -91,7 +91,7 @@ def test_everything_that_can_be_written_is(run: Run, pool: Path, tmp_path: Path)
         ("--weights mine", "unknown weights 'mine'"),
         ("--profile c_x", "unknown free parameter of --profile 'c_x'"),
         ("--fix c_d.head --profile c_d.head", "unknown free parameter of --profile 'c_d.head'"),
-        ("--fish mine.yaml", "ends in '.yaml', expected .toml or .xml"),
+        ("--fish mine.yaml", "ends in '.yaml', expected .xml or .toml"),
         ("--table out.txt", "ends in '.txt', expected .csv or .parquet"),
         ("--fix *", "every parameter is fixed; leave one free"),
     ],

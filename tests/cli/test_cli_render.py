@@ -77,7 +77,7 @@ def _last(refuse: Callable[[str], str], line: str) -> str:
     ("line", "complaint"),
     [
         ("render pikee --out a.png", "pikee"),
-        ("render pike --out a.avi", "a.avi: the name ends in '.avi', expected .mp4, .gif, .png; rename it"),
+        ("render pike --out a.avi", "a.avi: the name ends in '.avi', expected .mp4 or .gif or .png; rename it"),
         ("render pike --out absent/a.png", "there is no folder absent"),
         ("render pike --trial v1 --out a.png", "--trial: pike is a fish and has no trials"),
         ("render found --trial v1 --out a.png", "trial 'v1'"),

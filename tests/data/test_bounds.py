@@ -9,11 +9,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from recordings import TOML, cpg_csv, write_folder
 
 from mjfish import bounded, tomlfile
-from mjfish.data import load_dataset, read_table, tables, write_table
+from mjfish.data import cells, load_dataset, read_table, write_table
 from mjfish.data.importers.mapping import VelocitiesMap
 from mjfish.errors import InputError
 
@@ -89,12 +90,18 @@ def test_huge_files_of_zeros_are_refused_at_once(tmp_path: Path) -> None:
     ("content", "complaint"),
     [
         (
-            (",".join(f"joint_{k} [rad]" for k in range(1, 9999)) + ",joint_7 [rad]\n").encode(),
+            (",".join(f"joint_{k} [rad]" for k in range(1, 9999)) + ",joint_7 [rad]\n" + "1," * 9998 + "1\n").encode(),
             "columns 7 and 9999 are",
         ),
-        (b"speed" * 20000 + b",surge [m/s]\n", "column 1 'speedspeedspeedspeedspeedspeedspeedspeed...': unknown"),
-        (b"time [s],surge [m/s]\n0,\0", r"byte 24 is zero, as in a damaged or binary file, expected UTF-8 text; save"),
-        ("time [s],surge [m/s]\n0,1\n".encode("utf-16"), "byte 4 is zero"),
+        (b"speed" * 20000 + b",surge [m/s]\n1,2\n", "column 1 'speedspeedspeedspeedspeedspeedspeedspeed...': unknown"),
+        (
+            b"time [s],surge [m/s]\n0,\0",
+            r"byte 24 is zero, as in a damaged or binary file, or in UTF-16 .* expected text; save",
+        ),
+        (
+            "time [s],surge [m/s]\n0,1\n".encode("utf-16-le"),
+            "byte 2 is zero, .*; save it as UTF-8 CSV, or give --encoding",
+        ),
         (b"1," * 2**19, "line 1 has more than 1 MiB, expected the first row; save"),
         (b"time [s],surge [m/s]\n" + b"1,1\n" * 2**18 + b"1,\0", "byte 1048600 is zero"),
     ],
@@ -135,20 +142,20 @@ def test_a_table_of_more_numbers_than_are_read_is_refused(
     suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / f"run{suffix}"
-    write_table(path, {"time [s]": tables.np.arange(10.0), "surge [m/s]": tables.np.zeros(10)})
-    monkeypatch.setattr(tables, "MOST_NUMBERS", 22)
+    write_table(path, {"time [s]": np.arange(10.0), "surge [m/s]": np.zeros(10)})
+    monkeypatch.setattr(cells, "MOST_NUMBERS", 22)
     assert len(read_table(path)["time"]) == 10
-    monkeypatch.setattr(tables, "MOST_NUMBERS", 19)
+    monkeypatch.setattr(cells, "MOST_NUMBERS", 19)
     with pytest.raises(InputError, match=rf"run{suffix}: has 2[02] numbers, expected 19 at most; cut it"):
         read_table(path)
 
 
 def test_no_table_is_written_that_would_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    table = {"time [s]": tables.np.arange(10.0)}
-    monkeypatch.setattr(tables, "MOST_NUMBERS", 9)
+    table = {"time [s]": np.arange(10.0)}
+    monkeypatch.setattr(cells, "MOST_NUMBERS", 9)
     with pytest.raises(InputError, match=r"run\.parquet: has 10 numbers, expected 9 at most; cut it"):
         write_table(tmp_path / "run.parquet", table)
-    monkeypatch.setattr(tables, "MOST_NUMBERS", 10)
+    monkeypatch.setattr(cells, "MOST_NUMBERS", 10)
     monkeypatch.setattr(bounded, "TABLE", 48)
     with pytest.raises(InputError, match=r"run\.csv: 49 bytes of CSV, expected 48 at most; write Parquet"):
         write_table(tmp_path / "run.csv", table)

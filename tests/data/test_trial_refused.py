@@ -61,8 +61,7 @@ CPG_FILE: dict[str, tuple[Edit, tuple[str, ...]]] = {
     ),
     "empty line": (lines(lambda all_: [*all_[:7], "", *all_[7:]]), ("row 7 (line 8)", "is empty", "remove the row")),
     "headers not in line 1": (lambda text: "\n" + text, ("line 1 is empty", "remove the lines above")),
-    "endless line": (lambda _: "x" * 200_000, ("line 1 cannot be read: field larger", "save it again")),
-    "semicolons": (lambda text: text.replace(",", ";"), ("line 1", "no commas", "separate the columns by commas")),
+    "endless line": (lambda _: "x" * 200_000, ("has a cell of more than 131072 characters", "save it again")),
     "gap": (
         lines(lambda all_: all_[:11] + all_[14:]),
         ("row 11 (line 12)", "gap of 0.08 s", "from row 10 (0.18 s) to row 11 (0.26 s)", "0.02 s", "cut the recording"),

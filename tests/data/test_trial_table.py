@@ -106,10 +106,10 @@ def test_refuses_a_parquet_header_that_is_no_text(tmp_path: Path) -> None:
         trial.read_table(path)
 
 
-def test_refuses_a_file_that_is_no_text_naming_the_line(tmp_path: Path) -> None:
+def test_refuses_a_number_with_a_byte_that_is_no_text_naming_the_cell(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(b"time [s],surge [m/s]\n0,1\n1,\xff2\n")
-    with pytest.raises(InputError, match=r"a\.csv: line 3 is no UTF-8 text; save the file as UTF-8"):
+    with pytest.raises(InputError, match=r"a\.csv: row 2 \(line 3\), column 'surge \[m/s\]': 'ÿ2' is not a number"):
         trial.read_table(path)
 
 
@@ -126,7 +126,9 @@ def test_refuses_a_file_that_is_absent_a_folder_or_of_another_kind(tmp_path: Pat
     (tmp_path / "b.csv").mkdir()
     with pytest.raises(InputError, match=r"b\.csv: cannot be read"):
         trial.read_table(tmp_path / "b.csv")
-    with pytest.raises(InputError, match=r"the name ends in '\.xlsx', expected \.csv or \.parquet; convert"):
+    with pytest.raises(
+        InputError, match=r"the name ends in '\.xlsx', expected \.csv or \.parquet; rename it, or convert"
+    ):
         trial.read_table(tmp_path / "c.xlsx")
 
 
@@ -153,5 +155,5 @@ def test_a_table_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monke
 
 
 def test_refuses_to_write_where_no_folder_is(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"cannot be written: .*; choose another place"):
+    with pytest.raises(InputError, match=r"cannot be written: .*; choose a folder"):
         trial.write_table(tmp_path / "absent" / "a.csv", {"time [s]": np.zeros(1)})

@@ -181,9 +181,8 @@ def _backwards(rows: FloatArray) -> FloatArray:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (_repeated, r"run.csv: row 41 \(line 42\), column 'time': the time of the row before is repeated, with other "
-                    r"numbers, .*remove one of the two rows"),
-        (_backwards, r"row 42: its time is not after that of the row before; sort the rows"),
+        (_repeated, r"run.csv: row 41 \(line 42\), column 'time': 0.78 s repeats that of row 40, .* row is repeated"),
+        (_backwards, r"row 41 \(line 42\), column 'time': 0.1 s is before the 0.78 s of row 40, .*; sort the rows"),
     ],
 )  # fmt: skip
 def test_times_that_repeat_or_run_backwards_are_refused(

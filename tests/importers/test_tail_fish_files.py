@@ -89,7 +89,7 @@ def test_what_swam_is_found_again(folder: Path) -> None:
         ("Amp20Bias0.txt", " \n", "no rows; expected rows of seven numbers"),
         ("Amp20Bias0.txt", "# 1\n", "expected rows of seven numbers"),
         ("Amp20Bias0.txt", "time u v w h x y\n", "expected rows of seven numbers: time, velocity along"),
-        ("Amp20Bias0.txt", "0.1 0 0 0 0 0 0\n" * 30, "row 2: its time is not after that of the row before"),
+        ("Amp20Bias0.txt", "0.1 0 0 0 0 0 0\n" * 30, "row 2, column 'time': 0.1 s repeats that of row 1"),
         ("Amp20Bias0.txt", "0.1 0 nan 0 0 0 0\n" * 30, "row 1, velocity across: no finite number"),
     ],
 )

@@ -173,7 +173,7 @@ def test_captions_fit_the_picture(runs: dict[str, Drawing], width: int) -> None:
 
 
 def test_what_is_no_film_is_refused(runs: dict[str, Drawing], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"ends in '\.avi', expected \.mp4, \.gif, \.png"):
+    with pytest.raises(InputError, match=r"ends in '\.avi', expected \.mp4 or \.gif or \.png"):
         film.write(tmp_path / "swim.avi", film.whole(runs["fast"]))
     with pytest.raises(InputError, match=r"absent/swim\.png: cannot be written"):
         film.write(tmp_path / "absent" / "swim.png", film.whole(runs["fast"]))

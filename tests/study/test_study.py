@@ -9,7 +9,7 @@ import os
 import shutil
 import tempfile
 from pathlib import Path
-from tempfile import mkstemp
+from tempfile import mkdtemp
 from typing import Any
 
 import pytest
@@ -139,14 +139,14 @@ def test_a_disk_that_takes_no_more_is_a_named_error_and_what_is_done_is_kept(
     """From the fourth file on, after the lock and a piece with its time."""
     cases, out, files = read_cases(write_study(tmp_path)), tmp_path / "out", []
 
-    def refused(*arguments: Any, **options: Any) -> tuple[int, str]:
+    def refused(*arguments: Any, **options: Any) -> str:
         files.append(options)
         if len(files) > 3:
             raise OSError(number, os.strerror(number))
-        return mkstemp(*arguments, **options)
+        return mkdtemp(*arguments, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(tempfile, "mkstemp", refused)
+        patch.setattr(tempfile, "mkdtemp", refused)
         with pytest.raises(InputError, match=f"cannot be written: {os.strerror(number)}; choose a folder"):
             run(cases, out)
     assert len(contents(out)) == 1

@@ -27,12 +27,12 @@ import numpy as np
 from mjfish import bounded, tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
+from mjfish.data.cells import LARGEST
 from mjfish.data.dataset_toml import GaussianTable, filter_of
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.smoothing import beat_frequency
 from mjfish.data.importers.tables import increasing, velocity_report
 from mjfish.data.importers.trials import assign_roles, check_distinct
-from mjfish.data.tables import LARGEST
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import load_fish
@@ -100,7 +100,7 @@ def _trial(path: Path, behind: float) -> Trial:
         )
     amplitude, bias = (math.radians(float(found[group])) for group in ("amplitude", "bias"))
     table = _read(path)
-    time, along, across, turn = increasing(table[:, 0], path, headers=0), table[:, 1], table[:, 2], table[:, 3]
+    time, along, across, turn = increasing(table[:, 0], path, "time", 1), table[:, 1], table[:, 2], table[:, 3]
     heading = np.unwrap(table[:, 4])
     frequency, _ = beat_frequency(time, turn)
     cos, sin = np.cos(heading), np.sin(heading)

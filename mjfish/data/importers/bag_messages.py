@@ -18,8 +18,8 @@ from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
 from mjfish.arrays import FloatArray
+from mjfish.data.cells import LARGEST
 from mjfish.data.importers.unknown import describe, is_bag
-from mjfish.data.tables import LARGEST
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 
 _YAW = "yaw"

@@ -23,13 +23,14 @@ from mjfish import tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.data.importers.bag_messages import MOST, Messages, read_messages, topics
+from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
 from mjfish.data.importers.report import ImportReport
-from mjfish.data.importers.tables import Columns, import_poses, import_velocities
+from mjfish.data.importers.tables import Columns, import_tables
 from mjfish.data.importers.unknown import bag_example
 from mjfish.data.validation import GAP
 from mjfish.errors import InputError
 
-_KINDS = {"poses": import_poses, "velocities": import_velocities}
+_KINDS: dict[object, type[PosesMap] | type[VelocitiesMap]] = {"poses": PosesMap, "velocities": VelocitiesMap}
 #: Neighbours farther apart than so many median steps of their topic have nothing in between.
 _NEAR = 5.0
 #: Headers of two topics that lag the recorder by amounts that differ by more than this have different clocks [s].
@@ -47,7 +48,7 @@ def import_mcap(
         mapping: its columns are ``TOPIC.FIELD``; the key ``time`` is not used.
 
     Raises:
-        MjfishError: as of `import_poses` and `import_velocities`; a bag cannot be read, has no such topic or field, or
+        MjfishError: as of `import_tables`; a bag cannot be read, has no such topic or field, or
             no message of it.
     """
     if mapping is None:
@@ -61,7 +62,8 @@ def import_mcap(
         raise InputError(f"{mapping}: kind is {kind!r}, expected 'poses' or 'velocities'; correct it")
     if table.get("time_unit", "s") != "s":
         raise InputError(f"{mapping}: time_unit: the times of a bag are in seconds; remove it")
-    return _KINDS[kind](files, held_out, mapping, importer="mcap", read=partial(read_bag, raw=kind == "poses"))
+    read = partial(read_bag, raw=kind == "poses")
+    return import_tables(files, held_out, mapping, model=_KINDS[kind], importer="mcap", read=read)
 
 
 def read_bag(path: Path, time: str, names: Sequence[str], *, raw: bool) -> Columns:
@@ -102,7 +104,7 @@ def read_bag(path: Path, time: str, names: Sequence[str], *, raw: bool) -> Colum
         columns[name] = readonly(values)
     if filled.any():
         lost.append(f"{rows.name}: {int(filled.sum())} rows interpolated")
-    return Columns(columns, (f"rows are the messages of {rows.name}", *notes, *lost), lossy=True)
+    return Columns(columns, (f"rows are the messages of {rows.name}", *notes, *lost))
 
 
 def _clock(read: Mapping[str, Messages]) -> tuple[bool, list[str]]:

@@ -16,10 +16,11 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
+from mjfish.data.dialect import recognise
 from mjfish.data.importers.mapping import MarkersMap
 from mjfish.data.importers.markers import import_markers
 from mjfish.data.importers.report import ImportReport
-from mjfish.data.tables import first_row, read_columns, read_text
+from mjfish.data.sheet import read_sheet
 from mjfish.errors import InputError, UnknownNameError
 
 _HEADS = ("scorer", "bodyparts", "coords")
@@ -44,27 +45,34 @@ def read_tracks(path: Path, table: MarkersMap) -> FloatArray:
         InputError: no such file, no CSV of DeepLabCut, of several animals, or a cell that is no number.
         UnknownNameError: no such body part.
     """
-    parts = _body_parts(path)
+    parts = _body_parts(path, table)
     columns = ["frame", *(f"{part} {coordinate}" for part in parts for coordinate in _COORDINATES)]
-    numbers = read_columns(path, columns, header=False, fewest=1, missing=True, skipped=len(_HEADS))
-    points = np.empty((len(numbers["frame"]), len(table.markers), 2))
+    sheet = read_sheet(path, _below(table, len(_HEADS)), names=columns)
+    points = np.empty((sheet.cells.num_rows, len(table.markers), 2))
     for m, entry in enumerate(table.markers):
         if entry.name not in parts:
             raise UnknownNameError(f"body part in {path}", entry.name, parts)
-        x, y, likelihood = (numbers[f"{entry.name} {coordinate}"] for coordinate in _COORDINATES)
+        x, y, likelihood = (sheet.numbers(f"{entry.name} {coordinate}", missing=True) for coordinate in _COORDINATES)
         points[:, m] = np.column_stack([x, y])
         points[~(likelihood >= table.likelihood), m] = np.nan
     return points
 
 
-def _body_parts(path: Path) -> list[str]:
+def _body_parts(path: Path, table: MarkersMap) -> list[str]:
     """Return the body parts of a file that is laid out as DeepLabCut does."""
-    heads = [first_row(line, path) for line in read_text(path).split("\n")[: len(_HEADS)]]
-    if [row[:1] for row in heads[1:2]] == [["individuals"]]:
-        raise InputError(f"{path}: has tracks of several animals; export those of one")
-    if [row[:1] for row in heads] != [[head] for head in _HEADS] or tuple(heads[2][1:4]) != _COORDINATES:
-        raise InputError(
-            f"{path}: no CSV of DeepLabCut, expected lines that begin with {', '.join(_HEADS)} and columns "
-            f"{', '.join(_COORDINATES)}; import it as 'markers' with a mapping file"
-        )
-    return heads[1][1 :: len(_COORDINATES)]
+    heads: list[tuple[str, ...]] = []
+    for number, head in enumerate(_HEADS):
+        heads.append(recognise(path, _below(table, number)).headers)
+        if heads[-1][:1] == ("individuals",):
+            raise InputError(f"{path}: has tracks of several animals; export those of one")
+        if heads[-1][:1] != (head,) or (heads[2:] and heads[2][1:4] != _COORDINATES):
+            raise InputError(
+                f"{path}: no CSV of DeepLabCut, expected lines that begin with {', '.join(_HEADS)} and columns "
+                f"{', '.join(_COORDINATES)}; import it as 'markers' with a mapping file"
+            )
+    return list(heads[1][1 :: len(_COORDINATES)])
+
+
+def _below(table: MarkersMap, lines: int) -> MarkersMap:
+    """Return the mapping of what lies below the first lines of a table."""
+    return table.model_copy(update={"skip": (table.skip or 0) + lines})

@@ -35,13 +35,18 @@ _WORDS = {
 }  # fmt: skip
 #: How headers spell units, by the unit of a mapping file: of columns by kind of unit, and of rates.
 _SPELLINGS: dict[str, dict[str, tuple[str, ...]]] = {
-    "time": {"s": ("s", "sec", "seconds"), "ms": ("ms",)},
+    "time": {
+        "s": ("s", "sec", "seconds"), "ms": ("ms", "msec", "milliseconds"),
+        "us": ("us", "usec", "microseconds"), "ns": ("ns", "nsec", "nanoseconds"),
+    },
     "length": {
         "m": ("m", "m_s", "mps"), "cm": ("cm", "cm_s", "cmps"), "mm": ("mm", "mm_s", "mmps"),
     },
     "angle": {"rad": ("rad", "rad_s", "rads"), "deg": ("deg", "deg_s", "dps", "degrees")},
 }  # fmt: skip
 _SPELLINGS["joint"] = _SPELLINGS["angle"]
+#: Two letters that look alike, and stand for a millionth.
+_MICRO = str.maketrans("µμ", "uu")
 #: A joint of a chain has a number, the one of a fish with one joint may have none.
 _JOINT = re.compile(
     r"(?:angle_)?(?:joint|j|servo|motor|angle|theta|q|phi)_?(?P<number>\d+)(?:_(?:angle|position|pos))?"
@@ -103,12 +108,9 @@ def units(columns: Mapping[str, str], joints: Sequence[str] = ()) -> dict[str, s
         >>> units({"time": "t", "surge": "u [mm/s]", "yaw_rate": "yaw_rate_deg_s"})
         {'length': {'mm'}, 'angle': {'deg'}}
     """
-    named: dict[str, set[str]] = {}
-    for key, header in [*columns.items(), *(("joints", header) for header in joints)]:
-        unit = _parts(header, UNIT_OF[key])[1]
-        if unit is not None:
-            named.setdefault(UNIT_OF[key], set()).add(unit)
-    return named
+    kinds = [(UNIT_OF[key], header) for key, header in [*columns.items(), *(("joints", header) for header in joints)]]
+    found = [(kind, unit) for kind, header in kinds if (unit := _parts(header, kind)[1])]
+    return {kind: {unit for own, unit in found if own == kind} for kind, _ in found}
 
 
 def named(word: str, headers: Sequence[str]) -> str:
@@ -126,7 +128,7 @@ def named(word: str, headers: Sequence[str]) -> str:
 
 
 def _plain(header: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "_", header.lower().replace("°", "deg")).strip("_")
+    return re.sub(r"[^a-z0-9]+", "_", header.lower().replace("°", "deg").translate(_MICRO)).strip("_")
 
 
 def _parts(header: str, kind: str) -> tuple[str, str | None]:

@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data.dataset_toml import Law, NotNegative, Number, Positive
+from mjfish.data.dialect import Dialect
 from mjfish.data.read import wave_of
 from mjfish.data.trial import Hold, Trial
 from mjfish.drive.wave import Wave
@@ -26,11 +27,11 @@ from mjfish.tomlfile import Table
 #: What one unit is in SI.
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 ANGLES = {"rad": 1.0, "deg": 0.017453292519943295}
-TIMES = {"s": 1.0, "ms": 0.001}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 Length = Literal["m", "cm", "mm"]
 Angle = Literal["rad", "deg"]
-Time = Literal["s", "ms"]
+Time = Literal["s", "ms", "us", "ns"]
 
 
 M = TypeVar("M", bound=Table)
@@ -61,8 +62,8 @@ class JointColumns(Table):
         return self
 
 
-class MappingTable(Table):
-    """What every kind of import needs."""
+class MappingTable(Dialect):
+    """What every kind of import needs: how its text files are written, and the fish."""
 
     schema_: Literal[1] = Field(alias="schema")
     fish: Annotated[str, Field(min_length=1)]

@@ -28,7 +28,7 @@ from mjfish.data.importers.trials import (
     stretch_names,
     with_noise,
 )
-from mjfish.data.tables import read_columns
+from mjfish.data.sheet import read_sheet
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish
 
@@ -159,12 +159,6 @@ class Marked:
         plane, below = self.rolling
         return np.asarray(-fit.coordinates()[:, 2 + len(self.lengths) + plane] / below)
 
-    def without(self, dropped: Sequence[int], measured: FloatArray) -> FloatArray:
-        """Return the points with some never seen."""
-        seen = measured.copy()
-        seen[:, list(dropped)] = np.nan
-        return seen
-
 
 @dataclass(frozen=True, eq=False)
 class Track:
@@ -199,7 +193,8 @@ def fit_track(measured: FloatArray, marked: Marked, rate: float, path: Path) -> 
     exchanged, mended = 0, False
     while True:
         with located(str(path)):
-            fit, chain = _fit(marked.without(dropped, measured), marked, rate)
+            unused = np.isin(np.arange(measured.shape[1]), dropped)
+            fit, chain = _fit(np.where(unused[:, None], np.nan, measured), marked, rate)
         if not mended:
             mended = True
             put_back, found = undo_exchanges(measured, fit)
@@ -279,7 +274,6 @@ def _astray(measured: FloatArray, fit: Fit, chain: Chain) -> BoolArray:
 _LEAST_SECONDS = 1.0
 #: Longest piece of a film that is smoothed at once [s]: time and memory go with the cube of its length.
 _LONGEST_SECONDS = 10.0
-_ABOUT = "give a marker file as the mapping describes it"
 
 
 @dataclass(frozen=True, eq=False)
@@ -385,8 +379,10 @@ def _piece(
 def read_points(path: Path, table: MarkersMap) -> FloatArray:
     """Return the points of the markers (n, markers, 2) in the units of the file, NaN where one is lost."""
     columns = [name for entry in table.markers for name in (entry.columns or (f"X{entry.name}", f"Y{entry.name}"))]
-    pixels = read_columns(path, columns, header=table.header, missing=table.missing, about=_ABOUT, fewest=1)
-    return np.stack([pixels[name] for name in columns], axis=1).reshape(-1, len(table.markers), 2)
+    sheet = read_sheet(path, table, names=None if table.header else columns)
+    return np.stack([sheet.numbers(name, missing=table.missing) for name in columns], axis=1).reshape(
+        -1, len(table.markers), 2
+    )
 
 
 def metres(path: Path, raw: FloatArray, table: MarkersMap, marked: Marked) -> tuple[FloatArray, float]:

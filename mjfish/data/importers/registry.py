@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, cast
 
 from mjfish.data import Dataset
 from mjfish.data.importers.bags import import_mcap
 from mjfish.data.importers.deeplabcut import import_deeplabcut
+from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
 from mjfish.data.importers.markers import import_fishsim, import_markers
 from mjfish.data.importers.report import ImportReport
-from mjfish.data.importers.tables import import_poses, import_velocities
-from mjfish.data.importers.unknown import describe, foreign
+from mjfish.data.importers.tables import import_tables
+from mjfish.data.importers.unknown import check_once, check_text, describe
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.user_code import user_code
 
@@ -41,11 +43,11 @@ IMPORTERS: Mapping[str, Importer] = {
     "fishsim": import_fishsim,
     "markers": import_markers,
     "mcap": import_mcap,
-    "poses": import_poses,
-    "velocities": import_velocities,
+    "poses": partial(import_tables, model=PosesMap, importer="poses"),
+    "velocities": partial(import_tables, model=VelocitiesMap, importer="velocities"),
 }
 #: Importers of tables, which need a mapping file.
-_MAPPED = (import_poses, import_velocities)
+_MAPPED = ("poses", "velocities")
 #: What a file with an importer must define.
 FUNCTION = "import_files"
 
@@ -73,8 +75,7 @@ def find(importer: str | Path) -> Importer:
             f"{path}: defines no function '{FUNCTION}', expected {FUNCTION}(files, held_out=(), mapping=None) that "
             "returns a Dataset and an ImportReport; add it"
         )
-    found: Importer = function
-    return found
+    return cast("Importer", function)
 
 
 def import_files(
@@ -99,15 +100,10 @@ def import_files(
     paths = [Path(file) for file in files]
     if not paths:
         raise InputError(f"no files to import, expected one or more; name the files of {importer}")
-    seen: dict[Path, Path] = {}
-    for path in paths:
-        first = seen.setdefault(path.resolve(), path)
-        if first is not path:
-            raise InputError(f"{path}: given twice, expected every file once; remove one")
-    for path in paths if function in _MAPPED else ():
-        if (found := foreign(path)) is not None:
-            raise InputError(f"{path}: {found}")
-    if mapping is None and function in _MAPPED and paths[0].exists():
+    check_once(paths)
+    for path in paths if importer in _MAPPED else ():
+        check_text(path)
+    if mapping is None and importer in _MAPPED and paths[0].exists():
         raise InputError(
             f"importer '{importer}' needs a mapping file, give --map FILE; {paths[0]} {describe(paths[0])}"
         )

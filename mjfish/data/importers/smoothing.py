@@ -380,7 +380,7 @@ _MOVED = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(State):
     """Coordinates over time and what is known of their errors.
 
     Attributes:
@@ -397,12 +397,7 @@ class Fit:
     """
 
     basis: Basis
-    beat: float | None
-    coefficients: FloatArray
-    shared: FloatArray
-    sigma: FloatArray
     kept: BoolArray
-    intensity: FloatArray
     covariance: FloatArray
     residual: FloatArray
     frames: FloatArray
@@ -483,7 +478,7 @@ def _smoothed(seen: Observation, basis: Basis, beat: float | None, start: FloatA
     system = System.of(seen, basis, state, weight, rough)
     covariance = system.covariance()
     return Fit(
-        basis, state.beat, state.coefficients, state.shared, state.sigma, np.asarray(weight > 0.0), state.intensity,
+        state.beat, state.coefficients, state.shared, state.sigma, state.intensity, basis, np.asarray(weight > 0.0),
         covariance, _residual(seen, basis, state), correlation_frames(system.residual),
     )  # fmt: skip
 
@@ -494,9 +489,8 @@ def _residual(seen: Observation, basis: Basis, state: State) -> FloatArray:
 
 
 def _weights(seen: Observation, basis: Basis, state: State, there: BoolArray, *, student: bool) -> FloatArray:
-    value = seen.at(basis.design(state.beat) @ state.coefficients.T, state.shared).value
-    off = np.nan_to_num(np.square(seen.measured - value).sum(axis=2), nan=np.inf) / np.square(state.sigma)
-    directions = value.shape[2]
+    off = np.nan_to_num(np.square(_residual(seen, basis, state)).sum(axis=2), nan=np.inf) / np.square(state.sigma)
+    directions = seen.measured.shape[2]
     if student:
         return np.asarray(np.where(there, (_STUDENT + directions) / (_STUDENT + off), 0.0))
     return np.asarray((off < _GATE**2 + directions).astype(np.float64))

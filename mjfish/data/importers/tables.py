@@ -6,16 +6,16 @@ they are; velocities are taken as they are, too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.block_angular import IntArray
 from mjfish.data import Dataset, Trial
+from mjfish.data.cells import check_increasing
 from mjfish.data.importers.mapping import (
     ANGLES,
     LENGTHS,
@@ -42,13 +42,11 @@ from mjfish.data.importers.trials import (
     stretch_names,
 )
 from mjfish.data.sensor import FEWEST, Kind, Sensor, cleaned, within
-from mjfish.data.tables import read_columns, row_name
+from mjfish.data.sheet import read_sheet
 from mjfish.data.validation import count_beats, longest_gap
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
-
-M = TypeVar("M", PosesMap, VelocitiesMap)
 
 _FEWEST_POSES = 20
 #: Sensors of a pose, and their columns.
@@ -57,36 +55,52 @@ _SEEN: tuple[tuple[Kind, slice], ...] = (("position", slice(0, 2)), ("heading", 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Columns (n,) of a recorded file by name, and what a reader should know of them.
+    """Columns (n,) of a recorded file by name, that of the time in s, and what a reader should know of them.
 
-    `lossy`: the recorder may lose rows; velocities are cut there, not refused.
+    `first_line`: of the numbers in the file, see `row_name`.
     """
 
     numbers: Mapping[str, FloatArray]
     notes: tuple[str, ...] = ()
-    lossy: bool = False
+    first_line: int | None = None
 
 
-class Read(Protocol):
-    """Reads columns of a file."""
-
-    def __call__(self, path: Path, time: str, names: Sequence[str]) -> Columns:
-        """Return the column of the time, and others, by name; cells may be missing (NaN) but those of the time."""
+#: Returns the column of the time [s] of a file, and others, by name; cells may be missing (NaN) but those of the time.
+Read = Callable[[Path, str, Sequence[str]], Columns]
 
 
-def read_csv(path: Path, time: str, names: Sequence[str]) -> Columns:
-    """Return columns of a CSV file with a header."""
-    return Columns(read_columns(path, [time, *names], header=True, fewest=1, missing=True))
+def _read_csv(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str]) -> Columns:
+    """Return the column of the time [s], and others, of a CSV file with a header."""
+    sheet = read_sheet(path, table)
+    time, dates = sheet.seconds(table.time, TIMES[table.time_unit])
+    if dates and not all(law.free for law in (*table.waves.values(), table.wave) if law is not None):
+        raise InputError(
+            f"{path}: column '{table.time}': {dates}, expected the clock of the drive, 0 where it starts; subtract its "
+            "start, or say free = true in the mapping file (leave out --synchronised)"
+        )
+    # Places and headings may be absent, velocities not.
+    numbers = {table.time: time, **{name: sheet.numbers(name, missing=isinstance(table, PosesMap)) for name in names}}
+    notes = (*sheet.layout.notes, *([dates] if dates else []))
+    return Columns(numbers, notes, first_line=sheet.layout.first_line)
 
 
 @dataclass(frozen=True, eq=False)
-class _Source(Generic[M]):
-    """What columns mean, the fish that swam, the mapping file (for messages), and how a file is read."""
+class _Source:
+    """What columns mean, the fish that swam, the mapping file (for messages), and how a file that is no CSV is read."""
 
-    table: M
+    table: PosesMap | VelocitiesMap
     fish: Fish
     file: Path
-    read: Read = read_csv
+    read: Read | None = None
+
+    def columns(self, path: Path, names: Sequence[str], fewest: int) -> Columns:
+        """Return the column of the time [s], and others, of a file, or refuse one with few rows."""
+        own, time = self.read, self.table.time
+        found = _read_csv(path, self.table, names) if own is None else own(path, time, names)
+        rows = len(found.numbers[time])
+        if rows < fewest:
+            raise InputError(f"{path}: has {rows} rows, expected one a frame and {fewest} or more; give a longer track")
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,63 +110,73 @@ class _Run:
     report: FileReport
 
 
-def import_poses(
+def import_tables(
     files: Sequence[Path],
     held_out: Sequence[str] = (),
     mapping: Path | None = None,
     *,
-    importer: str = "poses",
-    read: Read = read_csv,
+    model: type[PosesMap] | type[VelocitiesMap],
+    importer: str,
+    read: Read | None = None,
 ) -> tuple[Dataset, ImportReport]:
-    """Turn pose tables into a dataset; joint angles are columns of the table, or a wave.
+    """Turn tables of poses or of velocities into a dataset; joint angles are columns of the table, or a wave.
 
-    Every run has a sensor ``position`` and a sensor ``heading``, with raw samples, and no velocities. Where the mapping
-    does not say where the tracked point is, it is somewhere on the head: `Dataset.known` has the offset.
+    Of poses, every run has a sensor ``position`` and a sensor ``heading``, with raw samples, and no velocities. Where
+    the mapping does not say where the tracked point is, it is somewhere on the head: `Dataset.known` has the offset.
+    Velocities of a point d behind the nose are carried to the nose, sway_nose = sway + d yaw_rate. Nothing is smoothed.
 
     Args:
-        files: one a run; cells may be empty where nothing was tracked.
+        files: one a run; cells of poses may be empty where nothing was tracked.
         held_out: names of trials or runs not to be fitted.
-        mapping: the mapping file, of ``kind = "poses"``.
+        mapping: the mapping file.
+        model: what it must hold.
         importer: for the report.
-        read: reads a file.
+        read: reads a file that is no CSV.
 
     Raises:
         MjfishError: the mapping or a file is not what it must be, or no stretch is long enough.
     """
-    table = read_mapping(mapping, PosesMap, importer)
+    table: PosesMap | VelocitiesMap = read_mapping(mapping, model, importer)
     assert mapping is not None  # noqa: S101 - read refuses None
-    return _import_poses(files, held_out, _Source(table, fish_of(table, mapping), mapping, read), importer)
+    return _imported(files, held_out, _Source(table, fish_of(table, mapping), mapping, read), importer)
 
 
-def _import_poses(
-    files: Sequence[Path], held_out: Sequence[str], source: _Source[PosesMap], importer: str
+def _imported(
+    files: Sequence[Path], held_out: Sequence[str], source: _Source, importer: str
 ) -> tuple[Dataset, ImportReport]:
-    place, head = source.table.behind_nose, source.fish.links[0].length
-    if place is not None and not 0.0 <= place <= head:
-        raise InputError(
-            f"{source.file}: behind_nose: {place:g} m, expected a point of the head, 0 to {head:g} m; leave it out to "
-            "have it fitted, or give the track of a point of the head"
-        )
-    runs_ = [_pose_run(path, source) for path in files]
+    """Return the dataset of files, a run each, and its report."""
+    table = source.table
+    if isinstance(table, PosesMap):
+        place, head = table.behind_nose, source.fish.links[0].length
+        if place is not None and not 0.0 <= place <= head:
+            raise InputError(
+                f"{source.file}: behind_nose: {place:g} m, expected a point of the head, 0 to {head:g} m; leave it out "
+                "to have it fitted, or give the track of a point of the head"
+            )
+    runs_ = [
+        _pose_run(path, source, table) if isinstance(table, PosesMap) else _velocity_run(path, source, table)
+        for path in files
+    ]
     check_distinct([run.name for run in runs_], files)
+    noise = table.noise if isinstance(table, VelocitiesMap) else None
     dataset = Dataset(
-        name=f"poses {', '.join(run.name for run in runs_)}",
+        name=f"{table.kind} {', '.join(run.name for run in runs_)}",
         fish=source.fish,
         trials=assign_roles([(run.name, trial) for run in runs_ for trial in run.trials], held_out),
+        noise=None if noise is None else readonly(noise),
     )
     return dataset, ImportReport(importer, tuple(run.report for run in runs_))
 
 
-def _pose_run(path: Path, source: _Source[PosesMap]) -> _Run:
-    table = source.table
+def _pose_run(path: Path, source: _Source, table: PosesMap) -> _Run:
     names = (table.x, table.y, table.yaw, *angle_columns(table))
-    columns = source.read(path, table.time, names)
-    _check_rows(columns.numbers, table.time, path, _FEWEST_POSES)
+    columns = source.columns(path, names, _FEWEST_POSES)
     for name in names:
         if not np.isfinite(columns.numbers[name]).any():
             raise InputError(f"{path}: column '{name}' has no number, expected what was tracked; name another column")
-    numbers, repeated = _each_once(columns.numbers, table.time, path)
-    time = increasing(numbers[table.time] * TIMES[table.time_unit], path)
+    numbers, repeated = _each_once(columns, table.time, path)
+    time = readonly(numbers[table.time])
+    check_length(time, path)
     pose = _in_metres(table, np.column_stack([numbers[name] for name in names[:3]]))
     place, known = table.behind_nose or 0.0, table.behind_nose is not None
     sensors = tuple(
@@ -174,7 +198,6 @@ def _pose_run(path: Path, source: _Source[PosesMap]) -> _Run:
     trials = tuple(
         _part(whole, rows, label) for label, rows in zip(stretch_names(whole.name, len(parts)), parts, strict=True)
     )
-    remarks = [remark for sensor in sensors for remark in sensor.remarks]
     report = FileReport(
         path=path,
         trials=tuple(trial.name for trial in trials),
@@ -183,24 +206,23 @@ def _pose_run(path: Path, source: _Source[PosesMap]) -> _Run:
         kept=sum(len(trial.sensors[0].time) for trial in trials),
         beat=beat,
         cuts=_cuts(time, [(int(rows[0]), int(rows[-1]) + 1) for rows in parts], names[3:], numbers),
-        notes=(*columns.notes, *repeated, *remarks, f"a sample every {1e3 * whole.step:.4g} ms", *told(table, whole)),
+        notes=(
+            *columns.notes,
+            *repeated,
+            *(remark for sensor in sensors for remark in sensor.remarks),
+            f"a sample every {1e3 * whole.step:.4g} ms",
+            *told(table, whole),
+        ),
     )
     return _Run(whole.name, trials, report)
 
 
-def _each_once(
-    numbers: Mapping[str, FloatArray], time: str, path: Path
-) -> tuple[Mapping[str, FloatArray], tuple[str, ...]]:
+def _each_once(columns: Columns, time: str, path: Path) -> tuple[Mapping[str, FloatArray], tuple[str, ...]]:
     """Return columns without rows that repeat the one before, and a note on them."""
+    numbers = columns.numbers
     rows = np.column_stack([*numbers.values()])
     same = np.all((rows[1:] == rows[:-1]) | np.isnan(rows[1:]) & np.isnan(rows[:-1]), axis=1)
-    wrong = np.flatnonzero((np.diff(numbers[time]) == 0.0) & ~same)
-    if wrong.size:
-        raise InputError(
-            f"{row_name(path, int(wrong[0]) + 1)}, column '{time}': the time of the row before is repeated, with other "
-            f"numbers, expected every frame once ({wrong.size} rows are like this); remove one of the two rows, or "
-            "give times that tell the frames apart"
-        )
+    check_increasing(numbers[time], path, columns.first_line, time, repeated=np.asarray(same))
     note = (f"{int(same.sum())} repeated rows left out",) if same.any() else ()
     return {name: values[np.append(True, ~same)] for name, values in numbers.items()}, note
 
@@ -244,23 +266,19 @@ def _long_enough(whole: Trial, rows: IntArray) -> bool:
     return all(seen) and (last - first >= SECONDS if beats is None else beats >= BEATS)
 
 
-def _check_rows(numbers: Mapping[str, FloatArray], time: str, path: Path, fewest: int) -> None:
-    """Refuse a file with few rows, or with a row without a time."""
-    rows = len(numbers[time])
-    if rows < fewest:
-        raise InputError(f"{path}: has {rows} rows, expected one a frame and {fewest} or more; give a longer track")
-    lost = np.flatnonzero(~np.isfinite(numbers[time]))
-    if lost.size:
-        raise InputError(f"{path}: row {int(lost[0]) + 2}, column '{time}': missing, expected a time; correct it")
+def increasing(time: FloatArray, path: Path, column: str, first_line: int | None) -> FloatArray:
+    """Return the times of a file [s], or refuse such that do not increase, or cannot show a beat.
 
+    Args:
+        time: (n,) [s].
+        path: of the file.
+        column: of the time.
+        first_line: of the numbers, see `row_name`.
 
-def increasing(time: FloatArray, path: Path, headers: int = 1) -> FloatArray:
-    """Return the times of a file, or refuse such that do not increase; rows are counted with the lines above them."""
-    wrong = np.flatnonzero(~(np.diff(time) > 0.0))
-    if wrong.size:
-        raise InputError(
-            f"{path}: row {int(wrong[0]) + 2 + headers}: its time is not after that of the row before; sort the rows"
-        )
+    Raises:
+        InputError: the message names the first row at fault.
+    """
+    check_increasing(time, path, first_line, column)
     check_length(time, path)
     return readonly(time)
 
@@ -271,7 +289,7 @@ def check_length(time: FloatArray, path: Path) -> None:
     if rows < 2.0 * SLOWEST * seconds or seconds * FASTEST <= 1.0:
         raise InputError(
             f"{path}: {rows} rows over {seconds:g} s, expected those of a fish that beats at {SLOWEST:g} to "
-            f"{FASTEST:g} Hz; correct the times, or their unit"
+            f"{FASTEST:g} Hz; correct the times, or their unit (--time-unit, time_unit in a mapping file)"
         )
 
 
@@ -286,7 +304,7 @@ def _in_metres(table: PosesMap, raw: FloatArray) -> FloatArray:
 def import_mapped(
     files: Sequence[Path], held_out: Sequence[str], table: PosesMap | VelocitiesMap, fish: Fish, place: Path
 ) -> tuple[Dataset, ImportReport]:
-    """Turn CSV tables into a dataset, as `import_poses` and `import_velocities` do, by a mapping that is in no file.
+    """Turn CSV tables into a dataset, as `import_tables` does, by a mapping that is in no file.
 
     Args:
         files: one a run.
@@ -296,74 +314,28 @@ def import_mapped(
         place: of the mapping, for messages.
 
     Raises:
-        MjfishError: as of these importers.
+        MjfishError: as of `import_tables`.
     """
-    if isinstance(table, PosesMap):
-        return _import_poses(files, held_out, _Source(table, fish, place), table.kind)
-    return _import_velocities(files, held_out, _Source(table, fish, place), table.kind)
+    return _imported(files, held_out, _Source(table, fish, place), table.kind)
 
 
 _FEWEST_VELOCITIES = 7
 
 
-def import_velocities(
-    files: Sequence[Path],
-    held_out: Sequence[str] = (),
-    mapping: Path | None = None,
-    *,
-    importer: str = "velocities",
-    read: Read = read_csv,
-) -> tuple[Dataset, ImportReport]:
-    """Turn velocity tables into a dataset.
-
-    Velocities of a point d behind the nose are carried to the nose, sway_nose = sway + d yaw_rate. Nothing is smoothed.
-
-    Args:
-        files: one a run.
-        held_out: names of trials not to be fitted.
-        mapping: the mapping file, of ``kind = "velocities"``.
-        importer: for the report.
-        read: reads a file.
-
-    Raises:
-        MjfishError: the mapping or a file is not what it must be.
-    """
-    table = read_mapping(mapping, VelocitiesMap, importer)
-    assert mapping is not None  # noqa: S101 - read refuses None
-    return _import_velocities(files, held_out, _Source(table, fish_of(table, mapping), mapping, read), importer)
-
-
-def _import_velocities(
-    files: Sequence[Path], held_out: Sequence[str], source: _Source[VelocitiesMap], importer: str
-) -> tuple[Dataset, ImportReport]:
-    table = source.table
-    runs_ = [_velocity_run(path, source) for path in files]
-    check_distinct([run.name for run in runs_], files)
-    dataset = Dataset(
-        name=f"velocities {', '.join(run.name for run in runs_)}",
-        fish=source.fish,
-        trials=assign_roles([(run.name, trial) for run in runs_ for trial in run.trials], held_out),
-        noise=None if table.noise is None else readonly(table.noise),
-    )
-    return dataset, ImportReport(importer, tuple(run.report for run in runs_))
-
-
-def _velocity_run(path: Path, source: _Source[VelocitiesMap]) -> _Run:
-    whole, columns = _velocity_trial(path, source)
-    names = [name for name in columns.numbers if name != source.table.time]
+def _velocity_run(path: Path, source: _Source, table: VelocitiesMap) -> _Run:
+    whole, columns = _velocity_trial(path, source, table)
+    names = [name for name in columns.numbers if name != table.time]
     numbers = np.column_stack([columns.numbers[name] for name in names])
     complete: BoolArray = np.asarray(np.isfinite(numbers).all(axis=1))
-    if complete.all():
-        report = velocity_report(whole, source.table.noise, notes=columns.notes)
-        return _Run(whole.name, (whole,), report)
-    kept = _stretches(whole, complete, path)
-    trials = tuple(
-        _part(whole, np.arange(a, b), label)
-        for label, (a, b) in zip(stretch_names(whole.name, len(kept)), kept, strict=True)
-    )
+    trials: tuple[Trial, ...] = (whole,)
+    kept = [(0, len(complete))]
+    if not complete.all():
+        kept = _stretches(whole, complete, path)
+        labels = stretch_names(whole.name, len(kept))
+        trials = tuple(_part(whole, np.arange(a, b), label) for label, (a, b) in zip(labels, kept, strict=True))
     inside = np.concatenate([np.arange(a, b) for a, b in kept])
     parts = replace(whole, time=readonly(whole.time[inside]), velocity=readonly(whole.velocity[inside]))
-    report = velocity_report(parts, source.table.noise, notes=columns.notes)
+    report = velocity_report(parts, table.noise, notes=columns.notes)
     report = replace(
         report,
         trials=tuple(trial.name for trial in trials),
@@ -426,32 +398,19 @@ def _cuts(
     return tuple(found)
 
 
-def _velocity_trial(path: Path, source: _Source[VelocitiesMap]) -> tuple[Trial, Columns]:
-    table = source.table
+def _velocity_trial(path: Path, source: _Source, table: VelocitiesMap) -> tuple[Trial, Columns]:
     names = (table.surge, table.sway, table.yaw_rate, *angle_columns(table))
-    columns = source.read(path, table.time, names)
+    columns = source.columns(path, names, _FEWEST_VELOCITIES)
     numbers = columns.numbers
-    _check_rows(numbers, table.time, path, _FEWEST_VELOCITIES)
-    for name in names:
-        lost = np.flatnonzero(~np.isfinite(numbers[name]))
-        if lost.size and not columns.lossy:
-            raise InputError(
-                f"{path}: row {int(lost[0]) + 2}, column '{name}': missing, expected a finite number; correct it or "
-                "cut the track there"
-            )
     length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
     surge = numbers[table.surge] * (length if table.surge_to == "front" else -length)
     sway = numbers[table.sway] * (length if table.sway_to == "port" else -length)
     turn = numbers[table.yaw_rate] * (angle if table.turn_to == "port" else -angle)
-    time = numbers[table.time] * TIMES[table.time_unit]
-    if not np.all(np.diff(time) > 0.0):
-        row = int(np.flatnonzero(np.diff(time) <= 0.0)[0]) + 3
-        raise InputError(f"{path}: row {row}, column '{table.time}': not after the row before; sort the rows by time")
-    check_length(time, path)
+    time = increasing(numbers[table.time], path, table.time, columns.first_line)
     trial = Trial(
         name=path.stem.removeprefix(table.prefix),
         role=None,
-        time=readonly(time),
+        time=time,
         velocity=readonly(np.column_stack([surge, sway + table.behind_nose * turn, turn])),
         joint_angle=measured_angles(table, numbers, source.fish, source.file),
         wave=wave_drive(table, source.fish, source.file, path),

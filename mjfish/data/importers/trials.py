@@ -9,6 +9,7 @@ that the fit states, and cuts all others. It trims the ends too.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -268,9 +269,7 @@ def _reason(reasons: dict[int, str], start: int, end: int, frames: int, keep: Bo
 
 
 def _lost(reasons: dict[int, str]) -> str:
-    counts: dict[str, int] = {}
-    for reason in reasons.values():
-        counts[reason] = counts.get(reason, 0) + 1
+    counts = Counter(reasons.values())
     return "".join(f"; {reason} lost in {count} frames" for reason, count in sorted(counts.items()))
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from mjfish.data.dialect import Dialect, recognise
 from mjfish.data.importers.headers import KEYS, Kind, guess, units
+from mjfish.errors import InputError
 
 _BAG = b"\x89MCAP0\r\n"
 #: First bytes of formats: what they are, and what to do.
@@ -23,8 +24,6 @@ _FORMATS: tuple[tuple[bytes, str, str], ...] = (
     (b"\x1f\x8b", "a gzip archive", "unpack it"),
     (b"\x28\xb5\x2f\xfd", "a Zstandard archive, such as .mcap.zstd", "unpack it by 'zstd -d'"),
 )
-#: Bytes that are read of a file: a header line is not longer.
-_BEGINNING = 65536
 #: Types of messages that have a pose, and the field that it is in.
 _POSES = {
     "geometry_msgs/msg/PoseStamped": "pose",
@@ -37,46 +36,47 @@ _WAVE = ("[wave]", "frequency = 1.0", "amplitude = [0.3]", "phase = [0.0]", "fre
 
 def is_bag(path: Path) -> bool:
     """Return whether a file begins as a bag in the MCAP format does."""
+    return _beginning(path).startswith(_BAG)
+
+
+def _beginning(path: Path) -> bytes:
+    """Return the first bytes of a file, none of what is no file."""
     if not path.is_file():
-        return False
+        return b""
     with path.open("rb") as stream:
-        return stream.read(len(_BAG)) == _BAG
+        return stream.read(16)
 
 
 def describe(path: Path) -> str:
     """Return what a file or folder looks like and how to import it, in one sentence; or that it does not exist."""
-    if (found := foreign(path)) is not None:
-        return found
-    if not path.is_file():
-        return "no such file; correct its name"
-    with path.open("rb") as stream:
-        beginning = stream.read(_BEGINNING)
-    if not beginning:
-        return "is empty; record it again"
-    header = columns(beginning)
-    if header is None:
-        return "looks like no table of numbers; write the recording to a CSV file with a header line and import that"
-    if all(map(is_number, header)):
-        return (
-            f"looks like a CSV file of {len(header)} columns without a header line; put a line with their names above "
-            "the numbers, or import it as 'markers'"
-        )
+    try:
+        check_text(path)
+        header = recognise(path, Dialect()).headers
+    except InputError as error:
+        return str(error).removeprefix(f"{path}: ")
     return f"looks like a CSV file with the columns {', '.join(header)}; {_how(header)}"
 
 
-def foreign(path: Path) -> str | None:
-    """Return what a file looks like that is there and no text, or a folder; None for others."""
+def check_text(path: Path) -> None:
+    """Refuse a folder, and a file that is no text.
+
+    Raises:
+        InputError: the message says what it looks like and how to import it.
+    """
+    beginning = _beginning(path)
+    found = [f"looks like {what}; {remedy}" for magic, what, remedy in _FORMATS if beginning.startswith(magic)]
     if path.is_dir():
-        return _folder(path)
-    if not path.is_file():
-        return None
-    with path.open("rb") as stream:
-        return _format(stream.read(_BEGINNING))
+        found = [_folder(path)]
+    if found:
+        raise InputError(f"{path}: {found[0]}")
 
 
-def _format(beginning: bytes) -> str | None:
-    found = ((what, remedy) for magic, what, remedy in _FORMATS if beginning.startswith(magic))
-    return next((f"looks like {what}; {remedy}" for what, remedy in found), None)
+def check_once(paths: Sequence[Path]) -> None:
+    """Refuse a file that is given twice."""
+    resolved = [path.resolve() for path in paths]
+    for number, path in enumerate(paths):
+        if resolved[number] in resolved[:number]:
+            raise InputError(f"{path}: given twice, expected every file once; remove one")
 
 
 def _folder(path: Path) -> str:
@@ -86,25 +86,6 @@ def _folder(path: Path) -> str:
     if any(path.glob("*.db3")):
         return "looks like a rosbag2 folder of SQLite; convert it by 'ros2 bag convert' to MCAP and import it as 'mcap'"
     return "is a folder, expected a file; name the files in it"
-
-
-def columns(beginning: bytes) -> list[str] | None:
-    """Return the columns of a CSV file by its first bytes; None where they are no text with commas."""
-    try:
-        line = beginning.splitlines()[0].decode("utf-8-sig")
-    except (UnicodeDecodeError, IndexError):
-        return None
-    row = [cell.strip() for cell in next(csv.reader([line]), [])]
-    return row if len(row) > 1 and line.replace("\t", " ").isprintable() else None
-
-
-def is_number(cell: str) -> bool:
-    """Return whether a cell is a number, or empty."""
-    try:
-        float(cell or "nan")
-    except ValueError:
-        return False
-    return True
 
 
 def bag_example(kinds: Mapping[str, str]) -> str:
@@ -137,7 +118,7 @@ def example(header: Sequence[str], kind: Kind) -> str:
 
 
 def _how(header: Sequence[str]) -> str:
-    known = set(guess(header).columns)
+    known = guess(header).columns.keys()
     kind: Kind = "poses" if {"x", "y"} <= known and not {"surge", "sway"} <= known else "velocities"
     text = _indented(example(header, kind).splitlines())
     return f"import it as '{kind}' with --map FILE, a mapping file such as\n{text}\n(units, axes and signs: docs)"

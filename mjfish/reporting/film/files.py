@@ -11,7 +11,6 @@ import numpy as np
 from PIL import Image
 
 from mjfish import files
-from mjfish.errors import InputError
 from mjfish.reporting.film.caption import caption_of, captioned
 from mjfish.reporting.film.shot import Size, frames, still
 from mjfish.reporting.film.stretch import Stretch
@@ -35,10 +34,9 @@ def write(path: Path, stretch: Stretch, progress: Callable[[str, float], None] =
     Raises:
         InputError: another suffix, the file cannot be written, or this machine cannot draw.
     """
-    if path.suffix not in SUFFIXES:
-        raise InputError(f"{path}: the name ends in '{path.suffix}', expected {', '.join(SUFFIXES)}; rename it")
+    files.check_suffix(path, *SUFFIXES)
     with files.whole(path) as partial:
-        if path.suffix == ".png":
+        if path.suffix.lower() == ".png":
             progress("drawing", 0.0)
             instants, picture = still(stretch, _SIZES[".png"])
             captioned(picture, caption_of(stretch, instants.tolist())).save(partial, optimize=True)
@@ -47,12 +45,13 @@ def write(path: Path, stretch: Stretch, progress: Callable[[str, float], None] =
 
 
 def _film(path: Path, stretch: Stretch, progress: Callable[[str, float], None]) -> None:
-    rate, caption = _RATES[path.suffix], caption_of(stretch)
+    rate, caption = _RATES[path.suffix.lower()], caption_of(stretch)
     long = stretch.end - stretch.start
     pictures = (
-        (time, captioned(picture, caption, time)) for time, picture in frames(stretch, _SIZES[path.suffix], rate)
+        (time, captioned(picture, caption, time))
+        for time, picture in frames(stretch, _SIZES[path.suffix.lower()], rate)
     )
-    if path.suffix == ".gif":
+    if path.suffix.lower() == ".gif":
         shown = []
         for time, image in pictures:
             progress("drawing", (time - stretch.start) / long)
