@@ -14,6 +14,7 @@ import numpy as np
 from numba import carray
 from numpy.typing import ArrayLike
 
+from mjfish.arguments import check as check_type
 from mjfish.arrays import FloatArray, readonly
 from mjfish.compiled import compiled
 from mjfish.errors import InputError, UnknownNameError
@@ -140,6 +141,7 @@ class StripFluid:
             UnknownNameError: no body of that name.
         """
         _check_compiled(model)
+        check_type("commanded", commanded, bool)
         if links is None:
             water = custom_numerics.read(model)
             links, density = water.links, water.density if density is None else density
@@ -183,6 +185,7 @@ class StripFluid:
             InputError, UnknownNameError: as above, and where the file is none.
         """
         _check_compiled(model)
+        check_type("path", path, str | Path)
         water = read(path)
         _bodies(model, water.links, f"body in {path}")
         return cls(model, water.links, density=water.density, coupling=coupling)
@@ -322,6 +325,7 @@ def _check_water(model: mujoco.MjModel) -> None:
 
 
 def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]], links: Iterable[Link]) -> None:
+    check_type("loads", loads, Sequence[tuple[Any, Sequence[Any]]])
     blunt = [link.body for link in links if isinstance(link, BluntLink)]
     if loads and blunt:
         raise InputError(

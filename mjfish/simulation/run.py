@@ -18,7 +18,7 @@ from mjfish.data.dataset_toml import Law
 from mjfish.drive import modes
 from mjfish.drive.motion import JointMotion
 from mjfish.drive.wave import Wave
-from mjfish.effects import Effect
+from mjfish.effects import Causes, Effect
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
@@ -125,7 +125,7 @@ def simulate(
     *,
     engine: Literal["ode", "mujoco"] = "ode",
     values: Mapping[str, float] | None = None,
-    effects: Mapping[str, Effect] | None = None,
+    effects: Causes = None,
     drive: Wave | str | Path | None = None,
     duration: float = modes.DURATION,
     free: bool = False,
@@ -137,7 +137,7 @@ def simulate(
         mode: of swimming, see [Yu2016], Table IV; the fish needs a CPG.
         engine: ``ode``, the equation in the frame of the head, or ``mujoco``, whose servos follow the command.
         values: coefficients and parameters of effects by full name, e.g. ``{"munk_moment.kappa": 1.0}``.
-        effects: that may occur, by name; None: the shipped ones.
+        effects: that may occur, by name, or Python files with causes of your own; None: the shipped ones.
         drive: instead of a mode: a wave, or a CSV or Parquet file with columns ``time [s]``, ``joint_1 [rad]``, ...
         duration: of the run [s]; a file of joint angles has its own.
         free: whether the fish may roll, pitch and heave, in MuJoCo only.
@@ -193,7 +193,7 @@ def prepared(
     mode: str = "v1",
     *,
     values: Mapping[str, float] | None = None,
-    effects: Mapping[str, Effect] | None = None,
+    effects: Causes = None,
     drive: Wave | str | Path | None = None,
     duration: float = modes.DURATION,
 ) -> tuple[Prepared, Trial]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal, TypedDict, Unpack
+from pathlib import Path
+from typing import Literal, TypedDict, Unpack, cast
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Role, Sensor, Tank, Trial
 from mjfish.data.sensor import within
 from mjfish.drive import modes as table_iv
-from mjfish.effects import Effect, catalogue
+from mjfish.effects import Causes, Effect, catalogue
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model, asked_motion
@@ -53,11 +54,11 @@ class Recording(TypedDict, total=False):
 
 
 def generate(
-    fish: Fish | str,
+    fish: Fish | str | Path,
     modes: Sequence[str],
     *,
     values: Mapping[str, float] | None = None,
-    effects: Sequence[Effect] = (),
+    effects: Sequence[Effect] | Causes = None,
     noise: Sequence[float] | FloatArray | None = None,
     seed: int = 0,
     held_out: Sequence[str] = (),
@@ -66,11 +67,12 @@ def generate(
     """Simulate modes of [Yu2016], Table IV, and add white noise.
 
     Args:
-        fish: with its coefficients, or the name of a shipped one.
+        fish: with its coefficients, the name of a shipped one, or a fish TOML.
         modes: one trial each; a mode given twice is a repeat with other noise.
-        values: coefficients and effect parameters by full name; the rest by default. An effect of the catalogue whose
-            parameter is named acts.
-        effects: causes of your own that act.
+        values: coefficients and effect parameters by full name; the rest by default. An effect whose parameter is
+            named acts.
+        effects: a list of causes that act; or those that may act, by name or in Python files of your own; None: the
+            shipped ones.
         noise: (3,) sigma of surge, sway [m/s], yaw rate [rad/s], of poses of x, y [m], heading [rad]; None or zeros:
             none, and the dataset states none.
         seed: of the noise.
@@ -90,11 +92,11 @@ def generate(
         >>> [trial.velocity.shape for trial in pool.trials]
         [(301, 3), (301, 3)]
     """
-    fish = load_fish(fish) if isinstance(fish, str) else fish
+    fish = fish if isinstance(fish, Fish) else load_fish(fish)
     rate, duration = recording.get("rate", 50.0), recording.get("duration", table_iv.DURATION)
     tank, places = recording.get("tank"), recording.get("places", ())
     observe = recording.get("observe", "velocity")
-    sigma = np.zeros(3) if noise is None else np.asarray(noise, dtype=np.float64)
+    sigma = np.zeros(3) if noise is None else np.array([*noise], dtype=np.float64)
     _check(sigma, modes, rate, duration, seed)
     model = Model(fish, with_named(effects, values or {}), step=STEP)
     truth = model.values(values)
@@ -169,11 +171,13 @@ def _measured(sensor: Sensor, read: FloatArray, rng: np.random.Generator) -> Sen
     return replace(sensor, values=read + rng.standard_normal(read.shape) * sigma)
 
 
-def with_named(effects: Sequence[Effect], values: Mapping[str, float]) -> tuple[Effect, ...]:
-    """Return the effects, and those of the catalogue whose parameters are named in `values`."""
-    there = {effect.name for effect in effects}
-    named = dict.fromkeys(name.partition(".")[0] for name in values)
-    return (*effects, *(effect for name, effect in catalogue().items() if name in named and name not in there))
+def with_named(effects: Sequence[Effect] | Causes, values: Mapping[str, float]) -> tuple[Effect, ...]:
+    """Return the causes that are listed, and those of the known ones whose parameters are named in `values`."""
+    listed = () if isinstance(effects, (str, Path, Mapping)) else effects or ()
+    acting = [effect for effect in listed if isinstance(effect, Effect)]
+    known = catalogue(None if acting else cast("Causes", effects))
+    named = {name.partition(".")[0] for name in values} - {effect.name for effect in acting}
+    return (*acting, *(effect for name, effect in known.items() if name in named))
 
 
 def _starts(names: Sequence[str], tank: Tank | None, places: Sequence[Sequence[float]]) -> list[Sequence[float] | None]:
