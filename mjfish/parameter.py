@@ -134,11 +134,10 @@ class Parameter:
 
     def check(self, value: float, what: str = "value") -> float:
         """Return `value`, or raise `ParameterError` where it lies outside the bounds."""
-        if not _finite(value):
-            raise ParameterError(f"{self.name}: {what} is {value!r}, expected a finite number; correct it")
-        if not self.low <= value <= self.high:
+        if not (_finite(value) and self.low <= value <= self.high):
+            shown = f"{value:g} {self.unit}" if isinstance(value, Real) else repr(value)
             raise ParameterError(
-                f"{self.name}: {what} {value:g} {self.unit} is outside its bounds [{self.low:g}, {self.high:g}]; "
+                f"{self.name}: {what} {shown} is outside its bounds [{self.low:g}, {self.high:g}]; "
                 "choose a value inside, or widen the bounds where they are declared"
             )
         return value

@@ -37,6 +37,8 @@ def catalogue(given: Causes = None) -> dict[str, Effect]:
         ParameterError: a cause in a file does not keep the contract.
     """
     if isinstance(given, Mapping):
+        for effect in given.values():
+            effect.check_declaration()
         return dict(given)
     known = dict(_shipped())
     for path in map(Path, [given] if isinstance(given, (str, Path)) else given or ()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -42,6 +43,8 @@ from mjfish.mujoco.strip_link import DENSEST, StripLink
 
 #: Parts of the force on a link, in the order of the arrays.
 PARTS = ("drag", "added_mass", "munk", "buoyancy", "loads")
+#: A link this many times as long as half of the model is warned of.
+_LARGER = 20.0
 
 
 @dataclass(frozen=True)
@@ -163,6 +166,7 @@ class StripFluid:
                 f'<size nuserdata="{1 + 3 * servos}"/>'
             )
         bodies = _bodies(model, self.links)
+        _warn_of_sizes(model, self.links)
         chosen: Coupling = choose(model, bodies, coupling)
         self.coupling = chosen
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
@@ -176,6 +180,11 @@ class StripFluid:
             room_in(model, room.states)
 
         self._checked: Checked = Checked(model, check)
+
+    def __repr__(self) -> str:
+        """Return density, bodies and coupling."""
+        bodies = ", ".join(dict.fromkeys(link.body for link in self.links))
+        return f"<StripFluid of {self.density:g} kg/m3 on {bodies}; coupling {self.coupling}>"
 
     @classmethod
     def from_toml(cls, model: mujoco.MjModel, path: str | Path, *, coupling: Coupling | None = None) -> StripFluid:
@@ -357,6 +366,20 @@ def _bodies(model: mujoco.MjModel, links: Iterable[Link], kind: str = "body") ->
         if link.body not in ids:
             raise UnknownNameError(kind, link.body, filter(None, ids), "name a body of this model")
     return [ids[link.body] for link in links]
+
+
+def _warn_of_sizes(model: mujoco.MjModel, links: Iterable[Link]) -> None:
+    """Warn of links that are far larger than the model, as those in other units are."""
+    for link in links:
+        sections = () if isinstance(link, BluntLink) else link.outline
+        lengths = link.semiaxes or () if isinstance(link, BluntLink) else (link.length,)
+        largest = max((*lengths, *(end for piece in sections for end in (*piece.height, *piece.width))), default=0.0)
+        if largest > _LARGER * model.stat.extent:
+            warnings.warn(
+                f"link '{link.body}' is {largest:g} m large and the whole model about {2.0 * model.stat.extent:.2g} m; give "
+                "lengths in m, or correct the extent of the model (<statistic extent>)",
+                stacklevel=3,
+            )
 
 
 def _links(links: Sequence[Link | Mapping[str, Any]]) -> tuple[Link, ...]:

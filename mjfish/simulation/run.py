@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -32,6 +31,8 @@ from mjfish.simulation.band import Band, band
 STEP = 0.001
 #: Samples a second of a run whose drive is a mode or a wave.
 RATE = 100.0
+#: Longest run that is simulated [s], and most samples of it: more would fill the memory.
+LONGEST, MOST = 1e4, 1e7
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +160,6 @@ def simulate(
         pike, v1, ode: mean surge of the second half ... m/s
         with munk_moment: kappa = 1
     """
-    if not 0.0 < duration < math.inf:
-        raise InputError(f"duration: found {duration:g}, expected a finite number above 0 s; correct it")
     if free and engine != "mujoco":
         raise InputError("free: the ODE is planar; choose the engine mujoco")
     extended_fish = extended.load(fish, effects, values)
@@ -204,6 +203,24 @@ def prepared(
     return replace(extended_fish.model, step=STEP).prepare(trial, extended_fish.values), trial
 
 
+def sample_times(duration: float, rate: float) -> FloatArray:
+    """Return the times (n,) [s] of the samples of a run, `rate` [Hz] a second.
+
+    Raises:
+        InputError: the run has no length, is longer than `LONGEST`, or has more than `MOST` samples.
+    """
+    if not 0.0 < duration <= LONGEST:
+        raise InputError(
+            f"duration: found {duration:g} s, expected more than 0 s and at most {LONGEST:g} s; correct it"
+        )
+    if not 0.0 < rate <= MOST / duration:
+        raise InputError(
+            f"rate: found {rate:g} Hz, expected more than 0 Hz and at most {MOST / duration:g} Hz in a run of "
+            f"{duration:g} s; correct it"
+        )
+    return readonly(np.arange(int(duration * rate + 1e-9) + 1) / rate)
+
+
 def check_can_act(effects: Iterable[Effect], trial: Trial) -> None:
     """Raise `InputError` where a run cannot have an effect that is asked for."""
     for effect in effects:
@@ -241,17 +258,15 @@ def _trial(fish: Fish, mode: str, drive: Wave | str | Path | None, duration: flo
             f"{fish.name} has no [cpg], which a mode of swimming needs; add one, drive it by a wave or by joint "
             "angles, or name another fish"
         )
-    time = np.arange(int(duration * RATE + 1e-9) + 1) / RATE
+    time = sample_times(duration, RATE)
     if drive is None:
-        return Trial(
-            mode, None, readonly(time), readonly(np.zeros((len(time), 3))), drive=modes.drive(mode, fish.joints)
-        )
+        return Trial(mode, None, time, readonly(np.zeros((len(time), 3))), drive=modes.drive(mode, fish.joints))
     if isinstance(drive, Wave):
         if drive.joints != fish.joints:
             raise InputError(
                 f"the wave has {drive.joints} amplitudes, expected {fish.joints}, one a joint of {fish.name}"
             )
-        return Trial("wave", None, readonly(time), readonly(np.zeros((len(time), 3))), wave=drive)
+        return Trial("wave", None, time, readonly(np.zeros((len(time), 3))), wave=drive)
     path = Path(drive)
     table = read_table(path)
     names = ["time", *(columns.joint(k + 1) for k in range(fish.joints))]

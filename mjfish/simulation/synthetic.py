@@ -17,7 +17,7 @@ from mjfish.effects import Causes, Effect, catalogue
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model, asked_motion
-from mjfish.simulation.run import check_can_act
+from mjfish.simulation.run import check_can_act, sample_times
 
 #: Step of the generating model [s]: five times finer than that of the fits, so that they do not share its error.
 STEP = 0.001
@@ -97,11 +97,11 @@ def generate(
     tank, places = recording.get("tank"), recording.get("places", ())
     observe = recording.get("observe", "velocity")
     sigma = np.zeros(3) if noise is None else np.array([*noise], dtype=np.float64)
-    _check(sigma, modes, rate, duration, seed)
+    time = sample_times(duration, rate)
+    _check(sigma, modes, duration, seed, recording.get("joint_noise", 0.0))
     model = Model(fish, with_named(effects, values or {}), step=STEP)
     truth = model.values(values)
     rng, draws = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    time = np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate
     names = _trial_names(modes)
     for given in held_out:
         if given not in names:
@@ -115,7 +115,7 @@ def generate(
         sensors = tuple(within(s, 0.0, float(time[-1]), s.name) for s in recording.get("sensors", ()))
         if observe == "pose":
             sensors = (*_camera(time), *sensors)
-        blank = Trial(trial_name, role, readonly(time), still, drive, pose=begin, tank=tank, sensors=sensors)
+        blank = Trial(trial_name, role, time, still, drive, pose=begin, tank=tank, sensors=sensors)
         check_can_act(model.effects, blank)
         truth |= {f"{effect.name}.{k}": v for effect in model.effects for k, v in effect.drawn(draws).items()}
         predicted = model.predict(blank, truth)
@@ -182,21 +182,24 @@ def with_named(effects: Sequence[Effect] | Causes, values: Mapping[str, float]) 
 
 def _starts(names: Sequence[str], tank: Tank | None, places: Sequence[Sequence[float]]) -> list[Sequence[float] | None]:
     """Return where each trial starts; None where no poses are written."""
-    if places and (len(places) != len(names) or any(len(start) != 3 for start in places)):
+    given = len(places) > 0
+    if given and (len(places) != len(names) or not all(len(p) == 3 and np.isfinite(p).all() for p in places)):
         raise InputError(f"{len(places)} places for {len(names)} trials; give x, y and yaw for each trial, or none")
-    if places:
+    if given:
         return list(places)
     return [(0.0, 0.0, 0.0) if tank is not None else None for _ in names]
 
 
-def _check(sigma: FloatArray, modes: Sequence[str], rate: float, duration: float, seed: int) -> None:
+def _check(sigma: FloatArray, modes: Sequence[str], duration: float, seed: int, joint_noise: float) -> None:
     """Refuse arguments from which no dataset can be generated."""
     if sigma.shape != (3,) or not np.all(np.isfinite(sigma)) or np.any(sigma < 0.0):
         raise InputError(f"noise is {sigma.tolist()}, expected three numbers of at least 0: surge, sway, yaw rate")
     if np.any(sigma > 0.0) and not np.all(sigma > 0.0):
         raise InputError(f"noise is {sigma.tolist()}: give every channel some, or none any")
-    if not 0.0 < rate < np.inf or not 0.0 < duration < np.inf:
-        raise InputError(f"rate is {rate:g} Hz, duration {duration:g} s, expected finite numbers above 0; correct them")
+    if not 0.0 <= joint_noise < np.inf:
+        raise InputError(f"joint_noise is {joint_noise:g} rad, expected a finite number of at least 0; correct it")
+    if not modes:
+        raise InputError("modes: found none, expected one a trial; name a mode")
     if seed < 0:
         raise InputError(f"seed is {seed}, expected 0 or more; choose another")
     for mode in modes:
