@@ -11,7 +11,6 @@ from rich import box
 
 import mjfish
 from mjfish.cli import console
-from mjfish.files import check_file
 from mjfish.reporting.words import NONE, number
 
 if TYPE_CHECKING:
@@ -43,9 +42,7 @@ def compare(
     from mjfish.data.tables import check_suffix
     from mjfish.estimation.tables import write_rows
 
-    for path in (json_, table):
-        if path is not None:
-            check_file(path)
+    console.check_outputs(files=[json_, table])
     if table is not None:
         check_suffix(table)
     result = mjfish.compare(mjfish.load_dataset(dataset), against, bound=bound)

@@ -24,9 +24,10 @@ from rich.table import Table
 from rich.text import Text
 
 from mjfish.errors import InputError
-from mjfish.files import check_file, json_text
+from mjfish.files import check_file, check_folder, json_text
 
 if TYPE_CHECKING:
+    from mjfish.effects import Effect
     from mjfish.result import Result
 
 #: Exit codes.
@@ -51,6 +52,9 @@ Cluster = Annotated[
     str | None,
     typer.Option(help="Address of a Dask scheduler whose workers take the work; 'local' starts one with --jobs."),
 ]
+
+#: Option of commands that take causes of the user's own.
+Own = Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")]
 
 out = Console(highlight=False, markup=False, emoji=False)
 err = Console(highlight=False, markup=False, emoji=False, stderr=True)
@@ -128,10 +132,14 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Executor | None]:
         yield executor
 
 
-def check_json(path: Path | None) -> None:
-    """Refuse a JSON file that cannot be written; ``-`` is standard output."""
-    if path is not None and path != STDOUT:
-        check_file(path)
+def check_outputs(*, files: Iterable[Path | None] = (), folders: Iterable[Path | None] = ()) -> None:
+    """Refuse files and folders that cannot be written, before any work; the file ``-`` is standard output."""
+    for file in files:
+        if file not in (None, STDOUT):
+            check_file(file)
+    for folder in folders:
+        if folder is not None:
+            check_folder(folder)
 
 
 def write_json(result: Result, path: Path | None) -> bool:
@@ -289,16 +297,23 @@ def assignments(texts: Sequence[str], what: str) -> dict[str, float]:
     return result
 
 
-def effect_settings(texts: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Parse ``NAME:PARAM=VALUE[,PARAM=VALUE]`` settings into values by effect and short name, or raise `InputError`."""
-    result: dict[str, dict[str, float]] = {}
+def effect_settings(texts: Sequence[str], known: dict[str, Effect]) -> dict[str, float]:
+    """Parse ``NAME:PARAM=VALUE[,PARAM=VALUE]`` settings into values by full name.
+
+    Raises:
+        InputError: a text that is none, or a parameter that is set twice.
+        UnknownNameError: no such effect, or no such parameter of it.
+    """
+    from mjfish.effects import find
+
+    result: dict[str, float] = {}
     for text in texts:
         name, colon, settings = text.partition(":")
         if not colon or not settings:
             raise InputError(f"--effect: found '{text}', expected NAME:PARAM=VALUE, e.g. servo_lag:time_constant=0.02")
-        own = result.setdefault(name, {})
         for short, value in assignments(settings.split(","), f"--effect {name}").items():
-            if short in own:
-                raise InputError(f"--effect: '{name}.{short}' is set twice; set it once")
-            own[short] = value
+            full = find(name, known).declaration(short).name
+            if full in result:
+                raise InputError(f"--effect: '{full}' is set twice; set it once")
+            result[full] = value
     return result

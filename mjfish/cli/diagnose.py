@@ -14,11 +14,10 @@ import mjfish
 from mjfish.cli import console
 from mjfish.cli.diagnosis_text import show, show_splits
 from mjfish.errors import InputError
-from mjfish.files import check_file, check_folder, make_folder
+from mjfish.files import check_folder, make_folder
 
 if TYPE_CHECKING:
     from mjfish.diagnosis import Diagnosis, Splits
-    from mjfish.effects import Effect
 
 #: The datasets that ship with the package; what is hidden in them is not said here.
 DEMO = Path(__file__).parents[1] / "demo"
@@ -28,12 +27,11 @@ _FILES = ("diagnosis.json", "report.html", "fish.rrd")
 _EXTENDED = "extended.toml"
 
 Verbose = Annotated[bool, typer.Option("--verbose", help="Show candidates, tables and all remarks, too.")]
-Own = Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")]
 
 
 def diagnose(
     dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml.")],
-    effects: Own = None,
+    effects: console.Own = None,
     json_: Annotated[
         Path | None, typer.Option("--json", help="Write diagnosis.json here; - for standard output.")
     ] = None,
@@ -66,14 +64,10 @@ def diagnose(
     quiet: Annotated[bool, typer.Option("--quiet", help="Show nothing but errors.")] = False,
 ) -> None:
     """Find what the simulation gets wrong on measured data, name the cause, and measure the gain on held-out trials."""
-    known = _catalogue(effects)
-    for file in (report, rrd, extended):
-        if file is not None:
-            check_file(file)
-    console.check_json(json_)
-    for folder in (curves, out, resume):
-        if folder is not None:
-            check_folder(folder)
+    from mjfish.effects import catalogue
+
+    known = catalogue(effects)
+    console.check_outputs(files=[report, rrd, extended, json_], folders=[curves, out, resume])
     if extended is not None and extended.suffix != ".toml":
         raise InputError(f"--extended: {extended} ends in '{extended.suffix}', expected .toml; rename it")
     with console.stoppable() as written:
@@ -150,9 +144,11 @@ def demo(
     _leave(result)
 
 
-def effects(effects: Own = None) -> None:
+def effects(effects: console.Own = None) -> None:
     """List the causes that can be named, with their parameters."""
-    for effect in _catalogue(effects).values():
+    from mjfish.effects import catalogue
+
+    for effect in catalogue(effects).values():
         console.out.print(f"{effect.name}: {effect.summary}", style="bold")
         rows = Table.grid(padding=(0, 2))
         rows.add_column(no_wrap=True)
@@ -162,12 +158,6 @@ def effects(effects: Own = None) -> None:
         rows.add_row("leaves in the residual", effect.signature)
         rows.add_row("would be confirmed by", effect.confirm)
         console.out.print(Padding(rows, (0, 0, 1, 2)))
-
-
-def _catalogue(files: list[Path] | None) -> dict[str, Effect]:
-    from mjfish.effects import catalogue
-
-    return dict(catalogue(tuple(files or ())))
 
 
 def _files(folder: Path, result: Diagnosis) -> tuple[Path | None, ...]:

@@ -11,7 +11,7 @@ import typer
 import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.files import check_file, write_json
+from mjfish.files import write_json
 from mjfish.reporting.words import number, p_value, percent
 
 if TYPE_CHECKING:
@@ -49,9 +49,7 @@ def identify(
     from mjfish.estimation.settings import Settings
     from mjfish.execution import executing
 
-    for file in (json_, table, fish):
-        if file is not None:
-            check_file(file)
+    console.check_outputs(files=[json_, table, fish])
     if fish is not None and fish.suffix not in (".toml", ".xml"):
         raise InputError(f"--fish: {fish} ends in '{fish.suffix}', expected .toml or .xml; rename it")
     if table is not None:

@@ -9,7 +9,7 @@ import typer
 
 import mjfish
 from mjfish.cli import console
-from mjfish.files import check_folder, make_folder
+from mjfish.files import make_folder
 from mjfish.reporting.words import number
 
 if TYPE_CHECKING:
@@ -26,19 +26,17 @@ def inspect(
     json_: Annotated[
         Path | None, typer.Option("--json", help="Write the findings as JSON; - for standard output.")
     ] = None,
-    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
+    effects: console.Own = None,
 ) -> None:
     """Show what is in a dataset, what blocks a diagnosis, and which causes the runs cannot show. Nothing is fitted."""
     from mjfish.effects import catalogue
     from mjfish.inspection import report_on
 
-    if out is not None:
-        check_folder(out)
-    console.check_json(json_)
+    console.check_outputs(files=[json_], folders=[out])
     with console.progress_bar("reading the data") as tell:
         measured = mjfish.load_dataset(dataset)
         tell("testing the data", 0.0)
-        report = report_on(measured, catalogue(tuple(effects or ())))
+        report = report_on(measured, catalogue(effects))
     if out is not None:
         make_folder(out)
         report.report(out / "inspection.html")

@@ -10,7 +10,7 @@ import typer
 import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError
-from mjfish.files import check_file, check_new_folder
+from mjfish.files import check_new_folder
 from mjfish.reporting.words import number
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def plan(
     diagnosis: Annotated[Path | None, typer.Option(help="diagnosis.json of it; default: diagnose it now.")] = None,
     rivals: Annotated[str | None, typer.Option(help="Causes to tell apart, e.g. servo_lag,time_offset.")] = None,
     causes: Annotated[str | None, typer.Option(help="Causes to make visible, e.g. munk_moment.")] = None,
-    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
+    effects: console.Own = None,
     duration: Annotated[
         float | None, typer.Option(help="Duration of a run [s]; default that of the longest trial.")
     ] = None,
@@ -44,13 +44,12 @@ def plan(
     from mjfish.design import Menu, load_diagnosis, write_next_run
     from mjfish.effects import catalogue
 
-    known = catalogue(tuple(effects or ()))
+    known = catalogue(effects)
     slow, fast = console.numbers(omega, 2, "--omega") if omega is not None else (0.0, 0.0)
     menu = Menu(duration, (slow, fast) if omega is not None else None, pause)
     if rivals is not None and (diagnosis is not None or causes is not None):
         raise InputError("--rivals: found with --diagnosis or --causes, expected alone; drop one")
-    if json_ is not None:
-        check_file(json_)
+    console.check_outputs(files=[json_])
     if generate_ is not None:
         check_new_folder(generate_)
     measured = mjfish.load_dataset(dataset)

@@ -22,24 +22,13 @@ from mjfish.tomlfile import Table
 FILE = "dataset.toml"
 _SAFE_NAME = re.compile(r"\w(?:[\w .+-]{0,98}[\w+-])?")
 
-Number = Annotated[float, Field(strict=True)]
-
-
-def _positive(value: float) -> float:
-    if value <= 0.0:
-        raise ValueError("must be above 0; correct it")
-    return value
-
-
-def _not_negative(value: float) -> float:
-    if value < 0.0:
-        raise ValueError("must be at least 0; correct it")
-    return value
+#: Within these limits, nothing that is computed overflows.
+Number = Annotated[float, Field(strict=True, ge=-1e9, le=1e9)]
 
 
 def _sigma(value: float) -> float:
     if value <= 0.0:
-        raise ValueError("must be above 0; leave out [noise] to have it estimated from the data")
+        raise ValueError("must be above 0; leave out [noise], or sigma of a sensor, to have it estimated")
     return value
 
 
@@ -61,12 +50,6 @@ def _safe_sensor(name: str) -> str:
     return name
 
 
-def _sensor_sigma(value: float) -> float:
-    if value <= 0.0:
-        raise ValueError("must be above 0; leave out sigma to have it estimated from the data")
-    return value
-
-
 def _path(name: str) -> str:
     if not name or "\0" in name:
         raise ValueError("expected the name of a file; correct it")
@@ -77,8 +60,8 @@ def _path(name: str) -> str:
 
 
 Sigma = Annotated[Number, AfterValidator(_sigma)]
-Positive = Annotated[Number, AfterValidator(_positive)]
-NotNegative = Annotated[Number, AfterValidator(_not_negative)]
+Positive = Annotated[Number, Field(gt=0.0)]
+NotNegative = Annotated[Number, Field(ge=0.0)]
 
 
 class Noise(Table):
@@ -150,7 +133,7 @@ class SensorTable(Table):
     file: Annotated[str, AfterValidator(_path)]
     columns: Annotated[dict[str, str], Field(default_factory=dict)]
     place: PlaceTable | None = None
-    sigma: tuple[Annotated[Number, AfterValidator(_sensor_sigma)], ...] = ()
+    sigma: tuple[Sigma, ...] = ()
     clock: Clock = "synchronised"
 
     @property

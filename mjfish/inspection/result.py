@@ -17,8 +17,8 @@ from mjfish.serialise import fields_of
 _HIDES_ALL = ("design-one-run",)
 #: What is looked at, where the channels for it were measured.
 _TESTED = (
-    "mjfish.inspect looks at signs, units, labels, clocks, sampling, starts, copies, outliers, joints, places, repeats and "
-    "missing runs"
+    "mjfish.inspect looks at signs, units, labels, clocks, sampling, starts, copies, outliers, joints, places, repeats "
+    "and missing runs"
 )
 
 

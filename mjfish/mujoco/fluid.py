@@ -155,7 +155,7 @@ class StripFluid:
             raise InputError(
                 f"density: found {density!r}, expected a number above 0 and at most {DENSEST:g} kg/m3; correct it"
             )
-        self.density = float(density)
+        self.density: float = float(density)
         _check_loads(loads, self.links)
         room = room_in(model, memory_of(loads, len(self.links)))
         self._states: int = room.states
@@ -168,7 +168,7 @@ class StripFluid:
         bodies = _bodies(model, self.links)
         _warn_of_sizes(model, self.links)
         chosen: Coupling = choose(model, bodies, coupling)
-        self.coupling = chosen
+        self.coupling: Coupling = chosen
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         inertia = self.coupling == "inertia"
         numbers = pack(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
@@ -376,7 +376,7 @@ def _warn_of_sizes(model: mujoco.MjModel, links: Iterable[Link]) -> None:
         largest = max((*lengths, *(end for piece in sections for end in (*piece.height, *piece.width))), default=0.0)
         if largest > _LARGER * model.stat.extent:
             warnings.warn(
-                f"link '{link.body}' is {largest:g} m large and the whole model about {2.0 * model.stat.extent:.2g} m; give "
+                f"link '{link.body}' is {largest:g} m large, the whole model {2.0 * model.stat.extent:.2g} m; give "
                 "lengths in m, or correct the extent of the model (<statistic extent>)",
                 stacklevel=3,
             )
