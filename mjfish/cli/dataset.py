@@ -6,7 +6,7 @@ import glob
 import shlex
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -137,7 +137,7 @@ def new(
     taken.append(f"fish      {named}")
     files_named = shlex.join(str(path) for path in paths)
     comments = [f"Made by mjfish dataset new of {files_named}, whose columns are:", *(f"  {line}" for line in taken)]
-    path = save(_named(dataset, folder), folder, comments=[*comments, *_CHANGES])
+    path = save(replace(dataset, name=folder.resolve().name), folder, comments=[*comments, *_CHANGES])
     console.say(f"wrote {folder / path.name} with {len(dataset.trials)} trials", *(f"  {line}" for line in taken))
     console.say(*_cut(report), f"next: {console.program()} inspect {folder}")
 
@@ -475,15 +475,8 @@ def _signs(table: PosesMap | VelocitiesMap) -> str:
 
 def _held_out(dataset: Dataset, stated: Sequence[str] | None) -> str:
     names = ", ".join(trial.name for trial in dataset.split()[1])
-    if not names:
-        return "held out  nothing, for there is one run"
-    return f"held out  {names}{'' if stated else ' (every third run)'}"
-
-
-def _named(dataset: Dataset, folder: Path) -> Dataset:
-    from dataclasses import replace
-
-    return replace(dataset, name=folder.resolve().name)
+    how = "" if stated else " (every third run)"
+    return f"held out  {names}{how}" if names else "held out  nothing, for there is one run"
 
 
 def _cut(report: ImportReport) -> list[str]:

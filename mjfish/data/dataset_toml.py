@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from mjfish.data.filters import Differentiator, Filter, GaussianFilter
+from mjfish.data.filters import Differentiator, Filter, restored_filter
 from mjfish.data.sensor import Kind
 from mjfish.data.trial import Clock, Hold, Role
 from mjfish.errors import InputError, UnknownNameError, located
@@ -254,16 +255,13 @@ class DifferentiatedTable(Table):
 
 def filter_of(table: GaussianTable | DifferentiatedTable | None) -> Filter | None:
     """Return the filter that recorded velocities went through."""
-    if isinstance(table, DifferentiatedTable):
-        return Differentiator(table.window, table.degree, table.turned)
-    return None if table is None else GaussianFilter(table.sd)
+    return restored_filter(None if table is None else table.model_dump(exclude={"kind"}))
 
 
 def filter_table(used: Filter | None) -> dict[str, Any]:
     """Return the table of a filter, empty where none was used."""
-    if isinstance(used, Differentiator):
-        return {"kind": "differentiated", "window": used.window, "degree": used.degree, "turned": used.turned}
-    return {} if used is None else {"kind": "gaussian", "sd": float(used.sd)}
+    kind = "differentiated" if isinstance(used, Differentiator) else "gaussian"
+    return {} if used is None else {"kind": kind, **asdict(used)}
 
 
 class DatasetTable(Table):

@@ -371,13 +371,10 @@ def _bodies(model: mujoco.MjModel, links: Iterable[Link], kind: str = "body") ->
 def _warn_of_sizes(model: mujoco.MjModel, links: Iterable[Link]) -> None:
     """Warn of links that are far larger than the model, as those in other units are."""
     for link in links:
-        sections = () if isinstance(link, BluntLink) else link.outline
-        lengths = link.semiaxes or () if isinstance(link, BluntLink) else (link.length,)
-        largest = max((*lengths, *(end for piece in sections for end in (*piece.height, *piece.width))), default=0.0)
-        if largest > _LARGER * model.stat.extent:
+        if isinstance(link, StripLink) and link.length > _LARGER * model.stat.extent:
             warnings.warn(
-                f"link '{link.body}' is {largest:g} m large, the whole model {2.0 * model.stat.extent:.2g} m; give "
-                "lengths in m, or correct the extent of the model (<statistic extent>)",
+                f"link '{link.body}' is {link.length:g} m long, the whole model {2.0 * model.stat.extent:.2g} m; "
+                "give lengths in m, or correct the extent of the model (<statistic extent>)",
                 stacklevel=3,
             )
 

@@ -87,8 +87,7 @@ class Tank:
         self._fish, self._player, self._free = fish, player, free
         self.length = fish.length
         first = {**fish.values, **(values or {})}
-        ranges = dict(DRIVE)
-        ranges |= {
+        ranges = DRIVE | {
             p.name: (min(p.low, first[p.name]), first[p.name], max(p.high, first[p.name])) for p in fish.parameters
         }
         spec = mjcf.prepared(fish, mjcf.spec(fish, free), _STEP, "RK4")

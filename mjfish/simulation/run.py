@@ -209,14 +209,10 @@ def sample_times(duration: float, rate: float) -> FloatArray:
     Raises:
         InputError: the run has no length, is longer than `LONGEST`, or has more than `MOST` samples.
     """
-    if not 0.0 < duration <= LONGEST:
+    if not (0.0 < duration <= LONGEST and 0.0 < rate <= MOST / duration):
         raise InputError(
-            f"duration: found {duration:g} s, expected more than 0 s and at most {LONGEST:g} s; correct it"
-        )
-    if not 0.0 < rate <= MOST / duration:
-        raise InputError(
-            f"rate: found {rate:g} Hz, expected more than 0 Hz and at most {MOST / duration:g} Hz in a run of "
-            f"{duration:g} s; correct it"
+            f"duration {duration:g} s at {rate:g} Hz: expected more than 0 and at most {LONGEST:g} s, more than 0 Hz, "
+            f"and at most {MOST:g} samples; correct it"
         )
     return readonly(np.arange(int(duration * rate + 1e-9) + 1) / rate)
 
