@@ -369,8 +369,8 @@ def _bodies(model: mujoco.MjModel, links: Iterable[Link], kind: str = "body") ->
 
 
 def _warn_of_sizes(model: mujoco.MjModel, links: Iterable[Link]) -> None:
-    """Warn of links that are far larger than the model, as those in other units are."""
-    for link in links:
+    """Warn of links that are far longer than the model, as those in other units are; one without geoms has no size."""
+    for link in links if model.ngeom else ():
         if isinstance(link, StripLink) and link.length > _LARGER * model.stat.extent:
             warnings.warn(
                 f"link '{link.body}' is {link.length:g} m long, the whole model {2.0 * model.stat.extent:.2g} m; "
