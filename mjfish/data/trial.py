@@ -240,7 +240,7 @@ class Dataset:
             UnknownNameError: there is none; the message has the names that there are, and those that are similar.
         """
         found = {trial.name: trial for trial in self.trials}
-        if name not in found:
+        if not isinstance(name, str) or name not in found:
             near = difflib.get_close_matches(str(name), found)
             raise UnknownNameError("trial", name, found, f"did you mean {' or '.join(near)}?" if near else "")
         return found[name]
