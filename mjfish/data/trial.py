@@ -64,10 +64,8 @@ class Tank:
 
     def distance(self, pose: FloatArray) -> FloatArray:
         """Return the distances (n,) [m] of places (n, 2 or more) to the nearest wall, negative outside."""
-        gaps = [pose[:, i] - low for i, (low, _) in enumerate((self.x, self.y))]
-        gaps += [high - pose[:, i] for i, (_, high) in enumerate((self.x, self.y))]
-        nearest: FloatArray = np.min(gaps, axis=0)
-        return nearest
+        (left, right), (bottom, top), (x, y) = self.x, self.y, pose.T[:2]
+        return np.asarray(np.min([x - left, right - x, y - bottom, top - y], axis=0))
 
 
 @dataclass(frozen=True, eq=False)

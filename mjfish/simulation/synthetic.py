@@ -182,12 +182,11 @@ def with_named(effects: Sequence[Effect] | Causes, values: Mapping[str, float]) 
 
 def _starts(names: Sequence[str], tank: Tank | None, places: Sequence[Sequence[float]]) -> list[Sequence[float] | None]:
     """Return where each trial starts; None where no poses are written."""
-    given = len(places) > 0
-    if given and (len(places) != len(names) or not all(len(p) == 3 and np.isfinite(p).all() for p in places)):
+    if len(places) == 0:
+        return [(0.0, 0.0, 0.0) if tank is not None else None for _ in names]
+    if len(places) != len(names) or not all(len(place) == 3 and np.isfinite(place).all() for place in places):
         raise InputError(f"{len(places)} places for {len(names)} trials; give x, y and yaw for each trial, or none")
-    if given:
-        return list(places)
-    return [(0.0, 0.0, 0.0) if tank is not None else None for _ in names]
+    return list(places)
 
 
 def _check(sigma: FloatArray, modes: Sequence[str], duration: float, seed: int, joint_noise: float) -> None:

@@ -151,9 +151,8 @@ def _options(command: str) -> Iterator[str]:
     for word in command.split():
         found = found.commands[word]
     for option in found.params:
-        if (
-            option.param_type_name == "option" and not option.is_flag and option.name != "cluster"
-        ):  # waits for an answer
+        waits = option.name == "cluster"  # for an answer
+        if option.param_type_name == "option" and not option.is_flag and not waits:
             yield option.opts[0]
 
 
