@@ -309,11 +309,11 @@ def _drive(
     told = {name: wave[name] or [questions.ask(None, None, text, f"--{name}")] for name, text in asked.items()}
     if questions.lacking:
         return _Drive()
-    return _Drive(
-        frequency=tuple(map(_hertz, told["frequency"])),
-        amplitude=tuple(tuple(_row(text, "--amplitude")) for text in told["amplitude"]),
-        phase=tuple(tuple(_row(text, "--phase")) for text in told["phase"]),
+    amplitude, phase = (
+        tuple(tuple(console.numbers(text, text.count(",") + 1, f"--{name}")) for text in told[name])
+        for name in ("amplitude", "phase")
     )
+    return _Drive(frequency=tuple(map(_hertz, told["frequency"])), amplitude=amplitude, phase=phase)
 
 
 def _hertz(text: str) -> float:
@@ -324,10 +324,6 @@ def _hertz(text: str) -> float:
             f"--frequency: found '{text}', expected one number; repeat the option for every file: {repeated}"
         )
     return console.numbers(text, 1, "--frequency")[0]
-
-
-def _row(text: str, flag: str) -> list[float]:
-    return console.numbers(text, text.count(",") + 1, flag)
 
 
 def _units(

@@ -64,6 +64,9 @@ def diagnose(
     quiet: Annotated[bool, typer.Option("--quiet", help="Show nothing but errors.")] = False,
 ) -> None:
     """Find what the simulation gets wrong on measured data, name the cause, and measure the gain on held-out trials."""
+    from mjfish.effects import catalogue
+
+    known = catalogue(effects)
     console.check_outputs(files=[report, rrd, extended, json_], folders=[curves, out, resume])
     if extended is not None and extended.suffix != ".toml":
         raise InputError(f"--extended: {extended} ends in '{extended.suffix}', expected .toml; rename it")
@@ -82,11 +85,11 @@ def diagnose(
                 "progress": tell,
             }
             if splits is None:
-                result = mjfish.diagnose(measured, effects=effects, **means)
+                result = mjfish.diagnose(measured, effects=known, **means)
             else:
                 from mjfish.diagnosis import diagnose_splits
 
-                divided = diagnose_splits(measured, splits, effects=effects, **means)
+                divided = diagnose_splits(measured, splits, effects=known, **means)
                 result = divided.diagnosis
         if out is not None:
             make_folder(out)
