@@ -20,6 +20,7 @@ from mjfish.cli import application, console, dataset, identify, study
 from mjfish.data import save
 from mjfish.errors import MjfishError
 from mjfish.simulation import parse_wave
+from mjfish.simulation.run import sample_times
 
 JOINTS = ",".join(f"joint_{k} [rad]" for k in range(1, 5))
 TETHER = """
@@ -299,7 +300,8 @@ SAID = {
         lambda: mjfish.load_dataset("pool")["v11"],
         r"^unknown trial 'v11'; known: v1, v3; did you mean v1\?$",
     ),
-    "a hundred hours": (lambda: mjfish.simulate(duration=3.6e5), "at most 10000 s"),
+    "a run of six hours": (lambda: sample_times(2e4, 1.0), "duration 20000 s at 1 Hz: expected .* at most 10000 s"),
+    "more samples than fit": (lambda: sample_times(1e4, 1e4), "and at most 1e.07 samples; correct it$"),
     "no mode": (lambda: mjfish.generate("pike", []), "modes: found none"),
     "a noise of angles below zero": (
         lambda: mjfish.generate("pike", ["v1"], joint_noise=-0.1),
