@@ -64,7 +64,7 @@ def generate(
         body,
         list(console.names(modes)),
         values={**console.assignments(set_ or [], "--set"), **values},
-        effects=known,
+        effects=[known[name] for name in dict.fromkeys(full.partition(".")[0] for full in values)],
         noise=np.array(console.numbers(noise, 3, "--noise")),
         rate=rate,
         duration=duration,
