@@ -59,8 +59,10 @@ def check(place: str, value: object, hint: Any) -> None:
         InputError: says what was found, and what was expected.
     """
     if not _fits(value, hint):
-        found = f"{' '.join(reprlib.repr(value).split())} ({type(value).__name__})"
-        raise InputError(f"{place}: found {found}, expected {_words(hint)}; correct it")
+        raise InputError(
+            f"{place}: found {' '.join(reprlib.repr(value).split())} ({type(value).__name__}), expected {_words(hint)}"
+            "; correct it"
+        )
 
 
 def _fits(value: Any, hint: Any) -> bool:

@@ -19,7 +19,7 @@ from mjfish.data.filters import Filter
 from mjfish.data.sensor import Sensor
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
-from mjfish.errors import UnknownNameError
+from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish
 from mjfish.known import Beforehand
 from mjfish.result import reporting
@@ -227,9 +227,16 @@ class Dataset:
     filter: Filter | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no fish and no trials."""
+        """Refuse what is no fish and no trials, and velocities that are not three for every time."""
         check("Dataset: fish", self.fish, Fish)
         check("Dataset: trials", self.trials, tuple[Trial, ...])
+        for trial in self.trials:
+            check(f"trial '{trial.name}': velocity", trial.velocity, FloatArray)
+            if trial.velocity.shape != (len(trial.time), 3):
+                raise InputError(
+                    f"trial '{trial.name}': surge, sway, yaw_rate have shape {trial.velocity.shape}, expected "
+                    f"{(len(trial.time), 3)}: a row for every time and a column for each; correct it"
+                )
 
     def __getitem__(self, name: str) -> Trial:
         """Return the trial of this name.

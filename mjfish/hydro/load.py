@@ -200,8 +200,14 @@ def _once(make: Callable[[Load], Any]) -> Callable[[Load], Any]:
 
 def _reason(error: Exception) -> str:
     """Return in one line what the compiler says; its own lines about where it was come first, in colours."""
-    said = _COLOUR.sub("", str(error)).splitlines()
-    told = next((line for line in said if line.strip() and not line.startswith("Failed in")), "")
+    told = next(
+        (
+            line
+            for line in _COLOUR.sub("", str(error)).splitlines()
+            if line.strip() and not line.startswith("Failed in")
+        ),
+        "",
+    )
     return told[:_LONGEST] if type(error).__module__.startswith("numba.") else f"{type(error).__name__}: {told}"
 
 

@@ -106,3 +106,19 @@ def test_a_dataset_of_something_else_is_refused(pike: Fish) -> None:
         Dataset("pool", "pike", ())  # type: ignore[arg-type]
     with pytest.raises(InputError, match="Dataset: trials: found "):
         Dataset("pool", pike, ("left",))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("velocity", "said"),
+    [
+        (
+            np.zeros((50, 3)),
+            r"^trial 't': surge, sway, yaw_rate have shape \(50, 3\), expected \(101, 3\)",
+        ),
+        (np.zeros((101, 2)), r"have shape \(101, 2\), expected \(101, 3\)"),
+        ([[0.0, 0.0, 0.0]] * 101, r"^trial 't': velocity: found .* \(list\), expected ndarray"),
+    ],
+)
+def test_velocities_that_are_not_three_for_every_time_are_refused(pike: Fish, velocity: Any, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        Dataset("pool", pike, (Trial("t", "fit", np.linspace(0.0, 5.0, 101), velocity),))

@@ -86,8 +86,7 @@ def _(result: Dataset) -> go.Figure:
     for k, panel in enumerate(of_channels):
         for trial, colour in zip(trials, itertools.cycle(_TRIALS), strict=False):
             panel.curve(trial.time, trial.velocity[:, k], colour, html.escape(trial.name))
-    smoothed = not all(trial.measured.any() for trial in result.trials)
-    return drawn.update_layout(title_text=SMOOTHED) if smoothed else drawn
+    return drawn.update_layout(title_text=None if all(trial.measured.any() for trial in result.trials) else SMOOTHED)
 
 
 @figure.register
