@@ -120,6 +120,7 @@ LINES = {
     f"diagnose pool --out {'x' * 300}": "File name too long",
     "generate --out out --duration 1e12": "expected more than 0 and at most 10000 s",
     "generate --out out --rate 1e300": "at most 1e+07 samples",
+    "generate --out out --effect servo_lag:time_constant=0.01 --effect servo_lag:time_constant=0.02": "is set twice",
     "simulate --out out --duration 1e300": "expected more than 0 and at most 10000 s",
     "simulate --out out --wave 'frequency=1e300,amplitude=[1,1,1,1],phase=[0,0,0,0]'": "frequency: must be at most",
     "simulate --out out --wave 'frequency=1,amplitude=[1e300,1,1,1],phase=[0,0,0,0]'": "amplitude.1: must be at most",
@@ -278,6 +279,10 @@ def test_no_argument_of_any_public_call_leads_to_a_traceback(call: str) -> None:
                 raise AssertionError(f"{call}({name}={value!r:.60}): {type(error).__name__}: {error}") from error
 
 
+class _Empty(mjfish.Effect):
+    name = "empty"
+
+
 #: Mistakes in Python, and a part of what is said of each.
 SAID = {
     "a word for a number": (
@@ -291,6 +296,10 @@ SAID = {
     "no engine": (lambda: mjfish.simulate(engine="od"), "engine: found 'od' .*'ode', 'mujoco'"),
     "a value that is no number": (lambda: mjfish.simulate(values={"c_d.head": "x"}), "values: found {'c_d.head': 'x'}"),
     "no effects": (lambda: mjfish.diagnose("pool", effects={"a": 1}), "effects: found {'a': 1}"),
+    "a cause that declares nothing": (
+        lambda: mjfish.diagnose("pool", effects={"empty": _Empty()}),
+        "^effect _Empty: attribute 'domain' is missing or empty; declare it$",
+    ),
     "no file of effects": (lambda: mjfish.diagnose("pool", effects="no.py"), "^no.py: no such file of effects"),
     "an import in a load": (
         lambda: mjfish.diagnose("pool", effects="import_inside.py"),
