@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Most causes that are claimed together, or that something unexplained may be like.
+#: Most causes that are claimed together, and most mechanisms that something unexplained may be like.
 LARGEST = 3
 
 

@@ -138,7 +138,7 @@ def _nearly(best: Row, comparison: Comparison, limits: Thresholds) -> Decision |
     if best.left >= limits.resembles or best.fails(limits):
         return None
     similar = comparison.similar(best, limits.resembles, limits)
-    if len(similar) > LARGEST:
+    if len({row.mechanisms for row in similar}) > LARGEST:
         return None
     alike = one_mechanism(similar) and len(similar) > 1
     what = f"the mechanism {best.mechanisms[0]}" if alike else _listed(_sets(similar))

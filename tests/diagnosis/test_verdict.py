@@ -334,6 +334,8 @@ def test_what_explains_most_in_another_form_is_told_and_not_named() -> None:
     assert _decided(comparison).sets == (("a",), ("b",))
     many = _compared({"a": LIKE, "b": near, "c": near, "d": near})
     assert _decided(many).verdict == "unexplained"
+    forms = _with(_with(many, "c", mechanisms=("x",)), "d", mechanisms=("x",))
+    assert _decided(forms).verdict == "cannot_tell"
     assert _decided(_with(far, "a", held_out=Confirmation(-5.0, 1e-4))).verdict == "unexplained"
 
 
