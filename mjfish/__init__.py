@@ -97,6 +97,11 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'mjfish' has no attribute '{name}'")
     value = getattr(importlib.import_module(f"mjfish.{_HOME[name]}"), name)
+    if not isinstance(value, type):
+        from mjfish.arguments import checked
+
+        value = checked(value)
+        value.__module__ = __name__  # where pickle finds it
     globals()[name] = value
     return value
 

@@ -58,6 +58,17 @@ def reason_of(error: Exception) -> str:
 
 
 @contextlib.contextmanager
+def system_refusals() -> Iterator[None]:
+    """Make what the system says of a file that is named, such as a name that is too long, bad input."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None:
+            raise
+        raise InputError(f"{error.filename}: {error.strerror}; give another file or folder") from error
+
+
+@contextlib.contextmanager
 def located(place: str) -> Iterator[None]:
     """Put `place`, a file and key, before the message of any error of mjfish raised inside; its type stays."""
     try:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mjfish import tomlfile
 from mjfish.errors import InputError
 from mjfish.fish import ByGroup, Coefficient, Coefficients, Cpg, Fish, Link, Section, Servo
 from mjfish.hydro.outline import LinkOutline, outline
@@ -70,28 +71,29 @@ def new_fish(
     """
     width = _WIDTH * height if width is None else width
     _check(length, mass, joints, height, width)
-    sections = _sections(length, height, width)
-    ends = [
-        0.0,
-        *(round(float(s), 6) for s in length * np.linspace(_FIRST if joints > 1 else _LAST, _LAST, joints)),
-        length,
-    ]
-    links = _links(["head", *(f"body_{k}" for k in range(1, joints)), "tail"], ends, sections, mass)
-    groups = tuple(dict.fromkeys(link.group for link in links))
-    damping = _DAMPED * min(link.inertia + link.mass * link.com**2 for link in links[1:])
-    return Fish(
-        schema=1,
-        name=name,
-        about="shape and coefficients in proportion to a robotic pike; length, mass, joints and height measured",
-        density=density,
-        links=links,
-        sections=sections,
-        coefficients=Coefficients(
-            **{kind: ByGroup({group: _coefficient(kind) for group in groups}) for kind in _COEFFICIENTS}
-        ),
-        cpg=_oscillators(joints),
-        servo=Servo(kp=float(f"{_STIFF * damping:.3g}"), kv=float(f"{damping:.3g}")),
-    )
+    with tomlfile.complaining(f"fish '{name}'"):
+        sections = _sections(length, height, width)
+        ends = [
+            0.0,
+            *(round(float(s), 6) for s in length * np.linspace(_FIRST if joints > 1 else _LAST, _LAST, joints)),
+            length,
+        ]
+        links = _links(["head", *(f"body_{k}" for k in range(1, joints)), "tail"], ends, sections, mass)
+        groups = tuple(dict.fromkeys(link.group for link in links))
+        damping = _DAMPED * min(link.inertia + link.mass * link.com**2 for link in links[1:])
+        return Fish(
+            schema=1,
+            name=name,
+            about="shape and coefficients in proportion to a robotic pike; length, mass, joints and height measured",
+            density=density,
+            links=links,
+            sections=sections,
+            coefficients=Coefficients(
+                **{kind: ByGroup({group: _coefficient(kind) for group in groups}) for kind in _COEFFICIENTS}
+            ),
+            cpg=_oscillators(joints),
+            servo=Servo(kp=float(f"{_STIFF * damping:.3g}"), kv=float(f"{damping:.3g}")),
+        )
 
 
 def _check(length: float, mass: float, joints: int, height: float, width: float) -> None:

@@ -6,9 +6,11 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 
 import numpy as np
 
+from mjfish.arguments import check
 from mjfish.arrays import FloatArray
 from mjfish.errors import ParameterError
 
@@ -61,9 +63,10 @@ class Parameter:
 
     def __post_init__(self) -> None:
         """Refuse declarations that contradict themselves."""
+        check("Parameter: name", self.name, str)
         for field in ("default", "low", "high", "start", "scale"):
-            if not math.isfinite(getattr(self, field)):
-                raise ParameterError(f"{self.name}: {field} is {getattr(self, field)}, expected a finite number")
+            if not _finite(getattr(self, field)):
+                raise ParameterError(f"{self.name}: {field} is {getattr(self, field)!r}, expected a finite number")
         if not self.low < self.high:
             raise ParameterError(f"{self.name}: bounds [{self.low:g}, {self.high:g}] are empty; low must be below high")
         if not self.scale > 0.0:
@@ -72,9 +75,9 @@ class Parameter:
         self.check(self.start, "start")
         if self.mean is not None:
             self.check(self.mean, "mean")
-        if self.sd is not None and not (math.isfinite(self.sd) and self.sd > 0.0):
+        if self.sd is not None and not (_finite(self.sd) and self.sd > 0.0):
             raise ParameterError(
-                f"{self.name}: sd is {self.sd:g} {self.unit}, expected a positive number; leave it out where nothing "
+                f"{self.name}: sd is {self.sd!r} {self.unit}, expected a positive number; leave it out where nothing "
                 "is known"
             )
 
@@ -131,9 +134,10 @@ class Parameter:
 
     def check(self, value: float, what: str = "value") -> float:
         """Return `value`, or raise `ParameterError` where it lies outside the bounds."""
-        if not (math.isfinite(value) and self.low <= value <= self.high):
+        if not (_finite(value) and self.low <= value <= self.high):
+            shown = f"{value:g} {self.unit}" if isinstance(value, Real) else repr(value)
             raise ParameterError(
-                f"{self.name}: {what} {value:g} {self.unit} is outside its bounds [{self.low:g}, {self.high:g}]; "
+                f"{self.name}: {what} {shown} is outside its bounds [{self.low:g}, {self.high:g}]; "
                 "choose a value inside, or widen the bounds where they are declared"
             )
         return value
@@ -149,6 +153,10 @@ class Parameter:
             start=min(max(self.start, low), high) if start is None else start,
             default=min(max(self.default, low), high),
         )
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, Real) and math.isfinite(value)
 
 
 def bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArray]:

@@ -34,7 +34,7 @@ class Result:
 
     def plot(self) -> Any:
         """Return the result's main figure as a ``plotly.graph_objects.Figure``."""
-        return _reporting().figure(self)
+        return reporting().figure(self)
 
     def report(self, path: str | Path) -> None:
         """Write the result as one HTML page that needs no network.
@@ -42,7 +42,7 @@ class Result:
         Raises:
             InputError: the file cannot be written, or this kind of result has no page.
         """
-        _reporting().write_report(self, Path(path))
+        reporting().write_report(self, Path(path))
 
     def log(self, path: str | Path) -> None:
         """Write the result as a rerun log (``.rrd``), to be opened by ``mjfish view``.
@@ -50,7 +50,7 @@ class Result:
         Raises:
             InputError: the file cannot be written, or this kind of result has no log.
         """
-        _reporting().write_log(self, Path(path))
+        reporting().write_log(self, Path(path))
 
     def write_curves(self, folder: str | Path) -> tuple[Path, ...]:
         """Write the curves in the result as one CSV file each, named ``MECHANISM-QUANTITY-GROUP.csv``.
@@ -67,7 +67,7 @@ class Result:
         Raises:
             InputError: a file cannot be written, or this kind of result has no curves.
         """
-        files: tuple[Path, ...] = _reporting().write_curves(self, Path(folder))
+        files: tuple[Path, ...] = reporting().write_curves(self, Path(folder))
         return files
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -78,9 +78,9 @@ class Result:
         return self.summary()
 
     def _repr_html_(self) -> str:
-        return str(_reporting().notebook(self))
+        return str(reporting().notebook(self))
 
 
-def _reporting() -> Any:
+def reporting() -> Any:
     """Return the package that draws results; it lies above them, so it is looked up when it is needed."""
     return importlib.import_module("mjfish.reporting")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -100,13 +101,21 @@ def parse(raw: object, model: type[T], place: str) -> T:
     Strictly, so that ``"1.5"`` and ``true`` are not numbers.
     """
     try:
-        return model.model_validate(frozen(raw), strict=True)
-    except ValidationError as error:
-        raise InputError(complaints(place, error)) from None
+        with complaining(place):
+            return model.model_validate(frozen(raw), strict=True)
     except RecursionError:
         raise InputError(
             f"{place}: tables are nested too deep, expected those of {model.__name__}; flatten them"
         ) from None
+
+
+@contextlib.contextmanager
+def complaining(place: str) -> Iterator[None]:
+    """Raise `InputError` where pydantic complains inside; `place` opens every message."""
+    try:
+        yield
+    except ValidationError as error:
+        raise InputError(complaints(place, error)) from None
 
 
 def complaints(place: str, error: ValidationError) -> str:

@@ -17,7 +17,8 @@ import numpy as np
 from comparison import Comparison, Side
 from mjfish.drive import cpg, modes
 from mjfish.fish import load_fish
-from mjfish.mujoco import StripFluid, mjcf, reference
+from mjfish.mujoco import StripFluid, mjcf
+from proofs import reference
 
 _PIKE = load_fish("pike")
 _COMMAND = cpg.joint_motion(_PIKE.cpg, modes.drive("v1"), 10.0, 0.01).angle[:, 0]

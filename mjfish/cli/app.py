@@ -29,7 +29,7 @@ from mjfish.cli import (
     simulate,
     study,
 )
-from mjfish.errors import MjfishError
+from mjfish.errors import MjfishError, system_refusals
 
 _ABOUT = "Shows what a swimming-fish simulation gets wrong, names the cause, and measures what knowing it gains."
 
@@ -39,7 +39,8 @@ class _Group(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            with system_refusals():
+                return super().invoke(ctx)
         except MjfishError as error:
             console.complain("error", str(error))
             raise typer.Exit(console.MISUSE) from None

@@ -53,6 +53,9 @@ Cluster = Annotated[
     typer.Option(help="Address of a Dask scheduler whose workers take the work; 'local' starts one with --jobs."),
 ]
 
+#: Option of commands that take causes of the user's own.
+Own = Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")]
+
 out = Console(highlight=False, markup=False, emoji=False)
 err = Console(highlight=False, markup=False, emoji=False, stderr=True)
 
@@ -133,13 +136,6 @@ def check_outputs(*files: Path | None, folders: Sequence[Path | None] = ()) -> N
         for path in paths:
             if path is not None and path != STDOUT:
                 check(path)
-
-
-def catalogue(files: Sequence[Path] | None) -> dict[str, Effect]:
-    """Return the causes that can be named by name, those of the user's files among them."""
-    from mjfish import effects
-
-    return dict(effects.catalogue(tuple(files or ())))
 
 
 def write_json(result: Result, path: Path | None) -> bool:
@@ -297,16 +293,23 @@ def assignments(texts: Sequence[str], what: str) -> dict[str, float]:
     return result
 
 
-def effect_settings(texts: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Parse ``NAME:PARAM=VALUE[,PARAM=VALUE]`` settings into values by effect and short name, or raise `InputError`."""
-    result: dict[str, dict[str, float]] = {}
+def effect_settings(texts: Sequence[str], known: dict[str, Effect]) -> dict[str, float]:
+    """Parse ``NAME:PARAM=VALUE[,PARAM=VALUE]`` settings into values by full name.
+
+    Raises:
+        InputError: a text that is none, or a parameter that is set twice.
+        UnknownNameError: no such effect, or no such parameter of it.
+    """
+    from mjfish.effects import find
+
+    result: dict[str, float] = {}
     for text in texts:
         name, colon, settings = text.partition(":")
         if not colon or not settings:
             raise InputError(f"--effect: found '{text}', expected NAME:PARAM=VALUE, e.g. servo_lag:time_constant=0.02")
-        own = result.setdefault(name, {})
         for short, value in assignments(settings.split(","), f"--effect {name}").items():
-            if short in own:
-                raise InputError(f"--effect: '{name}.{short}' is set twice; set it once")
-            own[short] = value
+            full = find(name, known).declaration(short).name
+            if full in result:
+                raise InputError(f"--effect: '{full}' is set twice; set it once")
+            result[full] = value
     return result

@@ -25,7 +25,7 @@ def generate(
     effect: Annotated[
         list[str] | None, typer.Option(help="NAME:PARAM=VALUE[,PARAM=VALUE], see `mjfish effects`; repeatable.")
     ] = None,
-    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
+    effects: console.Own = None,
     observe: Annotated[
         Literal["velocity", "pose"], typer.Option(help="Of pose: places and headings of the nose.")
     ] = "velocity",
@@ -51,20 +51,18 @@ def generate(
     import numpy as np
 
     from mjfish.data import save
-    from mjfish.effects import find, of_fish
+    from mjfish.effects import catalogue, of_fish
 
     noise = noise or ("0.01,0.01,0.05" if observe == "velocity" else "0.001,0.001,0.01")
-    settings = console.effect_settings(effect or [])
     body = mjfish.load_fish(fish)
-    known = of_fish(console.catalogue(effects), body)
-    hidden = {name: find(name, known) for name in settings}
-    values = {hidden[name].declaration(short).name: v for name, own in settings.items() for short, v in own.items()}
+    known = of_fish(catalogue(effects), body)
+    values = console.effect_settings(effect or [], known)
     _check_out(out, force=force)
     dataset = mjfish.generate(
         body,
         list(console.names(modes)),
         values={**console.assignments(set_ or [], "--set"), **values},
-        effects=list(hidden.values()),
+        effects=[known[name] for name in dict.fromkeys(full.partition(".")[0] for full in values)],
         noise=np.array(console.numbers(noise, 3, "--noise")),
         rate=rate,
         duration=duration,

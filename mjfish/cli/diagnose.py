@@ -27,12 +27,11 @@ _FILES = ("diagnosis.json", "report.html", "fish.rrd")
 _EXTENDED = "extended.toml"
 
 Verbose = Annotated[bool, typer.Option("--verbose", help="Show candidates, tables and all remarks, too.")]
-Own = Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")]
 
 
 def diagnose(
     dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml.")],
-    effects: Own = None,
+    effects: console.Own = None,
     json_: Annotated[
         Path | None, typer.Option("--json", help="Write diagnosis.json here; - for standard output.")
     ] = None,
@@ -65,7 +64,9 @@ def diagnose(
     quiet: Annotated[bool, typer.Option("--quiet", help="Show nothing but errors.")] = False,
 ) -> None:
     """Find what the simulation gets wrong on measured data, name the cause, and measure the gain on held-out trials."""
-    known = console.catalogue(effects)
+    from mjfish.effects import catalogue
+
+    known = catalogue(effects)
     console.check_outputs(report, rrd, extended, json_, folders=(curves, out, resume))
     if extended is not None:
         check_suffix(extended, ".toml")
@@ -143,9 +144,11 @@ def demo(
     _leave(result)
 
 
-def effects(effects: Own = None) -> None:
+def effects(effects: console.Own = None) -> None:
     """List the causes that can be named, with their parameters."""
-    for effect in console.catalogue(effects).values():
+    from mjfish.effects import catalogue
+
+    for effect in catalogue(effects).values():
         console.out.print(f"{effect.name}: {effect.summary}", style="bold")
         rows = Table.grid(padding=(0, 2))
         rows.add_column(no_wrap=True)

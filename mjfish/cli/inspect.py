@@ -26,16 +26,17 @@ def inspect(
     json_: Annotated[
         Path | None, typer.Option("--json", help="Write the findings as JSON; - for standard output.")
     ] = None,
-    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
+    effects: console.Own = None,
 ) -> None:
     """Show what is in a dataset, what blocks a diagnosis, and which causes the runs cannot show. Nothing is fitted."""
+    from mjfish.effects import catalogue
     from mjfish.inspection import report_on
 
     console.check_outputs(json_, folders=[out])
     with console.progress_bar("reading the data") as tell:
         measured = mjfish.load_dataset(dataset)
         tell("testing the data", 0.0)
-        report = report_on(measured, console.catalogue(effects))
+        report = report_on(measured, catalogue(effects))
     if out is not None:
         make_folder(out)
         report.report(out / "inspection.html")

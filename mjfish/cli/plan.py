@@ -27,7 +27,7 @@ def plan(
     diagnosis: Annotated[Path | None, typer.Option(help="diagnosis.json of it; default: diagnose it now.")] = None,
     rivals: Annotated[str | None, typer.Option(help="Causes to tell apart, e.g. servo_lag,time_offset.")] = None,
     causes: Annotated[str | None, typer.Option(help="Causes to make visible, e.g. munk_moment.")] = None,
-    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
+    effects: console.Own = None,
     duration: Annotated[
         float | None, typer.Option(help="Duration of a run [s]; default that of the longest trial.")
     ] = None,
@@ -43,7 +43,6 @@ def plan(
     """Rank runs and calibrations by how well they would tell rival causes apart, per second of recording."""
     from mjfish.design import Menu, load_diagnosis, write_next_run
 
-    known = console.catalogue(effects)
     slow, fast = console.numbers(omega, 2, "--omega") if omega is not None else (0.0, 0.0)
     menu = Menu(duration, (slow, fast) if omega is not None else None, pause)
     if rivals is not None and (diagnosis is not None or causes is not None):
@@ -52,10 +51,10 @@ def plan(
     if generate_ is not None:
         check_new_folder(generate_)
     measured = mjfish.load_dataset(dataset)
-    source = measured if diagnosis is None else load_diagnosis(diagnosis, measured, effects=known)
+    source = measured if diagnosis is None else load_diagnosis(diagnosis, measured, effects=effects)
     asked = {"rivals": console.names(rivals or ""), "causes": console.names(causes or "")}
     with console.progress_bar() as tell:
-        found = mjfish.plan(source, **asked, effects=known, menu=menu, jobs=jobs, progress=tell)
+        found = mjfish.plan(source, **asked, effects=effects, menu=menu, jobs=jobs, progress=tell)
     if json_ is not None:
         found.save(json_)
     _show(found)

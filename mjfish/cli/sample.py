@@ -19,13 +19,13 @@ def sample(
     out: Annotated[Path, typer.Option(help="New folder for the fish TOMLs.")],
     n: Annotated[int, typer.Option("--n", min=1, help="How many fish.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the draws.")] = 0,
-    effects: Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")] = None,
+    effects: console.Own = None,
 ) -> None:
     """Draw fish whose coefficients and effects have the error of the fit and the scatter from run to run."""
     from mjfish.model.posterior import write_draws
 
     check_new_folder(out)
-    draws = mjfish.sample(diagnosis, n, seed=seed, effects=console.catalogue(effects))
+    draws = mjfish.sample(diagnosis, n, seed=seed, effects=effects)
     origin = f"Drawn by mjfish sample from {diagnosis.name}, {n} draws, seed {seed}."
     files = write_draws(out, draws, [origin])
     console.say(

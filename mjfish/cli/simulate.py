@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 CHECKED = ("v1", "v5-v1", "v3-t2")
 
 FishOption = Annotated[str, typer.Option(help="A shipped fish or a fish TOML, its effects included.")]
-Own = Annotated[list[Path] | None, typer.Option(help="Python file with causes of your own; repeatable.")]
 
 
 def simulate(
@@ -46,7 +45,7 @@ def simulate(
         list[str] | None,
         typer.Option("--set", help="Coefficient or EFFECT.PARAM, e.g. c_d.head=2 or munk_moment.kappa=1; repeatable."),
     ] = None,
-    effects: Own = None,
+    effects: console.Own = None,
     wave: Annotated[
         str | None,
         typer.Option(
@@ -71,7 +70,7 @@ def simulate(
     """Simulate a fish with its effects and write rollout.csv and rollout.rrd, or watch it in MuJoCo's viewer."""
     if out is None and not viewer:
         raise typer.BadParameter("give a folder, or --viewer", param_hint="'--out'")
-    from mjfish import effects as causes
+    from mjfish.effects import catalogue, of_fish
     from mjfish.fish import read as read_fish
     from mjfish.simulation import parse_wave
 
@@ -82,10 +81,8 @@ def simulate(
             f"--viewer: found with {'--out' if draws is None else '--draws'}, but writes nothing; drop one"
         )
     console.check_outputs(folders=[out])
-    known = causes.of_fish(console.catalogue(effects), read_fish(fish)[0])
-    values = console.assignments(set_ or [], "--set")
-    for name, settings in console.effect_settings(effect or []).items():
-        values |= {causes.find(name, known).declaration(short).name: value for short, value in settings.items()}
+    known = of_fish(catalogue(effects), read_fish(fish)[0])
+    values = {**console.assignments(set_ or [], "--set"), **console.effect_settings(effect or [], known)}
     drive = joints if wave is None else parse_wave(wave)
     if out is None:
         from mjfish.mujoco.viewer import check_display, show
@@ -151,14 +148,14 @@ def check(
         Literal["corrected", "printed"], typer.Option(help="The paper's printed form must be seen to fail.")
     ] = "corrected",
     json_: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
-    effects: Own = None,
+    effects: console.Own = None,
 ) -> None:
     """Cross-check MuJoCo with the fluid force against the head-frame ODE, on the joint motion that MuJoCo realised."""
     from mjfish.drive.modes import drive
     from mjfish.model import extended
     from mjfish.serialise import fields_of
 
-    extended_fish = extended.load(fish, console.catalogue(effects))
+    extended_fish = extended.load(fish, effects)
     console.say(*extended_fish.described())
     names = tuple(mode or (() if all_ else CHECKED))
     for name in names:

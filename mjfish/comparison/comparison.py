@@ -170,7 +170,10 @@ class Comparison(Result):
 
     def summary(self) -> str:
         """Return the worst nRMSE of each trial, at most ten lines."""
-        lines = [f"{trial.trial}: {_worst(trial)}" for trial in self.trials]
+        lines = [
+            f"{trial.trial}: nRMSE {trial.worst:.3g} at worst" if trial.channels else f"{trial.trial}: {trial.status}"
+            for trial in self.trials
+        ]
         if len(lines) > _LINES:
             lines = [*lines[: _LINES - 1], f"and {len(lines) - _LINES + 1} trials more"]
         good = "good" if self.passed else f"not good: {len(self.failures)} of {len(self.trials)}"
@@ -192,10 +195,6 @@ class Comparison(Result):
                 row["nrmse_shifted"] = None if shift is None else shift.nrmse
                 rows.append(row)
         return rows
-
-
-def _worst(trial: TrialComparison) -> str:
-    return trial.status if not trial.channels else f"nRMSE {trial.worst:.3g} at worst"
 
 
 def compare(dataset: Dataset, against: Sequence[str | Path], *, bound: float | None = None) -> Comparison:

@@ -99,11 +99,11 @@ class Law(Table):
     `free`: drive and record have no common clock, so that frequency and phase are fitted with every trial.
     """
 
-    frequency: Positive
-    amplitude: tuple[Number, ...]
+    frequency: Annotated[Positive, Field(le=1e6)]
+    amplitude: tuple[Annotated[Number, Field(ge=-1e6, le=1e6)], ...]
     phase: tuple[Number, ...]
     bias: tuple[Number, ...] = ()
-    ramp: NotNegative = 0.0
+    ramp: Annotated[NotNegative, Field(le=1e6)] = 0.0
     free: bool = False
 
 

@@ -18,7 +18,7 @@ from mjfish.data.tables import SUFFIXES, read_table
 from mjfish.data.trial import Dataset, Tank, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
-from mjfish.errors import InputError, located
+from mjfish.errors import InputError, located, system_refusals
 from mjfish.fish import Fish, load_fish
 from mjfish.frames import CHANNELS
 
@@ -230,11 +230,8 @@ def _check_one_drive(driven: bool, joints: FloatArray | None, fish: Fish, source
 
 
 def _fish(name: str, file: Path) -> Fish:
-    with located(f"{file}: fish"):
-        try:
-            return load_fish(name, relative_to=file.parent)
-        except OSError as error:
-            raise InputError(f"'{name}' cannot be read: {error}; correct the path") from None
+    with located(f"{file}: fish"), system_refusals():
+        return load_fish(name, relative_to=file.parent)
 
 
 def _sigmas(noise: Noise | None, trials: Sequence[Trial], file: Path) -> FloatArray | None:

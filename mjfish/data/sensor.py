@@ -76,10 +76,9 @@ class Sensor:
 
     def __post_init__(self) -> None:
         """Make the arrays read-only; refuse shapes that do not fit."""
-        for name in ("time", "values"):
+        given = [name for name in ("time", "values", "sigma") if getattr(self, name) is not None]
+        for name in given:
             object.__setattr__(self, name, readonly(getattr(self, name)))
-        if self.sigma is not None:
-            object.__setattr__(self, "sigma", readonly(self.sigma))
         wide = len(self.channels)
         if self.values.shape != (len(self.time), wide) or (self.sigma is not None and self.sigma.shape != (wide,)):
             raise InputError(

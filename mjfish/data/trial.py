@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mjfish.arguments import check
 from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data.filters import Filter
 from mjfish.data.sensor import Sensor
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
+from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish
 from mjfish.known import Beforehand
+from mjfish.result import reporting
 
 Role = Literal["fit", "held_out"]
 Clock = Literal["synchronised", "free"]
@@ -209,6 +213,8 @@ class Dataset:
         >>> fitted, held_out = pool.split()
         >>> [trial.name for trial in held_out]
         ['v3']
+        >>> pool["v1"].driven_by
+        'the CPG'
     """
 
     name: str
@@ -220,7 +226,41 @@ class Dataset:
     known: Mapping[str, Beforehand] = field(default_factory=dict)
     filter: Filter | None = None
 
+    def __post_init__(self) -> None:
+        """Refuse what is no fish and no trials, and velocities that are not three for every time."""
+        check("Dataset: fish", self.fish, Fish)
+        check("Dataset: trials", self.trials, tuple[Trial, ...])
+        for trial in self.trials:
+            check(f"trial '{trial.name}': velocity", trial.velocity, FloatArray)
+            if trial.velocity.shape != (len(trial.time), 3):
+                raise InputError(
+                    f"trial '{trial.name}': surge, sway, yaw_rate have shape {trial.velocity.shape}, expected "
+                    f"{(len(trial.time), 3)}: a row for every time and a column for each; correct it"
+                )
+
+    def __getitem__(self, name: str) -> Trial:
+        """Return the trial of this name.
+
+        Raises:
+            UnknownNameError: there is none; the message has the names that there are, and those that are similar.
+        """
+        found = {trial.name: trial for trial in self.trials}
+        if not isinstance(name, str) or name not in found:
+            near = difflib.get_close_matches(str(name), found)
+            raise UnknownNameError("trial", name, found, f"did you mean {' or '.join(near)}?" if near else "")
+        return found[name]
+
     def __repr__(self) -> str:
+        return f"<{self.summary()}>"
+
+    def plot(self) -> Any:
+        """Return the velocities of every trial over time, as a ``plotly.graph_objects.Figure``.
+
+        Of places and headings, those of the smoothed path.
+        """
+        return reporting().figure(self)
+
+    def summary(self) -> str:
         """Return at most ten lines: fish, stated noise, clock and the first trials."""
         noise = "not stated"
         if self.noise is not None:
@@ -228,16 +268,13 @@ class Dataset:
             noise = ", ".join(f"{name} {sigma:.3g} {unit}" for name, sigma, unit in named if sigma == sigma)
         shown = self.trials if len(self.trials) <= _TRIALS_SHOWN else self.trials[: _TRIALS_SHOWN - 1]
         more = len(self.trials) - len(shown)
-        return (
-            "\n".join(
-                [
-                    f"<Dataset '{self.name}': fish '{self.fish.name}', {len(self.trials)} trials, clock {self.clock}",
-                    f"  noise: {noise}",
-                    *(f"  {trial!r}" for trial in shown),
-                    *([f"  and {more} more trials"] if more else []),
-                ]
-            )
-            + ">"
+        return "\n".join(
+            [
+                f"Dataset '{self.name}': fish '{self.fish.name}', {len(self.trials)} trials, clock {self.clock}",
+                f"  noise: {noise}",
+                *(f"  {trial!r}" for trial in shown),
+                *([f"  and {more} more trials"] if more else []),
+            ]
         )
 
     def split(self) -> tuple[tuple[Trial, ...], tuple[Trial, ...]]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from mjfish import files, fish_toml, tomlfile
 from mjfish import fish as fishes
+from mjfish.arguments import checked
 from mjfish.arrays import FloatArray
 from mjfish.data import columns, dataset_toml, error_modes
 from mjfish.data.cells import check_finite
@@ -32,6 +33,7 @@ MARK = "# Written by mjfish. SI units and radians; velocities are those of the n
 _FISH_FILE = "fish.toml"
 
 
+@checked
 def save(
     dataset: Dataset,
     folder: str | Path,

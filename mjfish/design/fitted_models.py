@@ -20,7 +20,7 @@ from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import guesses, off_null
 from mjfish.diagnosis.result import SCHEMA
-from mjfish.effects import Effect, catalogue
+from mjfish.effects import Causes, Effect, catalogue
 from mjfish.errors import InputError, MjfishError
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
@@ -146,13 +146,13 @@ class FittedModels:
         return fit(problem, start, tolerance=_TOLERANCE)
 
 
-def load_diagnosis(path: str | Path, dataset: Dataset, *, effects: Mapping[str, Effect] | None = None) -> FittedModels:
+def load_diagnosis(path: str | Path, dataset: Dataset, *, effects: Causes = None) -> FittedModels:
     """Read what a ``diagnosis.json`` says of the models that were fitted, to plan from.
 
     Args:
         path: written by ``mjfish diagnose --json``, or by `Diagnosis.save`.
         dataset: that was diagnosed.
-        effects: causes by name, those of one's own among them; None: the shipped catalogue.
+        effects: causes by name, or Python files with causes of your own; None: the shipped ones.
 
     Raises:
         InputError: the file cannot be read, is no diagnosis, is of another schema, or is one of another dataset.
@@ -167,7 +167,7 @@ def load_diagnosis(path: str | Path, dataset: Dataset, *, effects: Mapping[str, 
                 f"{path}: is the diagnosis of '{raw['dataset']}', expected that of '{dataset.name}'; give the one that "
                 "belongs"
             )
-        return _restored(raw, dataset, catalogue() if effects is None else effects)
+        return _restored(raw, dataset, catalogue(effects))
     except MjfishError:
         raise
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, StopIteration) as error:

@@ -18,7 +18,7 @@ from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.evidence import DETECTED
 from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.drive.cpg import DriveSegment
-from mjfish.effects import Effect, catalogue, find, of_fish
+from mjfish.effects import Causes, Effect, catalogue, find, of_fish
 from mjfish.effects.calibration import CALIBRATIONS, DOMAINS, Calibration
 from mjfish.errors import InputError
 from mjfish.execution import executing
@@ -169,7 +169,7 @@ def plan(
     *,
     rivals: Sequence[str] = (),
     causes: Sequence[str] = (),
-    effects: Mapping[str, Effect] | None = None,
+    effects: Causes = None,
     menu: Menu | None = None,
     jobs: int | None = None,
     progress: Progress = silent,
@@ -192,7 +192,8 @@ def plan(
             dataset states it, else as the best model leaves it.
         rivals: names of causes to tell apart, two or more; empty: what the diagnosis leaves open.
         causes: names of causes to make visible. With a diagnosis they are asked for where nothing is wrong.
-        effects: causes by name; None: those of the diagnosis, else the shipped catalogue.
+        effects: causes by name, or Python files with causes of your own; None: those of
+            the diagnosis, else the shipped ones.
         menu: of runs, and the pause before each; None: `Menu()`.
         jobs: threads; None: one a processor. The plan does not depend on it.
         progress: called with what is being done and the share that is done.
@@ -257,13 +258,13 @@ def _planned(known: FittedModels, question: Question, menu: Menu, progress: Prog
 def _known(
     diagnosis: Diagnosis | FittedModels | Dataset,
     causes: Sequence[str],
-    effects: Mapping[str, Effect] | None,
+    effects: Causes,
 ) -> FittedModels:
     if isinstance(diagnosis, Dataset):
-        return FittedModels.undiagnosed(diagnosis, catalogue() if effects is None else effects)
+        return FittedModels.undiagnosed(diagnosis, catalogue(effects))
     known = FittedModels.of(diagnosis) if isinstance(diagnosis, Diagnosis) else diagnosis
     if effects is not None:
-        known = replace(known, effects=effects)
+        known = replace(known, effects=catalogue(effects))
     if causes and known.question is not None and known.question.purpose == "see":
         known = replace(known, question=replace(known.question, names=tuple(causes)))
     return known

@@ -27,7 +27,7 @@ from mjfish.diagnosis.result import Diagnosis
 from mjfish.diagnosis.screening import Screening, screen
 from mjfish.diagnosis.table import Row
 from mjfish.diagnosis.thresholds import THRESHOLDS
-from mjfish.effects import Effect, catalogue, of_fish
+from mjfish.effects import Causes, Effect, catalogue, of_fish
 from mjfish.errors import NUMERIC, InputError, MjfishError, reason_of
 from mjfish.estimation import Noise
 from mjfish.estimation.clocks import aligned
@@ -47,7 +47,7 @@ _WHOLE = "the comparison"
 def diagnose(
     dataset: Dataset | str | Path,
     *,
-    effects: Mapping[str, Effect] | None = None,
+    effects: Causes = None,
     seed: int = 0,
     jobs: int | None = None,
     executor: Executor | None = None,
@@ -63,7 +63,8 @@ def diagnose(
 
     Args:
         dataset: the trials, split into fit and held out (see `Dataset.split`), or the folder of ``dataset.toml``.
-        effects: candidates by name; None: the shipped catalogue.
+        effects: candidates by name, or Python files with causes of your own, which are tried beside the shipped ones;
+            None: the shipped ones.
         seed: of the bootstrap of the gain; no verdict depends on it.
         jobs: threads; None: one per processor. The answer does not depend on it.
         executor: `concurrent.futures.Executor` that takes the refits in place of the threads, such as one of Dask. The
@@ -101,7 +102,7 @@ def diagnose(
         raise InputError(f"limit: found {limit:g} s, expected more than 0; give seconds, or none")
     # small matrices: more threads of BLAS wait for each other
     with threadpool_limits(1, "blas"), noting(Parts()) as parts, executing(jobs, executor, limit=limit):
-        known = catalogue() if effects is None else effects
+        known = catalogue(effects)
         begun = replace(_begun(dataset, known, parts), seed=seed, progress=progress)
         kept = None if resume is None else Kept(Path(resume), identity(begun.measured, begun.candidates, seed))
         try:

@@ -17,6 +17,9 @@ from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion, cached, grid
 from mjfish.errors import InputError
 
+#: A ramp that is shorter is none [s].
+_SUDDEN = 1e-6
+
 
 @dataclass(frozen=True)
 class Wave:
@@ -102,7 +105,7 @@ def joint_motion(wave: Wave, start: float, end: float, step: float) -> JointMoti
 
 def _ramp(time: FloatArray, length: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return r, r' [1/s], r'' [1/s2] at times of any shape."""
-    if length <= 0.0:
+    if length <= _SUDDEN:
         return np.ones_like(time), np.zeros_like(time), np.zeros_like(time)
     s = np.clip(time / length, 0.0, 1.0)
     value = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)

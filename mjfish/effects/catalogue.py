@@ -17,6 +17,9 @@ from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish
 from mjfish.user_code import user_code
 
+#: Causes by name, or Python files with causes of a user's own, beside the shipped ones; None: the shipped ones alone.
+Causes = Mapping[str, Effect] | str | Path | Sequence[str | Path] | None
+
 
 @functools.cache
 def _shipped() -> dict[str, Effect]:
@@ -26,15 +29,19 @@ def _shipped() -> dict[str, Effect]:
     return {effect.name: effect for effect in sorted(found, key=lambda effect: effect.name)}
 
 
-def catalogue(files: Sequence[Path] = ()) -> dict[str, Effect]:
-    """Return all causes by name: the shipped ones and those in the user's `files`.
+def catalogue(given: Causes = None) -> dict[str, Effect]:
+    """Return causes by name: those that are given so, else the shipped ones and those in the given files.
 
     Raises:
         InputError: a file is absent, cannot be run, holds no cause, or a name is taken.
         ParameterError: a cause in a file does not keep the contract.
     """
+    if isinstance(given, Mapping):
+        for effect in given.values():
+            effect.check_declaration()
+        return dict(given)
     known = dict(_shipped())
-    for path in map(Path, files):
+    for path in map(Path, [given] if isinstance(given, (str, Path)) else given or ()):
         with located(str(path)):
             if not path.is_file():
                 raise InputError("no such file of effects; correct the path")

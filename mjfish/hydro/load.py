@@ -10,6 +10,7 @@ from __future__ import annotations
 import dis
 import functools
 import itertools
+import re
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -42,6 +43,7 @@ SLOPES = PARAMETERS + PLACES + MEMORY
 ANSWER = 3 + MEMORY
 LINK_SIZE = LINK.itemsize
 _COMPILING = threading.RLock()
+_COLOUR, _LONGEST = re.compile(r"\x1b\[\d*m"), 200
 _RECORD = from_dtype(LINK)
 _SIGNATURE = types.void(types.CPointer(_RECORD), types.CPointer(types.float64), types.CPointer(types.float64))
 
@@ -183,10 +185,30 @@ def _once(make: Callable[[Load], Any]) -> Callable[[Load], Any]:
         kept = vars(load_)
         with _COMPILING:
             if make.__name__ not in kept:
-                kept[make.__name__] = make(load_)
+                try:
+                    kept[make.__name__] = make(load_)
+                except Exception as error:  # numba's errors have no base but this one
+                    raise ParameterError(
+                        f"the load '{load_.function.__name__}' cannot be compiled: {_reason(error)}; write it of "
+                        "numbers, math and numpy, the fields of a link and the parameters, and put imports at the top "
+                        "of its file"
+                    ) from error
             return kept[make.__name__]
 
     return ask
+
+
+def _reason(error: Exception) -> str:
+    """Return in one line what the compiler says; its own lines about where it was come first, in colours."""
+    told = next(
+        (
+            line
+            for line in _COLOUR.sub("", str(error)).splitlines()
+            if line.strip() and not line.startswith("Failed in")
+        ),
+        "",
+    )
+    return told[:_LONGEST] if type(error).__module__.startswith("numba.") else f"{type(error).__name__}: {told}"
 
 
 @_once

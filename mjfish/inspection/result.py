@@ -15,6 +15,11 @@ from mjfish.serialise import fields_of
 
 #: Findings that leave no cause to be told, though they do not block.
 _HIDES_ALL = ("design-one-run",)
+#: What is looked at, where the channels for it were measured.
+_TESTED = (
+    "mjfish.inspect looks at signs, units, labels, clocks, sampling, starts, copies, outliers, joints, places, repeats "
+    "and missing runs"
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -65,14 +70,14 @@ class Inspection(Result):
         return replace(self, findings=_ordered(findings.get(finding, finding) for finding in self.findings))
 
     def summary(self) -> str:
-        """Return how many findings there are, and the worst of them, a line each."""
+        """Return what was looked at, how many findings there are, and the worst of them, a line each."""
         if not self.findings:
-            return "Nothing was found in the data."
+            return f"Nothing was found in the data ({_TESTED})."
         counts = [(sum(f.severity == severity for f in self.findings), severity) for severity in SEVERITIES]
         head = ", ".join(f"{count} {severity}" for count, severity in counts if count)
         lines = [f"{finding.severity}: {finding.code}: {finding.place}: {finding.found}" for finding in self.findings]
-        more = [f"and {len(lines) - 8} more"] if len(lines) > 8 else []
-        return "\n".join([f"Findings: {head}.", *lines[:8], *more])
+        more = [f"and {len(lines) - 7} more"] if len(lines) > 7 else []
+        return "\n".join([f"Findings: {head} ({_TESTED}).", *lines[:7], *more])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the findings as plain data."""

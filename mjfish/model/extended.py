@@ -13,7 +13,7 @@ from mjfish import fish as fishes
 from mjfish import fish_toml, tomlfile
 from mjfish.data import Trial
 from mjfish.drive.motion import JointMotion
-from mjfish.effects import catalogue, of_fish
+from mjfish.effects import Causes, catalogue, of_fish
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import UnknownNameError, located
 from mjfish.fish import Fish
@@ -86,14 +86,14 @@ class Extended:
 
 def load(
     fish: Fish | Extended | str | Path,
-    effects: Mapping[str, Effect] | None = None,
+    effects: Causes = None,
     given: Mapping[str, float] | None = None,
 ) -> Extended:
     """Return a fish with its effects: those in the tables ``[effects.NAME]`` of its file, and those that get values.
 
     Args:
         fish: a fish, one with effects, or as `mjfish.load_fish` takes it.
-        effects: that may occur, by name; None: the shipped ones.
+        effects: that may occur, by name, or Python files with causes of your own; None: the shipped ones.
         given: coefficients and parameters of effects by full name, that replace those of the file. A parameter of an
             effect that the file does not have adds it.
 
@@ -103,7 +103,7 @@ def load(
         ParameterError: a value outside its bounds.
     """
     given = given or {}
-    known = catalogue() if effects is None else effects
+    known = catalogue(effects)
     base = fish if isinstance(fish, Extended) else _alone(fish, known)
     model, known = base.model, of_fish(known, base.model.fish)
     there = {*base.model.fish.coefficient_names, *(effect.name for effect in model.effects)}

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from mjfish import ode
+from mjfish.arguments import check
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.drive import cpg as hopf
@@ -96,6 +97,8 @@ class Model:
 
     def __post_init__(self) -> None:
         """Give each effect the parameters that this fish has; refuse one that is there twice."""
+        check("Model: fish", self.fish, Fish)
+        check("Model: effects", self.effects, tuple[Effect, ...])
         effects = tuple(effect.for_fish(self.fish) or effect for effect in self.effects)
         object.__setattr__(self, "effects", effects)
         names = [effect.name for effect in self.effects]

@@ -22,14 +22,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from mjfish import bounded, files, tomlfile
 from mjfish.arrays import FloatArray
 from mjfish.data.cells import LARGEST
-from mjfish.effects import catalogue, of_fish
+from mjfish.effects import Causes, catalogue, of_fish
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish
@@ -179,6 +179,7 @@ def truncated_normal(
     return x
 
 
+@runtime_checkable
 class Fitted(Protocol):
     """A result with a posterior: a diagnosis or an identification."""
 
@@ -188,7 +189,7 @@ class Fitted(Protocol):
 
 
 def sample(
-    diagnosis: Fitted | str | Path, n: int = 100, *, seed: int = 0, effects: Mapping[str, Effect] | None = None
+    diagnosis: Fitted | str | Path, n: int = 100, *, seed: int = 0, effects: Causes = None
 ) -> tuple[Extended, ...]:
     """Draw fish from the posterior of a diagnosis or an identification, for domain randomisation.
 
@@ -201,7 +202,7 @@ def sample(
             ``diagnosis.json``.
         n: how many fish.
         seed: of the draws; the same seed gives the same fish.
-        effects: that a file may have, by name; None: the shipped ones.
+        effects: that a file may have, by name, or Python files with causes of your own; None: the shipped ones.
 
     Returns:
         The fish with their effects, which `mjfish.simulate` takes.
@@ -220,7 +221,7 @@ def sample(
     if n < 1 or seed < 0:
         raise InputError(f"found {n} draws with seed {seed}, expected 1 or more with a seed of 0 or more; correct it")
     if isinstance(diagnosis, (str, Path)):
-        posterior = _read(Path(diagnosis), catalogue() if effects is None else effects)
+        posterior = _read(Path(diagnosis), catalogue(effects))
     elif diagnosis.posterior is None:
         raise InputError("the fit diverged and has no posterior; look at its message, and fit again from another start")
     else:

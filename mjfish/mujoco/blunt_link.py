@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray
-from mjfish.errors import InputError
 from mjfish.fish import NotNegative
 from mjfish.hydro.blunt_force import ellipsoid_added_mass, ellipsoid_turning
 from mjfish.mujoco.strip_link import COEFFICIENTS, LARGEST, Point, Size, check_bounds, point, without_arrays
@@ -88,10 +87,8 @@ class BluntLink(Table):
     munk_moment: float = 1.0
 
     def __init__(self, **keys: Any) -> None:
-        try:
+        with tomlfile.complaining(f"link '{keys.get('body', '')}'"):
             self.__pydantic_validator__.validate_python(tomlfile.frozen(keys), self_instance=self, strict=True)
-        except ValidationError as error:
-            raise InputError(tomlfile.complaints(f"link '{keys.get('body', '')}'", error)) from None
 
     _bounded = field_validator("c_m", "c_d", "munk_moment")(check_bounds)
 

@@ -108,16 +108,11 @@ def _with(before: Any) -> Any:
     ours = _control()[0].ctypes
     if before is None:
         return ours
-    if hasattr(before, "restype"):  # a C function, of ctypes
+    in_c = hasattr(before, "restype")  # of ctypes
 
-        def both(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-            before(model._address, data._address)
-            ours(model._address, data._address)
-    else:
-
-        def both(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-            before(model, data)
-            ours(model._address, data._address)
+    def both(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        before(*((model._address, data._address) if in_c else (model, data)))
+        ours(model._address, data._address)
 
     return both
 

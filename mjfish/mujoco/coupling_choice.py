@@ -66,17 +66,27 @@ def _names(model: mujoco.MjModel, kind: mujoco.mjtObj, ids: _Ids) -> str:
 def _against_either(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
     """What spoils either coupling."""
     led = [body for body in bodies if model.body_mocapid[model.body_rootid[body]] >= 0]
-    if led:
-        yield (
+    for wrong, reason in (
+        (
+            led,
             f"{_names(model, mujoco.mjtObj.mjOBJ_BODY, np.array(led))} hangs on a mocap body, whose velocity MuJoCo "
-            "does not know; lead it by joints with servos, or by a weld to the mocap body"
-        )
-    if _disabled(model, mujoco.mjtDisableBit.mjDSBL_ACTUATION):
-        yield 'actuation is disabled, so that MuJoCo never asks for the force; remove <flag actuation="disable"/>'
-    if _enabled(model, mujoco.mjtEnableBit.mjENBL_OVERRIDE):
-        yield 'contact override is enabled, whose o_solimp holds the water; remove <flag override="enable"/>'
-    if _enabled(model, mujoco.mjtEnableBit.mjENBL_SLEEP):
-        yield 'bodies may fall asleep, and the water with them; remove <flag sleep="enable"/>'
+            "does not know; lead it by joints with servos, or by a weld to the mocap body",
+        ),
+        (
+            _disabled(model, mujoco.mjtDisableBit.mjDSBL_ACTUATION),
+            'actuation is disabled, so that MuJoCo never asks for the force; remove <flag actuation="disable"/>',
+        ),
+        (
+            _enabled(model, mujoco.mjtEnableBit.mjENBL_OVERRIDE),
+            'contact override is enabled, whose o_solimp holds the water; remove <flag override="enable"/>',
+        ),
+        (
+            _enabled(model, mujoco.mjtEnableBit.mjENBL_SLEEP),
+            'bodies may fall asleep, and the water with them; remove <flag sleep="enable"/>',
+        ),
+    ):
+        if wrong:
+            yield reason
     for name in ("density", "viscosity"):
         value = getattr(model.opt, name)
         if value > 0.0:
@@ -143,18 +153,20 @@ def _constraints(model: mujoco.MjModel) -> Iterator[str]:
     bits = mujoco.mjtDisableBit
     if _disabled(model, bits.mjDSBL_CONSTRAINT):
         return
-    limited = np.flatnonzero(model.jnt_limited)
-    if limited.size and not _disabled(model, bits.mjDSBL_LIMIT):
-        yield f"joint limits of {_names(model, mujoco.mjtObj.mjOBJ_JOINT, limited)}"
-    rubbing = np.flatnonzero(model.dof_frictionloss > 0.0)
-    if rubbing.size and not _disabled(model, bits.mjDSBL_FRICTIONLOSS):
-        yield f"frictionloss of {_names(model, mujoco.mjtObj.mjOBJ_JOINT, model.dof_jntid[rubbing])}"
-    if model.neq and not _disabled(model, bits.mjDSBL_EQUALITY):
-        yield "equality constraints"
-    if np.any(model.tendon_limited) and not _disabled(model, bits.mjDSBL_LIMIT):
-        yield "limits of tendons"
-    if np.any(model.tendon_frictionloss > 0.0) and not _disabled(model, bits.mjDSBL_FRICTIONLOSS):
-        yield "frictionloss of tendons"
+    limited, rubbing = np.flatnonzero(model.jnt_limited), np.flatnonzero(model.dof_frictionloss > 0.0)
     touching = np.flatnonzero((model.geom_contype | model.geom_conaffinity) != 0)
-    if (touching.size > 1 or model.npair) and not _disabled(model, bits.mjDSBL_CONTACT):
-        yield "contacts"
+    joints = mujoco.mjtObj.mjOBJ_JOINT
+    for possible, bit, constraint in (
+        (limited.size, bits.mjDSBL_LIMIT, f"joint limits of {_names(model, joints, limited)}"),
+        (
+            rubbing.size,
+            bits.mjDSBL_FRICTIONLOSS,
+            f"frictionloss of {_names(model, joints, model.dof_jntid[rubbing])}",
+        ),
+        (model.neq, bits.mjDSBL_EQUALITY, "equality constraints"),
+        (np.any(model.tendon_limited), bits.mjDSBL_LIMIT, "limits of tendons"),
+        (np.any(model.tendon_frictionloss > 0.0), bits.mjDSBL_FRICTIONLOSS, "frictionloss of tendons"),
+        (touching.size > 1 or model.npair, bits.mjDSBL_CONTACT, "contacts"),
+    ):
+        if possible and not _disabled(model, bit):
+            yield constraint

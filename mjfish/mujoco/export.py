@@ -85,16 +85,12 @@ def text(
         _sharpen(root, spec)
         ET.indent(root)
     else:
-        root = _parsed(by_hand)
+        # with its inner comments; the one ahead speaks of a file without water
+        root = ET.fromstring(by_hand, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))  # noqa: S314 - our own
     _set(root, spec, fish)
     body = ET.tostring(root, encoding="unicode").replace(" />", "/>").strip().removesuffix(_END).rstrip()
     water = _custom(numerics_of(mjcf.strips(fish, free=free), fish.density))
     return "\n".join([_comment([*comments, *_HOW]), body, "", *water, _END, ""])
-
-
-def _parsed(source: str) -> ET.Element:
-    """Return the tree with its inner comments; the one ahead of it speaks of a file without water."""
-    return ET.fromstring(source, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))  # noqa: S314 - our own
 
 
 def _set(root: ET.Element, spec: mujoco.MjSpec, fish: Fish) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ import numpy as np
 from numba import carray
 from numpy.typing import ArrayLike
 
+from mjfish.arguments import check as check_type
 from mjfish.arrays import FloatArray, readonly
 from mjfish.compiled import compiled
 from mjfish.errors import InputError, UnknownNameError
@@ -41,6 +43,8 @@ from mjfish.mujoco.strip_link import DENSEST, StripLink
 
 #: Parts of the force on a link, in the order of the arrays.
 PARTS = ("drag", "added_mass", "munk", "buoyancy", "loads")
+#: A link this many times as long as half of the model is warned of.
+_LARGER = 20.0
 
 
 @dataclass(frozen=True)
@@ -140,6 +144,7 @@ class StripFluid:
             UnknownNameError: no body of that name.
         """
         _check_compiled(model)
+        check_type("commanded", commanded, bool)
         if links is None:
             water = custom_numerics.read(model)
             links, density = water.links, water.density if density is None else density
@@ -150,7 +155,7 @@ class StripFluid:
             raise InputError(
                 f"density: found {density!r}, expected a number above 0 and at most {DENSEST:g} kg/m3; correct it"
             )
-        self.density = float(density)
+        self.density: float = float(density)
         _check_loads(loads, self.links)
         room = room_in(model, memory_of(loads, len(self.links)))
         self._states: int = room.states
@@ -161,8 +166,9 @@ class StripFluid:
                 f'<size nuserdata="{1 + 3 * servos}"/>'
             )
         bodies = _bodies(model, self.links)
+        _warn_of_sizes(model, self.links)
         chosen: Coupling = choose(model, bodies, coupling)
-        self.coupling = chosen
+        self.coupling: Coupling = chosen
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         inertia = self.coupling == "inertia"
         numbers = pack(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
@@ -175,6 +181,11 @@ class StripFluid:
 
         self._checked: Checked = Checked(model, check)
 
+    def __repr__(self) -> str:
+        """Return density, bodies and coupling."""
+        bodies = ", ".join(dict.fromkeys(link.body for link in self.links))
+        return f"<StripFluid of {self.density:g} kg/m3 on {bodies}; coupling {self.coupling}>"
+
     @classmethod
     def from_toml(cls, model: mujoco.MjModel, path: str | Path, *, coupling: Coupling | None = None) -> StripFluid:
         """Put the water that a TOML file describes on bodies of `model`: `density`, and a `[[links]]` a body.
@@ -183,6 +194,7 @@ class StripFluid:
             InputError, UnknownNameError: as above, and where the file is none.
         """
         _check_compiled(model)
+        check_type("path", path, str | Path)
         water = read(path)
         _bodies(model, water.links, f"body in {path}")
         return cls(model, water.links, density=water.density, coupling=coupling)
@@ -322,6 +334,7 @@ def _check_water(model: mujoco.MjModel) -> None:
 
 
 def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]], links: Iterable[Link]) -> None:
+    check_type("loads", loads, Sequence[tuple[Any, Sequence[Any]]])
     blunt = [link.body for link in links if isinstance(link, BluntLink)]
     if loads and blunt:
         raise InputError(
@@ -353,6 +366,17 @@ def _bodies(model: mujoco.MjModel, links: Iterable[Link], kind: str = "body") ->
         if link.body not in ids:
             raise UnknownNameError(kind, link.body, filter(None, ids), "name a body of this model")
     return [ids[link.body] for link in links]
+
+
+def _warn_of_sizes(model: mujoco.MjModel, links: Iterable[Link]) -> None:
+    """Warn of links that are far longer than the model, as those in other units are; one without geoms has no size."""
+    for link in links if model.ngeom else ():
+        if isinstance(link, StripLink) and link.length > _LARGER * model.stat.extent:
+            warnings.warn(
+                f"link '{link.body}' is {link.length:g} m long, the whole model {2.0 * model.stat.extent:.2g} m; "
+                "give lengths in m, or correct the extent of the model (<statistic extent>)",
+                stacklevel=3,
+            )
 
 
 def _links(links: Sequence[Link | Mapping[str, Any]]) -> tuple[Link, ...]:

@@ -7,8 +7,8 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 
 import mujoco
@@ -73,7 +73,7 @@ class Strokes:
     arrows: bool = False
 
 
-class Stage:
+class Stage(AbstractContextManager["Stage"]):
     """Bodies in a pool, and the window-less renderer that draws them; a context that ends with the renderer.
 
     Args:
@@ -147,19 +147,11 @@ class Stage:
             geom.emission = 0.15
             self._scene.ngeom += 1
 
-    def close(self) -> None:
+    def __exit__(self, *_: object) -> None:
         """Free the renderer."""
         self._gl.make_current()
         self._drawer.free()
         self._gl.free()
-
-    def __enter__(self) -> Stage:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _pool(bodies: Sequence[tuple[Mesh, Colour]], floor: float, spacing: float, extent: float) -> mujoco.MjSpec:

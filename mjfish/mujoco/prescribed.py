@@ -19,7 +19,7 @@ from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.load import Load, memory_of
-from mjfish.mujoco import reference
+from mjfish.mujoco import dense_inertia
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.layout import compile_aside
@@ -118,7 +118,7 @@ def simulate(
 def _jump(model: mujoco.MjModel, data: mujoco.MjData, joints: slice, rate: FloatArray) -> None:
     """Set the joints to a new rate; the momentum of all else (root, tail) stays: dq_f = -H_ff^-1 H_fj dq_joints."""
     mujoco.mj_fwdPosition(model, data)
-    inertia = reference.inertia(model, data)
+    inertia = dense_inertia.inertia(model, data)
     free = np.ones(model.nv, dtype=np.bool_)
     free[joints] = False
     change = rate - data.qvel[joints]

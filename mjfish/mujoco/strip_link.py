@@ -11,11 +11,10 @@ from numbers import Real
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from mjfish import tomlfile
 from mjfish.arrays import FloatArray
-from mjfish.errors import InputError
 from mjfish.fish import NotNegative, Section
 from mjfish.hydro.force import KC_0
 from mjfish.parameter import Parameter
@@ -138,10 +137,8 @@ class StripLink(Table):
     buoyancy_center: Point | None = None
 
     def __init__(self, **keys: Any) -> None:
-        try:
+        with tomlfile.complaining(f"link '{keys.get('body', '')}'"):
             self.__pydantic_validator__.validate_python(tomlfile.frozen(keys), self_instance=self, strict=True)
-        except ValidationError as error:
-            raise InputError(tomlfile.complaints(f"link '{keys.get('body', '')}'", error)) from None
 
     _bounded = field_validator(*COEFFICIENTS)(check_bounds)
 

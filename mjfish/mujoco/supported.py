@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from operator import attrgetter
+import functools
 
 import mujoco
 
@@ -19,20 +19,16 @@ def check() -> None:
     Raises:
         MjfishError: naming the version, what it lacks and what to install.
     """
-    absent = [name for name in _NEWEST_NAMES if not _has(name)]
+    absent = [
+        name
+        for name in _NEWEST_NAMES
+        if functools.reduce(lambda found, part: getattr(found, part, None), name.split("."), mujoco) is None
+    ]
     if absent:
         raise MjfishError(
             f"MuJoCo {mujoco.__version__} has no {', '.join(absent)}, expected MuJoCo {OLDEST} or later; "
             f"install it: pip install 'mujoco>={OLDEST}'"
         )
-
-
-def _has(name: str) -> bool:
-    try:
-        attrgetter(name)(mujoco)
-    except AttributeError:
-        return False
-    return True
 
 
 check()

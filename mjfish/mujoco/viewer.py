@@ -11,9 +11,8 @@ import sys
 import time
 import warnings
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -56,21 +55,6 @@ class Player:
         return np.asarray(self.motion.angle_at(np.array([clock]))[0])
 
 
-class Handle(Protocol):
-    """What is used of MuJoCo's handle on a viewer."""
-
-    cam: Any
-
-    def is_running(self) -> bool:
-        """Return whether the window is open."""
-
-    def lock(self) -> AbstractContextManager[Any]:
-        """Return what keeps the viewer from drawing meanwhile."""
-
-    def sync(self) -> None:
-        """Exchange state and sliders with the viewer."""
-
-
 class Tank:
     """A fish with its drive in water, whose drive and coefficients follow sliders.
 
@@ -103,8 +87,7 @@ class Tank:
         self._fish, self._player, self._free = fish, player, free
         self.length = fish.length
         first = {**fish.values, **(values or {})}
-        ranges = dict(DRIVE)
-        ranges |= {
+        ranges = DRIVE | {
             p.name: (min(p.low, first[p.name]), first[p.name], max(p.high, first[p.name])) for p in fish.parameters
         }
         spec = mjcf.prepared(fish, mjcf.spec(fish, free), _STEP, "RK4")
@@ -172,8 +155,13 @@ def show(tank: Tank) -> None:
             swim(tank, handle)
 
 
-def swim(tank: Tank, handle: Handle) -> None:
-    """Swim in real time while a viewer is open; its camera follows the head."""
+def swim(tank: Tank, handle: Any) -> None:
+    """Swim in real time while a viewer is open; its camera follows the head.
+
+    Args:
+        tank: the fish in water.
+        handle: of MuJoCo on the viewer.
+    """
     with handle.lock():
         handle.cam.type, handle.cam.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING.value, 1
         handle.cam.distance, handle.cam.azimuth, handle.cam.elevation = 2.5 * tank.length, 90.0, -50.0

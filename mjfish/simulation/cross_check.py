@@ -38,7 +38,7 @@ from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.mjcf import Integrator
 from mjfish.ode.rollout import Coriolis
 from mjfish.result import Result
-from mjfish.simulation.run import check_can_act
+from mjfish.simulation.run import check_can_act, sample_times
 
 #: Largest difference at the first step, relative to the range of the channel.
 BOUND = 1e-3
@@ -46,6 +46,8 @@ BOUND = 1e-3
 ORDER = 1.9
 #: A difference this small is rounding, and has no order.
 _ROUNDING = 1e-10
+#: Most halvings of the step.
+_HALVINGS = 10
 
 
 @dataclass(frozen=True)
@@ -145,6 +147,12 @@ def check(
           step 1 ms: ... of the range
           step 0.5 ms: ... of the range
     """
+    if not (0.0 < step < math.inf and 0 <= halvings <= _HALVINGS and bound > 0.0):
+        raise InputError(
+            f"step {step:g} s, {halvings} halvings, bound {bound:g}: expected a step and a bound above 0 and at most "
+            f"{_HALVINGS} halvings; correct them"
+        )
+    sample_times(duration, 2**halvings / step)  # refuses what does not end
     extended = fish if isinstance(fish, Extended) else load(fish)
     body, law, segments = extended.fish, cpg_of(extended.fish), modes.drive(mode, extended.fish.joints)
     loads = _loads(extended, mode, duration)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -18,7 +17,7 @@ from mjfish.data.dataset_toml import Law
 from mjfish.drive import modes
 from mjfish.drive.motion import JointMotion
 from mjfish.drive.wave import Wave
-from mjfish.effects import Effect
+from mjfish.effects import Causes, Effect
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
@@ -32,6 +31,8 @@ from mjfish.simulation.band import Band, band
 STEP = 0.001
 #: Samples a second of a run whose drive is a mode or a wave.
 RATE = 100.0
+#: Longest run that is simulated [s], and most samples of it: more would fill the memory.
+LONGEST, MOST = 1e4, 1e7
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +126,7 @@ def simulate(
     *,
     engine: Literal["ode", "mujoco"] = "ode",
     values: Mapping[str, float] | None = None,
-    effects: Mapping[str, Effect] | None = None,
+    effects: Causes = None,
     drive: Wave | str | Path | None = None,
     duration: float = modes.DURATION,
     free: bool = False,
@@ -137,7 +138,7 @@ def simulate(
         mode: of swimming, see [Yu2016], Table IV; the fish needs a CPG.
         engine: ``ode``, the equation in the frame of the head, or ``mujoco``, whose servos follow the command.
         values: coefficients and parameters of effects by full name, e.g. ``{"munk_moment.kappa": 1.0}``.
-        effects: that may occur, by name; None: the shipped ones.
+        effects: that may occur, by name, or Python files with causes of your own; None: the shipped ones.
         drive: instead of a mode: a wave, or a CSV or Parquet file with columns ``time [s]``, ``joint_1 [rad]``, ...
         duration: of the run [s]; a file of joint angles has its own.
         free: whether the fish may roll, pitch and heave, in MuJoCo only.
@@ -159,8 +160,6 @@ def simulate(
         pike, v1, ode: mean surge of the second half ... m/s
         with munk_moment: kappa = 1
     """
-    if not 0.0 < duration < math.inf:
-        raise InputError(f"duration: found {duration:g}, expected a finite number above 0 s; correct it")
     if free and engine != "mujoco":
         raise InputError("free: the ODE is planar; choose the engine mujoco")
     extended_fish = extended.load(fish, effects, values)
@@ -193,7 +192,7 @@ def prepared(
     mode: str = "v1",
     *,
     values: Mapping[str, float] | None = None,
-    effects: Mapping[str, Effect] | None = None,
+    effects: Causes = None,
     drive: Wave | str | Path | None = None,
     duration: float = modes.DURATION,
 ) -> tuple[Prepared, Trial]:
@@ -202,6 +201,20 @@ def prepared(
     trial = _trial(extended_fish.model.fish, mode, drive, duration)
     check_can_act(extended_fish.model.effects, trial)
     return replace(extended_fish.model, step=STEP).prepare(trial, extended_fish.values), trial
+
+
+def sample_times(duration: float, rate: float) -> FloatArray:
+    """Return the times (n,) [s] of the samples of a run, `rate` [Hz] a second.
+
+    Raises:
+        InputError: the run has no length, is longer than `LONGEST`, or has more than `MOST` samples.
+    """
+    if not (0.0 < duration <= LONGEST and 0.0 < rate <= MOST / duration):
+        raise InputError(
+            f"duration {duration:g} s at {rate:g} Hz: expected more than 0 and at most {LONGEST:g} s, more than 0 Hz, "
+            f"and at most {MOST:g} samples; correct it"
+        )
+    return readonly(np.arange(int(duration * rate + 1e-9) + 1) / rate)
 
 
 def check_can_act(effects: Iterable[Effect], trial: Trial) -> None:
@@ -241,17 +254,15 @@ def _trial(fish: Fish, mode: str, drive: Wave | str | Path | None, duration: flo
             f"{fish.name} has no [cpg], which a mode of swimming needs; add one, drive it by a wave or by joint "
             "angles, or name another fish"
         )
-    time = np.arange(int(duration * RATE + 1e-9) + 1) / RATE
+    time = sample_times(duration, RATE)
     if drive is None:
-        return Trial(
-            mode, None, readonly(time), readonly(np.zeros((len(time), 3))), drive=modes.drive(mode, fish.joints)
-        )
+        return Trial(mode, None, time, readonly(np.zeros((len(time), 3))), drive=modes.drive(mode, fish.joints))
     if isinstance(drive, Wave):
         if drive.joints != fish.joints:
             raise InputError(
                 f"the wave has {drive.joints} amplitudes, expected {fish.joints}, one a joint of {fish.name}"
             )
-        return Trial("wave", None, readonly(time), readonly(np.zeros((len(time), 3))), wave=drive)
+        return Trial("wave", None, time, readonly(np.zeros((len(time), 3))), wave=drive)
     path = Path(drive)
     table = read_table(path)
     names = ["time", *(columns.joint(k + 1) for k in range(fish.joints))]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal, TypedDict, Unpack
+from pathlib import Path
+from typing import Literal, TypedDict, Unpack, cast
 
 import numpy as np
 
@@ -12,11 +13,11 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Role, Sensor, Tank, Trial
 from mjfish.data.sensor import within
 from mjfish.drive import modes as table_iv
-from mjfish.effects import Effect, catalogue
+from mjfish.effects import Causes, Effect, catalogue
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model, asked_motion
-from mjfish.simulation.run import check_can_act
+from mjfish.simulation.run import check_can_act, sample_times
 
 #: Step of the generating model [s]: five times finer than that of the fits, so that they do not share its error.
 STEP = 0.001
@@ -53,11 +54,11 @@ class Recording(TypedDict, total=False):
 
 
 def generate(
-    fish: Fish | str,
+    fish: Fish | str | Path,
     modes: Sequence[str],
     *,
     values: Mapping[str, float] | None = None,
-    effects: Sequence[Effect] = (),
+    effects: Sequence[Effect] | Causes = None,
     noise: Sequence[float] | FloatArray | None = None,
     seed: int = 0,
     held_out: Sequence[str] = (),
@@ -66,11 +67,12 @@ def generate(
     """Simulate modes of [Yu2016], Table IV, and add white noise.
 
     Args:
-        fish: with its coefficients, or the name of a shipped one.
+        fish: with its coefficients, the name of a shipped one, or a fish TOML.
         modes: one trial each; a mode given twice is a repeat with other noise.
-        values: coefficients and effect parameters by full name; the rest by default. An effect of the catalogue whose
-            parameter is named acts.
-        effects: causes of your own that act.
+        values: coefficients and effect parameters by full name; the rest by default. An effect whose parameter is
+            named acts.
+        effects: a list of causes that act; or those that may act, by name or in Python files of your own; None: the
+            shipped ones.
         noise: (3,) sigma of surge, sway [m/s], yaw rate [rad/s], of poses of x, y [m], heading [rad]; None or zeros:
             none, and the dataset states none.
         seed: of the noise.
@@ -90,16 +92,16 @@ def generate(
         >>> [trial.velocity.shape for trial in pool.trials]
         [(301, 3), (301, 3)]
     """
-    fish = load_fish(fish) if isinstance(fish, str) else fish
+    fish = fish if isinstance(fish, Fish) else load_fish(fish)
     rate, duration = recording.get("rate", 50.0), recording.get("duration", table_iv.DURATION)
     tank, places = recording.get("tank"), recording.get("places", ())
     observe = recording.get("observe", "velocity")
-    sigma = np.zeros(3) if noise is None else np.asarray(noise, dtype=np.float64)
-    _check(sigma, modes, rate, duration, seed)
+    sigma = np.zeros(3) if noise is None else np.array([*noise], dtype=np.float64)
+    time = sample_times(duration, rate)
+    _check(sigma, modes, duration, seed, recording.get("joint_noise", 0.0))
     model = Model(fish, with_named(effects, values or {}), step=STEP)
     truth = model.values(values)
     rng, draws = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    time = np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate
     names = _trial_names(modes)
     for given in held_out:
         if given not in names:
@@ -113,7 +115,7 @@ def generate(
         sensors = tuple(within(s, 0.0, float(time[-1]), s.name) for s in recording.get("sensors", ()))
         if observe == "pose":
             sensors = (*_camera(time), *sensors)
-        blank = Trial(trial_name, role, readonly(time), still, drive, pose=begin, tank=tank, sensors=sensors)
+        blank = Trial(trial_name, role, time, still, drive, pose=begin, tank=tank, sensors=sensors)
         check_can_act(model.effects, blank)
         truth |= {f"{effect.name}.{k}": v for effect in model.effects for k, v in effect.drawn(draws).items()}
         predicted = model.predict(blank, truth)
@@ -169,30 +171,34 @@ def _measured(sensor: Sensor, read: FloatArray, rng: np.random.Generator) -> Sen
     return replace(sensor, values=read + rng.standard_normal(read.shape) * sigma)
 
 
-def with_named(effects: Sequence[Effect], values: Mapping[str, float]) -> tuple[Effect, ...]:
-    """Return the effects, and those of the catalogue whose parameters are named in `values`."""
-    there = {effect.name for effect in effects}
-    named = dict.fromkeys(name.partition(".")[0] for name in values)
-    return (*effects, *(effect for name, effect in catalogue().items() if name in named and name not in there))
+def with_named(effects: Sequence[Effect] | Causes, values: Mapping[str, float]) -> tuple[Effect, ...]:
+    """Return the causes that are listed, and those of the known ones whose parameters are named in `values`."""
+    listed = () if isinstance(effects, (str, Path, Mapping)) else effects or ()
+    acting = [effect for effect in listed if isinstance(effect, Effect)]
+    known = catalogue(None if acting else cast("Causes", effects))
+    named = {name.partition(".")[0] for name in values} - {effect.name for effect in acting}
+    return (*acting, *(effect for name, effect in known.items() if name in named))
 
 
 def _starts(names: Sequence[str], tank: Tank | None, places: Sequence[Sequence[float]]) -> list[Sequence[float] | None]:
     """Return where each trial starts; None where no poses are written."""
-    if places and (len(places) != len(names) or any(len(start) != 3 for start in places)):
+    if len(places) == 0:
+        return [(0.0, 0.0, 0.0) if tank is not None else None for _ in names]
+    if len(places) != len(names) or not all(len(place) == 3 and np.isfinite(place).all() for place in places):
         raise InputError(f"{len(places)} places for {len(names)} trials; give x, y and yaw for each trial, or none")
-    if places:
-        return list(places)
-    return [(0.0, 0.0, 0.0) if tank is not None else None for _ in names]
+    return list(places)
 
 
-def _check(sigma: FloatArray, modes: Sequence[str], rate: float, duration: float, seed: int) -> None:
+def _check(sigma: FloatArray, modes: Sequence[str], duration: float, seed: int, joint_noise: float) -> None:
     """Refuse arguments from which no dataset can be generated."""
     if sigma.shape != (3,) or not np.all(np.isfinite(sigma)) or np.any(sigma < 0.0):
         raise InputError(f"noise is {sigma.tolist()}, expected three numbers of at least 0: surge, sway, yaw rate")
     if np.any(sigma > 0.0) and not np.all(sigma > 0.0):
         raise InputError(f"noise is {sigma.tolist()}: give every channel some, or none any")
-    if not 0.0 < rate < np.inf or not 0.0 < duration < np.inf:
-        raise InputError(f"rate is {rate:g} Hz, duration {duration:g} s, expected finite numbers above 0; correct them")
+    if not 0.0 <= joint_noise < np.inf:
+        raise InputError(f"joint_noise is {joint_noise:g} rad, expected a finite number of at least 0; correct it")
+    if not modes:
+        raise InputError("modes: found none, expected one a trial; name a mode")
     if seed < 0:
         raise InputError(f"seed is {seed}, expected 0 or more; choose another")
     for mode in modes:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from mjfish.drive.wave import Wave
-from mjfish.effects import Effect
+from mjfish.effects import Causes
 from mjfish.fish import Fish
 from mjfish.model import extended
 from mjfish.mujoco import Trim
@@ -20,7 +20,7 @@ def tank(
     mode: str = "v1",
     *,
     values: Mapping[str, float] | None = None,
-    effects: Mapping[str, Effect] | None = None,
+    effects: Causes = None,
     drive: Wave | str | Path | None = None,
     free: bool = False,
 ) -> Tank:

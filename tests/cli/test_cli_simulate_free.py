@@ -20,7 +20,7 @@ def test_a_free_run_has_roll_pitch_and_heave(run: Run, tmp_path: Path) -> None:
     table = read_table(tmp_path / "a" / "rollout.csv")
     pike = load_fish("pike")
     there = simulate(pike, cpg.joint_motion(pike.cpg, modes.drive("v1"), 1.0, 0.001), free=Trim())
-    for name, series in (("roll", there.roll), ("pitch", there.pitch), ("heave", there.heave)):
+    for name, series in zip(("roll", "pitch", "heave"), there.attitude.T, strict=True):
         np.testing.assert_allclose(table[name], np.interp(table["time"], there.time, series), rtol=0, atol=1e-9)
     angle = np.interp(table["time"], there.time, there.joint_angle[:, 3])
     np.testing.assert_allclose(table["joint_4"], angle, rtol=0, atol=1e-9)

@@ -189,10 +189,6 @@ BROKEN: dict[str, tuple[Callable[[Dataset], Dataset], str]] = {
         lambda d: only(replace(d.trials[0], velocity=np.full((51, 3), np.nan)), d),
         "cpg.csv: no velocity; found time [s]; expected one of surge [m/s]",
     ),
-    "shape": (
-        lambda d: only(replace(d.trials[0], velocity=np.zeros((51, 2))), d),
-        "trial 'cpg': surge, sway, yaw_rate have shape (51, 2), expected (51, 3)",
-    ),
     "rows": (lambda d: only(replace(d.trials[0], roll=np.zeros(50)), d), "roll have shape (50, 1), expected (51, 1)"),
     "half a pose": (
         lambda d: only(replace(d.trials[0], pose=np.where(np.arange(51)[:, None] < 9, np.nan, np.ones((51, 3)))), d),

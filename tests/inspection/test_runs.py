@@ -12,7 +12,7 @@ from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.drive.wave import Wave
 from mjfish.effects import catalogue
-from mjfish.inspection import EVERYTHING, Finding, inspect
+from mjfish.inspection import EVERYTHING, Finding, Inspection, inspect
 from mjfish.inspection.runs import beats, missing_runs
 
 
@@ -93,3 +93,12 @@ def test_a_start_is_seen_where_the_joints_were_measured() -> None:
 
     assert "design-no-start" not in {finding.code for finding in missing_runs(recorded(0.0), {})}
     assert "design-no-start" in {finding.code for finding in missing_runs(recorded(2.5), {})}
+
+
+def test_the_summary_says_what_was_looked_at() -> None:
+    """Also where something was found, in ten lines at most."""
+    finding = Finding("design-no-turn", "remark", "dataset", "no run turns", "one that does", "add one")
+    nothing, much = (found.summary().splitlines() for found in (Inspection(), Inspection((finding,) * 20)))
+    assert nothing[0].startswith("Nothing was found in the data (mjfish.inspect looks at signs, units, labels, clocks,")
+    assert much[0].startswith("Findings: 20 remark (mjfish.inspect looks at signs, units, labels, clocks,")
+    assert (len(nothing), len(much), much[-1]) == (1, 9, "and 13 more")

@@ -14,8 +14,9 @@ from wet_models import PLATE_LINK, PUSHES, TREE, compiled, skip_without_fourth_o
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.hydro.blunt_force import ellipsoid_added_mass, ellipsoid_turning
-from mjfish.mujoco import BluntLink, StripFluid, StripLink, reference
+from mjfish.mujoco import BluntLink, StripFluid, StripLink
 from mjfish.mujoco.block import records
+from proofs import reference
 
 _RHO = 1000.0
 _FREE = """<mujoco><option gravity="0 0 0" integrator="RK4" timestep="0.001"/><worldbody>

@@ -12,8 +12,8 @@ from mjfish.arrays import FloatArray
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
 from mjfish.mujoco import StripFluid, mjcf
-from mjfish.mujoco import reference as slow
 from mjfish.mujoco.coupling_choice import Coupling
+from proofs import reference as slow
 
 _SEED = 11
 

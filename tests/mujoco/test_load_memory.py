@@ -13,10 +13,11 @@ from wet_models import PLATE, PLATE_LINK, TREE, full_state, stirred, tree_links
 from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.hydro.load import Load, load, memory_of
-from mjfish.mujoco import StripFluid, reference
+from mjfish.mujoco import StripFluid
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.layout import compile_aside
 from mjfish.mujoco.memory import PREFIX, make_room
+from proofs import reference
 
 TAU = 0.05
 Loads = tuple[tuple[Load, tuple[float, ...]], ...]

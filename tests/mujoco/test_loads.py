@@ -16,8 +16,9 @@ from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, link_records
 from mjfish.hydro.load import PARAMETERS, Load, load
-from mjfish.mujoco import StripFluid, mjcf, reference
+from mjfish.mujoco import StripFluid, mjcf
 from mjfish.mujoco.block import loads_in, numbers_of
+from proofs import reference
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mjfish.arrays import FloatArray
-from mjfish.mujoco import reference
 from mjfish.mujoco.coupling_choice import Coupling
-from proofs import parts
+from proofs import parts, reference
 from proofs.dense_equation import dried, state_of
 from proofs.derivation import motion_of
 from proofs.parts import Part

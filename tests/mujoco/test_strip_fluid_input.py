@@ -117,3 +117,35 @@ def test_commands_need_room_in_userdata() -> None:
     """Catches reading beyond the end of userdata."""
     with pytest.raises(InputError, match="userdata: found 0 numbers, expected 7 for the commands; set <size nus"):
         StripFluid(compiled(TREE), [{**PLATE_LINK, "body": "tail"}], commanded=True)
+
+
+def test_a_water_shows_what_it_is_and_where() -> None:
+    fluid = StripFluid(compiled(PLATE), [PLATE_LINK, PLATE_LINK], density=1025.0, coupling="inertia")
+    assert repr(fluid) == "<StripFluid of 1025 kg/m3 on plate; coupling inertia>"
+
+
+@pytest.mark.parametrize("length", [0.3, 3.0])
+def test_a_strip_of_the_size_of_the_model_is_not_warned_of(length: float) -> None:
+    StripFluid(compiled(PLATE), [{**PLATE_LINK, "length": length}])  # a warning is an error here
+
+
+def test_a_strip_far_longer_than_the_model_is_warned_of() -> None:
+    """Catches lengths in centimetres or millimetres."""
+    with pytest.warns(
+        UserWarning, match=r"link 'plate' is 80 m long, the whole model 0\.\d+ m; give lengths in m"
+    ) as told:
+        StripFluid(compiled(PLATE), [{**PLATE_LINK, "length": 80.0}])
+    assert told[0].filename == __file__
+
+
+def test_a_model_without_geoms_has_no_size_to_compare_with() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="plate"><freejoint/>
+        <inertial pos="1e-6 0 0" mass="1" diaginertia="1e-3 2e-3 3e-3"/></body></worldbody></mujoco>"""
+    )
+    StripFluid(model, [PLATE_LINK])
+
+
+def test_loads_are_pairs() -> None:
+    with pytest.raises(InputError, match=r"^loads: found "):
+        StripFluid(compiled(PLATE), [PLATE_LINK], loads=[3])  # type: ignore[list-item]

@@ -291,6 +291,7 @@ _EXTREME = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:link 'trunk' is:UserWarning")
 @pytest.mark.parametrize("name", _EXTREME)
 @pytest.mark.parametrize("density", [1e-3, 1e5])
 def test_what_is_accepted_makes_a_finite_force(name: str, density: float) -> None:

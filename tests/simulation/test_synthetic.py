@@ -123,9 +123,9 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "negative sigma": ({"noise": np.array([0.01, -0.01, 0.05])}, "expected three numbers of at least 0"),
     "nan sigma": ({"noise": np.array([0.01, np.nan, 0.05])}, "expected three numbers of at least 0"),
     "one sigma zero": ({"noise": np.array([0.01, 0.0, 0.05])}, "give every channel some, or none any"),
-    "rate": ({"rate": 0.0}, "rate is 0 Hz, duration 2 s, expected finite numbers above 0"),
-    "endless": ({"duration": np.inf}, "duration inf s, expected finite numbers above 0; correct them"),
-    "not a number": ({"duration": np.nan}, "duration nan s, expected finite"),
+    "rate": ({"rate": 0.0}, "duration 2 s at 0 Hz: expected more than 0 and at most 10000 s, more than 0 Hz"),
+    "endless": ({"duration": np.inf}, "duration inf s at 50 Hz: expected .* and at most 1e.07 samples; correct it"),
+    "not a number": ({"duration": np.nan}, "duration nan s at 50 Hz: expected more than 0"),
     "seed": ({"seed": -1}, "seed is -1, expected 0 or more"),
     "mode": ({"mode_names": ["v2"]}, "unknown mode 'v2'; known: v1, "),
     "mode too short": (

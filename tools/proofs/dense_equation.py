@@ -14,8 +14,8 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.mujoco import reference
 from mjfish.mujoco.block import numbers_of, unpack
+from proofs import reference
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,9 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.mujoco import reference
 from mjfish.mujoco.block import numbers_of, unpack
 from mjfish.mujoco.coupling_choice import Coupling
-from proofs import parts, trees
+from proofs import parts, reference, trees
 from proofs.dense_equation import dried, equation
 
 #: Added mass across the height over the mass of the plate.

@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.mujoco import StripFluid, mjcf, reference
+from mjfish.mujoco import StripFluid, mjcf
 from mjfish.mujoco.coupling_choice import Coupling
+from proofs import reference
 
 Joint = Literal["free", "ball", "hinge", "slide", "none"]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import html
+import itertools
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ import numpy as np
 import plotly.graph_objects as go
 
 from mjfish.comparison import Comparison
+from mjfish.data import Dataset
+from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.design import Plan
 from mjfish.diagnosis import Diagnosis, Splits
 from mjfish.errors import InputError
@@ -26,6 +29,8 @@ from mjfish.reporting.html.pages import Block, Section, write_figures
 from mjfish.reporting.words import CHANNEL_NAMES
 from mjfish.simulation import CrossCheck, Simulation
 
+#: Colours of trials, in turn.
+_TRIALS = ("extended", "nominal", "measured", "ink", "muted")
 #: Options of a plan that are drawn.
 _OPTIONS = 12
 #: Bars of a mechanism in the splits: attribute of its share, words, colour.
@@ -74,17 +79,35 @@ def _(result: Identification) -> go.Figure:
 
 
 @figure.register
+def _(result: Dataset) -> go.Figure:
+    """Draw the velocities of every trial over time."""
+    drawn, of_channels = _velocities()
+    trials = [for_looking(trial) for trial in result.trials]
+    for k, panel in enumerate(of_channels):
+        for trial, colour in zip(trials, itertools.cycle(_TRIALS), strict=False):
+            panel.curve(trial.time, trial.velocity[:, k], colour, html.escape(trial.name))
+    return drawn.update_layout(title_text=None if all(trial.measured.any() for trial in result.trials) else SMOOTHED)
+
+
+@figure.register
 def _(result: Simulation) -> go.Figure:
     """Draw the velocities over time."""
-    drawn = panels(len(CHANNELS), height=480, shared_xaxes=True, vertical_spacing=0.075)
-    for k, channel in enumerate(CHANNELS):
-        panel = Panel(drawn, k + 1)
+    drawn, of_channels = _velocities()
+    for k, panel in enumerate(of_channels):
         if (others := result.band) is not None:
             low, _, high = others.velocity[:, :, k]
             panel.band(others.time, low, high, "extended-soft", "simulated")
         panel.curve(result.time, result.velocity[:, k], "extended", "simulated")
+    return drawn
+
+
+def _velocities() -> tuple[go.Figure, list[Panel]]:
+    """Return an empty figure of the velocities over time, and its panels, one a channel."""
+    drawn = panels(len(CHANNELS), height=480, shared_xaxes=True, vertical_spacing=0.075)
+    of_channels = [Panel(drawn, k + 1) for k in range(len(CHANNELS))]
+    for panel, channel in zip(of_channels, CHANNELS, strict=True):
         panel.heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
-    return drawn.update_xaxes(title_text="time [s]", row=len(CHANNELS))
+    return drawn.update_xaxes(title_text="time [s]", row=len(CHANNELS)), of_channels
 
 
 @figure.register

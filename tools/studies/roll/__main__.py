@@ -56,7 +56,7 @@ def straight() -> str:
         for water in WATERS:
             pair = turn(omega, "straight", water)
             row += [f"{pair.peak(START):.1f}", _unless_steep(pair, STRAIGHT, f"{pair.swing(STRAIGHT)[1]:.1f}")]
-            row += [f"{pair.peak(WHOLE, 'pitch'):.0f}", f"{-pair.free.heave.min():.1f}"]
+            row += [f"{pair.peak(WHOLE, 'pitch'):.0f}", f"{-pair.free.attitude[:, 2].min():.1f}"]
         rows.append(row)
     return table(head, rows)
 

@@ -31,6 +31,8 @@ WATERS: dict[str, dict[str, float] | None] = {
 #: Stretches of a run [s]: the start, the last of the straight half, the onset of the turn, the end.
 START, STRAIGHT, ONSET, END = (0.0, 1.5), (3.2, 5.2), (5.2, 6.7), (8.4, 10.4)
 WHOLE = (-1.0, np.inf)
+#: Columns of the attitude.
+ANGLES = ("roll", "pitch", "heave")
 #: Height of a marker on the back above the axis of the fish: half of the highest section [m].
 MARKER = 0.048
 #: A fish that stands this steep has no roll angle to speak of [rad].
@@ -51,16 +53,16 @@ class Pair:
 
     def peak(self, stretch: tuple[float, float], what: str = "roll") -> float:
         """Return the largest angle [deg] in a stretch."""
-        return float(np.degrees(np.abs(getattr(self.free, what)[self._within(stretch)]).max()))
+        return float(np.degrees(np.abs(self.free.attitude[self._within(stretch), ANGLES.index(what)]).max()))
 
     def swing(self, stretch: tuple[float, float]) -> tuple[float, float]:
         """Return middle and amplitude of roll [deg] in a stretch."""
-        roll = np.degrees(self.free.roll[self._within(stretch)])
+        roll = np.degrees(self.free.attitude[self._within(stretch), 0])
         return float(roll.max() + roll.min()) / 2.0, float(roll.max() - roll.min()) / 2.0
 
     def steep(self, stretch: tuple[float, float]) -> bool:
         """Return whether it stood on its nose or tail."""
-        return bool(np.abs(self.free.pitch[self._within(stretch)]).max() > STEEP)
+        return bool(np.abs(self.free.attitude[self._within(stretch), 1]).max() > STEEP)
 
     def mean(self, stretch: tuple[float, float], channel: int, who: str = "free") -> float:
         """Return the mean of a velocity in a stretch."""
@@ -77,14 +79,14 @@ class Pair:
         part = self._within(stretch)
         swum = self.free.velocity.copy()
         if level:
-            swum[:, 0] /= np.cos(self.free.pitch)
+            swum[:, 0] /= np.cos(self.free.attitude[:, 1])
         rms = np.sqrt(np.mean((swum - self.plane.velocity)[part] ** 2, axis=0))
         return np.asarray(100.0 * rms / np.ptp(self.plane.velocity, axis=0))
 
     def marker(self, stretch: tuple[float, float] = WHOLE) -> float:
         """Return the RMS of the sideways speed that roll gives a marker on the back, over the range of sway [%]."""
         part = self._within(stretch)
-        speed = MARKER * np.gradient(self.free.roll, self.free.time)[part]
+        speed = MARKER * np.gradient(self.free.attitude[:, 0], self.free.time)[part]
         return float(100.0 * np.sqrt(np.mean(speed**2)) / np.ptp(self.plane.velocity[:, CHANNELS.index("sway")]))
 
 
