@@ -11,7 +11,6 @@ from rich import box
 
 import mjfish
 from mjfish.cli import console
-from mjfish.files import check_suffix
 from mjfish.reporting.words import NONE, number
 
 if TYPE_CHECKING:
@@ -43,9 +42,7 @@ def compare(
     from mjfish.data.tables import SUFFIXES
     from mjfish.estimation.tables import write_rows
 
-    console.check_outputs(json_, table)
-    if table is not None:
-        check_suffix(table, *SUFFIXES)
+    console.check_outputs(json_, table, suffixes=[(table, SUFFIXES)])
     result = mjfish.compare(mjfish.load_dataset(dataset), against, bound=bound)
     _show(result)
     if json_ is not None:

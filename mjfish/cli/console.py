@@ -24,7 +24,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mjfish.errors import InputError
-from mjfish.files import check_file, check_folder, json_text
+from mjfish.files import check_file, check_folder, check_suffix, json_text
 
 if TYPE_CHECKING:
     from mjfish.effects import Effect
@@ -130,12 +130,25 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Executor | None]:
         yield executor
 
 
-def check_outputs(*files: Path | None, folders: Sequence[Path | None] = ()) -> None:
-    """Refuse files and folders that cannot be written; None stands for none, ``-`` for standard output."""
+def check_outputs(
+    *files: Path | None,
+    folders: Sequence[Path | None] = (),
+    suffixes: Sequence[tuple[Path | None, tuple[str, ...]]] = (),
+) -> None:
+    """Refuse files and folders that cannot be written; None stands for none, ``-`` for standard output.
+
+    Args:
+        files: to be written.
+        folders: to be written to.
+        suffixes: files, each with those that its name may end in.
+    """
     for check, paths in ((check_file, files), (check_folder, folders)):
         for path in paths:
             if path is not None and path != STDOUT:
                 check(path)
+    for path, known in suffixes:
+        if path is not None:
+            check_suffix(path, *known)
 
 
 def write_json(result: Result, path: Path | None) -> bool:

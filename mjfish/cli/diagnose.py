@@ -14,7 +14,7 @@ from rich.table import Table
 import mjfish
 from mjfish.cli import console
 from mjfish.cli.diagnosis_text import show, show_splits
-from mjfish.files import check_folder, check_suffix, make_folder
+from mjfish.files import check_folder, make_folder
 
 if TYPE_CHECKING:
     from mjfish.diagnosis import Diagnosis, Splits
@@ -67,9 +67,9 @@ def diagnose(
     from mjfish.effects import catalogue
 
     known = catalogue(effects)
-    console.check_outputs(report, rrd, extended, json_, folders=(curves, out, resume))
-    if extended is not None:
-        check_suffix(extended, ".toml")
+    console.check_outputs(
+        report, rrd, extended, json_, folders=(curves, out, resume), suffixes=[(extended, (".toml",))]
+    )
     with console.stoppable() as written:
         with (
             console.progress_bar("reading the data", quiet=quiet) as tell,

@@ -13,7 +13,7 @@ from mjfish.cli import console
 from mjfish.cli.fish import SUFFIXES as FISH
 from mjfish.cli.fish import write
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.files import check_suffix, write_json
+from mjfish.files import write_json
 from mjfish.reporting.words import number, p_value, percent
 
 if TYPE_CHECKING:
@@ -51,10 +51,7 @@ def identify(
     from mjfish.estimation.settings import Settings
     from mjfish.execution import executing
 
-    console.check_outputs(json_, table, fish)
-    for file, suffixes in ((fish, FISH), (table, SUFFIXES)):
-        if file is not None:
-            check_suffix(file, *suffixes)
+    console.check_outputs(json_, table, fish, suffixes=[(fish, FISH), (table, SUFFIXES)])
     settings = Settings(
         free=tuple(free or ("*",)),
         fixed=_fixed(fix or []),

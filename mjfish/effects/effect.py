@@ -13,7 +13,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.calibration import Calibration
+from mjfish.effects.calibration import SPRING_BALANCE, Calibration
 from mjfish.effects.mechanism import MECHANISMS, Domain
 from mjfish.errors import ParameterError, UnknownNameError
 from mjfish.fish import KINDS, Fish
@@ -271,6 +271,28 @@ class Effect(ABC):
         """Raise `ParameterError` where the class does not keep the contract."""
         for complaint in _complaints(cls):
             raise ParameterError(f"effect {cls.__name__}: {complaint}")
+
+
+class ServoForm(Effect):
+    """What the forms of the mechanism ``servo_dynamics`` have in common: the joints follow their command late."""
+
+    domain: ClassVar[Domain] = "drive"
+    mechanism: ClassVar[str] = "servo_dynamics"
+    confirm: ClassVar[str] = "log the joint angles on the bench while the command steps"
+    resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
+    smooth: ClassVar[bool] = False
+
+
+class TailForm(Effect):
+    """What the forms of the mechanism ``tail_flexibility`` have in common: the tail bends."""
+
+    domain: ClassVar[Domain] = "body"
+    mechanism: ClassVar[str] = "tail_flexibility"
+    confirm: ClassVar[str] = "hold the peduncle, load the fin with a spring balance and read the deflection"
+    calibration: ClassVar[Calibration | None] = SPRING_BALANCE
+    smooth: ClassVar[bool] = False
+    #: A tail that is stiffer than this asks for a step that is shorter than any data can see.
+    least: ClassVar[float] = 0.02
 
 
 @functools.cache

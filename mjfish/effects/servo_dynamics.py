@@ -6,12 +6,11 @@ from typing import ClassVar
 
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import SHORTEST, filtered, limited
-from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
+from mjfish.effects.effect import Fingerprint, ServoForm, Values
 from mjfish.parameter import Parameter
 
 
-class ServoDynamics(Effect):
+class ServoDynamics(ServoForm):
     """The joints follow their command through a rate limit, a dead time, and a filter of second order.
 
     A stable and causal filter of unit static gain: the limit of `ServoRateLimit`, behind which the joints close in on
@@ -19,8 +18,6 @@ class ServoDynamics(Effect):
     """
 
     name: ClassVar[str] = "servo_dynamics"
-    domain: ClassVar[Domain] = "drive"
-    mechanism: ClassVar[str] = "servo_dynamics"
     learned: ClassVar[bool] = True
     summary: ClassVar[str] = "the joints follow their command late, learned"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -34,10 +31,7 @@ class ServoDynamics(Effect):
     )
     source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
     signature: ClassVar[str] = "late, and smaller or larger by frequency"
-    confirm: ClassVar[str] = "log the joint angles on the bench while the command steps"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
-    smooth: ClassVar[bool] = False
 
     def like(self, formula: str, values: Values) -> dict[str, float]:
         """Return this motion at the numbers of a formula of the same mechanism."""

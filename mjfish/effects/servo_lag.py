@@ -10,15 +10,14 @@ from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import cubic
-from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
+from mjfish.effects.effect import Fingerprint, ServoForm, Values
 from mjfish.parameter import Parameter
 
 #: A shorter lag is none: the steps behind a step of the drive could not follow its kick [s].
 SHORTEST = 5e-5
 
 
-class ServoLag(Effect):
+class ServoLag(ServoForm):
     """The joints follow their command with a first-order lag: tau theta' = theta_command - theta.
 
     Solved exactly between the samples of the command (its rate as a cubic). The joints start at rest where the command
@@ -28,18 +27,13 @@ class ServoLag(Effect):
     """
 
     name: ClassVar[str] = "servo_lag"
-    domain: ClassVar[Domain] = "drive"
-    mechanism: ClassVar[str] = "servo_dynamics"
     summary: ClassVar[str] = "the servos follow their command late"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("servo_lag.time_constant", "s", 0.0, 0.0, 0.5, 0.0, 0.005, about="of the first-order lag"),
     )
     source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
     signature: ClassVar[str] = "late and smaller with frequency; steps of the command come out smooth"
-    confirm: ClassVar[str] = "log the joint angles on the bench while the command steps"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
-    smooth: ClassVar[bool] = False
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Filter the motion; the rate no longer jumps."""

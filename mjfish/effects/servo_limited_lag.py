@@ -6,12 +6,11 @@ from typing import ClassVar
 
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import limited
-from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
+from mjfish.effects.effect import Fingerprint, ServoForm, Values
 from mjfish.parameter import Parameter
 
 
-class ServoLimitedLag(Effect):
+class ServoLimitedLag(ServoForm):
     """The joints close in on their command with a time constant T, and turn no faster than L = 1 / slowness.
 
         theta' = L sat((theta_command - theta) / (T L)),   theta(0) = theta_command(0)
@@ -21,8 +20,6 @@ class ServoLimitedLag(Effect):
     """
 
     name: ClassVar[str] = "servo_limited_lag"
-    domain: ClassVar[Domain] = "drive"
-    mechanism: ClassVar[str] = "servo_dynamics"
     summary: ClassVar[str] = "the servos are too slow for their command, and lag"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("servo_limited_lag.slowness", "s/rad", 0.0, 0.0, 0.5, 0.1, 0.03, about="1 / (largest rate)"),
@@ -30,11 +27,8 @@ class ServoLimitedLag(Effect):
     )
     source: ClassVar[str] = "Rate limiter of an actuator: Fielding and Flux, Aeronautical Journal 107 (2003)"
     signature: ClassVar[str] = "late; above a frequency the tail swings less, as rounded triangles"
-    confirm: ClassVar[str] = "log the joint angles on the bench while the command steps"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
     limits: ClassVar[tuple[str, ...]] = ("servo_lag", "servo_rate_limit")
-    smooth: ClassVar[bool] = False
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Let the joints close in as fast as they may."""

@@ -6,12 +6,11 @@ from typing import ClassVar
 
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import limited
-from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
+from mjfish.effects.effect import Fingerprint, ServoForm, Values
 from mjfish.parameter import Parameter
 
 
-class ServoRateLimit(Effect):
+class ServoRateLimit(ServoForm):
     """The joints turn no faster than L = 1 / slowness: they fall behind a faster command and catch up with it.
 
         theta' = L S((c' + k (c - theta)) / L),  S(x) = x / (1 + |x|^n)^(1/n),  n = 256,  theta(0) = c(0),  k = 100 / s
@@ -25,8 +24,6 @@ class ServoRateLimit(Effect):
     """
 
     name: ClassVar[str] = "servo_rate_limit"
-    domain: ClassVar[Domain] = "drive"
-    mechanism: ClassVar[str] = "servo_dynamics"
     summary: ClassVar[str] = "the servos are too slow for their command"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("servo_rate_limit.slowness", "s/rad", 0.0, 0.0, 0.5, 0.1, 0.03, about="1 / (largest rate)"),
@@ -38,7 +35,6 @@ class ServoRateLimit(Effect):
     confirm: ClassVar[str] = "log the joint angles on the bench while the command steps, and read the largest rate"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
     resembles: ClassVar[tuple[str, ...]] = ("stuck-clipped",)
-    smooth: ClassVar[bool] = False
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Let the joints follow as fast as they may."""

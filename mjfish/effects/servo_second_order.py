@@ -6,12 +6,11 @@ from typing import ClassVar
 
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import SHORTEST, filtered
-from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
+from mjfish.effects.effect import Fingerprint, ServoForm, Values
 from mjfish.parameter import Parameter
 
 
-class ServoSecondOrder(Effect):
+class ServoSecondOrder(ServoForm):
     """The joints follow their command as a filter of second order: T^2 theta'' + 2 zeta T theta' + theta = c.
 
     From rest where the command starts: theta(0) = c(0), theta'(0) = 0. A position loop around a motor with inertia; a
@@ -19,8 +18,6 @@ class ServoSecondOrder(Effect):
     """
 
     name: ClassVar[str] = "servo_second_order"
-    domain: ClassVar[Domain] = "drive"
-    mechanism: ClassVar[str] = "servo_dynamics"
     summary: ClassVar[str] = "the servos answer with inertia"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("servo_second_order.time", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="T, 1 / natural frequency"),
@@ -28,10 +25,7 @@ class ServoSecondOrder(Effect):
     )
     source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
     signature: ClassVar[str] = "late, and larger or smaller near its natural frequency; steps overshoot or come smooth"
-    confirm: ClassVar[str] = "log the joint angles on the bench while the command steps"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "design-no-start", "repeats-differ")
-    smooth: ClassVar[bool] = False
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Filter the motion."""

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from mjfish.effects.calibration import SPRING_BALANCE, Calibration
-from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
+from mjfish.effects.effect import Fingerprint, TailForm, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
 
-class TailHardening(Effect):
+class TailHardening(TailForm):
     """The last link bends back about its joint, ever stiffer: M = delta (1 + h delta^2) / compliance + damping delta'.
 
     A beam of large deflection, or a joint that runs into its stop; h = 0 is the linear spring of `TailCompliance`. The
@@ -19,8 +17,6 @@ class TailHardening(Effect):
     """
 
     name: ClassVar[str] = "tail_hardening"
-    domain: ClassVar[Domain] = "body"
-    mechanism: ClassVar[str] = "tail_flexibility"
     summary: ClassVar[str] = "the tail bends like a spring that hardens with its load"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("tail_hardening.compliance", "rad/(N m)", 0.0, 0.0, 2.0, 0.0, 0.05, about="deflection per torque"),
@@ -29,12 +25,8 @@ class TailHardening(Effect):
     )
     source: ClassVar[str] = "Duffing's equation: Kovacic and Brennan (2011), ch. 2"
     signature: ClassVar[str] = "the tail gives way at small load and less so at large: it shows most at slow beats"
-    confirm: ClassVar[str] = "hold the peduncle, load the fin with a spring balance and read the deflection"
     limits: ClassVar[tuple[str, ...]] = ("tail_compliance",)
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = SPRING_BALANCE
-    smooth: ClassVar[bool] = False
-    least: ClassVar[float] = 0.02  # see `TailCompliance`
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Add the compliance to the fish's own."""

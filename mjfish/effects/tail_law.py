@@ -6,15 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from mjfish.effects.calibration import SPRING_BALANCE, Calibration
-from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
+from mjfish.effects.effect import Fingerprint, TailForm, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior
 
 
-class TailLaw(Effect):
+class TailLaw(TailForm):
     """The last link bends back about its joint by an odd and rising moment that is learned.
 
         M = (delta + b delta |delta| + a delta^3) / compliance + damping delta'
@@ -25,8 +23,6 @@ class TailLaw(Effect):
     """
 
     name: ClassVar[str] = "tail_law"
-    domain: ClassVar[Domain] = "body"
-    mechanism: ClassVar[str] = "tail_flexibility"
     learned: ClassVar[bool] = True
     summary: ClassVar[str] = "the tail bends like a spring, by a law that is learned"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -41,11 +37,7 @@ class TailLaw(Effect):
     signature: ClassVar[str] = (
         "the tail lags and gives way, by another share of its load at slow beats than at fast ones"
     )
-    confirm: ClassVar[str] = "hold the peduncle, load the fin with a spring balance and read the deflection"
     fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = SPRING_BALANCE
-    smooth: ClassVar[bool] = False
-    least: ClassVar[float] = 0.02  # see `TailCompliance`
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Add the compliance to the fish's own; the other numbers are those of the sum."""
