@@ -116,7 +116,7 @@ def build_trial(
         InputError: see `load`.
     """
     if not numbers:
-        time = _longest(sensors).time
+        time = max(sensors, key=lambda sensor: float(sensor.time[-1] - sensor.time[0])).time
         numbers = {"time": readonly(time[time >= 0.0] if entry.drive or (entry.wave and entry.wave.ramp) else time)}
     else:
         _check_measured(numbers, sensors, source)
@@ -166,10 +166,6 @@ def build_trial(
         from_rest=entry.from_rest,
         sensors=tuple(within(s, float(time[0]), float(time[-1]), s.source or source) for s in sensors),
     )
-
-
-def _longest(sensors: Sequence[Sensor]) -> Sensor:
-    return max(sensors, key=lambda sensor: float(sensor.time[-1] - sensor.time[0]))
 
 
 def _check_measured(numbers: Mapping[str, FloatArray], sensors: Sequence[Sensor], source: Path) -> None:

@@ -187,7 +187,7 @@ def _columns(trial: Trial) -> dict[str, FloatArray]:
     """Return the arrays of a trial as columns by name."""
     samples = np.size(trial.time)
     names: list[tuple[tuple[str, ...], FloatArray]] = [(CHANNELS, trial.velocity)]
-    if np.shape(trial.velocity) == (samples, len(CHANNELS)) and not trial.measured.all():
+    if not trial.measured.all():
         told = [k for k, measured in enumerate(trial.measured) if measured]
         names = [(tuple(CHANNELS[k] for k in told), trial.velocity[:, told])]
     if trial.pose is not None:

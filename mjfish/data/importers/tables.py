@@ -266,6 +266,23 @@ def _long_enough(whole: Trial, rows: IntArray) -> bool:
     return all(seen) and (last - first >= SECONDS if beats is None else beats >= BEATS)
 
 
+def increasing(time: FloatArray, path: Path, column: str, first_line: int | None) -> FloatArray:
+    """Return the times of a file [s], or refuse such that do not increase, or cannot show a beat.
+
+    Args:
+        time: (n,) [s].
+        path: of the file.
+        column: of the time.
+        first_line: of the numbers, see `row_name`.
+
+    Raises:
+        InputError: the message names the first row at fault.
+    """
+    check_increasing(time, path, first_line, column)
+    check_length(time, path)
+    return readonly(time)
+
+
 def check_length(time: FloatArray, path: Path) -> None:
     """Refuse a record whose times cannot show a beat: too short, or with too few rows for its length."""
     rows, seconds = len(time), float(np.ptp(time))
@@ -389,9 +406,7 @@ def _velocity_trial(path: Path, source: _Source, table: VelocitiesMap) -> tuple[
     surge = numbers[table.surge] * (length if table.surge_to == "front" else -length)
     sway = numbers[table.sway] * (length if table.sway_to == "port" else -length)
     turn = numbers[table.yaw_rate] * (angle if table.turn_to == "port" else -angle)
-    time = readonly(numbers[table.time])
-    check_increasing(time, path, columns.first_line, table.time)
-    check_length(time, path)
+    time = increasing(numbers[table.time], path, table.time, columns.first_line)
     trial = Trial(
         name=path.stem.removeprefix(table.prefix),
         role=None,
