@@ -66,6 +66,21 @@ class SimRollout:
         for name in ("time", "velocity", "pose", "attitude", "joint_angle", "joint_rate", "joint_acceleration"):
             object.__setattr__(self, name, readonly(getattr(self, name)))
 
+    @property
+    def roll(self) -> FloatArray:
+        """Roll (n,) of the head [rad], positive with the port side up."""
+        return self.attitude[:, 0]
+
+    @property
+    def pitch(self) -> FloatArray:
+        """Pitch (n,) of the head [rad], positive with the nose down."""
+        return self.attitude[:, 1]
+
+    @property
+    def heave(self) -> FloatArray:
+        """Height (n,) of the nose over its start [m]."""
+        return self.attitude[:, 2]
+
     def motion(self) -> JointMotion:
         """Return the realised joint motion on the half-step grid.
 
