@@ -21,8 +21,8 @@ class Thresholds:
         close: or where its sum of squares, adjusted for parameters, is less than this above the best: 2 ln 10.
         goodness: a set that fits worse than this in any of five tests leaves something. A true one does by chance in 25
             of a thousand cases at most; more often because its form differs a little from the catalogue's. Of 29 true
-            sets one has a least p value below 0.02, 0.003; of 20 sets that were named where the true mechanism was not
-            in the catalogue five have one between 0.001 and 0.005 (docs/notes/045). A set fails, too, that loses on the
+            sets one has a least p value below 0.02, 0.003; of 16 sets that were named where the true mechanism was not
+            in the catalogue four have one between 0.001 and 0.005 (docs/notes/045). A set fails, too, that loses on the
             held-out trials what a true one would lose with a probability below this.
         left: share of all there was to explain that a set may leave: a cause's form is a model, too. Several causes may
             leave no more even where no test sees it. A set fails whose error on the held-out trials is larger by this
