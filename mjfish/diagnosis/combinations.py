@@ -52,7 +52,7 @@ def find_combinations(
     Where a single cause leaves next to nothing, the second one is small beside it. Whatever form the first has, its
     error might be mended by a second cause that is not there; hardly all of it. So nothing systematic may be left, with
     one exception: a learned form of a very strong cause has an error of its own that shows. Beside it something may be
-    left, if the held-out trials gain by the second cause what they would if it were true.
+    left, less than the second cause explains, if the held-out trials gain by it what they would if it were true.
 
     Args:
         singles: refits of single causes.
@@ -77,9 +77,15 @@ def find_combinations(
 
 
 def _borne_out(row: Row, known: Mapping[Names, Refit]) -> bool:
-    """Return whether a formula beside a stronger learned form leaves little, and held-out trials gain by it."""
+    """Return whether a formula beside a stronger learned form leaves less than it explains, and is borne out."""
     stronger = max((known[name,] for name in row.names if (name,) in known), key=lambda refit: refit.gain)
-    return stronger.learned and row.fits() and row.held_out is not None and row.held_out.borne_out()
+    return (
+        stronger.learned
+        and row.fits()
+        and row.excess < row.gain - stronger.gain
+        and row.held_out is not None
+        and row.held_out.borne_out()
+    )
 
 
 def _searched(

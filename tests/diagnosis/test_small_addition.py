@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from mjfish.diagnosis.combinations import MENDED, beats_smaller_sets, find_combinations
+from mjfish.diagnosis.combinations import MENDED, _borne_out, beats_smaller_sets, find_combinations
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import Confirmation, HeldOut
 from mjfish.diagnosis.progress import silent
 from mjfish.diagnosis.refit import refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.table import Row
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import load_fish
@@ -74,6 +77,17 @@ def test_beside_a_learned_form_something_may_be_left_if_held_out_trials_agree(
     if pairs is not None:
         assert [*pairs.rows] == [("munk_moment", "time_offset")]
         assert pairs.retained(clean=True) == []
+
+
+@pytest.mark.parametrize(("excess", "borne_out"), [(150.0, True), (350.0, False)])
+def test_a_small_cause_beside_a_learned_form_explains_more_than_is_left(excess: float, borne_out: bool) -> None:
+    """Catches a momentum of the edge that takes up the error of form of a very soft tail, and is claimed."""
+    row = Row(
+        ("edge_momentum", "tail_law"), {}, (), True, 20300.0, 4, 20300.0, 0.0, 1.0, {"waves": 1e-9}, excess,
+        held_out=Confirmation(50.0, 0.5),
+    )  # fmt: skip
+    known: Any = {("tail_law",): SimpleNamespace(gain=20000.0, learned=True)}
+    assert _borne_out(row, known) is borne_out
 
 
 @pytest.mark.parametrize("last_learned", [False, True])
