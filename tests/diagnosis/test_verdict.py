@@ -140,7 +140,7 @@ def test_the_interval_of_the_remainder_is_that_of_a_noncentral_chi_squared() -> 
 
 def test_a_row_says_how_far_its_figures_are_from_every_threshold() -> None:
     assert _row("a", 100.0, LITTLE).distances() == pytest.approx(
-        {"keep": 20.0, "close": 0.0, "goodness": 0.01, "left": 0.2 / 1.02, "resembles": 0.06 / 1.02}
+        {"keep": 20.0, "close": 0.0, "goodness": 0.002, "left": 0.2 / 1.02, "resembles": 0.06 / 1.02}
     )
     assert _row("a", 100.0, BEATEN).distances() == pytest.approx({"keep": 0.02, "close": 15.0 / np.log(10.0)})
 
