@@ -94,9 +94,9 @@ def recognise(path: Path, dialect: Dialect, names: Sequence[str] | None = None) 
     lines = list(islice(io.StringIO(text), skip, skip + _LINES))
     if not lines:
         raise InputError(f"{path}: has no line {skip + 1}, expected the table below {skip} lines; correct {SKIP}")
-    fits = {own: _fit(_rows(lines, own)) for own in SEPARATORS.values()}
-    separator = SEPARATORS[dialect.separator] if dialect.separator else max(fits, key=lambda own: fits[own])
-    rows = _rows(lines, separator)
+    possible = [SEPARATORS[dialect.separator]] if dialect.separator else SEPARATORS.values()
+    read = [(own, _rows(lines, own)) for own in possible]
+    separator, rows = max(read, key=lambda own: _fit(own[1]))
     if not rows:
         raise InputError(f"{path}: has a cell of more than {csv.field_size_limit()} characters; {REMEDY}")
     notes = [] if encoding.startswith("utf-8") else [f"text read as {encoding}"]

@@ -61,8 +61,8 @@ def conclude(begun: Begun, screening: Screening, compared: Compared, held_out: H
             )
         domain = parts.run("the domain", lambda: explaining_domain(screening.evidence, begun.learnable), None)
         if best is not None and held_out.trials and (why := _misleading(best, held_out)):
-            told = "" if "fails on the held-out trials" in decision.message else why
-            decision, best = replace(decision, message=decision.message + told), None
+            told = compared.odd is None and closest is not None and closest.fits() and closest.fails()
+            decision, best = replace(decision, message=decision.message + ("" if told else why)), None
     return Conclusion(with_random(decision, compared.table), best, mechanisms, domain)
 
 

@@ -33,7 +33,7 @@ class Thresholds:
             cause.
         tenfold: rivals of a set that leaves something may leave so many times its share: two lags of a servo left
             7e-6, and a clock 0.5 %. A set fails whose mean speed on the held-out trials is so many times further off
-            than without it: 0.0143 in place of 0.0008 m/s, of a measured fish (docs/notes/045).
+            than without it: 0.0143 in place of 0.0008 m/s, of a measured fish (docs/notes/046).
     """
 
     alarm: float = 0.012
